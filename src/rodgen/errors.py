@@ -1,0 +1,79 @@
+"""What is raised when rodgen cannot do what it was asked to do.
+
+Whoever wants to catch everything catches :class:`RodgenError`. A file that cannot be used raises
+:class:`InputFileError`, whose text is one line in one fixed order, ``FILE: PLACE: what was found; what
+was expected``, so that a person can act on it and an editor can jump to it.
+"""
+
+from __future__ import annotations
+
+import os
+
+__all__ = ["InputFileError", "RodgenError", "shown"]
+
+
+class RodgenError(ValueError):
+    """Base class of every error that rodgen raises on purpose."""
+
+
+class InputFileError(RodgenError):
+    """A file, or what it holds, that cannot be used.
+
+    Parameters
+    ----------
+    file : str or os.PathLike
+        The file as the user named it.
+    place : str
+        Line, column or key; ``"file"`` where the file cannot be read or written at all.
+    found : str
+        What stands there.
+    expected : str
+        What should stand there, and where there is something to do about it, what to do.
+
+    Examples
+    --------
+    >>> print(InputFileError("pairs.csv", "line 7, column 'angle [deg]'", "'12,5'", "a decimal point: 12.5"))
+    pairs.csv: line 7, column 'angle [deg]': '12,5'; expected a decimal point: 12.5
+    """
+
+    def __init__(self, file: str | os.PathLike[str], place: str, found: str, expected: str) -> None:
+        self.file = os.fspath(file)
+        self.place = place
+        self.found = found
+        self.expected = expected
+        # All four as arguments: an exception is pickled, and thus crosses processes, by its arguments.
+        super().__init__(self.file, place, found, expected)
+
+    def __str__(self) -> str:
+        return _one_line(f"{self.file}: {self.place}: {self.found}; expected {self.expected}")
+
+
+def shown(text: object, limit: int = 60) -> str:
+    """Quote a piece of a user's file for an error message: on one line, and no longer than `limit`.
+
+    Parameters
+    ----------
+    text : object
+        What was found; bytes are read as UTF-8 where they are.
+    limit : int
+        Longest text shown in full.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> shown("rho_x (mm)")
+    "'rho_x (mm)'"
+    """
+    if isinstance(text, bytes):
+        text = text.decode("utf-8", "backslashreplace")
+    line = _one_line(str(text))
+    return f"'{line if len(line) <= limit else line[: limit - 1] + '…'}'"
+
+
+def _one_line(text: str) -> str:
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
