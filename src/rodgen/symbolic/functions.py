@@ -12,10 +12,13 @@ from typing import Any, TypeVar
 import sympy as sp
 from sympy.logic.boolalg import Boolean
 
-__all__ = ["EPS", "power_of_two_scale", "select"]
+__all__ = ["EPS", "LARGEST", "power_of_two_scale", "select"]
 
 EPS = sp.Symbol("eps", positive=True)
 """Rounding unit of the kernel's number type: 2**-52 in float64, 2**-23 in float32."""
+
+LARGEST = sp.Symbol("largest", positive=True)
+"""Largest finite number of the kernel's number type; ``abs(x) <= LARGEST`` is false for NaN and infinity."""
 
 Value = TypeVar("Value", sp.Expr, sp.Matrix)
 
@@ -57,7 +60,7 @@ class power_of_two_scale(sp.Function):  # type: ignore[misc]  # noqa: N801
         return None
 
     def fdiff(self, argindex: int = 1) -> sp.Expr:
-        """Derivative, 0 by convention."""
+        """Return the derivative, 0 by convention."""
         return sp.S.Zero
 
     def _latex(self, printer: Any) -> str:

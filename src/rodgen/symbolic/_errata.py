@@ -1,0 +1,101 @@
+"""Errata: what a source prints wrongly, made from the refuted entries of its derivation."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import Literal
+
+import sympy as sp
+
+from rodgen.symbolic.derivation import Derivation, Entry, Refutation
+
+__all__ = ["errata"]
+
+
+def errata(*derivations: Derivation, form: Literal["text", "markdown"] = "text") -> str:
+    """List the refuted entries: formula as printed, what is wrong, counterexample, correction.
+
+    Parameters
+    ----------
+    *derivations : Derivation
+        Whose errata to list.
+    form : {"text", "markdown"}, optional
+        Plain text for a terminal, or Markdown with LaTeX.
+
+    Returns
+    -------
+    str
+        The list, ending in a line break. It depends on the derivations alone.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from rodgen.symbolic import Derivation
+    >>> d = Derivation("square", title="A square", source="A pamphlet")
+    >>> x = d.symbol("x", "x", "side", "m")
+    >>> claim = d.state("area", sp.Eq((x + 1) ** 2, x**2 + 1), place="p. 1")
+    >>> _ = claim.refute({x: 1}, sp.Eq((x + 1) ** 2, x**2 + 2*x + 1), because="2x is lost.", label="S1")
+    >>> print(errata(d))
+    A pamphlet
+    <BLANKLINE>
+    S1  area (p. 1)
+        printed:  (x + 1)**2 = x**2 + 1
+        wrong:    2x is lost.
+        at:       x = 1
+        there:    4 is not 2
+        right:    (x + 1)**2 = x**2 + 2*x + 1
+    <BLANKLINE>
+    """
+    write = {"text": _text, "markdown": _markdown}[form]
+    return "\n".join(write(derivation) for derivation in derivations)
+
+
+def _refuted(derivation: Derivation) -> list[tuple[Entry, Refutation]]:
+    return [(entry, entry.refutation) for entry in derivation if entry.refutation is not None]
+
+
+def _plain(claim: sp.Basic) -> str:
+    if isinstance(claim, sp.Eq):
+        return f"{_plain(claim.lhs)} = {_plain(claim.rhs)}"
+    if isinstance(claim, sp.MatrixBase):
+        return "(" + ", ".join(_plain(part) for part in claim) + ")"
+    return str(sp.sstr(claim))
+
+
+def _text(derivation: Derivation) -> str:
+    lines = [derivation.source, ""]
+    for entry, wrong in _refuted(derivation):
+        lines.append(f"{wrong.label:3} {entry.id}" + (f" ({entry.place})" if entry.place else ""))
+        rows = [("printed", _plain(claim)) for claim in entry.claims]
+        rows.append(("wrong", wrong.because))
+        rows.append(("at", ", ".join(f"{symbol} = {_plain(v)}" for symbol, v in wrong.counterexample)))
+        rows += [("there", _there(left, right)) for left, right in wrong.values]
+        rows += [("right", _plain(claim)) for claim in wrong.correction]
+        for name, content in rows:
+            text = f"    {name + ':':9} {content}"
+            lines += textwrap.wrap(text, 108, subsequent_indent=" " * 14, break_long_words=False)
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _there(left: sp.Basic, right: sp.Basic) -> str:
+    return "this is false" if right is sp.false else f"{_plain(left)} is not {_plain(right)}"
+
+
+def _markdown(derivation: Derivation) -> str:
+    lines = [f"# Errata: {derivation.source}", ""]
+    for entry, wrong in _refuted(derivation):
+        heading = f"{wrong.label}. {entry.id}" if wrong.label else entry.id
+        lines += [f"## {heading}", "", f"Printed{f' ({entry.place})' if entry.place else ''}:", ""]
+        lines += [f"$$ {derivation.latex(claim)} $$" for claim in entry.claims]
+        at = ", ".join(f"${derivation.latex(s)} = {derivation.latex(v)}$" for s, v in wrong.counterexample)
+        lines += ["", f"{wrong.because} At {at}:", ""]
+        for left, right in wrong.values:
+            if right is sp.false:
+                lines.append("this is false.")
+            else:
+                lines.append(rf"$$ {derivation.latex(left)} \neq {derivation.latex(right)} $$")
+        lines += ["", "Right is", ""]
+        lines += [f"$$ {derivation.latex(claim)} $$" for claim in wrong.correction]
+        lines.append("")
+    return "\n".join(lines)

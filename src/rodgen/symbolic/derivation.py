@@ -1,0 +1,552 @@
+"""A derivation: formulas from a source, each proved exactly or shown to be wrong.
+
+A source's formula is *stated* and stays open until it is *proved*, by reducing its residual to an exact
+zero, or *refuted*, by an exact counterexample and a proved correction. A kernel cannot leave a derivation
+in which an entry is open, so code is made from proved equations only.
+
+>>> import sympy as sp
+>>> from rodgen.symbolic import Derivation
+>>> d = Derivation("lens", title="The thin lens", source="Any textbook")
+>>> f = d.symbol("f", r"f", "focal length", "mm", positive=True)
+>>> a = d.symbol("a", r"a", "object distance", "mm", positive=True)
+>>> b = d.symbol("b", r"b", "image distance", "mm", value=a * f / (a - f))
+>>> d.state("lens-equation", sp.Eq(1 / a + 1 / b, 1 / f), place="eq. (1)").prove().verdict
+'proved'
+>>> wrong = d.state("magnification", sp.Eq(b / a, f / (f - a)), place="eq. (2)")
+>>> wrong.refute({a: 3, f: 1}, sp.Eq(b / a, f / (a - f)), because="the sign", label="L1").verdict
+'refuted'
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import sympy as sp
+from sympy.logic.boolalg import Boolean
+
+from rodgen.symbolic._latex import latex
+from rodgen.symbolic.reduction import remainder
+from rodgen.symbolic.vectors import Vector, explicit
+
+__all__ = ["Derivation", "DerivationError", "Entry", "Refutation", "SymbolRow", "equal"]
+
+Substitution = Mapping[Any, Any]
+"""Values for symbols and vectors: expressions, numbers or triples of numbers."""
+
+
+class DerivationError(ValueError):
+    """A statement is not true, not shown to be true, or used before it is."""
+
+
+def equal(left: sp.Basic, right: sp.Basic | int) -> sp.Eq:
+    """Write an equation as printed: SymPy's ``Eq`` would evaluate it where it can."""
+    return sp.Eq(left, right, evaluate=False)
+
+
+class _Named(Protocol):
+    """What a derivation needs to know of a kernel."""
+
+    @property
+    def name(self) -> str: ...
+
+
+@dataclass(frozen=True)
+class SymbolRow:
+    """One line of the table of symbols."""
+
+    name: str
+    latex: str
+    quantity: str
+    unit: str
+    symbol: sp.Basic
+    value: sp.Basic | None
+
+
+@dataclass(frozen=True)
+class Refutation:
+    """Why a printed formula is wrong, and what is right."""
+
+    label: str
+    because: str
+    counterexample: tuple[tuple[sp.Basic, sp.Basic], ...]
+    values: tuple[tuple[sp.Basic, sp.Basic], ...]
+    """Both sides of each equation that fails, at the counterexample; (claim, False) for other claims."""
+    correction: tuple[sp.Basic, ...]
+
+
+@dataclass
+class Entry:
+    """A formula as it is printed, with the record of its proof or refutation.
+
+    Entries are made by :meth:`Derivation.state` and :meth:`Derivation.check`.
+    """
+
+    derivation: Derivation = field(repr=False)
+    id: str
+    claims: tuple[sp.Basic, ...]
+    text: str
+    place: str
+    assumptions: tuple[sp.Basic | str, ...]
+    printed: bool
+    verdict: str = "open"
+    method: str = ""
+    given: tuple[tuple[sp.Basic, sp.Basic], ...] = ()
+    modulo: tuple[tuple[sp.Symbol, sp.Expr], ...] = ()
+    refutation: Refutation | None = None
+    seconds: float = 0.0
+
+    @property
+    def variables(self) -> tuple[sp.Basic, ...]:
+        """Symbols and vectors in the formula, sorted by name."""
+        found: set[sp.Basic] = set()
+        for claim in self.claims:
+            found |= claim.free_symbols
+        return tuple(sorted(found, key=str))
+
+    @property
+    def length(self) -> int:
+        """Number of characters of the formula, written out as SymPy prints it."""
+        return sum(len(sp.sstr(claim)) for claim in self.claims)
+
+    def prove(
+        self,
+        *residuals: sp.Basic,
+        given: Substitution | None = None,
+        modulo: Mapping[sp.Symbol, sp.Expr] | None = None,
+        because: str = "",
+    ) -> Entry:
+        """Prove the entry: every residual must reduce to exactly zero.
+
+        Parameters
+        ----------
+        *residuals : expression, matrix or equation, optional
+            What vanishes if the entry is true. Without it the two sides of the entry's own equations are
+            subtracted. With it, `because` must say why the entry follows.
+        given : mapping, optional
+            Values for symbols or vectors under which the entry holds, such as ``{rho_prime:
+            rodrigues(rho, theta)}``. The definitions in the table of symbols are always used.
+        modulo : mapping of symbol to expression, optional
+            Expressions that are zero by hypothesis, see :func:`rodgen.symbolic.reduction.remainder`.
+        because : str, optional
+            The argument in words; it is shown in the notebook.
+
+        Returns
+        -------
+        Entry
+            The entry itself.
+
+        Raises
+        ------
+        DerivationError
+            When a residual does not vanish, and says what is left.
+        """
+        if residuals and not because:
+            raise DerivationError(f"{self.id}: residuals of its own need `because`: why the entry follows")
+        start = time.perf_counter()
+        self._vanish(residuals or self.claims, given, modulo, "is not proved")
+        self._decide("proved", because or self._standard_method(given, modulo), given, modulo, start)
+        return self
+
+    def refute(
+        self,
+        counterexample: Substitution,
+        correction: sp.Basic | Sequence[sp.Basic],
+        *,
+        because: str,
+        label: str = "",
+        given: Substitution | None = None,
+        modulo: Mapping[sp.Symbol, sp.Expr] | None = None,
+        proof: Sequence[sp.Basic] = (),
+    ) -> Entry:
+        """Refute the entry by an exact counterexample, and prove what is right instead.
+
+        Parameters
+        ----------
+        counterexample : mapping
+            An exact number for each free symbol or a triple for each free vector. It must satisfy the
+            entry's assumptions, and at least one claim must be false there.
+        correction : relation or sequence of relations
+            What is right; proved like an entry.
+        because : str
+            What is wrong, in words.
+        label : str, optional
+            Number in the errata.
+        given, modulo : mapping, optional
+            As in :meth:`prove`, for the correction; `given` holds for the counterexample, too.
+        proof : sequence of expressions or equations, optional
+            Residuals from which the correction follows, when it is not an equation itself.
+
+        Returns
+        -------
+        Entry
+            The entry itself.
+
+        Raises
+        ------
+        DerivationError
+            When the counterexample violates an assumption, is not exact, leaves a symbol open or does
+            not refute, or when the correction is not proved.
+        """
+        start = time.perf_counter()
+        corrections = (correction,) if isinstance(correction, sp.Basic) else tuple(correction)
+        point = {sp.sympify(key): _exact(value, self.id) for key, value in counterexample.items()}
+        table = self.derivation.table({**(given or {}), **point})
+        for assumption in self.assumptions:
+            if isinstance(assumption, sp.Basic) and not _truth(assumption, table, self.id):
+                raise DerivationError(f"{self.id}: the counterexample violates the assumption {assumption}")
+        values = []
+        for claim in self.claims:
+            if isinstance(claim, sp.Eq):
+                left, right = (_number(side, table, self.id) for side in claim.args)
+                if not _equal(left, right):
+                    values.append((left, right))
+            elif not _truth(claim, table, self.id):
+                values.append((claim, sp.false))
+        if not values:
+            raise DerivationError(f"{self.id}: the counterexample {dict(counterexample)} satisfies the claim")
+        self._vanish(tuple(proof) or corrections, given, modulo, "has a correction that is not proved")
+        self.refutation = Refutation(label, because, tuple(point.items()), tuple(values), corrections)
+        self._decide("refuted", because, given, modulo, start)
+        return self
+
+    def residuals(self, given: Substitution | None = None) -> list[sp.Expr]:
+        """Left minus right side of the entry's equations, in components, definitions substituted."""
+        return self._residuals(self.claims, given)
+
+    def _residuals(self, claims: Sequence[sp.Basic], given: Substitution | None) -> list[sp.Expr]:
+        table = self.derivation.table(given)
+        found: list[sp.Expr] = []
+        for claim in claims:
+            if isinstance(claim, sp.Eq):
+                left, right = (explicit(side) for side in claim.args)
+            elif isinstance(claim, Boolean):
+                raise DerivationError(f"{self.id}: {claim} is no equation; give its residuals and `because`")
+            else:
+                left, right = explicit(claim), None
+            difference = left if right is None else sp.Matrix([left]) - sp.Matrix([right])
+            found += [part.xreplace(table) for part in sp.Matrix([difference])]
+        return found
+
+    def _vanish(
+        self,
+        claims: Sequence[sp.Basic],
+        given: Substitution | None,
+        modulo: Mapping[sp.Symbol, sp.Expr] | None,
+        complaint: str,
+    ) -> None:
+        table = self.derivation.table(given)
+        conditions = {key: explicit(value).xreplace(table) for key, value in (modulo or {}).items()}
+        for number, residual in enumerate(self._residuals(claims, given), start=1):
+            left = remainder(residual, conditions)
+            if left != 0:
+                raise DerivationError(f"{self.id} {complaint}: residual {number} leaves {_shortened(left)}")
+
+    def _standard_method(self, given: Substitution | None, modulo: Mapping[sp.Symbol, sp.Expr] | None) -> str:
+        if not given and not modulo:
+            return "Both sides are identical."
+        names = ", ".join(f"${self.derivation.latex(key)}$" for key in [*(given or {}), *(modulo or {})])
+        return f"Both sides are identical on substituting {names}."
+
+    def _decide(
+        self,
+        verdict: str,
+        method: str,
+        given: Substitution | None,
+        modulo: Mapping[sp.Symbol, sp.Expr] | None,
+        start: float,
+    ) -> None:
+        if self.verdict != "open":
+            raise DerivationError(f"{self.id} is {self.verdict} already")
+        self.verdict, self.method = verdict, method
+        self.given = tuple((given or {}).items())
+        self.modulo = tuple((modulo or {}).items())
+        self.seconds = time.perf_counter() - start
+
+    def latex(self) -> str:
+        """Typeset the formula as it is printed."""
+        return r" \\ ".join(self.derivation.latex(claim) for claim in self.claims)
+
+    def _repr_markdown_(self) -> str:
+        where = f", {self.place}" if self.place else ""
+        lines = [f"**{self.id}**{where}. {self.text}".rstrip(), *_displayed(self.derivation, self.claims)]
+        if self.assumptions:
+            lines.append("Assuming " + "; ".join(_inline(self.derivation, a) for a in self.assumptions) + ".")
+        if self.refutation is None:
+            lines.append(f"*{self.verdict.capitalize()}.* {self.method}".rstrip())
+        else:
+            wrong = self.refutation
+            at = ", ".join(f"${self.derivation.latex(s)} = {_row(v)}$" for s, v in wrong.counterexample)
+            lines.append(f"*Refuted{f' ({wrong.label})' if wrong.label else ''}.* {wrong.because} At {at}:")
+            lines += [
+                f"$$ {_row(left)} \\neq {_row(right)} $$" if right is not sp.false else "the claim is false."
+                for left, right in wrong.values
+            ]
+            lines += ["Right is", *_displayed(self.derivation, wrong.correction)]
+        return "\n\n".join(lines)
+
+
+class Derivation:
+    """The formulas of one source, in order, and the kernels made from them.
+
+    Parameters
+    ----------
+    name : str
+        Short name, a Python identifier.
+    title, source : str
+        What is derived, and the paper or book it is found in.
+    """
+
+    def __init__(self, name: str, *, title: str, source: str) -> None:
+        self.name = name
+        self.title = title
+        self.source = source
+        self.symbols: list[SymbolRow] = []
+        self.entries: dict[str, Entry] = {}
+        self.kernels: dict[str, Any] = {}
+        self._start = time.perf_counter()
+        self.seconds = 0.0
+
+    def symbol(
+        self,
+        name: str,
+        latex: str,
+        quantity: str,
+        unit: str,
+        *,
+        value: sp.Basic | None = None,
+        **assumptions: bool,
+    ) -> sp.Symbol:
+        """Enter a real number into the table of symbols.
+
+        Parameters
+        ----------
+        name, latex : str
+            Name in generated code, and name in the source.
+        quantity, unit : str
+            What it is, and its unit ("1" when it has none).
+        value : expression, optional
+            Definition; proofs substitute it.
+        **assumptions
+            SymPy assumptions, such as ``positive=True``; real in any case.
+        """
+        made = sp.Symbol(name, **{"real": True, **assumptions})
+        self._enter(SymbolRow(name, latex, quantity, unit, made, value))
+        return made
+
+    def vector(
+        self, name: str, latex: str, quantity: str, unit: str, *, value: sp.Basic | None = None
+    ) -> Vector:
+        """Enter a vector with the components ``name_1``, ``name_2``, ``name_3``; as :meth:`symbol`."""
+        made = Vector(name)
+        self._enter(SymbolRow(name, latex, quantity, unit, made, value))
+        return made
+
+    def _enter(self, row: SymbolRow) -> None:
+        if any(known.name == row.name for known in self.symbols):
+            raise DerivationError(f"{self.name}: the symbol {row.name} is defined twice")
+        self.symbols.append(row)
+
+    def state(
+        self,
+        id: str,
+        *claims: sp.Basic,
+        text: str = "",
+        place: str = "",
+        assumptions: Sequence[sp.Basic | str] = (),
+    ) -> Entry:
+        """State a formula that the source prints.
+
+        Parameters
+        ----------
+        id : str
+            Name of the entry, unique in the derivation.
+        *claims : relation
+            The formula as printed: equations (``equal(left, right)`` keeps one unevaluated), inequalities
+            or logical expressions of them.
+        text : str, optional
+            What the source says with it.
+        place : str, optional
+            Where it is in the source.
+        assumptions : sequence of relations or strings, optional
+            Conditions under which it is claimed. A counterexample must satisfy the relations.
+        """
+        return self._record(id, claims, text, place, assumptions, printed=True)
+
+    def check(
+        self, id: str, *claims: sp.Basic, text: str = "", assumptions: Sequence[sp.Basic | str] = ()
+    ) -> Entry:
+        """State a fact that the source does not print; it must be proved as well."""
+        return self._record(id, claims, text, "", assumptions, printed=False)
+
+    def _record(
+        self,
+        id: str,
+        claims: tuple[sp.Basic, ...],
+        text: str,
+        place: str,
+        assumptions: Sequence[sp.Basic | str],
+        *,
+        printed: bool,
+    ) -> Entry:
+        if id in self.entries:
+            raise DerivationError(f"{self.name}: the entry {id} is stated twice")
+        if not claims:
+            raise DerivationError(f"{self.name}: the entry {id} claims nothing; give it a relation")
+        for claim in claims:
+            if claim in (sp.true, sp.false):
+                raise DerivationError(
+                    f"{id}: SymPy evaluated a claim to {claim}; keep it as printed with equal(left, right)"
+                )
+        entry = Entry(self, id, tuple(claims), text, place, tuple(assumptions), printed)
+        self.entries[id] = entry
+        return entry
+
+    @property
+    def open(self) -> list[str]:
+        """Names of the entries that are neither proved nor refuted."""
+        return [entry.id for entry in self.entries.values() if entry.verdict == "open"]
+
+    def kernel(self, *kernels: _Named) -> None:
+        """Hand over kernels.
+
+        Raises
+        ------
+        DerivationError
+            While an entry is open, and when a name is taken.
+        """
+        if self.open:
+            names = ", ".join(self.open)
+            raise DerivationError(f"{self.name}: no kernel is handed over while entries are open: {names}")
+        for kernel in kernels:
+            if kernel.name in self.kernels:
+                raise DerivationError(f"{self.name}: the kernel {kernel.name} is handed over twice")
+            self.kernels[kernel.name] = kernel
+        self.seconds = time.perf_counter() - self._start
+
+    def table(self, given: Substitution | None = None) -> dict[sp.Symbol, sp.Expr]:
+        """Values of all defined symbols in terms of the free ones, with `given` values put in."""
+        raw: dict[sp.Symbol, sp.Expr] = {}
+        rows = [(row.symbol, row.value) for row in self.symbols if row.value is not None]
+        for key, value in [*rows, *(given or {}).items()]:
+            raw.update(_by_component(key, value))
+        done: dict[sp.Symbol, sp.Expr] = {}
+        active: list[sp.Symbol] = []
+
+        def resolve(symbol: sp.Symbol) -> sp.Expr:
+            if symbol not in done:
+                if symbol in active:
+                    raise DerivationError(f"{self.name}: {symbol} is defined by itself")
+                active.append(symbol)
+                needed = {s: resolve(s) for s in sorted(raw[symbol].free_symbols, key=str) if s in raw}
+                done[symbol] = raw[symbol].xreplace(needed)
+                active.pop()
+            return done[symbol]
+
+        for symbol in raw:
+            resolve(symbol)
+        return done
+
+    def value(self, formula: sp.Basic, given: Substitution | None = None) -> Any:
+        """Write a formula in components of the free symbols; a matrix or an expression."""
+        return explicit(formula).xreplace(self.table(given))
+
+    def latex(self, formula: sp.Basic) -> str:
+        """Typeset a formula with the source's names for the symbols."""
+        names: dict[sp.Basic, str] = {}
+        for row in self.symbols:
+            names[row.symbol] = row.latex
+            if isinstance(row.symbol, Vector):
+                bare = row.latex.replace(r"\vec", "").strip().strip("{}")
+                prime = "'" if bare.endswith("'") else ""
+                for number, component in enumerate(row.symbol, start=1):
+                    names[component] = rf"{bare.rstrip(chr(39))}{prime}_{{{number}}}"
+        return latex(formula, names)
+
+    def report(self) -> str:
+        """Text table of the entries: verdict, time in ms, length in characters, and the argument."""
+        lines = [f"{self.title} ({self.source})", ""]
+        width = max((len(id) for id in self.entries), default=2)
+        lines.append(f"{'id':{width}}  verdict     ms  chars  method")
+        for entry in self.entries.values():
+            method = " ".join(entry.method.split())
+            lines.append(
+                f"{entry.id:{width}}  {entry.verdict:7}  {1e3 * entry.seconds:5.0f}  {entry.length:5d}  "
+                f"{method[:60]}"
+            )
+        counts = [sum(e.verdict == v for e in self.entries.values()) for v in ("proved", "refuted", "open")]
+        proofs = sum(entry.seconds for entry in self.entries.values())
+        lines += ["", "{} proved, {} refuted, {} open; {:.2f} s in proofs".format(*counts, proofs)]
+        return "\n".join(lines)
+
+    def __iter__(self) -> Iterator[Entry]:
+        return iter(self.entries.values())
+
+    def _repr_markdown_(self) -> str:
+        lines = ["| in the code | in the source | quantity | unit |", "| --- | --- | --- | --- |"]
+        lines += [f"| `{r.name}` | ${r.latex}$ | {r.quantity} | {r.unit} |" for r in self.symbols]
+        return "\n".join(lines)
+
+
+def _by_component(key: Any, value: Any) -> dict[sp.Symbol, sp.Expr]:
+    if isinstance(key, Vector):
+        parts = explicit(value) if isinstance(value, sp.Basic | sp.MatrixBase) else sp.Matrix(value)
+        return dict(zip(key, parts, strict=True))
+    return {key: sp.sympify(explicit(value) if isinstance(value, sp.Basic) else value)}
+
+
+def _exact(value: Any, id: str) -> sp.Basic:
+    exact = sp.ImmutableMatrix(value) if isinstance(value, list | tuple) else sp.sympify(value)
+    if exact.has(sp.Float) or exact.free_symbols:
+        raise DerivationError(f"{id}: a counterexample is made of exact numbers, not {value}")
+    return exact
+
+
+def _number(formula: sp.Basic, table: Mapping[sp.Symbol, sp.Expr], id: str) -> sp.Basic:
+    number = explicit(formula).xreplace(table)
+    if isinstance(number, sp.MatrixBase):
+        number = sp.ImmutableMatrix(number)
+    if number.free_symbols:
+        left = ", ".join(sorted(map(str, number.free_symbols)))
+        raise DerivationError(f"{id}: the counterexample leaves {left} without a value")
+    return number
+
+
+def _equal(left: sp.Basic, right: sp.Basic) -> bool:
+    if isinstance(left, sp.MatrixBase):
+        return all(_equal(a, b) for a, b in zip(left, right, strict=True))
+    return bool(sp.simplify(left - right) == 0)
+
+
+def _truth(claim: sp.Basic, table: Mapping[sp.Symbol, sp.Expr], id: str) -> bool:
+    if isinstance(claim, sp.Eq | sp.Ne):
+        left, right = (_number(side, table, id) for side in claim.args)
+        return _equal(left, right) == isinstance(claim, sp.Eq)
+    if isinstance(claim, Boolean) and not isinstance(claim, sp.core.relational.Relational) and claim.args:
+        truths = [sp.true if _truth(part, table, id) else sp.false for part in claim.args]
+        return bool(claim.func(*truths))
+    value = _number(claim, table, id)
+    if value not in (sp.true, sp.false):
+        raise DerivationError(f"{id}: {claim} does not evaluate to true or false, but to {value}")
+    return bool(value)
+
+
+def _shortened(expr: sp.Expr) -> str:
+    text = sp.sstr(expr)
+    return text if len(text) <= 200 else f"{text[:200]}... ({len(text)} characters)"
+
+
+def _row(value: sp.Basic) -> str:
+    if isinstance(value, sp.MatrixBase):
+        return r"\left(" + r",\, ".join(sp.latex(part) for part in value) + r"\right)"
+    return str(sp.latex(value))
+
+
+def _displayed(derivation: Derivation, claims: Sequence[sp.Basic]) -> list[str]:
+    return [f"$$ {derivation.latex(claim)} $$" for claim in claims]
+
+
+def _inline(derivation: Derivation, assumption: sp.Basic | str) -> str:
+    return assumption if isinstance(assumption, str) else f"${derivation.latex(assumption)}$"
