@@ -1,0 +1,33 @@
+"""Tables of measured numbers: from a file into arrays, and results back into a file.
+
+A table is a CSV file (UTF-8, commas, decimal points; gzip or not) or a Parquet file. Its column names
+carry their units in brackets, in both::
+
+    rho_x [mm],rho_y [mm],rho_z [mm],rho_prime_x [mm],rho_prime_y [mm],rho_prime_z [mm],angle [deg]
+
+Any unit that Pint knows and that fits the column will do, and it may differ from column to column.
+
+- `open_table` reads in blocks, so that a file of any length passes through bounded memory.
+- `open_sink` writes in blocks, into a temporary file that takes its name only when it is complete.
+- `read_pairs` and `solve_table` are the two whole ways that the command line goes.
+
+Whatever is wrong with a file is an :class:`rodgen.errors.InputFileError`: one sentence with the file, the
+line and column, what was found and what was expected.
+"""
+
+from rodgen.tables._columns import Column
+from rodgen.tables._sink import open_sink
+from rodgen.tables._source import Rows, open_table
+from rodgen.tables.pairs import PAIR_COLUMNS, Pairs, SolveSummary, read_pairs, solve_table
+
+__all__ = [
+    "PAIR_COLUMNS",
+    "Column",
+    "Pairs",
+    "Rows",
+    "SolveSummary",
+    "open_sink",
+    "open_table",
+    "read_pairs",
+    "solve_table",
+]

@@ -1,0 +1,268 @@
+"""Find the wanted columns of a file, and the factor that brings each to the unit asked for.
+
+A name is ``name [unit]``. Lengths are brought to the unit of the first length column, so that a file in
+millimetres is computed in millimetres, without a rounding; angles are brought to radians.
+"""
+
+from __future__ import annotations
+
+import difflib
+import functools
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from rodgen.errors import InputFileError, RodgenError, shown
+
+__all__ = ["Column", "Match", "UnitError", "conversion_factor", "match_columns"]
+
+_NAME_AND_UNIT = re.compile(r"(?P<name>[^\[\]]*?)\s*\[(?P<unit>[^\[\]]*)\]")
+
+# Pint evaluates what it parses: "9**9**9**9" would never return, and "10 mm" or "(mm" are slips of the pen.
+# A unit is unit names, products, quotients, and exponents of one digit.
+_FACTOR = r"(?:[^\W\d_]\w*|°|µ\w+|%)(?:\s*(?:\*\*|\^)\s*-?\d)?"
+_UNIT_TEXT = re.compile(rf"{_FACTOR}(?:\s*[*/]\s*{_FACTOR})*")
+_LONGEST_UNIT = 60
+
+_EXAMPLES = {"length": "mm, um, m or inch", "angle": "deg, rad, arcsec or mrad"}
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column that a table must have.
+
+    Attributes
+    ----------
+    name : str
+        Its name, without the unit.
+    quantity : {"length", "angle"}
+        What its numbers measure. A length is read in the unit of the table's first length column, an
+        angle in radians.
+    """
+
+    name: str
+    quantity: Literal["length", "angle"]
+
+
+@dataclass(frozen=True)
+class Match:
+    """Where a wanted column stands in a file, and what its numbers are multiplied by."""
+
+    column: Column
+    index: int
+    text: str
+    unit: str
+    factor: float
+
+
+class UnitError(RodgenError):
+    """A unit that cannot be used: what was found, and what was expected."""
+
+    def __init__(self, found: str, expected: str) -> None:
+        self.found = found
+        self.expected = expected
+        super().__init__(found, expected)
+
+    def __str__(self) -> str:
+        return f"{self.found}; expected {self.expected}"
+
+
+def conversion_factor(unit: str, quantity: Literal["length", "angle"], target: str) -> float:
+    """Return what a number in `unit` is multiplied by to be a number in `target`.
+
+    Parameters
+    ----------
+    unit, target : str
+        Units as Pint writes them.
+    quantity : {"length", "angle"}
+        What both must measure. Pint calls degrees and per cent both dimensionless; here an angle is what
+        reduces to radians, so that ``angle [%]`` is an error.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    UnitError
+        When `unit` is no unit, or measures something else.
+
+    Examples
+    --------
+    >>> conversion_factor("inch", "length", "mm")
+    25.4
+    """
+    if unit == target:
+        return 1.0
+    registry = _unit_registry()
+    parsed = _parsed(unit, quantity)
+    root, _ = registry.get_root_units(parsed)
+    target_root, _ = registry.get_root_units(_parsed(target, quantity))
+    factor = float(root) / float(target_root)
+    # 0.0254/0.001 is one rounding away from 25.4: the shortest decimal within that rounding is the meant one.
+    short = float(f"{factor:.14g}")
+    return short if quantity == "length" and abs(short / factor - 1.0) < 4e-16 else factor
+
+
+@functools.cache
+def _unit_registry() -> Any:
+    import pint
+
+    return pint.UnitRegistry()
+
+
+@functools.cache
+def _parsed(unit: str, quantity: Literal["length", "angle"]) -> Any:
+    kind = f"a unit of {quantity}" if quantity == "length" else "a unit of angle"
+    wanted = f"{kind}, such as {_EXAMPLES[quantity]}"
+    parsed = _parse(unit)
+    if parsed is None:
+        other = next((u for u in (unit.lower(), unit.strip("()")) if _measures(_parse(u), quantity)), None)
+        raise UnitError(f"unknown unit {shown(unit)}", f"{other!r}, or another unit" if other else wanted)
+    if not _measures(parsed, quantity):
+        other = next((u for u in (unit.lower(),) if _measures(_parse(u), quantity)), None)
+        raise UnitError(
+            f"unit {shown(unit)}, which is no {quantity}", f"{other!r}, or another unit" if other else wanted
+        )
+    return parsed
+
+
+def _parse(unit: str) -> Any:
+    if len(unit) > _LONGEST_UNIT or not _UNIT_TEXT.fullmatch(unit):
+        return None
+    try:
+        return _unit_registry().parse_units(unit)
+    except Exception:  # Pint answers a bad unit with AssertionError, ValueError, tokenize errors and its own
+        return None
+
+
+def _measures(unit: Any, quantity: str) -> bool:
+    if unit is None:
+        return False
+    registry = _unit_registry()
+    if quantity == "length":
+        return bool(unit.dimensionality == registry.meter.dimensionality)
+    return bool(registry.get_root_units(unit)[1] == registry.radian)
+
+
+def match_columns(
+    texts: Sequence[str], columns: Sequence[Column], file: str, place: str, *, numbered: bool
+) -> list[Match]:
+    """Find the wanted columns among the column names of a file.
+
+    Parameters
+    ----------
+    texts : sequence of str
+        Every column name of the file, with its unit, in order.
+    columns : sequence of Column
+        Those wanted; the result is in this order.
+    file, place : str
+        For the error message.
+    numbered : bool
+        Whether to name a nameless column by its number (a CSV header; a Parquet schema has names).
+
+    Raises
+    ------
+    InputFileError
+        When one is missing, stands there twice, or has no unit or one that does not fit.
+    """
+    _check_is_header(texts, columns, file, place)
+    _check_unique(texts, file, place)
+    named: dict[str, list[tuple[int, str | None]]] = {}
+    for index, text in enumerate(texts):
+        name, unit = _split(text)
+        named.setdefault(name, []).append((index, unit))
+    matches: list[Match] = []
+    reference: str | None = None
+    for column in columns:
+        found = named.get(column.name, [])
+        if not found:
+            raise _missing(column, texts, columns, file, place, numbered=numbered)
+        if len(found) > 1:
+            both = " and ".join(shown(texts[i]) for i, _ in found[:2])
+            raise InputFileError(file, place, f"column {column.name!r} twice, {both}", "it once")
+        index, unit = found[0]
+        where = f"{place}, column {shown(texts[index])}"
+        example = f"{column.name} [{'mm' if column.quantity == 'length' else 'deg'}]"
+        if not unit:
+            raise InputFileError(file, where, "no unit", f"one in brackets, such as '{example}'")
+        try:
+            if column.quantity == "angle":
+                factor = conversion_factor(unit, "angle", "rad")
+            else:
+                if reference is None:
+                    _parsed(unit, "length")
+                    reference = unit
+                factor = conversion_factor(unit, "length", reference)
+        except UnitError as error:
+            raise InputFileError(file, where, error.found, error.expected) from None
+        matches.append(Match(column, index, texts[index], unit, factor))
+    return matches
+
+
+def _split(text: str) -> tuple[str, str | None]:
+    found = _NAME_AND_UNIT.fullmatch(text)
+    return (found["name"].strip(), found["unit"].strip()) if found else (text, None)
+
+
+def _check_unique(texts: Sequence[str], file: str, place: str) -> None:
+    twice = [text for text, count in Counter(texts).items() if count > 1]
+    if twice:
+        name = f"column {shown(twice[0])} twice" if twice[0] else "two columns without a name"
+        raise InputFileError(file, place, name, "every column name once")
+
+
+def _check_is_header(texts: Sequence[str], columns: Sequence[Column], file: str, place: str) -> None:
+    wanted = f"a header such as {_header_example(columns)}"
+    if len(texts) == 1:
+        for mark, name in ((";", "semicolons"), ("\t", "tabs"), ("|", "bars")):
+            if mark in texts[0]:
+                raise InputFileError(
+                    file, place, f"{name} between the columns", "commas, and a point as decimal mark"
+                )
+    if texts and all(_is_number(text) for text in texts):
+        raise InputFileError(file, place, "numbers where the header should be", wanted)
+    if texts and texts[0].startswith("#"):
+        raise InputFileError(file, place, "a comment", wanted)
+
+
+def _missing(
+    column: Column,
+    texts: Sequence[str],
+    columns: Sequence[Column],
+    file: str,
+    place: str,
+    *,
+    numbered: bool,
+) -> InputFileError:
+    example = f"{column.name} [{'mm' if column.quantity == 'length' else 'deg'}]"
+    for number, text in enumerate(texts, start=1):
+        where = f"{place}, column {number}" if numbered else place
+        bare, _, rest = re.sub(r"[(\[{]", "[", text, count=1).partition("[")
+        if bare.strip() == column.name:
+            what = "parentheses" if "(" in text else "braces" if "{" in text else "brackets that do not match"
+            unit = re.sub(r"[)\]}].*", "", rest).strip()
+            return InputFileError(
+                file, where, f"{shown(text)}, a unit in {what}", f"brackets, '{column.name} [{unit}]'"
+            )
+    taken = {c.name for c in columns}
+    bare_names = {
+        n.casefold().replace(" ", "_"): text for text in texts if (n := _split(text)[0]) not in taken
+    }
+    near = difflib.get_close_matches(column.name.casefold(), bare_names, n=1, cutoff=0.75)
+    hint = f" (the nearest is {shown(bare_names[near[0]])})" if near else ""
+    return InputFileError(file, place, f"no column {column.name!r}{hint}", f"one such as '{example}'")
+
+
+def _header_example(columns: Sequence[Column]) -> str:
+    return ",".join(f"{c.name} [{'mm' if c.quantity == 'length' else 'deg'}]" for c in columns)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
