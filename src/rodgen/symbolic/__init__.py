@@ -4,15 +4,16 @@ A derivation of one's own needs :class:`Derivation`, :func:`equal` and SymPy; se
 :mod:`rodgen.symbolic.derivation` for an example.
 """
 
-from rodgen.symbolic.derivation import Derivation, DerivationError, Entry, Refutation, SymbolRow, equal
 from rodgen.symbolic._errata import errata
-from rodgen.symbolic.functions import EPS, power_of_two_scale, select
+from rodgen.symbolic.derivation import Derivation, DerivationError, Entry, Refutation, SymbolRow, equal
+from rodgen.symbolic.functions import EPS, LARGEST, power_of_two_scale, select
 from rodgen.symbolic.reduction import remainder
 from rodgen.symbolic.rotations import matrix_from_axis_angle, matrix_from_rodrigues_vector, rodrigues
 from rodgen.symbolic.vectors import Vector, cross, dot, explicit, formal_determinant, norm, skew
 
 __all__ = [
     "EPS",
+    "LARGEST",
     "Derivation",
     "DerivationError",
     "Entry",

@@ -432,6 +432,7 @@ class Derivation:
         rows = [(row.symbol, row.value) for row in self.symbols if row.value is not None]
         for key, value in [*rows, *(given or {}).items()]:
             raw.update(_by_component(key, value))
+        raw = {symbol: value for symbol, value in raw.items() if value != symbol}  # given free again
         done: dict[sp.Symbol, sp.Expr] = {}
         active: list[sp.Symbol] = []
 
