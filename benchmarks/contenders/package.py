@@ -1,0 +1,50 @@
+"""This package: the gufunc on (N, 3) arrays, the same with two threads, and the NumPy fallback."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from problem import Problem
+
+from contenders.base import OWN, Contender, UnavailableError
+
+GUFUNC = "rodgen gufunc"
+FALLBACK = "rodgen NumPy fallback"
+
+
+def gufunc() -> Contender:
+    import rodgen
+
+    def bind(problem: Problem):
+        out = (problem.axes, np.zeros(len(problem), dtype=np.int8))
+        return lambda: rodgen.solve_axis(problem.rho, problem.rho_prime, problem.angle, out=out)
+
+    return Contender(GUFUNC, OWN, bind, "solve_axis(..., out=...), with a status for every element")
+
+
+def fallback() -> Contender:
+    raise UnavailableError("not written yet")
+
+
+def threaded(pool: ThreadPoolExecutor, threads: int) -> Contender:
+    """The gufunc releases the GIL, so plain threads on slices of the same arrays are enough."""
+    import rodgen
+
+    def bind(problem: Problem):
+        status = np.zeros(len(problem), dtype=np.int8)
+        # Parts start on a multiple of 64 solves, so that no two threads write to one cache line.
+        size = -(-len(problem) // threads)
+        size = -(-size // 64) * 64
+        parts = [slice(start, start + size) for start in range(0, len(problem), size)]
+
+        def work(part: slice) -> None:
+            out = (problem.axes[part], status[part])
+            rodgen.solve_axis(problem.rho[part], problem.rho_prime[part], problem.angle[part], out=out)
+
+        return lambda: list(pool.map(work, parts))
+
+    return Contender(f"{GUFUNC}, {threads} threads", OWN, bind)
+
+
+FACTORIES = (gufunc, fallback)
