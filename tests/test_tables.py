@@ -2,23 +2,18 @@
 
 import gzip
 import io
-import os
-import subprocess
 import sys
-import textwrap
-import zlib
 
 import numpy as np
 import pint
 import pyarrow as pa
-import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rodgen.errors import InputFileError, RodgenError, shown
-from rodgen.tables import PAIR_COLUMNS, open_sink, open_table, read_pairs
+from rodgen.tables import PAIR_COLUMNS, read_pairs
 from rodgen.tables import _source as source
 from rodgen.tables._columns import UnitError, conversion_factor
 
@@ -50,22 +45,37 @@ MALFORMED = {
     # the file as a whole
     "empty": (b"", "file: an empty file; expected a header with units, then one row a line"),
     "only blank lines": (b"\n\r\n \n", "file: only empty lines; expected a header with units"),
-    "excel workbook": (b"PK\x03\x04" + b"x" * 99, "file: an Excel workbook or a ZIP archive; expected CSV or"),
-    "old excel workbook": (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + b"x" * 99, "file: an Excel workbook; expected"),
+    "excel workbook": (
+        b"PK\x03\x04" + b"x" * 99,
+        "file: an Excel workbook or a ZIP archive; expected CSV or",
+    ),
+    "old excel workbook": (
+        b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + b"x" * 99,
+        "file: an Excel workbook; expected",
+    ),
     "utf-16": (GOOD.encode("utf-16"), "file: UTF-16 text; expected UTF-8 text"),
     "hdf5": (b"\x89HDF\r\n\x1a\n" + b"\0" * 99, "file: an HDF5 file; expected a CSV or Parquet file"),
     "binary": (bytes(range(1, 9)) + b"\0\n", "line 1, column 1: binary data (a zero byte); expected text"),
     "binary, long": (b"\1\0" * 3_000_000, "file: binary data; expected a CSV or Parquet file"),
     "no line end": (b"x" * 3_000_000, "file: a line longer than 1 MiB; expected one row a line"),
-    "carriage returns alone, long": (b"1,2\r" * 900_000, "file: lines that end with CR alone; expected lines"),
+    "carriage returns alone, long": (
+        b"1,2\r" * 900_000,
+        "file: lines that end with CR alone; expected lines",
+    ),
     "damaged gzip": (gzip.compress(GOOD.encode() * 50)[:-30], "file: damaged gzip data ("),
-    "gzip around parquet": (gzip.compress(parquet_bytes(pair_columns())), "file: gzip around Parquet; expected"),
+    "gzip around parquet": (
+        gzip.compress(parquet_bytes(pair_columns())),
+        "file: gzip around Parquet; expected",
+    ),
     "truncated parquet": (parquet_bytes(pair_columns())[:-50], "file: damaged Parquet data ("),
     "parquet magic alone": (b"PAR1", "file: damaged Parquet data ("),
     # the header
     "header only": (f"{HEADER}\n", "line 2: no rows; expected at least one row under the header"),
     "header only, blank lines": (f"{HEADER}\n\n\n", "line 4: no rows; expected at least one row under the"),
-    "no header": (f"{ROW}\n{ROW}\n", "line 1: numbers where the header should be; expected a header such as rho_x"),
+    "no header": (
+        f"{ROW}\n{ROW}\n",
+        "line 1: numbers where the header should be; expected a header such as rho_x",
+    ),
     "comment": (f"# measured on Monday\n{GOOD}", "line 1: a comment; expected a header such as rho_x [mm],"),
     "semicolons": (GOOD.replace(",", ";"), "line 1: semicolons between the columns; expected commas, and a"),
     "tabs": (GOOD.replace(",", "\t"), "line 1: tabs between the columns; expected commas"),
@@ -85,23 +95,29 @@ MALFORMED = {
         place_in_header("rho_y [mm]", "rho_y [mm],rho_x [um]"),
         "line 1: column 'rho_x' twice, 'rho_x [mm]' and 'rho_x [um]'; expected it once",
     ),
-    "two columns without a name": (f"{HEADER},,\n{ROW},,\n", "line 1: two columns without a name; expected every"),
+    "two columns without a name": (
+        f"{HEADER},,\n{ROW},,\n",
+        "line 1: two columns without a name; expected every",
+    ),
     "missing unit": (
         place_in_header("rho_z [mm]", "rho_z"),
         "line 1, column 'rho_z': no unit; expected one in brackets, such as 'rho_z [mm]'",
     ),
-    "empty unit": (place_in_header("rho_z [mm]", "rho_z []"), "line 1, column 'rho_z []': no unit; expected one"),
+    "empty unit": (
+        place_in_header("rho_z [mm]", "rho_z []"),
+        "line 1, column 'rho_z []': no unit; expected one",
+    ),
     "unit in parentheses": (
         place_in_header("rho_z [mm]", "rho_z (um)"),
         "line 1, column 3: 'rho_z (um)', a unit in parentheses; expected brackets, 'rho_z [um]'",
     ),
     "unclosed bracket": (
         place_in_header("angle [deg]", "angle [deg"),
-        "line 1, column 7: 'angle [deg', a unit in brackets that do not match; expected brackets, 'angle [deg]'",
+        "line 1, column 7: 'angle [deg', a unit in brackets that do not match; expected brackets, 'angle [",
     ),
     "unknown unit": (
         place_in_header("rho_z [mm]", "rho_z [furlings]"),
-        "line 1, column 'rho_z [furlings]': unknown unit 'furlings'; expected a unit of length, such as mm, um,",
+        "line 1, column 'rho_z [furlings]': unknown unit 'furlings'; expected a unit of length, such as mm,",
     ),
     "unit in capitals": (
         place_in_header("rho_z [mm]", "rho_z [MM]"),
@@ -113,16 +129,28 @@ MALFORMED = {
     ),
     "wrong dimension": (
         place_in_header("rho_prime_x [mm]", "rho_prime_x [deg]"),
-        "line 1, column 'rho_prime_x [deg]': unit 'deg', which is no length; expected a unit of length, such as",
+        "line 1, column 'rho_prime_x [deg]': unit 'deg', which is no length; expected a unit of length,",
     ),
     "angle in millimetres": (
         place_in_header("angle [deg]", "angle [mm]"),
-        "line 1, column 'angle [mm]': unit 'mm', which is no angle; expected a unit of angle, such as deg, rad",
+        "line 1, column 'angle [mm]': unit 'mm', which is no angle; expected a unit of angle, such as deg",
     ),
-    "angle in per cent": (place_in_header("[deg]", "[%]"), "line 1, column 'angle [%]': unit '%', which is no"),
-    "unit with a number": (place_in_header("[deg]", "[10 deg]"), "line 1, column 'angle [10 deg]': unknown unit"),
-    "unit that never ends": (place_in_header("[deg]", "[9**9**9**9]"), "line 1, column 'angle [9**9**9**9]': unk"),
-    "square unit": (place_in_header("rho_z [mm]", "rho_z [mm**2]"), "unit 'mm**2', which is no length; expected"),
+    "angle in per cent": (
+        place_in_header("[deg]", "[%]"),
+        "line 1, column 'angle [%]': unit '%', which is no",
+    ),
+    "unit with a number": (
+        place_in_header("[deg]", "[10 deg]"),
+        "line 1, column 'angle [10 deg]': unknown unit",
+    ),
+    "unit that never ends": (
+        place_in_header("[deg]", "[9**9**9**9]"),
+        "line 1, column 'angle [9**9**9**9]': unk",
+    ),
+    "square unit": (
+        place_in_header("rho_z [mm]", "rho_z [mm**2]"),
+        "unit 'mm**2', which is no length; expected",
+    ),
     "header in Latin-1": (
         GOOD.replace("rho_z [mm]", "rho_z [µm]").encode("latin-1"),
         "line 1, column 3: byte 0xb5 (a micro sign in Latin-1), which is no UTF-8; expected UTF-8 text",
@@ -131,16 +159,25 @@ MALFORMED = {
     "text": (cell("left"), "line 3, column 'rho_z [mm]': 'left'; expected a number"),
     "empty cell": (cell(""), "line 3, column 'rho_z [mm]': an empty cell; expected a number in every row"),
     "blank cell": (cell("  "), "line 3, column 'rho_z [mm]': an empty cell; expected a number in every row"),
-    "nan": (cell("nan"), "line 3, column 'rho_z [mm]': 'nan'; expected a finite number (leave out rows without"),
+    "nan": (
+        cell("nan"),
+        "line 3, column 'rho_z [mm]': 'nan'; expected a finite number (leave out rows without",
+    ),
     "-inf": (cell("-inf"), "line 3, column 'rho_z [mm]': '-inf'; expected a finite number"),
     "#N/A": (cell("#N/A"), "line 3, column 'rho_z [mm]': '#N/A'; expected a finite number (leave out"),
-    "too large": (cell("1e999"), "line 3, column 'rho_z [mm]': '1e999', too large for a double; expected a finite"),
+    "too large": (
+        cell("1e999"),
+        "line 3, column 'rho_z [mm]': '1e999', too large for a double; expected a finite",
+    ),
     "decimal comma": (cell('"1,5"'), "line 3, column 'rho_z [mm]': '1,5'; expected a decimal point, 1.5"),
     "degrees sign": (
         f"{GOOD}3,4,12,12,-3,4,90°\n",
         "line 3, column 'angle [deg]': '90°'; expected a number alone (its unit stands in the header)",
     ),
-    "unit in the cell": (cell("12 mm"), "line 3, column 'rho_z [mm]': '12 mm'; expected a number alone (its unit"),
+    "unit in the cell": (
+        cell("12 mm"),
+        "line 3, column 'rho_z [mm]': '12 mm'; expected a number alone (its unit",
+    ),
     "typographic minus": (cell("−12"), "'−12', with a typographic minus sign; expected a plain hyphen, '-'"),
     "fortran exponent": (cell("1.2D+01"), "'1.2D+01'; expected the exponent after an e, 1.2e+01"),
     "thousands": (cell("1'200.5"), "line 3, column 'rho_z [mm]': '1'200.5'; expected a number"),
@@ -148,7 +185,10 @@ MALFORMED = {
     "underscore": (cell("1_000"), "line 3, column 'rho_z [mm]': '1_000'; expected a number"),
     "escape sequence": (cell("\x1b[31m"), r"line 3, column 'rho_z [mm]': '\x1b[31m'; expected a number"),
     "very long cell": (cell("y" * 200_000), f"line 3, column 'rho_z [mm]': '{'y' * 59}…'; expected a number"),
-    "two faults": (f"{GOOD}\nx,4,12,12,-3,4,90\n3,4,y,12,-3,4,z\n", "line 4, column 'rho_x [mm]': 'x'; expected"),
+    "two faults": (
+        f"{GOOD}\nx,4,12,12,-3,4,90\n3,4,y,12,-3,4,z\n",
+        "line 4, column 'rho_x [mm]': 'x'; expected",
+    ),
     # rows
     "too few cells": (f"{GOOD}3,4,12\n", "line 3: 3 cells; expected 7, as in the header"),
     "too many cells": (f"{GOOD}{ROW},1\n", "line 3: 8 cells; expected 7, as in the header"),
@@ -164,14 +204,23 @@ MALFORMED = {
     "row after a blank line": (f"{GOOD}\n\n3,4\n", "line 5: 2 cells; expected 7, as in the header"),
     "commas alone": (f"{GOOD},,,,,,\n", "line 3, column 'rho_x [mm]': an empty cell; expected a number"),
     "unclosed quote": (cell('"12'), "line 3: a quotation mark that is not closed on its line; expected"),
-    "quoted line break": (f'{HEADER},note\n{ROW},"a\nb"\n', "line 2: a quotation mark that is not closed on its"),
-    "carriage return alone": (f"{HEADER}\n{ROW}\r{ROW}\n", "line 2, column 7: a carriage return alone; expected"),
+    "quoted line break": (
+        f'{HEADER},note\n{ROW},"a\nb"\n',
+        "line 2: a quotation mark that is not closed on its",
+    ),
+    "carriage return alone": (
+        f"{HEADER}\n{ROW}\r{ROW}\n",
+        "line 2, column 7: a carriage return alone; expected",
+    ),
     "zero byte": (cell("1\0"), "line 3, column 3: binary data (a zero byte); expected text"),
     "Latin-1": (
         f"{GOOD}3,4,12,12,-3,4,90°\n".encode("latin-1"),
         "line 3, column 7: byte 0xb0 (a degree sign in Latin-1), which is no UTF-8; expected UTF-8 text",
     ),
-    "damaged UTF-8": (f"{GOOD}3,4,".encode() + b"\xff,12,-3,4,90\n", "line 3, column 3: byte 0xff, which is no"),
+    "damaged UTF-8": (
+        f"{GOOD}3,4,".encode() + b"\xff,12,-3,4,90\n",
+        "line 3, column 3: byte 0xff, which is no",
+    ),
     # Parquet
     "parquet: text": (
         parquet_bytes(pair_columns() | {"rho_y [mm]": ["1", "2", "3"]}),
@@ -189,8 +238,14 @@ MALFORMED = {
         parquet_bytes(pair_columns() | {"angle [deg]": [1.0, 2.0, np.nan]}),
         "row 2 (from 0), column 'angle [deg]': 'nan'; expected a finite number",
     ),
-    "parquet: no rows": (parquet_bytes(pair_columns(0)), "file: no rows; expected at least one row under the"),
-    "parquet: missing column": (parquet_bytes({"x": [1.0]}), "schema: no column 'rho_x'; expected one such as"),
+    "parquet: no rows": (
+        parquet_bytes(pair_columns(0)),
+        "file: no rows; expected at least one row under the",
+    ),
+    "parquet: missing column": (
+        parquet_bytes({"x": [1.0]}),
+        "schema: no column 'rho_x'; expected one such as",
+    ),
     "parquet: missing unit": (
         parquet_bytes({k.replace("angle [deg]", "angle"): v for k, v in pair_columns().items()}),
         "schema, column 'angle': no unit; expected one in brackets, such as 'angle [deg]'",
@@ -213,7 +268,9 @@ def test_malformed_file_is_named_by_its_place(name, tmp_path):
 
 
 def test_missing_file_and_folder_are_said_to_be_so(tmp_path):
-    with pytest.raises(InputFileError, match=r"nowhere\.csv: file: no such file; expected a CSV or Parquet file"):
+    with pytest.raises(
+        InputFileError, match=r"nowhere\.csv: file: no such file; expected a CSV or Parquet file"
+    ):
         read_pairs(tmp_path / "nowhere.csv")
     with pytest.raises(InputFileError, match=r": file: a folder; expected a CSV or Parquet file"):
         read_pairs(tmp_path)
@@ -261,7 +318,10 @@ ACCEPTED = {
         dict(zip(HEADER.split(","), ([int(x)] for x in ROW.split(",")), strict=True))
     ),
     "parquet of float32": parquet_bytes(
-        {k: pa.array([float(x)], pa.float32()) for k, x in zip(HEADER.split(","), ROW.split(","), strict=True)}
+        {
+            name: pa.array([float(x)], pa.float32())
+            for name, x in zip(HEADER.split(","), ROW.split(","), strict=True)
+        }
     ),
 }  # fmt: skip
 
@@ -281,7 +341,9 @@ def test_standard_input_is_read_as_csv(monkeypatch):
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(GOOD.encode())))
     np.testing.assert_array_equal(read_pairs("-").rho, [[3, 4, 12]])
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(parquet_bytes(pair_columns()))))
-    with pytest.raises(InputFileError, match="standard input: file: Parquet from a pipe; expected CSV, or the name"):
+    with pytest.raises(
+        InputFileError, match="standard input: file: Parquet from a pipe; expected CSV, or the name"
+    ):
         read_pairs("-")
 
 
@@ -364,7 +426,9 @@ def test_line_of_a_fault_does_not_depend_on_the_blocks(size, line, small_blocks,
     path = tmp_path / "pairs.csv"
     path.write_text("\n".join(rows))
     small_blocks(size)
-    with pytest.raises(InputFileError, match=rf": line {line}, column 'rho_z \[mm\]': 'x'; expected a number$"):
+    with pytest.raises(
+        InputFileError, match=rf": line {line}, column 'rho_z \[mm\]': 'x'; expected a number$"
+    ):
         read_pairs(path)
 
 
@@ -375,7 +439,9 @@ def test_row_of_a_fault_in_parquet_does_not_depend_on_the_blocks(size, small_blo
     path = tmp_path / "pairs.parquet"
     pq.write_table(pa.table(columns), path, row_group_size=16)
     small_blocks(size)
-    with pytest.raises(InputFileError, match=r"row 33 \(from 0\), column 'rho_z \[mm\]': 'inf'; expected a finite"):
+    with pytest.raises(
+        InputFileError, match=r"row 33 \(from 0\), column 'rho_z \[mm\]': 'inf'; expected a finite"
+    ):
         read_pairs(path)
 
 
@@ -399,11 +465,14 @@ def scratch(tmp_path_factory):
 
 def read_or_refuse(path, content):
     path.write_bytes(content)
+    refusal = pairs = None
     try:
         pairs = read_pairs(path)
     except InputFileError as error:
-        assert str(error).isprintable()
-        assert str(error).count("; expected ") >= 1
+        refusal = str(error)
+    if refusal is not None:
+        assert refusal.isprintable()
+        assert "; expected " in refusal
     else:
         assert len(pairs.rho) == len(pairs.rho_prime) == len(pairs.angle) > 0
         assert np.isfinite(pairs.rho).all()
@@ -416,7 +485,9 @@ def mutations(seed):
     place = st.integers(0, len(seed))
     junk = st.one_of(
         st.binary(max_size=8),
-        st.sampled_from([b",", b"\n", b"\r", b'"', b";", b"\0", b"[", b"]", b"nan", b"-", b" ", b"\xef\xbb\xbf"]),
+        st.sampled_from(
+            [b",", b"\n", b"\r", b'"', b";", b"\0", b"[", b"]", b"nan", b"-", b" ", b"\xef\xbb\xbf"]
+        ),
     )
     edits = st.lists(st.tuples(place, st.integers(0, 12), junk), min_size=1, max_size=5)
 

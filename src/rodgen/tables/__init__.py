@@ -15,7 +15,7 @@ Whatever is wrong with a file is an :class:`rodgen.errors.InputFileError`: one s
 line and column, what was found and what was expected.
 """
 
-from rodgen.tables._columns import Column
+from rodgen.tables._columns import Column, UnitError, conversion_factor
 from rodgen.tables._sink import open_sink
 from rodgen.tables._source import Rows, open_table
 from rodgen.tables.pairs import PAIR_COLUMNS, Pairs, SolveSummary, read_pairs, solve_table
@@ -26,6 +26,8 @@ __all__ = [
     "Pairs",
     "Rows",
     "SolveSummary",
+    "UnitError",
+    "conversion_factor",
     "open_sink",
     "open_table",
     "read_pairs",

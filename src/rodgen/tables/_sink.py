@@ -8,14 +8,11 @@ error in row nine million leaves what was there before.
 from __future__ import annotations
 
 import abc
-import contextlib
 import csv
 import gzip
 import io
 import os
-import secrets
 import shutil
-import stat
 import sys
 import tempfile
 from typing import IO, Any
@@ -23,6 +20,7 @@ from typing import IO, Any
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 
+from rodgen._files import AtomicFile, is_device
 from rodgen.errors import InputFileError, shown
 
 __all__ = ["Sink", "open_sink"]
@@ -85,7 +83,7 @@ def open_sink(
         return _CsvSink(_Stdout(), schema)
     file = os.fspath(path)
     name = file.lower()
-    if not name.endswith((".csv", ".csv.gz", ".parquet")) and not _is_device(file):
+    if not name.endswith((".csv", ".csv.gz", ".parquet")) and not is_device(file):
         raise InputFileError(file, "file", "a name that does not say what to write", _KINDS)
     if os.path.isdir(file):
         raise InputFileError(file, "file", "a folder", _KINDS)
@@ -97,16 +95,9 @@ def open_sink(
     ):
         raise InputFileError(file, "file", "the input file itself", "another name for the output")
     if name.endswith(".parquet"):
-        return _ParquetSink(_File(file), schema)
+        return _ParquetSink(AtomicFile(file), schema)
     _check_csv_holds(file, schema)
-    return _CsvSink(_File(file), schema, compress=name.endswith(".gz"))
-
-
-def _is_device(file: str) -> bool:
-    """Tell whether `file` is a pipe or a device, which has no place for a temporary file beside it."""
-    with contextlib.suppress(OSError):
-        return not stat.S_ISREG(os.stat(file).st_mode) and not os.path.isdir(file)
-    return False
+    return _CsvSink(AtomicFile(file), schema, compress=name.endswith(".gz"))
 
 
 def _check_csv_holds(file: str, schema: pa.Schema) -> None:
@@ -118,46 +109,6 @@ def _check_csv_holds(file: str, schema: pa.Schema) -> None:
                 f"the type {shown(str(field.type))}",
                 "Parquet as the output",
             )
-
-
-class _File:
-    """A file under a temporary name until it is complete; a device is written at once."""
-
-    def __init__(self, file: str) -> None:
-        self.file = file
-        # A symbolic link stays one: what it points to is replaced.
-        self._final = os.path.realpath(file)
-        self._device = _is_device(file)
-        folder, name = os.path.split(self._final)
-        self._part = (
-            self._final if self._device else os.path.join(folder, f".{name[:80]}.{secrets.token_hex(4)}")
-        )
-        self._made = False
-
-    def open(self) -> IO[bytes]:
-        try:
-            stream = open(self._part, "wb" if self._device else "xb")  # noqa: SIM115 - the sink closes it
-            self._made = True
-            if not self._device and os.path.exists(self._final):
-                shutil.copymode(self._final, self._part)
-        except (OSError, ValueError) as error:
-            raise self.error(error) from None
-        return stream
-
-    def commit(self) -> None:
-        if not self._device:
-            os.replace(self._part, self._final)
-
-    def discard(self) -> None:
-        if self._made and not self._device:
-            with contextlib.suppress(OSError):
-                os.unlink(self._part)
-
-    def error(self, error: BaseException) -> Exception:
-        reason = getattr(error, "strerror", None) or str(error).partition("\n")[0]
-        return InputFileError(
-            self.file, "file", f"cannot be written ({reason})", "a writable place with room"
-        )
 
 
 class _Stdout:
@@ -204,7 +155,7 @@ class _Unclosed:
 
 
 class _CsvSink(Sink):
-    def __init__(self, place: _File | _Stdout, schema: pa.Schema, *, compress: bool = False) -> None:
+    def __init__(self, place: AtomicFile | _Stdout, schema: pa.Schema, *, compress: bool = False) -> None:
         self._place = place
         self._names = schema.names
         self._compress = compress
@@ -244,7 +195,7 @@ class _CsvSink(Sink):
 
 
 class _ParquetSink(Sink):
-    def __init__(self, place: _File, schema: pa.Schema) -> None:
+    def __init__(self, place: AtomicFile, schema: pa.Schema) -> None:
         self._place = place
         self._schema = schema
         self._held: list[pa.RecordBatch] = []
@@ -284,7 +235,7 @@ class _ParquetSink(Sink):
         _finish(self._place, [self._writer, self._raw], kind is None)
 
 
-def _finish(place: _File | _Stdout, streams: list[Any], complete: bool) -> None:
+def _finish(place: AtomicFile | _Stdout, streams: list[Any], complete: bool) -> None:
     try:
         for stream in streams:
             stream.close()

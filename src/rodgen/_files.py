@@ -1,0 +1,93 @@
+"""Write a file so that its name never stands for half of it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+import shutil
+import stat
+from typing import IO
+
+from rodgen.errors import InputFileError
+
+__all__ = ["AtomicFile", "is_device", "write_file"]
+
+
+class AtomicFile:
+    """A file that stands under a temporary name, in its final folder, until it is complete.
+
+    A device or a pipe has no such place and is written at once. A symbolic link stays one: what it points
+    to is replaced. A file that is replaced keeps its permissions.
+
+    Parameters
+    ----------
+    file : str
+        The final name, as the user gave it.
+    """
+
+    def __init__(self, file: str) -> None:
+        self.file = file
+        self._final = os.path.realpath(file)
+        self._device = is_device(file)
+        folder, name = os.path.split(self._final)
+        part = f".{name[:80]}.{secrets.token_hex(4)}"
+        self._part = self._final if self._device else os.path.join(folder, part)
+        self._made = False
+
+    def open(self) -> IO[bytes]:
+        """Open for writing; the caller closes it."""
+        try:
+            stream = open(self._part, "wb" if self._device else "xb")  # noqa: SIM115
+            self._made = True
+            if not self._device and os.path.exists(self._final):
+                shutil.copymode(self._final, self._part)
+        except (OSError, ValueError) as error:
+            raise self.error(error) from None
+        return stream
+
+    def commit(self) -> None:
+        """Give the complete, closed file its name."""
+        if not self._device:
+            os.replace(self._part, self._final)
+
+    def discard(self) -> None:
+        """Remove the temporary file; nothing where there is none."""
+        if self._made and not self._device:
+            with contextlib.suppress(OSError):
+                os.unlink(self._part)
+
+    def error(self, error: BaseException) -> Exception:
+        """Say in one sentence why the file cannot be written."""
+        reason = getattr(error, "strerror", None) or str(error).partition("\n")[0]
+        return InputFileError(
+            self.file, "file", f"cannot be written ({reason})", "a writable place with room"
+        )
+
+
+def is_device(file: str) -> bool:
+    """Tell whether `file` is a pipe or a device."""
+    with contextlib.suppress(OSError, ValueError):
+        mode = os.stat(file).st_mode
+        return not stat.S_ISREG(mode) and not stat.S_ISDIR(mode)
+    return False
+
+
+def write_file(file: str | os.PathLike[str], content: bytes) -> None:
+    """Write `content` to `file`, all of it or nothing.
+
+    Raises
+    ------
+    InputFileError
+        When the place cannot be written.
+    """
+    target = AtomicFile(os.fspath(file))
+    stream = target.open()
+    try:
+        with stream:
+            stream.write(content)
+        target.commit()
+    except OSError as error:
+        raise target.error(error) from None
+    finally:
+        target.discard()
