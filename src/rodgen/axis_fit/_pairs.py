@@ -1,0 +1,206 @@
+"""Problem: turn what a user hands over into checked pairs of moderate size about a common origin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rodgen.errors import RodgenError
+
+__all__ = ["Pairs"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """Pairs in scaled lengths: true length = `origin` + `scale` · length here.
+
+    Attributes
+    ----------
+    rho, rho_prime : (N, 3) arrays
+    angle : (N,) array
+    weight : (N,) array
+        Relative inverse variances, at most 1; 0 for pairs that are left out.
+    point : (3,) array or None
+        The known point (then the origin), or None where it is free.
+    variance : float or None
+        Variance of a coordinate of a reading of weight 1, where sigma was given.
+    sigma : float
+        Root mean square of the sigma given, in the user's unit; NaN where none was.
+    unit_weight : float
+        Weight here of a pair to which the user gave weight 1.
+    scale : float
+        A power of two.
+    origin : (3,) array
+        In the user's unit.
+    size : float
+        Largest coordinate before the origin was subtracted, scaled.
+    """
+
+    rho: Floats
+    rho_prime: Floats
+    angle: Floats
+    weight: Floats
+    point: Floats | None
+    variance: float | None
+    sigma: float
+    unit_weight: float
+    scale: float
+    origin: Floats
+    size: float
+
+    @classmethod
+    def of(
+        cls,
+        rho: ArrayLike,
+        rho_prime: ArrayLike,
+        angle: ArrayLike,
+        point: Any,
+        sigma: ArrayLike | None,
+        weights: ArrayLike | None,
+    ) -> Pairs:
+        """Check, broadcast, flatten, shift and scale."""
+        x, y = _points("rho", rho), _points("rho_prime", rho_prime)
+        a = _numbers("angle", angle)
+        try:
+            shape = np.broadcast_shapes(x.shape[:-1], y.shape[:-1], a.shape)
+        except ValueError:
+            raise RodgenError(
+                f"rho {x.shape}, rho_prime {y.shape} and angle {a.shape} do not fit together; "
+                "expected (N, 3), (N, 3) and (N,) or one angle for all"
+            ) from None
+        x = np.broadcast_to(x, (*shape, 3)).reshape(-1, 3)
+        y = np.broadcast_to(y, (*shape, 3)).reshape(-1, 3)
+        a = np.broadcast_to(a, shape).reshape(-1)
+        if len(a) == 0:
+            raise RodgenError("rho, rho_prime and angle hold no pairs; at least one is needed")
+        for name, values in (("rho", x), ("rho_prime", y), ("angle", a)):
+            _finite(name, values)
+        known = _known_point(point)
+
+        exponent = _exponent(np.array([_largest(x), _largest(y), 0.0 if known is None else _largest(known)]))
+        x, y = np.ldexp(x, -exponent), np.ldexp(y, -exponent)
+        # The median, not the mean: one gross error must not move the origin to where differences cancel.
+        middle = (
+            np.median(x, axis=0) / 2 + np.median(y, axis=0) / 2
+            if known is None
+            else np.ldexp(known, -exponent)
+        )
+        size = max(_largest(x), _largest(y), _largest(middle))
+        x, y = x - middle, y - middle
+        second = _exponent(np.array([_largest(x), _largest(y)]))
+        x, y = np.ldexp(x, -second), np.ldexp(y, -second)
+
+        w, variance, unit, rms_sigma = _weights(sigma, weights, shape, exponent + second)
+        return cls(
+            rho=x,
+            rho_prime=y,
+            angle=np.ascontiguousarray(a),
+            weight=w,
+            point=None if known is None else np.zeros(3),
+            variance=variance,
+            sigma=rms_sigma,
+            unit_weight=unit,
+            scale=float(np.ldexp(1.0, exponent + second)),
+            origin=np.ldexp(middle, exponent),
+            size=float(np.ldexp(size, -second)),
+        )
+
+
+def _numbers(name: str, values: ArrayLike) -> Floats:
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise RodgenError(f"{name} is not an array of real numbers") from None
+
+
+def _points(name: str, values: ArrayLike) -> Floats:
+    array = _numbers(name, values)
+    if array.ndim == 0 or array.shape[-1] != 3:
+        raise RodgenError(f"{name} has shape {array.shape}; expected (N, 3), one point a row")
+    return array
+
+
+def _finite(name: str, values: Floats) -> None:
+    good = np.isfinite(values) if values.ndim == 1 else np.isfinite(values).all(axis=-1)
+    if not good.all():
+        row = int(np.argmin(good))
+        more = int(np.count_nonzero(~good)) - 1
+        others = f" ({more} more rows are like it)" if more else ""
+        raise RodgenError(
+            f"{name}, row {row} (counted from 0) is {_shown(values[row])}; expected finite numbers; "
+            f"leave such rows out{others}"
+        )
+
+
+def _known_point(point: Any) -> Floats | None:
+    if isinstance(point, str):
+        if point == "free":
+            return None
+        raise RodgenError(
+            f"point is {point!r}; expected 'free' or the three coordinates of a point on the axis"
+        )
+    known = _numbers("point", point)
+    if known.shape != (3,):
+        raise RodgenError(
+            f"point has shape {known.shape}; expected 'free' or the three coordinates of a point on the axis"
+        )
+    if not np.isfinite(known).all():
+        raise RodgenError(f"point is {_shown(known)}; expected finite coordinates")
+    return known
+
+
+def _weights(
+    sigma: ArrayLike | None, weights: ArrayLike | None, shape: tuple[int, ...], exponent: int
+) -> tuple[Floats, float | None, float, float]:
+    """Relative inverse variances (N,), variance at weight 1 if known, weight of a user's 1, rms sigma."""
+    given = np.ones(shape) if weights is None else _broadcast("weights", weights, shape)
+    if (given < 0).any():
+        row = int(np.argmax(given.ravel() < 0))
+        raise RodgenError(f"weights, row {row} (counted from 0) is negative; expected 0 or more")
+    used = given > 0
+    if not used.any():
+        raise RodgenError("all weights are zero; at least one pair must count")
+    if sigma is None:
+        largest = float(given.max())
+        return (given / largest).ravel(), None, 1 / largest, float("nan")
+    s = _broadcast("sigma", sigma, shape)
+    if not (s > 0).all():
+        row = int(np.argmin(s.ravel() > 0))
+        raise RodgenError(
+            f"sigma, row {row} (counted from 0) is not positive; expected a standard uncertainty"
+        )
+    scaled = np.ldexp(s, -exponent)
+    reach = np.where(used, scaled / np.sqrt(np.where(used, given, 1.0)), np.inf)
+    smallest = float(reach.min())
+    rms = smallest * float(np.sqrt(np.mean((scaled[used] / smallest) ** 2)))
+    return ((smallest / reach) ** 2).ravel(), smallest**2, float("nan"), float(np.ldexp(rms, exponent))
+
+
+def _broadcast(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Floats:
+    array = _numbers(name, values)
+    try:
+        array = np.broadcast_to(array, shape)
+    except ValueError:
+        raise RodgenError(
+            f"{name} has shape {array.shape}; expected one number, or one a pair: {shape}"
+        ) from None
+    _finite(name, array.ravel())
+    return array
+
+
+def _largest(values: Floats) -> float:
+    return float(np.abs(values).max())
+
+
+def _exponent(sizes: Floats) -> int:
+    """Exponent of two that brings the largest size to between 1/2 and 1; 0 for all zero."""
+    return int(np.frexp(sizes.max())[1])
+
+
+def _shown(value: Floats) -> str:
+    return np.array2string(np.asarray(value), separator=", ")

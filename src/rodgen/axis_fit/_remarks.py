@@ -1,0 +1,80 @@
+"""Problem: what a user of a fitted axis should know besides the numbers."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.axis_fit._noise import Noise
+from rodgen.axis_fit._pairs import Pairs
+from rodgen.axis_fit._robust import Loss
+from rodgen.axis_fit._solve import MOST_REWEIGHTINGS, Line, Solution, half_squares
+
+__all__ = ["remarks_on"]
+
+Floats = NDArray[np.float64]
+
+# A statistic this many of its standard deviations off is no accident.
+_NO_ACCIDENT = 5.0
+_MOST_OUTLIERS = 0.4
+_DEGREES = 4 * math.pi
+_EPS = float(np.finfo(float).eps)
+
+
+def remarks_on(pairs: Pairs, solution: Solution, loss: Loss, noise: Noise, line: Line) -> list[str]:
+    """Sentences, the weightiest first; none where there is nothing to tell."""
+    told: list[str] = []
+    largest = float(np.abs(pairs.angle).max())
+    if largest > _DEGREES:
+        told.append(f"An angle is {largest:.4g} rad: angles are taken in rad, not in degrees.")
+    if math.isnan(noise.variance):
+        told.append(
+            "The pairs have nothing to spare to estimate the noise from: give sigma to learn the uncertainty."
+        )
+    bad, used = int(noise.outliers.sum()), int(noise.used.sum())
+    if bad and loss.name == "linear":
+        told.append(
+            f"{bad} of {used} pairs are farther off than noise explains and still count: loss='tukey' would "
+            "give them no say."
+        )
+    if bad > _MOST_OUTLIERS * used:
+        told.append("More than two in five pairs are outliers: the fit may follow the wrong ones.")
+    excess = 0.0 if noise.chi_square is None else noise.chi_square - noise.dof
+    if noise.dof > 0 and abs(excess) > _NO_ACCIDENT * math.sqrt(2 * noise.dof):
+        told.append(
+            f"The residuals are {math.sqrt(1 + excess / noise.dof):.3g} times what sigma leads to expect; "
+            "the uncertainties told are those of sigma."
+        )
+    if not solution.converged:
+        told.append(f"The weights of loss={loss.name!r} had not settled after {MOST_REWEIGHTINGS} solutions.")
+    if pairs.point is not None:
+        told += _lengths_differ(pairs, noise, line)
+    return told
+
+
+def _lengths_differ(pairs: Pairs, noise: Noise, line: Line) -> list[str]:
+    """Say so when distances from the known point change more than the rest of the residuals explains."""
+    good = noise.good
+    change = np.sqrt((pairs.rho_prime[good] ** 2).sum(axis=-1)) - np.sqrt((pairs.rho[good] ** 2).sum(axis=-1))
+    count = len(change)
+    if np.abs(change).max() <= 64 * _EPS * max(pairs.size, 1.0):
+        return []
+    radial = float((pairs.weight[good] * change**2).mean()) / 2
+    if pairs.variance is not None:
+        limit = pairs.variance * (1 + _NO_ACCIDENT * math.sqrt(2 / count))
+    else:
+        freedoms = 2 * count - 2
+        if freedoms <= 0:
+            return []
+        across = max(float(half_squares(pairs, line)[good].sum()) - count * radial, 0.0) / freedoms
+        limit = across * (1 + _NO_ACCIDENT * math.sqrt(2 / count + 2 / freedoms))
+    if radial <= limit:
+        return []
+    worst = int(np.flatnonzero(good)[np.argmax(np.abs(change))])
+    rms = math.sqrt(float((change**2).mean())) * pairs.scale
+    return [
+        f"Distances from the known point change by {rms:.3g} rms (most in pair {worst}), more than the noise "
+        "explains: is that point on the axis? A free point would tell."
+    ]

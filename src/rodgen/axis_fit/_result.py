@@ -1,0 +1,280 @@
+"""Problem: say what a fitted axis is, how well it is known, and what the data do not tell about it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["AxisFit", "AxisFitStatus"]
+
+Floats = NDArray[np.float64]
+
+_ARCSEC = math.pi / 648000
+
+
+class AxisFitStatus(IntEnum):
+    """How far the pairs determine the direction of the axis.
+
+    A free point is determined exactly when the direction is: every turn that tells something about the
+    one tells it about the other.
+    """
+
+    DETERMINED = 0
+    """One axis."""
+    SIGN_FREE = 1
+    """One line, but the axis and its opposite fit alike: all angles half turns, or all points on the axis."""
+    TWO_AXES = 2
+    """Two different axes fit alike; `candidate_axes` holds both."""
+    ONE_FREEDOM = 3
+    """The direction can turn one way, `free_directions`, and the residuals do not tell; `axis` represents."""
+    ANY_AXIS = 4
+    """The direction can turn any way; `axis` only represents."""
+
+
+@dataclass(frozen=True, eq=False)
+class AxisFit:
+    """One axis of rotation fitted to pairs of points.
+
+    All uncertainties are standard uncertainties (one sigma). Lengths are in the unit of the input, angles
+    in radians.
+
+    Attributes
+    ----------
+    axis : (3,) array
+        Unit direction; the angles given are positive about it by the right-hand rule.
+    point : (3,) array
+        Point on the axis: the known one, or where free the point of the axis nearest to `centroid`.
+    covariance : (6, 6) array
+        Joint covariance of `axis` and `point`; rank 4, or 2 where the point is known. NaN where the
+        direction is not determined exactly, or the noise is not known.
+    sigma : float
+        Standard uncertainty of one coordinate of one reading (unit weight): given, root mean square where
+        one a pair was given; otherwise estimated from the residuals. NaN with nothing left to estimate from.
+    sigma_given : bool
+        Whether `sigma` was given.
+    dof : int
+        Degrees of freedom: three a pair that counts, less what was fitted.
+    chi_square : float or None
+        Where sigma was given: Σ |d|²/(2σ²) over the pairs that are not outliers; about `dof` if all is well.
+    rms : float
+        Root mean square length of a residual, over the pairs that are not outliers.
+    residuals : (N, 3) array
+        ρ′ - p - R(ρ - p) of every pair.
+    weights : (N,) array
+        What each pair counted: 1, less where the loss reduced it, 0 where it was left out.
+    outliers : (N,) bool array
+        Pairs so far off that in one good data set of this size out of a hundred the worst is; with
+        ``loss="linear"`` they are named but still count.
+    centroid : (3,) array
+        Mean of all points of the pairs that are not outliers.
+    condition : float
+        Ratio of the largest to the smallest uncertainty that unit noise gives direction (times the root mean
+        square arm) and point; 1 is best, infinite where something is not determined.
+    status : AxisFitStatus
+        How far the direction is determined.
+    undetermined : tuple of str
+        One sentence for each thing that the pairs do not determine; empty where all is.
+    remarks : tuple of str
+        What else a user should know, one sentence each.
+    candidate_axes, candidate_points : (K, 3) arrays
+        All axes that fit as well as can be told, best first; K is 1 or 2.
+    candidate_rms : (K,) array
+    free_directions : (F, 3) array
+        Unit vectors towards which the axis can turn freely; F is 0, 1 or 2.
+    point_known : bool
+        Whether the point was given.
+    loss : str
+        Name of the loss.
+    iterations : int
+        Solutions computed with reduced weights; 0 for ``loss="linear"``, which needs one.
+    """
+
+    axis: Floats
+    point: Floats
+    covariance: Floats
+    sigma: float
+    sigma_given: bool
+    dof: int
+    chi_square: float | None
+    rms: float
+    residuals: Floats
+    weights: Floats
+    outliers: NDArray[np.bool_]
+    centroid: Floats
+    condition: float
+    status: AxisFitStatus
+    undetermined: tuple[str, ...]
+    remarks: tuple[str, ...]
+    candidate_axes: Floats
+    candidate_points: Floats
+    candidate_rms: Floats
+    free_directions: Floats
+    point_known: bool
+    loss: str
+    iterations: int
+
+    @property
+    def pairs(self) -> int:
+        """Number of pairs given."""
+        return len(self.outliers)
+
+    @property
+    def axis_covariance(self) -> Floats:
+        """(3, 3) covariance of `axis`, of rank 2: a unit vector does not change along itself."""
+        return self.covariance[:3, :3]
+
+    @property
+    def point_covariance(self) -> Floats:
+        """(3, 3) covariance of `point`; zero where it is known."""
+        return self.covariance[3:, 3:]
+
+    @property
+    def axis_uncertainty(self) -> Floats:
+        """(2,) standard uncertainties of the direction in rad: the largest, and the one square to it."""
+        return _sizes(self.axis_covariance)[:2]
+
+    @property
+    def point_uncertainty(self) -> Floats:
+        """(3,) standard uncertainties of the coordinates of `point`."""
+        return np.sqrt(np.maximum(np.diag(self.point_covariance), 0))
+
+    def nearest_point(self, to: ArrayLike) -> tuple[Floats, Floats]:
+        """Point of the axis nearest to a given one, with its uncertainty.
+
+        Parameters
+        ----------
+        to : (3,) array_like
+            Any point, such as the origin.
+
+        Returns
+        -------
+        point : (3,) array
+        covariance : (3, 3) array
+            The farther `to` is from the data along the axis, the more the direction's uncertainty adds.
+        """
+        reach = np.asarray(to, dtype=float) - self.point
+        along = float(self.axis @ reach)
+        by_axis = along * np.eye(3) + np.outer(self.axis, reach)
+        by_point = np.eye(3) - np.outer(self.axis, self.axis)
+        jacobian = np.hstack([by_axis, by_point])
+        return self.point + along * self.axis, jacobian @ self.covariance @ jacobian.T
+
+    def summary(self) -> str:
+        """Text of a few lines for an engineer."""
+        point = "point known" if self.point_known else "point free"
+        used = int(np.count_nonzero(self.weights))
+        lines = [f"Axis fitted to {self.pairs} pairs ({point}, loss {self.loss}): {self.status.name}"]
+        u = self.axis_uncertainty
+        lines.append(f"  direction   {_vector(self.axis, u[0])}")
+        lines.append(f"              {_angle(u[0])} in the worst direction, {_angle(u[1])} square to it")
+        if not self.point_known:
+            lines.append(f"  point       {_vector(self.point, self.point_uncertainty.max())}")
+            lines.append(
+                f"              ± {_plain(self.point_uncertainty)}; nearest to the centroid of the readings"
+            )
+        lines.append(f"  residuals   rms {self.rms:.4g}; {used} of {self.pairs} pairs count")
+        source = "given" if self.sigma_given else f"estimated, {self.dof} degrees of freedom"
+        noise = (
+            "unknown" if math.isnan(self.sigma) else f"{self.sigma:.4g} a coordinate of a reading ({source})"
+        )
+        lines.append(f"  noise       {noise}")
+        if self.chi_square is not None:
+            spread = math.sqrt(2 * max(self.dof, 0))
+            lines.append(f"  chi-square  {self.chi_square:.5g}, expected {self.dof} ± {spread:.2g}")
+        lines.append(f"  condition   {self.condition:.3g}")
+        bad = np.flatnonzero(self.outliers)
+        if len(bad):
+            named = ", ".join(map(str, bad[:10])) + (", …" if len(bad) > 10 else "")
+            lines.append(f"  outliers    {len(bad)}: pair {named} (counted from 0)")
+        lines += [f"  not determined: {sentence}" for sentence in self.undetermined]
+        lines += [f"  remark: {sentence}" for sentence in self.remarks]
+        return "\n".join(lines)
+
+    def __str__(self) -> str:
+        return self.summary()
+
+    def to_dict(self, *, pairwise: bool = True) -> dict[str, Any]:
+        """All results as plain Python values that :mod:`json` writes; what is not a finite number is None.
+
+        Parameters
+        ----------
+        pairwise : bool
+            Whether residuals and weights of every pair are included.
+        """
+        everything: dict[str, Any] = {
+            "status": self.status.name,
+            "undetermined": list(self.undetermined),
+            "remarks": list(self.remarks),
+            "pairs": self.pairs,
+            "outliers": np.flatnonzero(self.outliers),
+            "axis": self.axis,
+            "axis_uncertainty_rad": self.axis_uncertainty,
+            "point": self.point,
+            "point_known": self.point_known,
+            "point_uncertainty": self.point_uncertainty,
+            "covariance_axis_point": self.covariance,
+            "centroid": self.centroid,
+            "rms": self.rms,
+            "sigma": self.sigma,
+            "sigma_given": self.sigma_given,
+            "dof": self.dof,
+            "chi_square": self.chi_square,
+            "condition": self.condition,
+            "candidate_axes": self.candidate_axes,
+            "candidate_points": self.candidate_points,
+            "candidate_rms": self.candidate_rms,
+            "free_directions": self.free_directions,
+            "loss": self.loss,
+            "iterations": self.iterations,
+        }
+        if pairwise:
+            everything |= {"residuals": self.residuals, "weights": self.weights}
+        return {key: _plain_value(value) for key, value in everything.items()}
+
+
+def _sizes(covariance: Floats) -> Floats:
+    """Give standard uncertainties along the principal directions, largest first; NaN where unknown."""
+    if not np.isfinite(covariance).all():
+        return np.full(len(covariance), np.nan)
+    sizes: Floats = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[::-1], 0))
+    return sizes
+
+
+def _plain_value(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return _plain_value(value.tolist())
+    if isinstance(value, list):
+        return [_plain_value(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def _vector(value: Floats, uncertainty: float) -> str:
+    """Coordinates to two digits of their uncertainty, as far as double precision has them."""
+    size = float(np.abs(value).max())
+    if size == 0:
+        return "(0, 0, 0)"
+    known = max(uncertainty, size * 1e-10) if math.isfinite(uncertainty) else size * 1e-5
+    digits = 1 - math.floor(math.log10(known))
+    if 1e-6 <= size < 1e9 and 0 <= digits <= 16:
+        return "(" + ", ".join(f"{c:z.{digits}f}" for c in value) + ")"
+    figures = min(max(2 + math.floor(math.log10(size)) + digits, 3), 16)
+    return "(" + ", ".join(f"{c:z.{figures - 1}e}" for c in value) + ")"
+
+
+def _plain(values: Floats) -> str:
+    return "(" + ", ".join("unknown" if math.isnan(v) else f"{v:.2g}" for v in values) + ")"
+
+
+def _angle(radians: float) -> str:
+    if math.isnan(radians):
+        return "± unknown"
+    if radians > 0.02:
+        return f"± {math.degrees(radians):.3g} deg"
+    return f'± {radians * 1e6:.3g} µrad ({radians / _ARCSEC:.3g}")'

@@ -1,0 +1,199 @@
+"""Problem: the axis and point of least weighted squares, or of least robust loss, with the other optimum.
+
+Route: the global minimum in closed form (:mod:`rodgen.axis_fit._moments`, :mod:`rodgen.axis_fit._sphere`); a
+robust loss repeats it with reduced weights from a start that gross errors cannot move
+(:mod:`rodgen.axis_fit._robust`); Newton steps on the residuals themselves remove what rounding of the
+sums has left: the sums lose the square of the condition number, the residuals only its first power.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.axis_fit._moments import Moments, tangents
+from rodgen.axis_fit._pairs import Pairs
+from rodgen.axis_fit._residual import _residual, _residual_and_jacobian
+from rodgen.axis_fit._robust import Loss, robust_start, trimmed_variance
+from rodgen.axis_fit._sphere import maximise_on_sphere
+from rodgen.errors import RodgenError
+
+__all__ = ["MOST_REWEIGHTINGS", "Line", "Solution", "half_squares", "solve"]
+
+Floats = NDArray[np.float64]
+
+# Reweighting converges by a factor of three to ten a solution; not to be done by then is told, not hidden.
+MOST_REWEIGHTINGS = 100
+_SETTLED, _NEARLY_SETTLED = 1e-12, 1e-4
+# From the closed form one step is enough, and one more shows that it was.
+_MOST_NEWTON_STEPS = 5
+_STEP_ENOUGH = 1e-12
+# The closed form is nearer than this wherever a step makes sense at all.
+_LONGEST_STEP = 1e-3
+# Turns with less than this share of the best one's information are left as the closed form has them.
+_LEAST_INFORMATION = 1e-11
+_BLOCK = 2048
+_EPS = float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """An axis and a point on it, scaled lengths."""
+
+    axis: Floats
+    point: Floats
+
+    def nearest(self, to: Floats) -> Line:
+        """Give the same line by its point nearest to `to`."""
+        return Line(self.axis, self.point + self.axis * (self.axis @ (to - self.point)))
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """The optimum, the other local optimum if there is one worth a look, and what each pair counted."""
+
+    best: Line
+    other: Line | None
+    share: Floats
+    """(N,) what the loss leaves of each pair's weight; 0 for pairs that are left out."""
+    iterations: int
+    converged: bool
+
+
+def half_squares(pairs: Pairs, line: Line) -> Floats:
+    """Return w |d|²/2 of every pair: three times the variance of unit weight, in the mean."""
+    return _half_squares(pairs.rho, pairs.rho_prime, pairs.angle, pairs.weight, line)
+
+
+def solve(pairs: Pairs, loss: Loss) -> Solution:
+    """Find the optimum.
+
+    Raises
+    ------
+    RodgenError
+        Too few pairs for a robust loss.
+    """
+    used = pairs.weight > 0
+    arrays = (pairs.rho, pairs.rho_prime, pairs.angle, pairs.weight)
+    x, y, angle, w = arrays if used.all() else tuple(array[used] for array in arrays)
+    point = pairs.point
+    share, iterations, converged, near = np.ones(len(w)), 0, True, None
+    if loss.name != "linear":
+        needed = 4 if point is None else 3
+        if len(w) < needed:
+            raise RodgenError(
+                f"loss={loss.name!r} has {len(w)} pairs; it needs at least {needed} to tell a bad one from "
+                "the good ones; use loss='linear'"
+            )
+        start = robust_start(x, y, angle, w, point)
+        near, variance = Line(start.axis, start.point), pairs.variance
+        if variance is None:
+            near, share, iterations, _ = _reweight(
+                x, y, angle, w, point, loss, near, start.variance, _NEARLY_SETTLED
+            )
+            squares = _half_squares(x, y, angle, w, near)
+            variance = trimmed_variance(squares, 4 if point is None else 2, start.variance)
+        near, share, more, converged = _reweight(x, y, angle, w, point, loss, near, variance, _SETTLED)
+        iterations += more
+    best, other = _optima(x, y, angle, w * share, point, near)
+    everyone = np.zeros(len(used))
+    everyone[used] = share
+    return Solution(best, other, everyone, iterations, converged)
+
+
+def _optima(
+    x: Floats, y: Floats, angle: Floats, w: Floats, point: Floats | None, near: Line | None
+) -> tuple[Line, Line | None]:
+    """Both optima for given weights; `near` says which one the weights belong to."""
+    moments = Moments.of(x, y, angle, w, point)
+    A, b = moments.quadratic()
+    first, second = maximise_on_sphere(A, b)
+    if near is not None and second @ near.axis > first @ near.axis:
+        first, second = second, first
+    best = _polish(x, y, angle, w, moments, first)
+    if not np.isfinite(second).all():
+        return best, None
+    # ½ Σ w |d|² is a constant less the quadratic: a far worse optimum is known without another look at
+    # the pairs.
+    worse = float(first @ A @ first + b @ first - second @ A @ second - b @ second)
+    if worse > 100 * float(_half_squares(x, y, angle, w, best).sum()) + 1e-6 * float(np.abs(A).max()):
+        return best, None
+    return best, _polish(x, y, angle, w, moments, second)
+
+
+def _half_squares(x: Floats, y: Floats, angle: Floats, w: Floats, line: Line) -> Floats:
+    d = _residual(x, y, angle, line.axis, line.point)
+    return w * (d[:, 0] ** 2 + d[:, 1] ** 2 + d[:, 2] ** 2) / 2
+
+
+def _reweight(
+    x: Floats,
+    y: Floats,
+    angle: Floats,
+    w: Floats,
+    point: Floats | None,
+    loss: Loss,
+    line: Line,
+    variance: float,
+    settled: float,
+) -> tuple[Line, Floats, int, bool]:
+    """Solve with the loss's weights until they stay; each solution is a global one."""
+    variance = max(variance, (_EPS * float(np.abs(y).max())) ** 2)  # exact pairs: rounding is the noise
+    share = np.ones(len(w))
+    for count in range(1, MOST_REWEIGHTINGS + 1):
+        share = loss.weight(np.sqrt(_half_squares(x, y, angle, w, line) / variance))
+        moments = Moments.of(x, y, angle, w * share, point)
+        axis, other = maximise_on_sphere(*moments.quadratic())
+        if other @ line.axis > axis @ line.axis:
+            axis = other  # of two optima stay with the one that the start has chosen
+        new = Line(axis, moments.point(axis)).nearest(line.point)
+        moved = max(float(np.abs(axis - line.axis).max()), float(np.abs(new.point - line.point).max()))
+        line = new
+        if moved <= settled:
+            return line, share, count, True
+    return line, share, MOST_REWEIGHTINGS, False
+
+
+def _polish(x: Floats, y: Floats, angle: Floats, w: Floats, moments: Moments, axis: Floats) -> Line:
+    """Newton steps on the residuals, in the turns and shifts that are determined."""
+    point = moments.point(axis)
+    arm = math.sqrt(3 * float(np.mean((x - point) ** 2))) or 1.0
+    last = _LONGEST_STEP
+    for _ in range(_MOST_NEWTON_STEPS):
+        basis = tangents(axis)
+        by_axis, by_point = _gradient(x, y, angle, w, axis, point)
+        gradient, units = by_axis @ basis / arm, np.repeat(1 / arm, 2)
+        if moments.free:
+            gradient = np.concatenate([gradient, by_point @ basis])
+            units = np.concatenate([units, np.ones(2)])
+        values, vectors = np.linalg.eigh(moments.hessian(axis, point, basis) * np.outer(units, units))
+        kept = values > max(_LEAST_INFORMATION * values[-1], 0.0)
+        step = -vectors[:, kept] @ ((vectors[:, kept].T @ gradient) / values[kept])
+        size = float(np.abs(step).max()) / arm
+        if not size < last / 2:
+            break
+        axis = axis + basis @ step[:2] / arm
+        axis = axis / math.sqrt(axis @ axis)
+        if moments.free:
+            point = point + basis @ step[2:]
+        if size < _STEP_ENOUGH:
+            break
+        last = size
+    return Line(axis, point)
+
+
+def _gradient(
+    x: Floats, y: Floats, angle: Floats, w: Floats, axis: Floats, point: Floats
+) -> tuple[Floats, Floats]:
+    """Differentiate ½ Σ w |d|² by axis and point, in blocks whose Jacobians stay in the cache."""
+    by_axis, by_point = np.zeros(3), np.zeros(3)
+    for first in range(0, len(w), _BLOCK):
+        block = slice(first, first + _BLOCK)
+        d, J_axis, J_point = _residual_and_jacobian(x[block], y[block], angle[block], axis, point)
+        weighted = (w[block, None] * d).ravel()
+        by_axis += weighted @ J_axis.reshape(-1, 3)
+        by_point += weighted @ J_point.reshape(-1, 3)
+    return by_axis, by_point
