@@ -9,12 +9,17 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+# A sample during which the thread was off the processor for a twentieth of the time is taken again.
+UNDISTURBED = 0.95
+TRIES = 4
+
 
 @dataclass
 class Entry:
     call: Callable[[], object]
     solves: int  # solved by one call
     repeats: int = 1  # calls in one sample
+    threads: int = 1
     samples: list[float] = field(default_factory=list)  # ns per solve, one a round
 
     @property
@@ -54,19 +59,34 @@ def calibrate(entry: Entry, shortest_s: float) -> None:
     entry.repeats = max(1, round(shortest_s / spent))
 
 
-def alternate(entries: dict[str, Entry], rounds: int, seed: int = 0) -> None:
-    """Take ``rounds`` samples of every entry, each round in another random order."""
+def alternate(entries: dict[str, Entry], rounds: int, seed: int = 0) -> float:
+    """Take ``rounds`` samples of every entry, each round in another random order.
+
+    Returns the share of a processor that the samples of one thread had: below 1, others were in the way.
+    """
     order = random.Random(seed)
     names = list(entries)
     gc.collect()
     gc.disable()
+    wall = processor = 0.0
     try:
         for _ in range(rounds):
             order.shuffle(names)
             for name in names:
-                entries[name].samples.append(entries[name].once())
+                entry = entries[name]
+                for _ in range(TRIES):
+                    begun = time.perf_counter(), time.thread_time()
+                    sample = entry.once()
+                    spent = time.perf_counter() - begun[0], time.thread_time() - begun[1]
+                    if entry.threads > 1 or spent[1] > UNDISTURBED * spent[0]:
+                        break
+                entry.samples.append(sample)
+                if entry.threads == 1:
+                    wall += spent[0]
+                    processor += spent[1]
     finally:
         gc.enable()
+    return processor / wall
 
 
 def ratio(entry: Entry, base: Entry) -> float:

@@ -21,13 +21,17 @@ PACKAGES = ("numpy", "scipy", "sympy", "numba", "casadi", "wrenfold", "ssik")
 CAVEATS = """\
 # Benchmarks
 
-*Written by `python benchmarks/run.py`; do not edit.*
+*Written by `make bench` (`python benchmarks/run.py`); do not edit. With `--quick` it only prints a shorter
+run. The peers are installed into environments of their own, `benchmarks/.venv-peers` and
+`benchmarks/.venv-symforce`, from pinned requirements; their generated code is made at each run.*
 
 Read these first:
 
 - One machine, one run, and a shared one: other tenants use its memory and its last-level cache. Ratios are
   taken within a round, so they are steadier than the nanoseconds; *spread* is the interquartile range over
   the median of the gufunc's own samples. A ratio that differs by less than the spread means nothing.
+- A sample during which the operating system took the thread off its processor for a twentieth of the time or
+  more is taken again, up to three times; what then remained is shown as the share of a processor below.
 - The problem is small (some fifty operations and one tangent), so this compares how well each tool turns a
   short formula into a loop over memory. It says nothing of large expressions, derivatives or other subjects.
 - Every closed-form peer evaluates the compact form e± = (κ m×r ± sqrt(max(|m|² − κ²|r|², 0)) m)/|m|²,
@@ -102,6 +106,7 @@ def result(
     missing: list[tuple[str, str]],
     errors: dict[str, float],
     sizes: dict[int, dict[str, clock.Entry]],
+    shares: dict[int, float],
 ) -> dict:
     """Everything measured, as plain data."""
     rows = []
@@ -130,6 +135,7 @@ def result(
             for name, entry in entries.items()
             if name.startswith("limit:")
         },
+        "processor share": {HEADERS[n]: round(share, 3) for n, share in shares.items()},
         "rounds": {HEADERS[n]: len(next(iter(entries.values())).samples) for n, entries in sizes.items()},
     }
 
@@ -142,6 +148,7 @@ def _sizes(name: str, sizes: dict[int, dict[str, clock.Entry]]) -> dict[str, dic
         entry, base = entries[name], entries.get(package.GUFUNC)
         found[HEADERS[n]] = {
             "ns a solve": round(entry.median, 3),
+            "fastest ns a solve": round(min(entry.samples), 3),
             "spread": round(entry.spread, 3),
             "solves timed": entry.solves,
             "ratio": round(clock.ratio(entry, base), 3) if base else None,
@@ -193,7 +200,9 @@ def page(result: dict) -> str:
     condition = f"random, condition number of the axis at most {problem.LARGEST_CONDITION:.0f}"
     parts = [CAVEATS.format(condition=condition, bytes=limits.BYTES_A_SOLVE)]
     parts += ["## Machine\n", *(f"- {name}: {value}" for name, value in result["machine"].items())]
-    parts += [f"- rounds: {', '.join(f'{r} at N = {n}' for n, r in result['rounds'].items())}\n"]
+    parts += [f"- rounds: {', '.join(f'{r} at N = {n}' for n, r in result['rounds'].items())}"]
+    shares = ", ".join(f"{share:.0%} at N = {n}" for n, share in result["processor share"].items())
+    parts += [f"- share of one processor that the samples had: {shares}\n"]
     parts += _headline(result)
     rows = sorted(result["rows"], key=lambda row: row["sizes"]["1e5"]["ns a solve"])
     parts += ["## Time for one solve, one thread (ns)\n"]

@@ -105,8 +105,11 @@ def bind(
 
 def measure(
     n: int, rounds: int, contenders: list[Contender], known: dict[str, float]
-) -> dict[str, clock.Entry]:
-    """Time every contender at one N, with the machine's own limits and the threads among them."""
+) -> tuple[dict[str, clock.Entry], float]:
+    """Time every contender at one N, with the machine's own limits and the threads among them.
+
+    Returns the entries and the share of a processor that the rounds got.
+    """
     _, _, longest_s, shortest_s = PLAN[n]
     full = problem.make(n)
     entries = {c.name: bind(c, full, longest_s, known.get(c.name)) for c in contenders}
@@ -115,7 +118,7 @@ def measure(
     if n >= 100_000:
         if package.GUFUNC in names:
             two = package.threaded(pool, THREADS)
-            entries[two.name] = clock.Entry(two.bind(full), n)
+            entries[two.name] = clock.Entry(two.bind(full), n, threads=THREADS)
         for name in ("traffic", "traffic_streaming"):
             add_limit(entries, name, lambda name=name: limits.traffic(full, name), n)
     if n == 1_000:
@@ -126,22 +129,24 @@ def measure(
         solves = triad.bytes // limits.BYTES_A_SOLVE
         for name in ("triad", "triad_streaming"):
             add_limit(entries, name, lambda name=name: triad.call(name), solves)
-            add_limit(entries, f"{name}_2", lambda name=name: triad.call(name, pool, THREADS), solves)
+            add_limit(
+                entries, f"{name}_2", lambda name=name: triad.call(name, pool, THREADS), solves, THREADS
+            )
     for entry in entries.values():
         clock.calibrate(entry, shortest_s)
-    clock.alternate(entries, rounds, seed=n)
+    share = clock.alternate(entries, rounds, seed=n)
     pool.shutdown()
-    return entries
+    return entries, share
 
 
-def add_limit(entries: dict[str, clock.Entry], name: str, make, solves: int) -> None:
+def add_limit(entries: dict[str, clock.Entry], name: str, make, solves: int, threads: int = 1) -> None:
     try:
         call = make()
         call()
     except Exception as error:
         print(f"  limit {name} not measured: {error}")
     else:
-        entries[f"limit:{name}"] = clock.Entry(call, solves)
+        entries[f"limit:{name}"] = clock.Entry(call, solves, threads=threads)
 
 
 def only_bandwidth() -> dict[str, clock.Entry]:
@@ -152,7 +157,9 @@ def only_bandwidth() -> dict[str, clock.Entry]:
         for name in ("triad", "triad_streaming"):
             solves = triad.bytes // limits.BYTES_A_SOLVE
             add_limit(entries, name, lambda name=name: triad.call(name), solves)
-            add_limit(entries, f"{name}_2", lambda name=name: triad.call(name, pool, THREADS), solves)
+            add_limit(
+                entries, f"{name}_2", lambda name=name: triad.call(name, pool, THREADS), solves, THREADS
+            )
         clock.alternate(entries, 5)
     return entries
 
@@ -171,6 +178,7 @@ def main() -> None:
     errors = check(contenders, missing)
 
     sizes: dict[int, dict[str, clock.Entry]] = {}
+    shares: dict[int, float] = {}
     known: dict[str, float] = {}
     for n, (full_rounds, quick_rounds, _, _) in PLAN.items():
         rounds = quick_rounds if arguments.quick else full_rounds
@@ -185,12 +193,12 @@ def main() -> None:
                 entry = clock.Entry(contender.bind(few), 20)
                 clock.calibrate(entry, 0.0)
                 known[contender.name] = entry.once()
-        sizes[n] = measure(n, rounds, contenders, known)
+        sizes[n], shares[n] = measure(n, rounds, contenders, known)
         if n > 1:
             known |= {name: entry.median for name, entry in sizes[n].items()}
         print(f"N = {n:,}: {rounds} rounds in {time.perf_counter() - begun:.0f} s", flush=True)
 
-    result = report.result(machine, contenders, missing, errors, sizes)
+    result = report.result(machine, contenders, missing, errors, sizes, shares)
     result["seconds"] = round(time.perf_counter() - started)
     page = report.page(result)
     print(page)
