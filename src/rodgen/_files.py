@@ -28,20 +28,21 @@ class AtomicFile:
 
     def __init__(self, file: str) -> None:
         self.file = file
-        self._final = os.path.realpath(file)
         self._device = is_device(file)
-        folder, name = os.path.split(self._final)
-        part = f".{name[:80]}.{secrets.token_hex(4)}"
-        self._part = self._final if self._device else os.path.join(folder, part)
-        self._made = False
+        self._final = self._part = ""
 
     def open(self) -> IO[bytes]:
         """Open for writing; the caller closes it."""
         try:
-            stream = open(self._part, "wb" if self._device else "xb")  # noqa: SIM115
-            self._made = True
-            if not self._device and os.path.exists(self._final):
-                shutil.copymode(self._final, self._part)
+            if self._device:
+                return open(self.file, "wb")
+            self._final = os.path.realpath(self.file)
+            folder, name = os.path.split(self._final)
+            part = os.path.join(folder, f".{name[:80]}.{secrets.token_hex(4)}")
+            stream = open(part, "xb")  # noqa: SIM115
+            self._part = part
+            if os.path.exists(self._final):
+                shutil.copymode(self._final, part)
         except (OSError, ValueError) as error:
             raise self.error(error) from None
         return stream
@@ -53,7 +54,7 @@ class AtomicFile:
 
     def discard(self) -> None:
         """Remove the temporary file; nothing where there is none."""
-        if self._made and not self._device:
+        if self._part:
             with contextlib.suppress(OSError):
                 os.unlink(self._part)
 

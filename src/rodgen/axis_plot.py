@@ -231,7 +231,7 @@ def _draw_residuals(panel: Any, pairs: Pairs, fit: AxisFit, after: Floats, u: Fl
             mfc=_RED,
             mec="black",
             mew=0.5,
-            label="outlier, cut off here",
+            label="outlier, farther off" if (np.abs(value) > edge).any() else "outlier",
         )
     noise = math.sqrt(2) * fit.sigma
     if math.isfinite(noise) and noise > 0:

@@ -25,8 +25,8 @@ from rodgen.errors import InputFileError, shown
 
 __all__ = ["Sink", "open_sink"]
 
-# Parquet reads fastest in row groups of this size, and none is held back longer.
-_ROW_GROUP = 1 << 18
+# Row groups of a few MB a column read fast; larger ones would only be held in memory longer.
+_ROW_GROUP = 1 << 17
 _SPOOLED_BYTES = 16 << 20
 _KINDS = "a name that ends in .csv, .csv.gz or .parquet"
 

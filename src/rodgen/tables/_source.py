@@ -65,7 +65,7 @@ class Rows:
         Each wanted column, float64 and finite: lengths in the unit of the first length column, angles in
         radians.
     batch : pyarrow.RecordBatch
-        Every column of the file as it stands there; text where the file is CSV.
+        Every column of the file as it stands there; see `open_table` for a CSV file.
     """
 
     values: tuple[NDArray[np.float64], ...]
@@ -187,7 +187,7 @@ class Table(abc.ABC):
         """Name the place where the first row was expected."""
 
 
-def open_table(path: str | os.PathLike[str], columns: Sequence[Column]) -> Table:
+def open_table(path: str | os.PathLike[str], columns: Sequence[Column], *, keep_text: bool = True) -> Table:
     """Open a CSV or Parquet file for reading in blocks.
 
     What the file is, is told from its first bytes, not from its name.
@@ -198,6 +198,9 @@ def open_table(path: str | os.PathLike[str], columns: Sequence[Column]) -> Table
         ``"-"`` reads CSV from standard input.
     columns : sequence of Column
         The columns that are needed, by name and quantity.
+    keep_text : bool
+        Whether the needed columns of a CSV file stand in `Rows.batch` letter for letter, or as numbers (in
+        the unit of the file). All other columns of a CSV file are text there, because nobody read them.
 
     Returns
     -------
@@ -213,7 +216,7 @@ def open_table(path: str | os.PathLike[str], columns: Sequence[Column]) -> Table
     if file == "-":
         if sys.stdin is None:
             raise InputFileError("standard input", "file", "closed", "CSV, or the name of a file")
-        return _CsvTable("standard input", sys.stdin.buffer, columns, closes=False)
+        return _CsvTable("standard input", sys.stdin.buffer, columns, keep_text, closes=False)
     try:
         stream = open(file, "rb")  # noqa: SIM115 - the table closes it
     except FileNotFoundError:
@@ -226,7 +229,7 @@ def open_table(path: str | os.PathLike[str], columns: Sequence[Column]) -> Table
         start = stream.peek(8)[:8]
         if start.startswith(b"PAR1"):
             return _ParquetTable(file, stream, columns)
-        return _CsvTable(file, stream, columns)
+        return _CsvTable(file, stream, columns, keep_text)
     except OSError as error:
         stream.close()
         raise _unreadable(file, error) from None
@@ -245,7 +248,9 @@ class _CsvTable(Table):
 
     amount_unit = "B"
 
-    def __init__(self, file: str, raw: IO[bytes], columns: Sequence[Column], *, closes: bool = True) -> None:
+    def __init__(
+        self, file: str, raw: IO[bytes], columns: Sequence[Column], keep_text: bool, *, closes: bool = True
+    ) -> None:
         self.file = file
         self._raw = raw
         self._closes = closes
@@ -264,7 +269,12 @@ class _CsvTable(Table):
         self._width = len(texts)
         place = f"line {self._next_line - 1}"
         self.matches = match_columns(texts, columns, file, place, numbered=True)
-        self.schema = pa.schema([pa.field(text, pa.string()) for text in texts])
+        self._keep_text = keep_text
+        types = [pa.string()] * self._width
+        if not keep_text:
+            for match in self.matches:
+                types[match.index] = pa.float64()
+        self.schema = pa.schema(list(map(pa.field, texts, types)))
         self._read_options = [str(i) for i in range(self._width)]
 
     def close(self) -> None:
@@ -415,21 +425,29 @@ class _CsvTable(Table):
             )
         except pa.ArrowInvalid as error:
             if not data.strip(b"\r\n"):
-                table = self.schema.empty_table()
+                table = pa.table([pa.array([], pa.string())] * self._width, self._read_options)
             else:
                 raise self._ragged(data, block.first, str(error)) from None
         if b'"' in data and table.num_rows != sum(1 for _ in _numbered_lines(data, 0)):
             raise self._ragged(data, block.first, "quotation marks inside a cell")
-        values = self._values(table, data, block.first)
-        return Rows(values, _one_batch(table.rename_columns(self.schema.names)))
+        numbers, values = self._values(table, data, block.first)
+        arrays = [column.combine_chunks() for column in table.columns]
+        if not self._keep_text:
+            for match, column in zip(self.matches, numbers, strict=True):
+                arrays[match.index] = pa.array(column)
+        return Rows(values, pa.RecordBatch.from_arrays(arrays, schema=self.schema))
 
-    def _values(self, table: pa.Table, data: bytes, first: int) -> tuple[NDArray[np.float64], ...]:
+    def _values(
+        self, table: pa.Table, data: bytes, first: int
+    ) -> tuple[list[NDArray[np.float64]], tuple[NDArray[np.float64], ...]]:
+        """Return the wanted columns in their own units, and in those asked for."""
+        unscaled = []
         values = []
         faults: list[tuple[int, int, str]] = []
         for match in self.matches:
             column = table.column(match.index)
             try:
-                numbers = _numbers(column)
+                own = numbers = _numbers(column)
             except _NoNumberError as error:
                 faults.append((error.row, match.index, error.text))
                 continue
@@ -440,6 +458,7 @@ class _CsvTable(Table):
             if not finite.all():
                 row = int(np.argmin(finite))
                 faults.append((row, match.index, column[row].as_py()))
+            unscaled.append(own)
             values.append(numbers)
         if faults:
             row, index, text = min(faults)
@@ -447,7 +466,7 @@ class _CsvTable(Table):
             number = next(number for i, (number, _) in enumerate(lines) if i == row)
             name = self.schema.names[index]
             raise InputFileError(self.file, f"line {number}, column {shown(name)}", *_cell_fault(text))
-        return tuple(values)
+        return unscaled, tuple(values)
 
     def _ragged(self, data: bytes, first: int, otherwise: str) -> InputFileError:
         """Find the line that has another number of cells than the header."""
@@ -603,11 +622,6 @@ class _ParquetTable(Table):
                 "a finite number (leave out rows without a measurement)",
             )
         return Rows(tuple(values), batch)
-
-
-def _one_batch(table: pa.Table) -> pa.RecordBatch:
-    batches = table.combine_chunks().to_batches()
-    return batches[0] if batches else pa.RecordBatch.from_pylist([], schema=table.schema)
 
 
 def _peek(raw: IO[bytes]) -> bytes:

@@ -119,7 +119,8 @@ def solve_table(
         ``.csv``, ``.csv.gz`` or ``.parquet``; CSV on standard output when left out or ``"-"``. It gets
         every column of the input as it stands there, then the unit axes ``e1_x … e2_z``, ``status``,
         ``length_mismatch`` (``|rho'|/|rho| - 1``) and ``condition`` (see `rodgen.axis_condition`).
-        Columns that are not used are copied unread: text from CSV, with their own type from Parquet.
+        Columns that are not used are copied unread: text from CSV, also into Parquet, and with their own
+        type from Parquet.
     length_tolerance : float, optional
         As in `rodgen.solve_axis`; its default when left out.
     progress : callable, optional
@@ -144,7 +145,8 @@ def solve_table(
     status_names = pa.array(names.tolist(), pa.string())
     counts = np.zeros(len(names), np.int64)
 
-    with open_table(path, PAIR_COLUMNS) as table:
+    keep_text = output is None or not os.fspath(output).lower().endswith(".parquet")
+    with open_table(path, PAIR_COLUMNS, keep_text=keep_text) as table:
         for name, _ in RESULT_COLUMNS:
             if name in table.schema.names:
                 raise InputFileError(
