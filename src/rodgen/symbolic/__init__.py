@@ -7,6 +7,7 @@ A derivation of one's own needs :class:`Derivation`, :func:`equal` and SymPy; se
 from rodgen.symbolic._errata import errata
 from rodgen.symbolic.derivation import Derivation, DerivationError, Entry, Refutation, SymbolRow, equal
 from rodgen.symbolic.functions import EPS, LARGEST, power_of_two_scale, select
+from rodgen.symbolic.notebook import in_notebook
 from rodgen.symbolic.reduction import remainder
 from rodgen.symbolic.rotations import matrix_from_axis_angle, matrix_from_rodrigues_vector, rodrigues
 from rodgen.symbolic.vectors import Vector, cross, dot, explicit, formal_determinant, norm, skew
@@ -26,6 +27,7 @@ __all__ = [
     "errata",
     "explicit",
     "formal_determinant",
+    "in_notebook",
     "matrix_from_axis_angle",
     "matrix_from_rodrigues_vector",
     "norm",

@@ -113,7 +113,7 @@ class Entry:
 
     def prove(
         self,
-        *residuals: sp.Basic,
+        *residuals: sp.Basic | Entry,
         given: Substitution | None = None,
         modulo: Mapping[sp.Symbol, sp.Expr] | None = None,
         because: str = "",
@@ -122,9 +122,10 @@ class Entry:
 
         Parameters
         ----------
-        *residuals : expression, matrix or equation, optional
-            What vanishes if the entry is true. Without it the two sides of the entry's own equations are
-            subtracted. With it, `because` must say why the entry follows.
+        *residuals : expression, matrix, equation or Entry, optional
+            What vanishes if the entry is true, and entries proved before from which it follows. Without
+            it the two sides of the entry's own equations are subtracted. With it, `because` must say why
+            the entry follows.
         given : mapping, optional
             Values for symbols or vectors under which the entry holds, such as ``{rho_prime:
             rodrigues(rho, theta)}``. The definitions in the table of symbols are always used.
@@ -159,7 +160,7 @@ class Entry:
         label: str = "",
         given: Substitution | None = None,
         modulo: Mapping[sp.Symbol, sp.Expr] | None = None,
-        proof: Sequence[sp.Basic] = (),
+        proof: Sequence[sp.Basic | Entry] = (),
     ) -> Entry:
         """Refute the entry by an exact counterexample, and prove what is right instead.
 
@@ -176,8 +177,9 @@ class Entry:
             Number in the errata.
         given, modulo : mapping, optional
             As in :meth:`prove`, for the correction; `given` holds for the counterexample, too.
-        proof : sequence of expressions or equations, optional
-            Residuals from which the correction follows, when it is not an equation itself.
+        proof : sequence of expressions, equations or entries, optional
+            Residuals or proved entries from which the correction follows, when its own sides are not
+            subtracted.
 
         Returns
         -------
@@ -232,14 +234,20 @@ class Entry:
 
     def _vanish(
         self,
-        claims: Sequence[sp.Basic],
+        claims: Sequence[sp.Basic | Entry],
         given: Substitution | None,
         modulo: Mapping[sp.Symbol, sp.Expr] | None,
         complaint: str,
     ) -> None:
+        for lemma in claims:
+            if isinstance(lemma, Entry) and lemma.verdict != "proved":
+                raise DerivationError(
+                    f"{self.id} {complaint}: it builds on {lemma.id}, which is {lemma.verdict}"
+                )
+        equations = [claim for claim in claims if not isinstance(claim, Entry)]
         table = self.derivation.table(given)
         conditions = {key: explicit(value).xreplace(table) for key, value in (modulo or {}).items()}
-        for number, residual in enumerate(self._residuals(claims, given), start=1):
+        for number, residual in enumerate(self._residuals(equations, given), start=1):
             left = remainder(residual, conditions)
             if left != 0:
                 raise DerivationError(f"{self.id} {complaint}: residual {number} leaves {_shortened(left)}")
