@@ -28,6 +28,7 @@
 # that fits on one line, its derivatives, and the kernels.
 
 # %%
+import time
 from collections.abc import Iterator
 from fractions import Fraction
 from math import isqrt
@@ -40,6 +41,7 @@ from rodgen.symbolic import (
     dot,
     equal,
     formal_determinant,
+    in_notebook,
     matrix_from_axis_angle,
     norm,
     rodrigues,
@@ -115,7 +117,8 @@ d.state(
     given=by_axis,
     modulo=unit_axis,
     label="M8",
-    because="χ is the body's angle; only the parts perpendicular to the axis make that angle with each other.",
+    because="χ is the body's angle; only the parts perpendicular to the axis make that angle with each "
+    "other.",
 )
 
 # %% [markdown]
@@ -251,7 +254,8 @@ d.state("eq-5", equal(cos_gamma, sp.sqrt(cos_squared)), text="The cosine of γ."
     given=by_formula,
     proof=[equal(cos_gamma**2, cos_squared)],
     label="M5",
-    because="The sign is missing: minus where γ is obtuse. Which it is the data do not say, so both signs give "
+    because="The sign is missing: minus where γ is obtuse. Which it is the data do not say, so both signs "
+    "give "
     "a solution.",
 )
 
@@ -630,13 +634,15 @@ d.state(
     given=by_formula,
     proof=[root],
     label="M6",
-    because="The root has the sign of w₃ = ρ₁r₂ − ρ₂r₁, whether γ is acute or not; here γ is acute, w₃ < 0 and "
+    because="The root has the sign of w₃ = ρ₁r₂ − ρ₂r₁, whether γ is acute or not; here γ is acute, w₃ < 0 "
+    "and "
     "the printed root is wrong.",
 )
 
 # %% [markdown]
 # How often is the printed sign wrong? In half of all cases, exactly. Turn the whole picture by half a turn
-# about the $x$-axis, $(x, y, z) \to (x, -y, -z)$: the angle $\gamma$, the modulus $|\vec\theta|$ and $c$ stay,
+# about the $x$-axis, $(x, y, z) \to (x, -y, -z)$: the angle $\gamma$, the modulus $|\vec\theta|$ and $c$
+# stay,
 # and $w_3$ changes its sign. Whatever the distribution of $\vec\theta$ and $\vec\rho$ is, if it is the same
 # after that half turn, $w_3 < 0$ is as likely as $w_3 > 0$, among the acute angles as among all.
 
@@ -758,7 +764,8 @@ d.state(
     given=by_formula,
     proof=[root, by_theta3],
     label="M6",
-    because="With c = +√… and the root +√… the given θ comes back only if γ is acute and w₃ > 0, in a quarter "
+    because="With c = +√… and the root +√… the given θ comes back only if γ is acute and w₃ > 0, in a "
+    "quarter "
     "of all cases. With the signs of (θ, ρ) and of w₃ it always does.",
 )
 
@@ -800,7 +807,8 @@ solves = d.check(
     "solution-by-c",
     equal(r, cross(solution(c), m) / 2),
     equal(norm(solution(c)) ** 2, modulus**2),
-    text="θ(c) turns ρ into ρ′ and has the known modulus, for any ρ and ρ′ of one length and both values of c.",
+    text="θ(c) turns ρ into ρ′ and has the known modulus, for any ρ and ρ′ of one length and both values of "
+    "c.",
     assumptions=[sp.Ne(norm(w), 0), equal(norm(rho), norm(rho_prime)), equal(c**2, c_squared)],
 ).prove(
     given=data,
@@ -815,7 +823,8 @@ theta_other = sp.Matrix([a1 + b1 * theta3_other, a2 + b2 * theta3_other, theta3_
 d.state(
     "pairs-of-roots",
     equal(rho_prime, rodrigues(rho, theta_other)),
-    text="Pairs of roots were obtained, depending on γ being acute or obtuse: the second root of the quadratic "
+    text="Pairs of roots were obtained, depending on γ being acute or obtuse: the second root of the "
+    "quadratic "
     "is a solution.",
     place="sec. 5",
     assumptions=[sp.Ne(w3, 0)],
@@ -844,9 +853,715 @@ d.state(
     equal(e, theta / (2 * sp.tan(half))),
     given={theta: 2 * sp.tan(half) * e},
     label="M4",
-    because="One cannot divide by the vector θ|θ|, and division by |θ| reverses e when χ is negative; divide by "
+    because="One cannot divide by the vector θ|θ|, and division by |θ| reverses e when χ is negative; divide "
+    "by "
     "2 tan(χ/2).",
 )
+
+# %% [markdown]
+# ## The quadratic, found by a machine
+#
+# Do computer algebra systems really fail here? Asked in the right way, SymPy answers at once. First the
+# paper's quadratic by two resultants: from (3), (7) and (6) the components $\theta_1$ and $\theta_2$ are
+# eliminated blindly. What comes out is the printed quadratic, times a factor without $\theta_3$.
+
+# %%
+S = d.symbol(
+    "S", "S", "right side of (6) with the other sign, 2α(r, ρ)", "length²", value=2 * alpha * dot(r, rho)
+)
+plane, triangle = dot(r.components, theta.components), dot(rho.components, theta.components) - c
+elimination = sp.resultant(
+    sp.resultant(squares + S, plane, t1),
+    sp.resultant(triangle, plane, t1),
+    t2,
+)
+d.check(
+    "quadratic-by-resultants",
+    equal(elimination, r1**2 * w3**2 * (quadratic + S)),
+    text="The resultants of (6), (7) and (3) give the printed quadratic.",
+).prove(given={c: c, S: S, r: r})
+
+# %% [markdown]
+# Then from (1) alone, by a Gröbner basis. The three components of (2), the known modulus, and $c$ as a name
+# for $(\vec\theta, \vec\rho)$ go in, in the order $\theta_1 > \theta_2 > \theta_3 > c$. The one thing that a
+# machine must be told is that $\vec\rho$ and $\vec\rho\,'$ have the same length: with
+# $\vec\rho = (\vec m - \vec r)/2$ and $\vec\rho\,' = (\vec m + \vec r)/2$ this is $\vec m\cdot\vec r = 0$, so
+# $r_3 = -(r_1 m_1 + r_2 m_2)/m_3$.
+
+# %%
+m1, m2, m3 = m
+frame = {
+    r: sp.Matrix([r1, r2, -(r1 * m1 + r2 * m2) / m3]),
+    m: m,
+    rho: (m - r) / 2,
+    rho_prime: (m + r) / 2,
+    **data,
+}
+polynomials = [
+    *d.value(left_2 - right_2, frame),
+    dot(theta.components, theta.components) - modulus**2,
+    d.value(dot(theta, rho), frame) - c,
+]
+start = time.perf_counter()
+basis = sp.groebner(polynomials, t1, t2, t3, c, order="lex")
+elimination_seconds = time.perf_counter() - start
+degrees = sp.Matrix([polynomial.degree_list() for polynomial in basis.polys])
+ideal = dict(zip((t1, t2, t3, c), basis.exprs, strict=True))
+found = {theta: d.value(solution(c), frame)}
+d.check(
+    "groebner",
+    equal(degrees, sp.Matrix([[1, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 1], [0, 0, 0, 2]])),
+    *[
+        equal(polynomial.xreplace(dict(zip(theta, found[theta], strict=True))), 0)
+        for polynomial in basis.exprs
+    ],
+    text="The Gröbner basis of (1) is linear in θ₁, θ₂, θ₃ and quadratic in c alone; θ(c) is its solution.",
+).prove(given=frame, modulo={c: basis.exprs[-1]})
+
+# %% [markdown]
+# So there are exactly two solutions, one for each sign of $c$, and the basis has found them without a root
+# whose sign must be chosen. The paper's quadratic is a consequence of the basis, as it must be. But it is a
+# weaker one: by using (6) in place of (2) it has lost on which side the solution lies, which is where its
+# false second root comes from.
+
+# %%
+d.check(
+    "quadratic-in-ideal",
+    equal(quadratic, -2 * alpha * dot(r, rho)),
+    text="The printed quadratic follows from the Gröbner basis of (1).",
+).prove(given=frame, modulo=ideal)
+
+# %% [markdown]
+# ## Hypotheses that are not mentioned
+#
+# The vectors are "given by the results of an experiment". Then, as a rule, there is no solution: a rotation
+# keeps lengths, and measured lengths differ.
+
+# %%
+d.check("lengths", equal(norm(rho_prime) ** 2, norm(rho) ** 2)).prove(given=by_formula)
+
+# %%
+c_data = sp.sqrt(modulus**2 * norm(rho) ** 2 + 2 * alpha * dot(r, rho))
+d.state(
+    "any-experiment",
+    equal(rho_prime, rodrigues(rho, theta_printed)),
+    text="ρ and ρ′ are known, for example from an experiment; θ is found from them.",
+    place="after eq. (1)",
+    assumptions=[sp.Ne(w3, 0), equal(c, c_data)],
+).refute(
+    {rho: (1, 0, 0), rho_prime: (0, 2, 0), modulus: 2 * sp.sqrt(3), alpha: 4, c: 2},
+    equal(norm(rho), norm(rho_prime)),
+    proof=[d.entries["lengths"]],
+    label="M8",
+    because="A solution exists only if |ρ′| = |ρ|.",
+)
+
+# %% [markdown]
+# This is what makes general-purpose solvers ramble. Given six independent coordinates, the system is
+# inconsistent, and its Gröbner basis says so: it is $\{1\}$. With the modulus left open, the basis
+# contains $|\vec\theta|^2 + 4$, so a "solution" would have $\alpha = 0$.
+
+# %%
+unequal = {rho: (3, 4, 12), rho_prime: (12, -3, 5)}
+square = sp.Symbol("square")
+components = list(d.value(left_2 - right_2, {**unequal, alpha: 1 + square / 4}))
+length = dot(theta.components, theta.components) - square
+inconsistent = sp.groebner([p.subs(square, 20) for p in [*components, length]], t1, t2, t3, order="lex")
+open_modulus = sp.groebner([*components, length], t1, t2, t3, square, order="lex")
+d.check(
+    "inconsistent",
+    equal(inconsistent.exprs[0], 1),
+    equal(open_modulus.exprs[-1], square + 4),
+    text="Gröbner bases of (2) for ρ = (3, 4, 12) and ρ′ = (12, −3, 5), with |θ|² = 20 and with any |θ|.",
+).prove()
+
+# %% [markdown]
+# What to do with measured lengths? Take the axis that brings $\vec\rho$ closest to $\vec\rho\,'$. For unit
+# vectors $\vec a$ and $\vec b$ and lengths $s$ and $R$,
+# $|s\vec b - R\vec a|^2 = (s-R)^2 + sR\,|\vec b - \vec a|^2$: the lengths contribute a constant, and only the
+# directions count. So the least-squares axis is the exact solution after $\vec\rho\,'$ has been rescaled to
+# the length of $\vec\rho$.
+
+# %%
+a, b = d.vector("a", r"\vec a", "a unit vector", "1"), d.vector("b", r"\vec b", "a unit vector", "1")
+s, R = d.symbol("s", "s", "length of ρ′", "length"), d.symbol("R", "R", "length of ρ", "length")
+d.check(
+    "rescaling",
+    equal(norm(s * b - R * a) ** 2, (s - R) ** 2 + s * R * norm(b - a) ** 2),
+    text="Distance of two vectors by their lengths and directions.",
+    assumptions=[equal(norm(a), 1), equal(norm(b), 1)],
+).prove(modulo={a.components[2]: dot(a, a) - 1, b.components[2]: dot(b, b) - 1})
+
+# %% [markdown]
+# The angle must be large enough. $c^2$ has a simple form, and it is negative if
+# $|\vec\theta| < 2|\vec r|/|\vec m|$: no rotation turns a vector by more than its own angle.
+
+# %%
+d.state(
+    "any-modulus",
+    sp.Ge(modulus**2 * norm(rho) ** 2 + 2 * alpha * dot(r, rho), 0),
+    text="The known modulus of θ gives a real c.",
+    place="before eq. (8)",
+    assumptions=[equal(norm(rho), norm(rho_prime))],
+).refute(
+    {rho: (1, 0, 0), rho_prime: (0, 1, 0), modulus: 1},
+    equal(
+        modulus**2 * norm(rho) ** 2 + 2 * alpha * dot(r, rho),
+        modulus**2 * norm(m) ** 2 / 4 - norm(r) ** 2,
+    ),
+    given={alpha: 1 + modulus**2 / 4},
+    modulo=equal_lengths,
+    label="M8",
+    because="c is real only if |θ| ≥ 2|r|/|m|, that is if |χ|, folded to at most π, is no less than the "
+    "angle "
+    "between ρ and ρ′.",
+)
+
+# %% [markdown]
+# The pivot $w_3$ may be zero without anything being wrong with the data. Then another component of $\vec w$
+# must take its place. Formula (1) keeps its form if $x, y, z$ are renamed to $y, z, x$, so all formulas hold
+# with the indices $1, 2, 3$ replaced by $2, 3, 1$, and again by $3, 1, 2$. The largest $|w_i|$ is the best
+# pivot. All three vanish only if $\vec\rho\,' = \pm\vec\rho$.
+
+
+# %%
+def renamed(formula: sp.Basic) -> sp.Basic:
+    """Replace the indices 1, 2, 3 of all vectors by 2, 3, 1."""
+    letters = (theta, rho, rho_prime, r, w, m)
+    turns = {
+        old: new for letter in letters for old, new in zip(letter, [*letter][1:] + [*letter][:1], strict=True)
+    }
+    return formula.xreplace(turns)
+
+
+def first_of(letter: sp.Basic) -> sp.Matrix:
+    """Components in the order 2, 3, 1."""
+    return sp.Matrix([letter.components[index] for index in (1, 2, 0)])
+
+
+d.check(
+    "renaming",
+    equal(rodrigues(first_of(rho), first_of(theta)), d.value(rho_prime, by_formula).extract([1, 2, 0], [0])),
+    text="Formula (1) keeps its form when the axes are renamed.",
+).prove()
+
+# %%
+pivot_1 = [renamed(claim) for claim in by_theta3.claims[::2]]
+pivot_2 = [renamed(claim) for claim in pivot_1]
+d.state(
+    "pivot",
+    sp.Ne(w3, 0),
+    text="θ₁ and θ₂ are expressed by θ₃.",
+    place="eq. (9)",
+    assumptions=[sp.Ne(norm(w), 0)],
+).refute(
+    {theta: (0, 2, 0), rho: (0, 0, 1)},
+    [*pivot_1, *pivot_2],
+    given=by_formula,
+    label="M8",
+    because="The denominators vanish where ρ₁r₂ = ρ₂r₁, for any good data in the plane of Oz. Divide by "
+    "another "
+    "component of w.",
+)
+
+# %% [markdown]
+# At $\chi = \pi$ there is no $\vec\theta$ at all, although there is an axis.
+
+# %%
+d.state(
+    "half-turn",
+    sp.Ne(sp.cos(half), 0),
+    text="|θ|² = 4 tan²(χ/2) is a known value.",
+    place="before eq. (7)",
+).refute(
+    {half: sp.pi / 2},
+    equal(rho_prime, 2 * dot(m, rho) / norm(m) ** 2 * m - rho),
+    modulo=equal_lengths,
+    label="M8",
+    because="For χ = π the modulus is infinite. The axis is ±m/|m|: half a turn about it takes ρ to ρ′. If "
+    "ρ′ = −ρ, every axis perpendicular to ρ does.",
+)
+
+# %% [markdown]
+# ## The solution on one line
+#
+# With $\vec r$, $\vec m$ and $\kappa = \cot\frac\chi2$ everything becomes short. The vectors $\vec m$,
+# $\vec r$ and $\vec m\times\vec r$ are perpendicular to each other, $\vec w = \frac12\,\vec m\times\vec r$,
+# and Cayley's form $\kappa\,\vec r = \vec e\times\vec m$ is solved by
+#
+# $$ \vec e_\pm = \frac{\kappa\,\vec m\times\vec r \pm \sqrt{|\vec m|^2 - \kappa^2|\vec r|^2}\;\vec m}{|\vec
+# m|^2}. $$
+
+# %%
+kappa = d.symbol("cot_half", r"\kappa", "cotangent of half the angle", "1")
+side = d.symbol("side", r"\sigma", "+1 or −1, one for each solution", "1")
+either_side = {side: side**2 - 1}
+height = sp.sqrt(norm(m) ** 2 - kappa**2 * norm(r) ** 2)
+
+
+def axis(along_m: sp.Expr) -> sp.Expr:
+    """Unit axis whose component along m is `along_m` / |m|."""
+    return (kappa * cross(m, r) + along_m * m) / norm(m) ** 2
+
+
+d.check(
+    "frame",
+    equal(dot(m, r), 0),
+    equal(w, cross(m, r) / 2),
+    equal(norm(m) ** 2 + norm(r) ** 2, 4 * norm(rho) ** 2),
+    assumptions=[equal(norm(rho), norm(rho_prime))],
+).prove(modulo=equal_lengths)
+
+# %%
+d.check(
+    "solution",
+    equal(kappa * r, cross(axis(side * height), m)),
+    equal(norm(axis(side * height)) ** 2, 1),
+    text="Both axes solve (1), for any ρ and ρ′ of one length and any κ for which the root is real.",
+    assumptions=[equal(norm(rho), norm(rho_prime)), sp.Ge(norm(m), sp.Abs(kappa) * norm(r))],
+).prove(modulo={**equal_lengths, **either_side})
+
+# %% [markdown]
+# It is the paper's solution, divided by $2\tan\frac\chi2 = 2/\kappa$, and its root is $\kappa c$. The
+# paper's $a_1 \ldots L_0$ give $\vec\theta(c)$ (entry `roots-compact`), so the chain from the printed
+# formulas
+# to this line is closed.
+
+# %%
+d.check(
+    "solution-is-the-papers",
+    equal(kappa / 2 * solution(c), axis(kappa * c)),
+    text="The axis of the paper's θ(c) is e±, with κc as the root.",
+    assumptions=[equal(norm(rho), norm(rho_prime))],
+).prove(given={c: c}, modulo=equal_lengths)
+
+# %%
+d.check(
+    "solution-root-is-c",
+    equal((kappa * c) ** 2, height**2),
+    text="The root of e± is κc.",
+    assumptions=[equal(norm(rho), norm(rho_prime)), equal(kappa, 2 / modulus)],
+).prove(given={**data, modulus: 2 / kappa}, modulo={**two_values_of_c, **equal_lengths})
+
+# %% [markdown]
+# Numbers are best computed with unit vectors and sines, because $\kappa$ is infinite at $\chi = 0$. With
+# $\hat m$, $\hat r$ and $\vec n = \hat m\times\hat r$ the axis lies in the plane of $\vec n$ and $\hat m$,
+# at the angle $b$ from $\vec n$:
+#
+# $$ \vec e_\pm = \cos b\;\vec n \pm \sin b\;\hat m,\qquad
+#    \cos b = \frac{\cos\frac\chi2\,|\vec r|}{\sin\frac\chi2\,|\vec m|},\qquad
+#    \sin b = \frac{\sqrt{(\sin\frac\chi2|\vec m| - \cos\frac\chi2|\vec r|)
+#    (\sin\frac\chi2|\vec m| + \cos\frac\chi2|\vec r|)}}{\sin\frac\chi2\,|\vec m|}. $$
+#
+# (For $\sin\frac\chi2\cos\frac\chi2 < 0$ this $\vec n$ is taken with the other sign.) The factors under the
+# root are
+# $2|\vec\rho|\sin(\frac\chi2 \mp a)$, where $2a$ is the angle between $\vec\rho$ and $\vec\rho\,'$: the two
+# axes exist if $\frac\chi2 > a$ and meet in $\vec n$ at $\frac\chi2 = a$.
+
+# %%
+sine, cosine = sp.sin(half), sp.cos(half)
+m_hat = d.vector("m_hat", r"\hat m", "unit vector along m", "1", value=m / norm(m))
+r_hat = d.vector("r_hat", r"\hat r", "unit vector along r", "1", value=r / norm(r))
+n = d.vector("n", r"\vec n", "unit vector m̂ × r̂, along ρ × ρ′", "1", value=cross(m_hat, r_hat))
+cos_b = d.symbol(
+    "cos_b", r"\cos b", "cosine of the angle from n to e", "1", value=cosine * norm(r) / (sine * norm(m))
+)
+root_b = d.symbol(
+    "root_b",
+    r"\varrho",
+    "the root in sin b",
+    "length",
+    value=sp.sqrt((sine * norm(m) - cosine * norm(r)) * (sine * norm(m) + cosine * norm(r))),
+)
+sin_b = d.symbol("sin_b", r"\sin b", "its sine, times ±1", "1", value=side * root_b / (sine * norm(m)))
+d.check(
+    "half-angle-form",
+    equal(axis(side * root_b / sine), cos_b * n + sin_b * m_hat),
+    equal((root_b / sine) ** 2, height**2),
+    equal(cos_b**2 + sin_b**2, 1),
+    text="The half-angle form is e±.",
+).prove(given={kappa: cosine / sine}, modulo=either_side)
+
+# %%
+small_a = d.symbol("a_half", "a", "half the angle between ρ and ρ′", "rad")
+d.check(
+    "gap",
+    equal(norm(r), 2 * R * sp.sin(small_a)),
+    equal(norm(m), 2 * R * sp.cos(small_a)),
+    equal(sine * norm(m) - cosine * norm(r), 2 * R * sp.sin(half - small_a)),
+    equal(sine * norm(m) + cosine * norm(r), 2 * R * sp.sin(half + small_a)),
+    text="The factors under the root are sines of χ/2 ∓ a.",
+    assumptions=["ρ = R (cos a, −sin a, 0) and ρ′ = R (cos a, sin a, 0) with R > 0 and 0 ≤ a ≤ π/2"],
+).prove(
+    *[
+        equal(norm(r) ** 2, (2 * R * sp.sin(small_a)) ** 2),
+        equal(norm(m) ** 2, (2 * R * sp.cos(small_a)) ** 2),
+    ],
+    *[
+        equal(2 * R * (sine * sp.cos(small_a) - cosine * sp.sin(small_a)), 2 * R * sp.sin(half - small_a)),
+        equal(2 * R * (sine * sp.cos(small_a) + cosine * sp.sin(small_a)), 2 * R * sp.sin(half + small_a)),
+    ],
+    given={
+        rho: R * sp.Matrix([sp.cos(small_a), -sp.sin(small_a), 0]),
+        rho_prime: R * sp.Matrix([sp.cos(small_a), sp.sin(small_a), 0]),
+    },
+    because="The squares agree and 2R sin a, 2R cos a are not negative; the rest is the addition theorem.",
+)
+
+# %% [markdown]
+# What if the angle is too small, $\frac\chi2 < a$? Then $\vec n$ is the axis that brings $\vec\rho$ closest
+# to
+# $\vec\rho\,'$. For unit vectors and an axis $\vec e = x\hat r + y\hat m + z\vec n$, the scalar product of
+# $\vec\rho\,'$ with the rotated $\vec\rho$ falls short of its value at $\vec n$ by a sum of three terms,
+# none of them negative. What remains at $\vec n$ is the angle $2a - \chi$.
+
+# %%
+x, y, z = e
+in_plane = {
+    rho: (sp.cos(small_a), -sp.sin(small_a), 0),
+    rho_prime: (sp.cos(small_a), sp.sin(small_a), 0),
+}
+
+
+def agreement(axis: sp.Matrix) -> sp.Expr:
+    """Scalar product of ρ′ with ρ rotated by χ about the axis; its components are along r̂, m̂, n."""
+    in_frame = sp.Matrix([axis[1], axis[0], axis[2]])  # m̂ is Ox and r̂ is Oy; n = m̂ × r̂ is Oz
+    turned = matrix_from_axis_angle(in_frame, sp.cos(2 * half), sp.sin(2 * half))
+    return d.value(dot(rho_prime.components, turned * rho.components), in_plane)
+
+
+d.check(
+    "least-squares-axis",
+    equal(
+        agreement(sp.Matrix([0, 0, 1])) - agreement(sp.Matrix([x, y, z])),
+        2 * sine**2 * x**2
+        + 4 * sine * sp.cos(small_a) * sp.sin(small_a - half) * (1 - z)
+        + 2 * sine**2 * sp.cos(small_a) ** 2 * (1 - z) ** 2,
+    ),
+    equal(agreement(sp.Matrix([0, 0, 1])), sp.cos(2 * small_a - 2 * half)),
+    text="Where χ/2 < a, the least-squares axis is n, and the angle 2a − χ remains.",
+    assumptions=[equal(norm(e), 1), "0 ≤ χ/2 ≤ a ≤ π/2"],
+).prove(modulo={y: dot(e, e) - 1})
+
+# %% [markdown]
+# ## Derivatives
+#
+# How does the axis move when the data do? Differentiate $\kappa\vec r = \vec e\times\vec m$ and
+# $\vec e\cdot\vec e = 1$:
+#
+# $$ \mathrm{d}\vec e\times\vec m = \vec q,\quad
+#    \vec q = \kappa\,\mathrm{d}\vec r + \vec r\,\mathrm{d}\kappa - \vec e\times\mathrm{d}\vec m,\qquad
+#    \vec e\cdot\mathrm{d}\vec e = 0. $$
+#
+# This linear system has exactly one solution if $\vec e\cdot\vec m \ne 0$, because $\mathrm d\vec e\times\vec
+# m = 0$ leaves only multiples of $\vec m$. It is $\mathrm{d}\vec e = G\,\vec q$ with
+#
+# $$ G = \Bigl(I - \frac{\vec m\,\vec e^{\,T}}{\vec e\cdot\vec m}\Bigr)\frac{[\vec m]_\times}{|\vec m|^2}. $$
+#
+# Lengths do not matter, only directions, so the vectors may be scaled to $|\vec\rho| = |\vec\rho\,'| = 1$
+# and a change of $\vec\rho$ counts only by its part $(I - \hat\rho\hat\rho^T)\,\mathrm{d}\vec\rho/|\vec\rho|$
+# across $\vec\rho$. Collecting terms,
+#
+# $$ \frac{\partial\vec e}{\partial\vec\rho\,'} = G\,(\kappa I - [\vec e]_\times)\,
+#    \frac{I - \hat\rho'\hat\rho'^T}{|\vec\rho\,'|},\quad
+#    \frac{\partial\vec e}{\partial\vec\rho} = G\,(-\kappa I - [\vec e]_\times)\,
+#    \frac{I - \hat\rho\hat\rho^T}{|\vec\rho|},\quad
+#    \frac{\partial\vec e}{\partial\chi} = -\frac{G\,\vec r}{2\sin^2\frac\chi2}. $$
+#
+# Every formula keeps its form when the frame is turned, so it is enough to prove them for $\vec e$ along
+# $Oz$, with $\vec\rho$ and $\kappa$ free.
+
+# %%
+E, M, D, P, Q = (sp.Matrix(letter.components) for letter in (e, m, r, rho, rho_prime))
+G = (sp.eye(3) - M * E.T / dot(E, M)) * skew(M) / dot(M, M)
+
+
+def across(direction: sp.Matrix) -> sp.Matrix:
+    """Projector across a vector: derivative of its direction, times its length."""
+    return sp.eye(3) - direction * direction.T / dot(direction, direction)
+
+
+axis_by_rho = G * (-kappa * sp.eye(3) - skew(E)) * across(P)
+axis_by_rho_prime = G * (kappa * sp.eye(3) - skew(E)) * across(Q)
+sine_squared = 1 / (1 + kappa**2)
+axis_by_angle = -G * D / (2 * sine_squared)
+
+along_z = {e: (0, 0, 1), rho_prime: rodrigues(rho, 2 / kappa * e)}
+drho = d.vector("drho", r"\mathrm{d}\vec\rho", "change of ρ", "length")
+drho_prime = d.vector("drho_prime", r"\mathrm{d}\vec\rho'", "change of ρ′", "length")
+dangle = d.symbol("dangle", r"\mathrm{d}\chi", "change of the angle", "rad")
+change_rho, change_rho_prime = across(P) * drho.components, across(Q) * drho_prime.components
+dkappa = -dangle / (2 * sine_squared)
+moved = kappa * (change_rho_prime - change_rho) + D * dkappa - skew(E) * (change_rho_prime + change_rho)
+change = axis_by_rho * drho.components + axis_by_rho_prime * drho_prime.components + axis_by_angle * dangle
+d.check(
+    "jacobian",
+    equal(cross(change, M), moved),
+    equal(dot(E, change), 0),
+    text="The derivatives of e solve the differentiated equations.",
+    assumptions=[sp.Ne(dot(e, m), 0), "e along Oz; both sides turn with the frame"],
+).prove(given=along_z)
+
+# %%
+direction = P / norm(P)
+d.check(
+    "direction-derivative",
+    equal(direction.jacobian(P), across(P) / norm(P)),
+    equal(sp.diff(sp.cot(half), half) / 2, -1 / (2 * sine**2)),
+    text="Derivatives of the direction of ρ, and of κ by χ.",
+).prove(
+    *[direction.jacobian(P) - across(P) / norm(P), sp.diff(cosine / sine, half) / 2 + 1 / (2 * sine**2)],
+    because="Differentiated by SymPy, with the cotangent as a quotient.",
+)
+
+# %% [markdown]
+# ## Uncertainty
+#
+# To first order the covariance of the axis is
+# $J_\rho\Sigma_\rho J_\rho^T + J_{\rho'}\Sigma_{\rho'}J_{\rho'}^T + \sigma_\chi^2 J_\chi J_\chi^T$ with these
+# derivatives. If both points have the same isotropic uncertainty $\sigma$, it has a closed form: with
+# $\vec d = \vec e\times\hat r$,
+#
+# $$ \operatorname{Cov}\vec e = \frac{\sigma^2}{2|\vec\rho|^2\sin^2\frac\chi2}
+#    \Bigl(\hat r\hat r^T + \frac{\vec d\,\vec d^{\,T}}{\cos^2\gamma}\Bigr)
+#    + \sigma_\chi^2\,\frac{\tan^2\gamma}{4\sin^2\frac\chi2}\,\vec d\,\vec d^{\,T}. $$
+#
+# The axis is uncertain mostly along the plane in which the two solutions lie, and without bound as they meet,
+# at $\cos\gamma = 0$.
+
+# %%
+cos_gamma_squared = dot(E, P) ** 2 / dot(P, P)
+d_vector = cross(E, D)
+spread = D * D.T / dot(D, D)
+spread_d = d_vector * d_vector.T / dot(D, D)
+sigma = d.symbol("sigma", r"\sigma", "standard deviation of each coordinate", "length")
+sigma_angle = d.symbol("sigma_angle", r"\sigma_\chi", "standard deviation of the angle", "rad")
+covariance = (
+    sigma**2 * (axis_by_rho * axis_by_rho.T + axis_by_rho_prime * axis_by_rho_prime.T)
+    + sigma_angle**2 * axis_by_angle * axis_by_angle.T
+)
+covariance_closed = (
+    sigma**2 / (2 * dot(P, P) * sine_squared) * (spread + spread_d / cos_gamma_squared)
+    + sigma_angle**2 * (1 / cos_gamma_squared - 1) / (4 * sine_squared) * spread_d
+)
+d.check(
+    "covariance",
+    equal(covariance.reshape(9, 1), covariance_closed.reshape(9, 1)),
+    text="Covariance of the axis for isotropic uncertainty.",
+    assumptions=["e along Oz; both sides turn with the frame"],
+).prove(given=along_z)
+
+# %% [markdown]
+# The *condition number* is the largest factor from a relative change of $\vec\rho$ or $\vec\rho\,'$ to the
+# change of the axis: $|\vec\rho|$ times the largest singular value of $J_\rho$, which is the same for
+# $J_{\rho'}$. The squares of the singular values are $1/(4|\vec\rho|^2\sin^2\frac\chi2)$, that over
+# $\cos^2\gamma$, and 0, so
+#
+# $$ \operatorname{cond} = \frac{1}{2\sin\frac\chi2\,|\cos\gamma|}
+#    = \frac{1}{2\sqrt{\sin(\frac\chi2 - a)\sin(\frac\chi2 + a)}}. $$
+
+# %%
+size = 1 / (4 * dot(P, P) * sine_squared)
+
+
+def invariants(jacobian: sp.Matrix) -> list[sp.Expr]:
+    """Trace and sum of the principal minors of J Jᵀ; its last row vanishes with e along Oz."""
+    gram = sp.Matrix(d.value(jacobian, along_z)) * sp.Matrix(d.value(jacobian, along_z)).T
+    return [gram[0, 0] + gram[1, 1], gram[0, 0] * gram[1, 1] - gram[0, 1] ** 2]
+
+
+singular = [size * (1 + 1 / cos_gamma_squared), size**2 / cos_gamma_squared]
+d.check(
+    "condition",
+    *[
+        equal(invariant, wanted)
+        for jacobian in (axis_by_rho, axis_by_rho_prime)
+        for invariant, wanted in zip(invariants(jacobian), singular, strict=True)
+    ],
+    equal(axis_by_rho.T * E, sp.zeros(3, 1)),
+    equal(axis_by_rho_prime.T * E, sp.zeros(3, 1)),
+    equal(sine_squared * cos_gamma_squared, sine_squared - dot(D, D) / (4 * dot(P, P))),
+    text="Singular values of the derivatives, and sin(χ/2 − a) sin(χ/2 + a) = sin²(χ/2) cos²γ.",
+    assumptions=["e along Oz; both sides turn with the frame"],
+).prove(given=along_z)
+
+# %% [markdown]
+# ## How long is the solution?
+#
+# Table 1 of the paper reports a solution of forty pages. Counting 3000 characters a page, these are the
+# lengths
+# of the two axes, $\kappa$ given: in vectors; in the components of $\vec m$ and $\vec r$; and the paper's
+# $\theta_3$ with everything substituted.
+
+# %%
+PAGE = 3000
+lengths = {
+    "e± in vectors": len(sp.sstr(axis(side * height))),
+    "e± in components of m and r": sum(
+        len(sp.sstr(part)) for part in d.value(axis(side * height), {m: m, r: r})
+    ),
+    "paper's solution by a1 ... L0": len(sp.sstr(theta_printed.components))
+    + sum(
+        len(sp.sstr(row.value)) for row in d.symbols if row.name in ("a1", "b1", "a2", "b2", "L2", "L1", "L0")
+    ),
+    "paper's θ3, all substituted": len(sp.sstr(d.value(theta3_printed, {r: r, c: c, alpha: alpha}))),
+}
+pages = d.symbol("pages", r"\text{pages}", "length of an analytical solution", "3000 characters")
+d.state(
+    "table-1",
+    sp.Ge(pages, 40),
+    text="Computer algebra finds no analytical solution, or one of 40 pages.",
+    place="Table 1",
+).refute(
+    {pages: sp.Rational(lengths["e± in components of m and r"], PAGE)},
+    [equal(kappa * r, cross(axis(side * height), m)), equal(norm(axis(side * height)) ** 2, 1)],
+    modulo={**equal_lengths, **either_side},
+    label="M10",
+    because="The solution in components is a fraction of a page, and SymPy finds it (entry groebner) once it "
+    "is "
+    "told that |ρ′| = |ρ|.",
+)
+
+
+# %%
+def table_1() -> str:
+    """Table 1 of the paper with one more row; the time is that of this run."""
+    return "\n".join(
+        [
+            "| package | time | solution |",
+            "| --- | --- | --- |",
+            "| Mathcad | not reported | not found |",
+            "| Maxima | 4.5 h | not found |",
+            "| Maple | 25 h | 40 pages |",
+            f"| this notebook (SymPy {sp.__version__}) | {elimination_seconds:.1f} s | "
+            f"{lengths['e± in vectors']} characters |",
+        ]
+    )
+
+
+# %%
+if in_notebook():
+    from IPython.display import Markdown, display
+
+    display(Markdown(table_1()))
+    display(lengths)
+
+# %% [markdown]
+# ## Pictures
+#
+# Both axes for one pair of points and one angle. All axes that turn $\vec\rho$ into $\vec\rho\,'$ by some
+# angle
+# lie on the great circle perpendicular to $\vec r$, through $\vec n$ and $\hat m$. About each of the two, the
+# point moves on a circle from $\vec\rho$ to $\vec\rho\,'$, the rim of a cone. The angle of turning is the
+# same.
+
+# %%
+if in_notebook():
+    import matplotlib.pyplot as plt
+    import numpy as np
+
+    solve = sp.lambdify(
+        [*rho, *rho_prime, kappa, side],
+        list(d.value(axis(side * height))),
+        "numpy",
+        cse=True,
+    )
+
+    def turn(point, axis, angle):
+        """Rotate one point about an axis by many angles."""
+        angle = np.asarray(angle)[..., None]
+        along = axis * (axis @ point)
+        return along + np.cos(angle) * (point - along) + np.sin(angle) * np.cross(axis, point)
+
+    before = np.array([0.80, -0.35, 0.49])
+    before /= np.linalg.norm(before)
+    after = turn(before, np.array([0.1, 0.25, 0.963]) / np.linalg.norm([0.1, 0.25, 0.963]), 1.7)
+    angle = 1.7
+    axes = np.array([solve(*before, *after, 1 / np.tan(angle / 2), sign) for sign in (1, -1)])
+
+    figure = plt.figure(figsize=(7, 6), layout="constrained")
+    sphere = figure.add_subplot(projection="3d")
+    grid_u, grid_v = np.meshgrid(np.linspace(0, 2 * np.pi, 60), np.linspace(0, np.pi, 30))
+    sphere.plot_surface(
+        np.cos(grid_u) * np.sin(grid_v),
+        np.sin(grid_u) * np.sin(grid_v),
+        np.cos(grid_v),
+        color="0.9",
+        alpha=0.25,
+        linewidth=0,
+    )
+    middle = (after + before) / np.linalg.norm(after + before)
+    normal = np.cross(before, after) / np.linalg.norm(np.cross(before, after))
+    circle = np.linspace(0, 2 * np.pi, 200)[:, None]
+    sphere.plot(*(np.cos(circle) * normal + np.sin(circle) * middle).T, "0.6", linewidth=1)
+    for axis_found, colour, name in zip(axes, ("tab:blue", "tab:orange"), ("$e_+$", "$e_-$"), strict=True):
+        sphere.plot(*np.array([0 * axis_found, 1.25 * axis_found]).T, color=colour, linewidth=2)
+        sphere.text(*(1.35 * axis_found), name, color=colour)
+        sphere.plot(*turn(before, axis_found, np.linspace(0, angle, 80)).T, color=colour, linewidth=2)
+        rim = turn(before, axis_found, np.linspace(0, 2 * np.pi, 120))
+        sphere.plot(*rim.T, color=colour, linewidth=0.8, linestyle=":")
+        for spoke in rim[::20]:
+            sphere.plot(*np.array([0 * spoke, spoke]).T, color=colour, linewidth=0.4)
+    for point, name in ((before, r"$\rho$"), (after, r"$\rho'$")):
+        sphere.scatter(*point, color="black", s=20)
+        sphere.text(*(1.1 * point), name)
+    sphere.set_aspect("equal")
+    sphere.set_axis_off()
+    plt.show()
+
+# %% [markdown]
+# How well can the axis be computed in double precision? The map shows the error of both forms, against
+# exact arithmetic, over the angle $\chi$ and the pivot $w_3$. The paper's form (with the right signs)
+# loses digits with a small pivot and with a small angle; the coordinate-free form does not.
+
+# %%
+if in_notebook():
+    import mpmath
+    from matplotlib.colors import LogNorm
+
+    inputs = [*rho, *rho_prime, modulus]
+    given_c = {alpha: 1 + modulus**2 / 4, c: c_data}
+    papers_theta = sp.Matrix([a1 + b1 * theta3_right, a2 + b2 * theta3_right, theta3_right])
+    papers_axis = sp.lambdify(inputs, list(d.value(papers_theta / modulus, given_c)), "numpy", cse=True)
+    short_axis = d.value(axis(height).subs(kappa, 2 / modulus))
+    our_axis = sp.lambdify(inputs, list(short_axis), "numpy", cse=True)
+    same_length = dict(zip(rho_prime, rho_prime.components * norm(P) / norm(Q), strict=True))
+    exact_axis = sp.lambdify(inputs, list(short_axis.xreplace(same_length)), "mpmath", cse=True)
+
+    angles, pivots = np.meshgrid(np.logspace(-9, 0.49, 40), np.logspace(-12, -0.05, 40))
+    a_half = np.arctan(0.7 * np.tan(angles / 2))  # tan a = 0.7 tan(χ/2): two well separated solutions
+    # w points to (√(1 − q²), 0, q) with the pivot q, m along Oy; then all is turned about Oz by half a radian.
+    along_m = np.stack([0 * pivots, 1 + 0 * pivots, 0 * pivots])
+    along_r = np.stack([-pivots, 0 * pivots, np.sqrt(1 - pivots**2)])
+    about_z = np.array([[np.cos(0.5), -np.sin(0.5), 0], [np.sin(0.5), np.cos(0.5), 0], [0, 0, 1]])
+    point = np.einsum("ij,j...->i...", about_z, np.cos(a_half) * along_m - np.sin(a_half) * along_r)
+    point_after = np.einsum("ij,j...->i...", about_z, np.cos(a_half) * along_m + np.sin(a_half) * along_r)
+    arguments = [*point, *point_after, 2 * np.tan(angles / 2)]
+
+    with mpmath.workdps(50):
+        columns = zip(*(argument.ravel().tolist() for argument in arguments), strict=True)
+        reference = [[float(part) for part in exact_axis(*map(mpmath.mpf, column))] for column in columns]
+    reference = np.array(reference).T.reshape(3, *angles.shape)
+
+    figure, panels = plt.subplots(1, 2, figsize=(10, 4), layout="constrained", sharey=True)
+    for panel, formula, title in zip(
+        panels, (papers_axis, our_axis), ("as the paper, with right signs", "coordinate-free"), strict=True
+    ):
+        with np.errstate(all="ignore"):
+            error = np.abs(np.array(formula(*arguments)) - reference).max(axis=0)
+        error = np.where(np.isfinite(error), error, 1)
+        shades = panel.pcolormesh(
+            angles,
+            pivots,
+            np.clip(error, 1e-17, 1),
+            norm=LogNorm(1e-17, 1),
+            cmap="viridis",
+            shading="nearest",
+        )
+        panel.set(xscale="log", yscale="log", xlabel="angle χ (rad)", title=title)
+    panels[0].set_ylabel("pivot w₃ / |w|")
+    figure.colorbar(shades, ax=panels, label="largest error of a component of e")
+    plt.show()
 
 # %% [markdown]
 # ## The kernels
