@@ -1,0 +1,523 @@
+# ---
+# jupyter:
+#   jupytext:
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+#   kernelspec:
+#     display_name: Python 3
+#     language: python
+#     name: python3
+# ---
+
+# %% [markdown]
+# # The robust solver for the axis, and what comes with it
+#
+# A point of a body is at $\vec\rho$ before and at $\vec\rho\,'$ after a rotation by the known angle $\chi$
+# about an axis through the origin. The notebook on the paper of Stebulyanin and Pimushkin (`rodrigues`)
+# proves that with $\vec m=\vec\rho\,'+\vec\rho$, $\vec r=\vec\rho\,'-\vec\rho$ and $|\vec\rho\,'|=|\vec\rho|$ the
+# unit axes are
+#
+# $$\vec e_\pm=\frac{\cot\frac\chi2\;\vec m\times\vec r\;\pm\sqrt{|\vec m|^2-\cot^2\frac\chi2\,|\vec r|^2}\;\vec m}
+# {|\vec m|^2}.$$
+#
+# This notebook turns that line into a program that is right to the last digits the data allow, for every
+# input: angles near 0 and near a half turn, a point that nearly lies on the axis, lengths from $10^{-120}$ to
+# $10^{120}$, lengths that differ a little because they were measured. Each step is proved to be the formula; each
+# case in which the formula says nothing gets a name.
+
+# %%
+from enum import IntEnum
+
+import sympy as sp
+
+from rodgen.codegen import KernelBuilder
+from rodgen.symbolic import (
+    EPS,
+    LARGEST,
+    Derivation,
+    cross,
+    dot,
+    equal,
+    explicit,
+    norm,
+    power_of_two_scale,
+    rodrigues,
+    select,
+)
+
+derivation = Derivation(
+    "axis",
+    title="The axis of a rotation from pairs of points: solver, derivatives, residual",
+    source='Stebulyanin and Pimushkin, "Solution of the Rodriguez Equation in Modeling Volumetric Geometric '
+    'Accuracy of Multi-Coordinate Systems", eq. (1)',
+)
+d = derivation
+
+# %% [markdown]
+# ## Symbols
+
+# %%
+theta = d.vector("theta", r"\vec\theta", "Rodrigues vector, 2 tan(χ/2) e", "1")
+rho = d.vector("rho", r"\vec\rho", "point before the rotation", "length")
+rho_prime = d.vector("rho_prime", r"\vec\rho'", "point after the rotation", "length")
+m = d.vector("m", r"\vec m", "sum of the two points of equal length", "length")
+r = d.vector("r", r"\vec r", "difference of the two points of equal length", "length")
+S = d.symbol("S", r"S", "|sin(χ/2)|", "1", positive=True)
+C = d.symbol("C", r"C", "cos(χ/2), with the sign of sin(χ/2) cos(χ/2)", "1")
+R = d.symbol("R", r"R", "length of ρ", "length", positive=True)
+P = d.symbol("P", r"P", "length of ρ′", "length", positive=True)
+d
+
+# %% [markdown]
+# ## Equal lengths
+#
+# Measured lengths differ. The nearest rotated point has the direction of $\vec\rho\,'$ and the length of
+# $\vec\rho$; the excess $\delta=1-R/P$ is taken off. Written as
+# $\delta=(\vec\rho\,'+\vec\rho)\cdot(\vec\rho\,'-\vec\rho)/(P^2+RP)$ it is computed without cancellation, and
+# subtracting $\delta\vec\rho\,'$ from the sum and from the difference leaves each exact relative to itself,
+# however small it is. Without that step the axis near a half turn loses half the digits.
+
+# %%
+d.check(
+    "excess",
+    equal((P**2 - R**2) / (P**2 + R * P), 1 - R / P),
+    text="The excess of the length, from the difference of the squares.",
+).prove()
+d.check(
+    "difference-of-squares",
+    equal(dot(rho_prime + rho, rho_prime - rho), norm(rho_prime) ** 2 - norm(rho) ** 2),
+    text="The difference of the squares is the product of sum and difference.",
+).prove()
+
+# %% [markdown]
+# ## Sine and cosine in place of the cotangent
+#
+# Multiplied by $S$ above and below, the formula has no infinite cotangent and one division:
+#
+# $$\vec e_\pm=\frac{C\,\vec m\times\vec r\pm\sqrt{S^2|\vec m|^2-C^2|\vec r|^2}\;\vec m}{S\,|\vec m|^2}.$$
+#
+# It is a unit vector whenever $\vec m\perp\vec r$, and what it rotates $\vec\rho$ to is $\vec\rho\,'$. Where the root
+# is imaginary the angle is smaller than the one between the points, and the best axis is
+# $\vec n=\vec m\times\vec r/(|\vec m||\vec r|)$.
+
+# %%
+w = cross(m, r)
+root = sp.sqrt(S**2 * norm(m) ** 2 - C**2 * norm(r) ** 2)
+plus = (C * w + root * m) / (S * norm(m) ** 2)
+minus = (C * w - root * m) / (S * norm(m) ** 2)
+given = {m: rodrigues(rho, theta) + rho, r: rodrigues(rho, theta) - rho}
+quarter = dot(theta, theta) / 4  # tan²(χ/2)
+
+d.check(
+    "root",
+    equal(dot(m, theta) ** 2 / dot(theta, theta), norm(m) ** 2 - norm(r) ** 2 / quarter),
+    text="The root is |m · e|: what is under it, over S², is the square of the axis' part along m.",
+).prove(given=given)
+d.check(
+    "axis-from-parts",
+    equal(theta, (2 * cross(m, r) + dot(m, theta) * m) / norm(m) ** 2),
+    text="The axis is its part across the plane of the two points, and its part along m: e± for both signs of m · e.",
+).prove(given=given)
+d.check(
+    "orthogonal",
+    equal(dot(m, r), 0),
+    text="Sum and difference of vectors of equal length are perpendicular.",
+).prove(given=given)
+
+# %% [markdown]
+# ## The kernel
+#
+# Before anything else the points are scaled by a power of two, which rounds nothing. Every case distinction is a
+# select. The tolerances, all in units of the rounding unit $\varepsilon$ of the number type:
+#
+# | where | tolerance | why |
+# | --- | --- | --- |
+# | $\sin\frac\chi2$ or $\cos\frac\chi2$ is zero | $\varepsilon\,|\chi/2|$ | the angle itself is rounded by half of that |
+# | the angle is zero | $\varepsilon^4$ | squares stay in range above it |
+# | the points coincide, or are opposite | $4\varepsilon R$ | each component is rounded by $\varepsilon/2$ |
+# | tangent, from above | $\varepsilon(1+|\chi/2|)$ in $\sin(\frac\chi2-a)$ | closer, rounding merges the two axes |
+# | tangent, from below | 4 times that | rounding of both points and of the angle |
+# | axis parallel to the point | $4\varepsilon$ in $\cos b$ | both axes have the point's direction to rounding |
+# | lengths agree | $8\varepsilon$ at least | rounding of a point that was rotated in floating point |
+#
+# Here $2a$ is the angle between the points, and $\cos b$ the axis' part across their plane.
+
+# %%
+
+
+class AxisStatus(IntEnum):
+    """What the axes of one element are, and whether the data allow them."""
+
+    TWO_AXES = 0  # two axes; the first is at an acute angle to rho
+    ONE_AXIS = 1  # the two coincide to rounding (tangent); both rows are it
+    NO_AXIS = 2  # the angle is too small for the points; both rows are the least-squares axis
+    PARALLEL = 3  # the point does not move: the axis is its direction, or the opposite
+    PERPENDICULAR = 4  # a half turn to the opposite point: every axis perpendicular to rho; both rows are one
+    EVERY_AXIS = 5  # no turn and no motion, or both points at the origin; both rows are one of all axes
+    LENGTHS_DIFFER = 6  # more than allowed; the rows are the axes for rho_prime brought to the length of rho
+    INVALID = 7  # a number is NaN or infinite; the rows are NaN
+
+
+def quarter_size(vector):
+    """A quarter of the sum of magnitudes: near the length, and finite for every finite vector."""
+    return sum((abs(x) / 4 for x in vector), sp.S.Zero)
+
+
+def input_pair(k):
+    """Declare the inputs that a pair of points and an angle have."""
+    return (
+        k.input("rho", 3, unit="length", doc="point before the rotation"),
+        k.input("rho_prime", 3, unit="length", doc="point after the rotation"),
+        k.input("angle", unit="rad", doc="angle of the rotation"),
+    )
+
+
+def scaled_points(k, rho, rho_prime):
+    """Scale both points to a length near 1; the same factor for both unless they are far apart."""
+    size_before = k.let("size_before", quarter_size(rho))
+    size_after = k.let("size_after", quarter_size(rho_prime))
+    scale_before = k.let("scale_before", power_of_two_scale(size_before))
+    scale_after = k.let("scale_after", power_of_two_scale(size_after))
+    comparable = k.let("comparable", (scale_after < 8 * scale_before) & (scale_before < 8 * scale_after))
+    scale = k.let("scale", select(comparable, scale_before, scale_after))
+    u = k.let("u", rho * scale_before)
+    v = k.let("v", rho_prime * scale)
+    return u, v
+
+
+def sum_and_difference(k, u, v):
+    """m and r of two points of equal length, after the excess of the second length is taken off."""
+    difference = k.let("difference", v - u)
+    total = k.let("total", v + u)
+    length_squared = k.let("length_squared", u.dot(u))
+    length_prime_squared = k.let("length_prime_squared", v.dot(v))
+    length_product = k.let("length_product", sp.sqrt(length_squared * length_prime_squared))
+    divisor = k.let("excess_divisor", length_prime_squared + length_product)
+    nonzero = k.let("nonzero", divisor > 0)
+    excess = k.let("excess", total.dot(difference) / select(nonzero, divisor, 1))
+    return k.let("m", total - excess * v), k.let("r", difference - excess * v)
+
+
+def half_turn_parts(k, angle):
+    """S and C, scaled by a power of two so that the square of a small S does not vanish."""
+    half = k.let("half_angle", angle / 2)
+    sine = k.let("sine", sp.sin(half))
+    cosine = k.let("cosine", sp.cos(half))
+    size = k.let("sine_size", abs(sine))
+    turn_scale = k.let("turn_scale", power_of_two_scale(select(size > EPS**2, size, EPS**2)))
+    return (
+        k.let("S", size * turn_scale),
+        k.let("C", select(sine < 0, -cosine, cosine) * turn_scale),
+        turn_scale,
+    )
+
+
+def root_parts(k, S, C, m, r):
+    """The two terms under the root, and their difference."""
+    m_squared = k.let("m_squared", m.dot(m))
+    r_squared = k.let("r_squared", r.dot(r))
+    along_m = k.let("along_m", S**2 * m_squared)
+    along_n = k.let("along_n", C**2 * r_squared)
+    return m_squared, r_squared, along_m, along_n, k.let("root_squared", along_m - along_n)
+
+
+# %%
+def solve_axis():
+    k = KernelBuilder(
+        "solve_axis",
+        summary="Unit axes through the origin that turn a point into another by a known angle.",
+        source="Stebulyanin and Pimushkin, eq. (1), solved in the coordinate-free form",
+        notes="The two rows are the axes at an acute and at an obtuse angle to rho. Elements are independent.",
+    )
+    rho, rho_prime, angle = input_pair(k)
+    tolerance = k.input(
+        "length_tolerance", unit="1", doc="relative difference of the lengths that is no fault"
+    )
+    u, v = scaled_points(k, rho, rho_prime)
+    m, r = sum_and_difference(k, u, v)
+    S, C, _ = half_turn_parts(k, angle)
+    m_squared, r_squared, along_m, along_n, root_squared = root_parts(k, S, C, m, r)
+    w = k.let("w", m.cross(r))
+    names = ("half_angle", "sine_size", "cosine", "length_squared", "length_product", "excess")
+    half, sine_size, cosine, length_squared, length_product, excess = (sp.Symbol(n, real=True) for n in names)
+    size_before, size_after = (sp.Symbol(f"size_{when}", real=True) for when in ("before", "after"))
+    comparable = sp.Symbol("comparable")
+
+    # sin(χ/2 - a) = root² / (8 R² S |C|) near the tangent
+    rounding = k.let("rounding", 8 * EPS * (1 + abs(half)) * length_squared * S * abs(C))
+    band = k.let("band", select(rounding < along_m / 2, rounding, along_m / 2))
+    two = k.let("two", root_squared > band)
+    area_squared = k.let("area_squared", m_squared * r_squared)
+    plane = k.let("plane", area_squared > 0)
+    across = k.let(
+        "across",
+        select(abs(u[2]) > abs(u[0]), sp.Matrix([0, -u[2], u[1]]), sp.Matrix([-u[1], u[0], 0])),
+    )
+    under_root = select(two, root_squared, select(plane, area_squared, across.dot(across)))
+    root = k.let("root", sp.sqrt(k.let("under_root", under_root)))
+    divisor = k.let("divisor", select(two, S * m_squared, select(root > 0, root, 1)))
+    inverse = k.let("inverse", 1 / divisor)
+    w_factor = k.let("w_factor", inverse * select(two, C, select(C < 0, -1, 1)))
+    m_factor = k.let("m_factor", select(two, inverse * root, 0))
+    any_across = select(root > 0, across * inverse, sp.Matrix([0, 0, 1]))
+    base = k.let("base", select(two | plane, w_factor * w, any_across))
+    offset = k.let("offset", m_factor * m)
+    finite = (size_before <= LARGEST) & (size_after <= LARGEST) & (abs(angle) <= LARGEST)
+    valid = k.let("valid", finite)
+    axes = [select(valid, row, sp.Matrix([sp.nan] * 3)).T for row in (base + offset, base - offset)]
+    k.output("axes", sp.Matrix.vstack(*axes), unit="1", doc="two unit axes, one a row")
+
+    both_zero = k.let("both_zero", sp.Eq(size_before, 0) & sp.Eq(size_after, 0))
+    one_zero = k.let("one_zero", sp.Eq(size_before, 0) | sp.Eq(size_after, 0))
+    coincident = k.let("coincident", 16 * EPS**2 * length_squared)
+    no_turn = k.let("no_turn", (sine_size <= EPS * abs(half)) | (sine_size <= EPS**4))
+    every = k.let("every", no_turn & (r_squared <= coincident))
+    opposite = k.let("opposite", (abs(cosine) <= EPS * abs(half)) & (m_squared <= coincident))
+    too_small = k.let("too_small", no_turn | (root_squared < -4 * band))
+    parallel = k.let("parallel", along_n <= 16 * EPS**2 * along_m)
+    least = k.let("least_tolerance", select(tolerance > 8 * EPS, tolerance, 8 * EPS))
+    agree = k.let("lengths_agree", comparable & (abs(excess) <= least * (1 - excess)))
+    status = sp.Piecewise(
+        (AxisStatus.INVALID, sp.Not(valid)),
+        (AxisStatus.EVERY_AXIS, both_zero),
+        (AxisStatus.NO_AXIS, one_zero),
+        (AxisStatus.LENGTHS_DIFFER, sp.Not(agree)),
+        (AxisStatus.EVERY_AXIS, every),
+        (AxisStatus.PERPENDICULAR, opposite),
+        (AxisStatus.NO_AXIS, too_small),
+        (AxisStatus.ONE_AXIS, sp.Not(two)),
+        (AxisStatus.PARALLEL, parallel),
+        (AxisStatus.TWO_AXES, True),
+        evaluate=False,
+    )
+    k.status("status", status, AxisStatus, doc="what the axes are")
+
+    # Where nothing is near a case distinction or the ends of the number range, half of the work falls away.
+    k.usual(
+        (length_product > EPS**2)
+        & (length_product < EPS**-2)
+        & (abs(excess) < sp.Rational(1, 2))
+        & (abs(half) < 2**8)
+        & (sine_size > 2**8 * EPS)
+        & (root_squared > 2**12 * EPS * S * length_squared)
+        & (root_squared < along_m),
+        scale_before=1,
+        scale=1,
+        turn_scale=1,
+        valid=True,
+        nonzero=True,
+        comparable=True,
+        both_zero=False,
+        one_zero=False,
+        every=False,
+        opposite=False,
+        too_small=False,
+        parallel=False,
+        two=True,
+    )
+    return k.build()
+
+
+solver = solve_axis()
+
+# %% [markdown]
+# What the kernel computes is the formula, and what it brings to equal lengths are the points.
+
+# %%
+usual = solver.usual_case()
+kept = usual.expand("axes", keep=("m", "r", "w", "sine_size", "C"))
+names = {sp.Symbol(f"w_{n}", real=True): value for n, value in enumerate(explicit(w), start=1)}
+names |= {sp.Symbol("sine_size", real=True): S, sp.Symbol("C", real=True): C}
+names |= {
+    sp.Symbol(f"{v}_{n}", real=True): s for v, vector in (("m", m), ("r", r)) for n, s in enumerate(vector, 1)
+}
+d.check(
+    "kernel-axes",
+    equal(sp.ImmutableMatrix(kept.row(0).T.subs(names)), plus),
+    equal(sp.ImmutableMatrix(kept.row(1).T.subs(names)), minus),
+    text="The kernel's two rows are e₊ and e₋.",
+).prove()
+excess = sp.Symbol("excess", real=True)
+for name, sign in (("m", 1), ("r", -1)):
+    value = usual.expand(name, keep=("excess",)).subs(excess, 1 - R / P)
+    value = value.subs(
+        {sp.Symbol(f"{v.name}_{n}", real=True): s for v in (rho, rho_prime) for n, s in enumerate(v, 1)}
+    )
+    d.check(
+        f"kernel-{name}",
+        equal(sp.ImmutableMatrix(value), R / P * rho_prime + sign * rho),
+        text=f"The kernel's {name} is that of the points brought to equal length.",
+    ).prove()
+
+# %% [markdown]
+# ## Mismatch of the lengths, and condition
+#
+# An error in the points, relative to their length, is multiplied by at most
+# $\mathrm{cond}=1/(2\sqrt{\sin(\frac\chi2-a)\sin(\frac\chi2+a)})=R/\sqrt{S^2|\vec m|^2-C^2|\vec r|^2}$ in the axis.
+
+# %%
+a = d.symbol("a", r"a", "half the angle between the points", "rad")
+h = d.symbol("h", r"\tfrac{\chi}{2}", "half the angle of rotation", "rad")
+d.check(
+    "condition",
+    equal(
+        sp.sin(h) ** 2 * (2 * R * sp.cos(a)) ** 2 - sp.cos(h) ** 2 * (2 * R * sp.sin(a)) ** 2,
+        4 * R**2 * sp.sin(h - a) * sp.sin(h + a),
+    ),
+    text="What is under the root, by the two angles; |m| = 2R cos a and |r| = 2R sin a.",
+).prove(
+    sp.expand(
+        sp.expand_trig(
+            4
+            * R**2
+            * (
+                sp.sin(h) ** 2 * sp.cos(a) ** 2
+                - sp.cos(h) ** 2 * sp.sin(a) ** 2
+                - sp.sin(h - a) * sp.sin(h + a)
+            )
+        )
+    ),
+    because="The addition theorems make both sides the same polynomial in sines and cosines.",
+)
+
+
+def length_mismatch():
+    k = KernelBuilder(
+        "length_mismatch",
+        summary="Relative difference of two lengths, |rho_prime| / |rho| - 1.",
+        source="Stebulyanin and Pimushkin; the paper takes both lengths as equal",
+    )
+    rho = k.input("rho", 3, unit="length", doc="point before the rotation")
+    rho_prime = k.input("rho_prime", 3, unit="length", doc="point after the rotation")
+    u, v = scaled_points(k, rho, rho_prime)
+    comparable = sp.Symbol("comparable")
+    scale_before, scale = (sp.Symbol(n, real=True) for n in ("scale_before", "scale"))
+    difference, total = k.let("difference", v - u), k.let("total", v + u)
+    length_squared, other_squared = k.let("length_squared", u.dot(u)), k.let("other_squared", v.dot(v))
+    product = k.let("length_product", sp.sqrt(length_squared * other_squared))
+    near = total.dot(difference) / (length_squared + product)
+    far = k.let("ratio", sp.sqrt(other_squared / length_squared)) * (scale_before / scale) - 1
+    same = sp.Eq(length_squared, 0) & sp.Eq(other_squared, 0)
+    k.output(
+        "mismatch", select(same, 0, select(comparable, near, far)), unit="1", doc="|rho_prime| / |rho| - 1"
+    )
+    return k.build()
+
+
+def axis_condition():
+    k = KernelBuilder(
+        "axis_condition",
+        summary="Condition number of the axis: largest factor from a relative error of a point to the axis.",
+        source="Stebulyanin and Pimushkin, eq. (1); derivation axis, entry condition",
+        notes="Infinite where the two axes meet and beyond (ONE_AXIS, NO_AXIS).",
+    )
+    rho, rho_prime, angle = input_pair(k)
+    u, v = scaled_points(k, rho, rho_prime)
+    m, r = sum_and_difference(k, u, v)
+    S, C, turn_scale = half_turn_parts(k, angle)
+    root_squared = root_parts(k, S, C, m, r)[-1]
+    length_squared = sp.Symbol("length_squared", real=True)
+    under = k.let("under_root", select(root_squared > 0, root_squared, 0))
+    k.output(
+        "condition", turn_scale * sp.sqrt(length_squared) / sp.sqrt(under), unit="1", doc="condition number"
+    )
+    return k.build()
+
+
+# %% [markdown]
+# ## Derivatives and covariance
+#
+# The derivatives of both axes with respect to both points and the angle are made from the solver's own program.
+# With covariance matrices of the points and a variance of the angle they give the covariance of each axis,
+# $\Sigma_e=J_\rho\Sigma_\rho J_\rho^T+J_{\rho'}\Sigma_{\rho'}J_{\rho'}^T+\sigma_\chi^2\,j_\chi j_\chi^T$.
+
+# %%
+jacobian = solver.jacobian(
+    ("rho", "rho_prime", "angle"),
+    ("axes",),
+    name="axis_jacobian",
+    summary="Derivatives of both axes with respect to both points and the angle.",
+)
+
+
+def axis_covariance():
+    k = KernelBuilder(
+        "axis_covariance",
+        summary="Covariance of both axes from those of the points and the angle, to first order.",
+        source="GUM, law of propagation of uncertainty, on Stebulyanin and Pimushkin, eq. (1)",
+    )
+    derivatives = k.include(jacobian)
+    cov_rho = k.input("cov_rho", (3, 3), unit="length²", doc="covariance of rho")
+    cov_prime = k.input("cov_rho_prime", (3, 3), unit="length²", doc="covariance of rho_prime")
+    var_angle = k.input("var_angle", unit="rad²", doc="variance of the angle")
+    covariance = []
+    for row in range(2):
+        J = sp.Matrix(3, 7, lambda i, j, row=row: derivatives["axes_jacobian"][row, i, j])
+        half_rho = k.let(f"half_rho_{'ab'[row]}", J[:, 0:3] * cov_rho)
+        half_prime = k.let(f"half_prime_{'ab'[row]}", J[:, 3:6] * cov_prime)
+        covariance.append(half_rho * J[:, 0:3].T + half_prime * J[:, 3:6].T + var_angle * J[:, 6] * J[:, 6].T)
+    blocks = sp.ImmutableDenseNDimArray([list(block) for block in covariance]).reshape(2, 3, 3)
+    k.output("covariance", blocks, unit="1", doc="covariance of each axis, one 3x3 matrix a row")
+    k.status("axis_status", derivatives["status"], AxisStatus, doc="what the axes are")
+    return k.build()
+
+
+# %% [markdown]
+# ## The residual of a pair
+#
+# For a fit over many pairs the axis goes through a point $\vec p$. What a pair leaves is
+# $\vec\rho\,'-\vec p-R(\vec e,\chi)(\vec\rho-\vec p)$. With $\vec x=\vec\rho-\vec p$ and
+# $R\vec x-\vec x=2\sin\frac\chi2\,\vec e\times(\cos\frac\chi2\,\vec x+\sin\frac\chi2\,\vec e\times\vec x)$
+# nothing cancels at small angles.
+
+# %%
+e = d.vector("axis", r"\vec e", "unit axis", "1")
+x = d.vector("x", r"\vec x", "point relative to a point on the axis", "length")
+sine, cosine = sp.sin(h), sp.cos(h)
+d.check(
+    "displacement",
+    equal(
+        2 * sine * cross(e, cosine * x + sine * cross(e, x)),
+        2 * sine * cosine * cross(e, x) + 2 * sine**2 * cross(e, cross(e, x)),
+    ),
+    text="The displacement of x, with sin χ = 2 sin(χ/2) cos(χ/2) and 1 - cos χ = 2 sin²(χ/2): Rodrigues' formula.",
+).prove()
+tangent = d.symbol("tangent", r"t", "tan(χ/2)", "1")
+d.check(
+    "displacement-is-rodrigues",
+    equal(
+        rodrigues(x, 2 * tangent * e) - x,
+        2 * tangent / (1 + tangent**2) * cross(e, x + tangent * cross(e, x)),
+    ),
+    text="The same from eq. (1): the displacement is that of the Rodrigues vector 2 tan(χ/2) e for a unit axis e.",
+).prove(modulo={e.components[2]: dot(e, e) - 1})
+
+
+def axis_residual():
+    k = KernelBuilder(
+        "axis_residual",
+        summary="What a pair leaves when the first point is turned about an axis, and derivatives for a fit.",
+        source="Stebulyanin and Pimushkin, eq. (1); derivation axis, entry displacement",
+        notes="The axis must be a unit vector; derivatives are those of the formula, without that constraint.",
+    )
+    rho, rho_prime, angle = input_pair(k)
+    axis = k.input("axis", 3, unit="1", doc="unit vector of the axis")
+    point = k.input("point", 3, unit="length", doc="a point on the axis")
+    half = k.let("half_angle", angle / 2)
+    sine, cosine = k.let("sine", sp.sin(half)), k.let("cosine", sp.cos(half))
+    arm = k.let("arm", rho - point)
+    inner = k.let("inner", cosine * arm + sine * axis.cross(arm))
+    moved = k.let("moved", rho_prime - rho)
+    k.output(
+        "residual", moved - 2 * sine * axis.cross(inner), unit="length", doc="rho_prime less the turned rho"
+    )
+    return k.build()
+
+
+residual = axis_residual().jacobian(("axis", "point"), name="axis_residual", values=True)
+
+# %%
+derivation.kernel(solver, length_mismatch(), axis_condition(), jacobian, axis_covariance(), residual)
+for kernel in derivation.kernels.values():
+    print(f"{kernel.name:16} {sum(kernel.operations.values()):5d} operations")

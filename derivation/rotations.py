@@ -1,0 +1,315 @@
+# ---
+# jupyter:
+#   jupytext:
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+#   kernelspec:
+#     display_name: Python 3
+#     language: python
+#     name: python3
+# ---
+
+# %% [markdown]
+# # Rotating a vector, and the ways to write a rotation
+#
+# A rotation is written as a unit axis $\vec e$ and an angle $\chi$, as the Rodrigues vector
+# $\vec\theta=2\tan\frac\chi2\,\vec e$, as a matrix, or as a unit quaternion
+# $(w,\vec v)=(\cos\frac\chi2,\sin\frac\chi2\,\vec e)$, scalar first. Every conversion below goes through the
+# quaternion with $w\ge0$, which is well conditioned everywhere; the half angle keeps small rotations and half turns
+# exact to rounding.
+
+# %%
+from enum import IntEnum
+
+import sympy as sp
+
+from rodgen.codegen import KernelBuilder
+from rodgen.symbolic import (
+    EPS,
+    LARGEST,
+    Derivation,
+    cross,
+    dot,
+    equal,
+    matrix_from_axis_angle,
+    matrix_from_rodrigues_vector,
+    power_of_two_scale,
+    rodrigues,
+    select,
+    skew,
+)
+
+derivation = Derivation(
+    "rotations",
+    title="Rotations: Rodrigues' formula and conversions",
+    source='Stebulyanin and Pimushkin, "Solution of the Rodriguez Equation in Modeling Volumetric Geometric '
+    'Accuracy of Multi-Coordinate Systems", eq. (1)',
+)
+d = derivation
+
+# %%
+w = d.symbol("w", r"w", "scalar part of the quaternion, cos(χ/2)", "1", positive=True)
+v = d.vector("v", r"\vec v", "vector part of the quaternion, sin(χ/2) e", "1")
+theta = d.vector("theta", r"\vec\theta", "Rodrigues vector, 2 tan(χ/2) e", "1")
+rho = d.vector("rho", r"\vec\rho", "vector to rotate", "length")
+d
+
+# %% [markdown]
+# ## One rotation, four ways
+
+
+# %%
+def matrix_from_quaternion(w, v):
+    """Rotation matrix of a quaternion of any length."""
+    v = sp.Matrix(v)
+    square = w**2 + v.dot(v)
+    return sp.eye(3) + (2 * w * skew(v) + 2 * skew(v) ** 2) / square
+
+
+by_quaternion = matrix_from_quaternion(w, list(v))
+d.check(
+    "matrix-from-quaternion",
+    equal(
+        sp.ImmutableMatrix(by_quaternion),
+        sp.ImmutableMatrix(matrix_from_rodrigues_vector(2 * sp.Matrix(list(v)) / w)),
+    ),
+    text="The matrix of a quaternion is that of the Rodrigues vector 2 v / w.",
+).prove()
+axis = d.vector("axis", r"\vec e", "unit axis", "1")
+cosine = d.symbol("cosine", r"c", "cos(χ/2)", "1")
+sine = d.symbol("sine", r"s", "sin(χ/2)", "1")
+d.check(
+    "matrix-from-axis-angle",
+    equal(
+        sp.ImmutableMatrix(matrix_from_quaternion(cosine, [sine * x for x in axis])),
+        sp.ImmutableMatrix(
+            matrix_from_axis_angle(sp.Matrix(list(axis)), cosine**2 - sine**2, 2 * sine * cosine)
+        ),
+    ),
+    text="It is also the matrix of the unit axis and the angle, by the double angle.",
+).prove(modulo={axis.components[2]: dot(axis, axis) - 1, cosine: cosine**2 + sine**2 - 1})
+d.check(
+    "rotate",
+    equal(
+        sp.ImmutableMatrix(matrix_from_rodrigues_vector(sp.Matrix(list(theta))) * sp.Matrix(list(rho))),
+        rodrigues(rho, theta),
+    ),
+    text="Rodrigues' formula is the product with that matrix.",
+).prove()
+scale = d.symbol("scale", r"k", "a positive factor", "1", positive=True)
+d.check(
+    "rotate-scaled",
+    equal(
+        rodrigues(rho, theta),
+        rho
+        + cross(scale * theta, scale * rho + cross(scale * theta, rho) / 2)
+        / (scale**2 + dot(scale * theta, scale * theta) / 4),
+    ),
+    text="The formula for a Rodrigues vector scaled by k, which does not overflow near a half turn.",
+).prove()
+
+# %% [markdown]
+# The quaternion comes from a matrix by its largest component: each of the four rows of the symmetric matrix $4qq^T$ is
+# the quaternion times four times one component, and no component that is divided by is below $\frac12$.
+
+# %%
+M = sp.Matrix(3, 3, sp.symbols("m_1_1 m_1_2 m_1_3 m_2_1 m_2_2 m_2_3 m_3_1 m_3_2 m_3_3", real=True))
+
+
+def quaternion_products(M):
+    """4 q qᵀ of a rotation matrix."""
+    trace = M.trace()
+    top = [1 + trace, M[2, 1] - M[1, 2], M[0, 2] - M[2, 0], M[1, 0] - M[0, 1]]
+    rows = [top]
+    for i in range(3):
+        diagonal = [M[i, j] + M[j, i] for j in range(3)]
+        diagonal[i] = 1 + 2 * M[i, i] - trace
+        rows.append([top[i + 1], *diagonal])
+    return sp.Matrix(rows)
+
+
+q = sp.Matrix([w, *v])
+d.check(
+    "quaternion-from-matrix",
+    equal(
+        sp.ImmutableMatrix(quaternion_products(by_quaternion) * (w**2 + dot(v, v))),
+        sp.ImmutableMatrix(4 * q * q.T),
+    ),
+    text="Sums and differences of the entries of a rotation matrix are the products of its quaternion.",
+).prove()
+
+# %% [markdown]
+# ## The kernels
+
+
+# %%
+class RotationStatus(IntEnum):
+    """What a converted rotation is."""
+
+    ROTATION = 0  # a turn about a determined axis
+    IDENTITY = 1  # no turn: the axis is not determined, and z stands for it
+    HALF_TURN = 2  # by pi to rounding: axis and opposite axis are the same, the Rodrigues vector is huge
+    NOT_NORMAL = (
+        3  # the axis or quaternion is not of unit length, or the matrix not orthogonal; the nearest is used
+    )
+    INVALID = 4  # not finite, a zero axis or quaternion, or a reflection; the result is NaN
+
+
+def normalised(k, name, vector):
+    """A vector of unit length, its squared length before (after scaling), and whether it has one."""
+    size = k.let(f"{name}_size", sum((abs(x) / 4 for x in vector), sp.S.Zero))
+    scaled = k.let(f"{name}_scaled", vector * power_of_two_scale(size))
+    length = k.let(f"{name}_length", sp.sqrt(scaled.dot(scaled)))
+    good = (size > 0) & (size <= LARGEST)
+    unit = k.let(f"{name}_unit", scaled / select(length > 0, length, 1))
+    deviation = k.let(f"{name}_deviation", abs(vector.dot(vector) - 1))
+    return unit, good, sp.Not(deviation <= 16 * EPS)
+
+
+def positive(k, w, v):
+    """The one of the two quaternions of a rotation with w >= 0."""
+    sign = k.let("quaternion_sign", select(w < 0, -1, 1))
+    return k.let("w", sign * w), k.let("v", sign * v)
+
+
+def from_axis_angle(k):
+    axis = k.input("axis", 3, unit="1", doc="unit vector of the axis")
+    angle = k.input("angle", unit="rad", doc="angle of rotation")
+    half = k.let("half_angle", angle / 2)
+    unit, good, abnormal = normalised(k, "axis", axis)
+    w, v = positive(k, sp.cos(half), sp.sin(half) * unit)
+    return w, v, good & (abs(angle) <= LARGEST), abnormal
+
+
+def from_rodrigues_vector(k):
+    theta = k.input("theta", 3, unit="1", doc="Rodrigues vector, 2 tan(angle/2) times the unit axis")
+    size = k.let("size", 1 + sum((abs(x) / 8 for x in theta), sp.S.Zero))
+    factor = k.let("factor", power_of_two_scale(size))
+    scaled = k.let("theta_scaled", theta * factor / 2)
+    length = k.let("length", sp.sqrt(factor**2 + scaled.dot(scaled)))
+    return k.let("w", factor / length), k.let("v", scaled / length), size <= LARGEST, sp.false
+
+
+def from_quaternion(k):
+    quaternion = k.input("quaternion", 4, unit="1", doc="unit quaternion, scalar part first")
+    unit, good, abnormal = normalised(k, "quaternion", quaternion)
+    w, v = positive(k, unit[0], unit[1:4, 0])
+    return w, v, good, abnormal
+
+
+def from_matrix(k):
+    matrix = k.input("matrix", (3, 3), unit="1", doc="rotation matrix")
+    products = k.let("products", quaternion_products(matrix))
+    column = products[:, 0]
+    largest = products[0, 0]
+    for n in range(1, 4):
+        column = select(products[n, n] > largest, products[:, n], column)
+        largest = select(products[n, n] > largest, products[n, n], largest)
+        column, largest = k.let(f"column_{'abc'[n - 1]}", column), k.let(f"largest_{'abc'[n - 1]}", largest)
+    length = k.let("length", sp.sqrt(column.dot(column)))
+    w, v = positive(k, column[0] / length, column[1:4, 0] / length)
+    gram = matrix.T * matrix - sp.eye(3)
+    deviation = k.let("deviation", sum((abs(x) for x in gram), sp.S.Zero))
+    determinant = k.let("determinant", matrix[:, 0].dot(matrix[:, 1].cross(matrix[:, 2])))
+    return w, v, (determinant > 0) & (deviation <= LARGEST), sp.Not(deviation <= 64 * EPS)
+
+
+def to_quaternion(k, w, v, length):
+    return {"quaternion": (sp.Matrix([w, *v]), "1", "unit quaternion, scalar part first and not negative")}
+
+
+def to_axis_angle(k, w, v, length):
+    unit = select(length > 0, v / select(length > 0, length, 1), sp.Matrix([0, 0, 1]))
+    return {
+        "axis": (unit, "1", "unit vector of the axis"),
+        "angle": (2 * sp.atan2(length, w), "rad", "angle of rotation, 0 to pi"),
+    }
+
+
+def to_rodrigues_vector(k, w, v, length):
+    # w is exactly 0 only for exact half turns; the smallest cosine that an angle in floating point has stands in
+    return {
+        "theta": (
+            2 * v / select(w > EPS / 4, w, EPS / 4),
+            "1",
+            "Rodrigues vector, 2 tan(angle/2) times the unit axis",
+        )
+    }
+
+
+def to_matrix(k, w, v, length):
+    return {"matrix": (sp.eye(3) + 2 * w * skew(v) + 2 * skew(v) ** 2, "1", "rotation matrix")}
+
+
+FROM = {
+    "axis_angle": from_axis_angle,
+    "rodrigues_vector": from_rodrigues_vector,
+    "matrix": from_matrix,
+    "quaternion": from_quaternion,
+}
+TO = {
+    "axis_angle": to_axis_angle,
+    "rodrigues_vector": to_rodrigues_vector,
+    "matrix": to_matrix,
+    "quaternion": to_quaternion,
+}
+
+
+def conversion(target, source):
+    words = {name: name.replace("_", " ").replace("axis angle", "axis and angle") for name in FROM}
+    k = KernelBuilder(
+        f"{target}_from_{source}",
+        summary=f"Convert a rotation from {words[source]} to {words[target]}.",
+        source="derivation rotations; Stebulyanin and Pimushkin, eq. (1)",
+    )
+    w, v, good, abnormal = FROM[source](k)
+    good = k.let("good", good)
+    length = k.let("sine", sp.sqrt(v.dot(v)))
+    for name, (value, unit, doc) in TO[target](k, w, v, length).items():
+        nan = sp.nan if not isinstance(value, sp.MatrixBase) else sp.ones(*value.shape) * sp.nan
+        k.output(name, select(good, value, nan), unit=unit, doc=doc)
+    status = sp.Piecewise(
+        (RotationStatus.INVALID, sp.Not(good)),
+        (RotationStatus.NOT_NORMAL, abnormal),
+        (RotationStatus.IDENTITY, sp.Eq(length, 0)),
+        (RotationStatus.HALF_TURN, w <= EPS),
+        (RotationStatus.ROTATION, True),
+        evaluate=False,
+    )
+    k.status("status", status, RotationStatus, doc="what the rotation is")
+    return k.build()
+
+
+def rotate():
+    k = KernelBuilder(
+        "rotate",
+        summary="Rotate a vector by Rodrigues' formula.",
+        source="Stebulyanin and Pimushkin, eq. (1)",
+        notes="The Rodrigues vector is scaled first, so that half turns, where it is huge, do not overflow.",
+    )
+    rho = k.input("rho", 3, unit="length", doc="vector to rotate")
+    theta = k.input("theta", 3, unit="1", doc="Rodrigues vector, 2 tan(angle/2) times the unit axis")
+    factor = k.let("factor", power_of_two_scale(1 + sum((abs(x) / 8 for x in theta), sp.S.Zero)))
+    turn = k.let("turn", theta * factor / 2)
+    divisor = k.let("divisor", factor**2 + turn.dot(turn))
+    inner = k.let("inner", factor * rho + turn.cross(rho))
+    k.output("rotated", rho + 2 * turn.cross(inner) / divisor, unit="length", doc="the rotated vector")
+    return k.build()
+
+
+rotate_kernel = rotate()
+kept = rotate_kernel.expand("rotated", keep=("factor",))
+kept = kept.subs({sp.Symbol("factor", real=True): scale})
+kept = kept.subs({sp.Symbol(f"{u.name}_{n}", real=True): s for u in (rho, theta) for n, s in enumerate(u, 1)})
+d.check(
+    "kernel-rotate",
+    equal(sp.ImmutableMatrix(kept), rodrigues(rho, theta)),
+    text="The kernel is Rodrigues' formula, whatever the scale.",
+).prove()
+
+# %%
+derivation.kernel(rotate_kernel)
+derivation.kernel(*(conversion(target, source) for source in FROM for target in TO if target != source))
+for kernel in derivation.kernels.values():
+    print(f"{kernel.name:40} {sum(kernel.operations.values()):5d} operations")

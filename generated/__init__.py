@@ -1,0 +1,1 @@
+"""Code that rodgen generates from its derivations: ``numpy/`` and ``c/``, and ``gufunc/`` for the extension."""

@@ -1,0 +1,44 @@
+"""Call a kernel on array-likes, NumPy or Dask.
+
+NumPy's gufuncs take care of broadcasting, types and ``out``. Dask knows how to spread a gufunc over chunks, except
+that it must be told the sizes that appear only in the result.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from typing import Any
+
+import numpy as np
+
+__all__ = ["call"]
+
+
+def call(kernel: Any, arguments: tuple[Any, ...], out: Any) -> Any:
+    """Evaluate `kernel`; see :class:`numpy.ufunc` for what is raised."""
+    if "dask.array" in sys.modules:
+        from dask.array import Array, apply_gufunc
+
+        if any(isinstance(a, Array) for a in arguments):
+            if out is not None:
+                raise TypeError("out is for NumPy arrays; a Dask array is computed later")
+            return _spread(kernel, arguments, apply_gufunc)
+    return kernel(*arguments) if out is None else kernel(*arguments, out=out)
+
+
+def _spread(kernel: Any, arguments: tuple[Any, ...], apply_gufunc: Any) -> Any:
+    inputs, outputs = kernel.signature.split("->")
+    sizes = {size: int(size) for size in set(re.findall(r"\d+", outputs)) - set(re.findall(r"\d+", inputs))}
+    number = np.result_type(*(getattr(a, "dtype", np.asarray(a).dtype) for a in arguments if np.ndim(a)))
+    real = np.float32 if np.can_cast(number, np.float32) else np.float64
+    types = [np.int8 if code == "b" else real for code in kernel.types[0].split("->")[1]]
+    scalars = tuple(np.asarray(a, real) if np.ndim(a) == 0 else a for a in arguments)
+    return apply_gufunc(
+        kernel,
+        kernel.signature,
+        *scalars,
+        output_sizes=sizes,
+        output_dtypes=types if len(types) > 1 else types[0],
+        allow_rechunk=True,
+    )

@@ -1,0 +1,136 @@
+"""Derivatives of a kernel, made from the kernel.
+
+Forward accumulation: for each assignment ``s = f(a, b)`` the program gains
+``ds/dx = df/da * da/dx + df/db * db/dx`` for every input component x on which s depends. Local derivatives
+are small, so nothing swells; what is computed twice is shared afterwards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import count
+from typing import TYPE_CHECKING
+
+import sympy as sp
+
+if TYPE_CHECKING:
+    from rodgen.codegen.kernel import Kernel
+
+__all__ = ["jacobian"]
+
+
+def jacobian(
+    kernel: Kernel,
+    wrt: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+    *,
+    name: str | None = None,
+    summary: str | None = None,
+    values: bool = False,
+) -> Kernel:
+    """Return the kernel of the derivatives of `outputs` with respect to `wrt`.
+
+    See :meth:`rodgen.codegen.Kernel.jacobian`.
+
+    Raises
+    ------
+    KeyError
+        For a name that is no port of the kernel.
+    ValueError
+        When a status is to be differentiated.
+    """
+    from rodgen.codegen.kernel import Assignment, KernelError, Port, finish, port_symbols
+
+    variables = [
+        s
+        for n in (wrt if wrt is not None else [p.name for p in kernel.inputs])
+        for s in kernel.port(n).symbols
+    ]
+    differentiated = [
+        kernel.port(n)
+        for n in (outputs if outputs is not None else [p.name for p in kernel.outputs if not p.is_status])
+    ]
+    if any(port.is_status for port in differentiated):
+        raise KernelError(f"kernel {kernel.name}: a status has no derivative")
+
+    steps: list[Assignment] = []
+    # tangent[s][x] is the symbol (or number) that holds ds/dx; what is absent is zero
+    tangent: dict[sp.Symbol, dict[sp.Symbol, sp.Expr]] = {x: {x: sp.S.One} for x in variables}
+    for symbol, value in _with_selects_on_their_own_lines(kernel):
+        steps.append(Assignment(symbol, value))
+        if steps[-1].is_condition:
+            continue
+        of_symbol: dict[sp.Symbol, sp.Expr] = {}
+        for x in variables:
+            slope = _slope(value, x, tangent)
+            if slope.is_zero:
+                continue
+            if slope.is_Number or slope.is_Symbol:
+                of_symbol[x] = slope
+                continue
+            derivative = sp.Symbol(f"d_{symbol.name}_d_{x.name}", real=True)
+            steps.append(Assignment(derivative, slope))
+            of_symbol[x] = derivative
+        tangent[symbol] = of_symbol
+
+    ports = []
+    for port in differentiated:
+        shape = (*port.shape, len(variables))
+        symbols = port_symbols(f"{port.name}_jacobian", shape)
+        unit = f"{port.unit} per unit of {', '.join(inputs)}"
+        doc = f"derivative of {port.name}; last axis: {', '.join(x.name for x in variables)}"
+        ports.append(Port(f"{port.name}_jacobian", shape, unit, doc, symbols))
+        slopes = (tangent.get(s, {}).get(x, sp.S.Zero) for s in port.symbols for x in variables)
+        steps.extend(Assignment(s, v) for s, v in zip(symbols, slopes, strict=True))
+    if values:
+        ports = [*differentiated, *ports]
+    ports.extend(port for port in kernel.outputs if port.is_status)
+    return finish(
+        name or f"{kernel.name}_jacobian",
+        summary or f"Derivatives of {kernel.name}.",
+        kernel.source,
+        kernel.inputs,
+        ports,
+        steps,
+        kernel.notes,
+    )
+
+
+def _slope(value: sp.Expr, x: sp.Symbol, tangent: Mapping[sp.Symbol, Mapping[sp.Symbol, sp.Expr]]) -> sp.Expr:
+    """Differentiate one line by the chain rule; a select keeps its condition and takes one slope of two.
+
+    A slope is never multiplied by a truth value: the branch that is not taken may be infinite.
+    """
+    if value is sp.nan:
+        return value
+    if isinstance(value, sp.Piecewise):
+        cases = [(_slope(case, x, tangent), condition) for case, condition in value.args]
+        if all(slope.is_zero or slope is sp.nan for slope, _ in cases):
+            return sp.S.Zero
+        return sp.Piecewise(*cases, evaluate=False)
+    moving = sorted((s for s in value.free_symbols if x in tangent.get(s, {})), key=lambda s: str(s.name))
+    return sp.Add(*(value.diff(s) * tangent[s][x] for s in moving))
+
+
+def _with_selects_on_their_own_lines(kernel: Kernel) -> Iterator[tuple[sp.Symbol, sp.Basic]]:
+    """Yield the kernel's lines with every inner select moved to a line of its own."""
+    lines: list[tuple[sp.Symbol, sp.Basic]] = []
+    names = (sp.Symbol(f"select_{n}", real=True) for n in count())
+
+    def bare(value: sp.Basic, *, outermost: bool = False) -> sp.Basic:
+        if not value.has(sp.Piecewise):
+            return value
+        if isinstance(value, sp.Piecewise):
+            value = sp.Piecewise(*((bare(case), bare(c)) for case, c in value.args), evaluate=False)
+            if outermost:
+                return value
+            name = next(names)
+            lines.append((name, value))
+            return name
+        return value.func(*(bare(argument) for argument in value.args))
+
+    for assignment in kernel.assignments:
+        value = bare(assignment.value, outermost=True)
+        yield from lines
+        lines.clear()
+        yield assignment.symbol, value

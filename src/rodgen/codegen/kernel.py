@@ -1,0 +1,492 @@
+"""The one spec from which every target is made: a straight-line program with named, united ports.
+
+A kernel computes outputs from inputs by a list of assignments, each of which uses only inputs and
+earlier assignments. There is no branch: a case distinction is a select of two values, so that a C compiler
+can vectorise the program and NumPy can evaluate it on whole arrays.
+
+:class:`KernelBuilder` is how a derivation writes one; :class:`Kernel` is what comes out, after
+common-subexpression elimination, and never changes again.
+"""
+
+from __future__ import annotations
+
+import keyword
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import IntEnum
+from functools import cached_property
+from typing import Any, TypeAlias
+
+import sympy as sp
+from sympy.logic.boolalg import Boolean
+
+from rodgen.codegen._cse import eliminate_common_subexpressions
+from rodgen.symbolic import EPS, LARGEST
+
+__all__ = ["Assignment", "Kernel", "KernelBuilder", "KernelError", "Port", "UsualCase"]
+
+_IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
+_RESERVED = frozenset(keyword.kwlist) | {
+    *("auto", "break", "case", "char", "const", "continue", "default", "do", "double", "enum", "extern"),
+    *(
+        "float",
+        "goto",
+        "inline",
+        "int",
+        "long",
+        "register",
+        "restrict",
+        "return",
+        "short",
+        "signed",
+        "sizeof",
+    ),
+    *("static", "struct", "switch", "typedef", "union", "unsigned", "void", "volatile"),
+    *("np", "out", "count", "input", "output", "eps", "largest"),
+}
+"""Words of C, and names that the templates use."""
+
+Value: TypeAlias = Any
+"""A SymPy expression, or a matrix of them."""
+
+
+class KernelError(ValueError):
+    """A kernel that cannot be built: a name used twice, an unknown symbol, a shape that does not fit."""
+
+
+@dataclass(frozen=True)
+class Port:
+    """An input or output of a kernel.
+
+    Attributes
+    ----------
+    name : str
+        Name in every target.
+    shape : tuple of int
+        ``()`` for a number.
+    unit : str
+        What it is measured in: ``"rad"``, ``"1"``, or a word such as ``"length"`` for any length unit.
+    doc : str
+        One phrase.
+    symbols : tuple of sympy.Symbol
+        Its components in row-major order: ``name`` itself, or ``name_1``, ``name_1_2``, ....
+    enum : type of IntEnum or None
+        The codes of a status; None for real numbers.
+    """
+
+    name: str
+    shape: tuple[int, ...]
+    unit: str
+    doc: str
+    symbols: tuple[sp.Symbol, ...] = field(repr=False)
+    enum: type[IntEnum] | None = None
+
+    @property
+    def size(self) -> int:
+        """Number of components."""
+        return math.prod(self.shape)
+
+    @property
+    def is_status(self) -> bool:
+        """Whether the components are codes of :attr:`enum` rather than real numbers."""
+        return self.enum is not None
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """One line of the program: ``symbol = value``; the value is real, or boolean for a condition."""
+
+    symbol: sp.Symbol
+    value: sp.Basic
+
+    @property
+    def is_condition(self) -> bool:
+        """Whether the value is a truth value."""
+        return self.symbol.is_real is None  # a symbol is a Boolean to SymPy, so the value does not tell
+
+
+@dataclass(frozen=True)
+class UsualCase:
+    """Where a kernel needs none of its case distinctions.
+
+    Attributes
+    ----------
+    guard : sympy boolean
+        Condition in inputs and named steps; false where there is any doubt.
+    values : dict of str to sympy number or boolean
+        Named steps that have these values wherever `guard` holds. A scale may be given as 1 where scaling by a
+        power of two changes no bit of the result.
+    """
+
+    guard: Boolean
+    values: Mapping[str, sp.Basic]
+
+    def __hash__(self) -> int:
+        return hash((self.guard, tuple(sorted(self.values))))
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """A straight-line program: inputs, assignments, outputs.
+
+    Attributes
+    ----------
+    name : str
+        Function name in every target.
+    summary : str
+        First line of the docstring.
+    source : str
+        Where the equations stand: paper and equation number, or the derivation's entry.
+    inputs, outputs : tuple of Port
+        In the order of the arguments.
+    assignments : tuple of Assignment
+        In the order of evaluation; the outputs' symbols are assigned last.
+    notes : str
+        Further paragraphs of the docstring.
+    usual : UsualCase or None
+        Where the program can be shortened; a target may use it for speed.
+    """
+
+    name: str
+    summary: str
+    source: str
+    inputs: tuple[Port, ...]
+    outputs: tuple[Port, ...]
+    assignments: tuple[Assignment, ...] = field(repr=False)
+    notes: str = field(default="", repr=False)
+    usual: UsualCase | None = field(default=None, repr=False)
+
+    def port(self, name: str) -> Port:
+        """Return the input or output called `name`; KeyError where there is none."""
+        for port in (*self.inputs, *self.outputs):
+            if port.name == name:
+                return port
+        raise KeyError(f"kernel {self.name} has no port {name}")
+
+    @cached_property
+    def operations(self) -> dict[str, int]:
+        """Floating-point operations of one evaluation, by kind (``add``, ``mul``, ``div``, ``sqrt``, ...)."""
+        from rodgen.codegen._count import count_operations
+
+        return count_operations(assignment.value for assignment in self.assignments)
+
+    @cached_property
+    def functions(self) -> frozenset[str]:
+        """Names of the elementary functions that are called (``sin``, ``atan2``, ...)."""
+        names = {type(f).__name__ for a in self.assignments for f in a.value.atoms(sp.Function)}
+        return frozenset(names - {"Piecewise", "Abs", "sign", "power_of_two_scale"})
+
+    def expand(self, output: str, keep: Iterable[str] = ()) -> Value:
+        """Write an output, or a named step, in the inputs and the named steps of `keep`.
+
+        This is what a derivation proves equal to its formula. Returned as a Matrix for a vector
+        (a column) or matrix, as an expression for a number.
+
+        Parameters
+        ----------
+        output : str
+            An output, or a step that was named with :meth:`KernelBuilder.let`.
+        keep : iterable of str
+            Named steps that stay symbols; ``"w"`` keeps ``w_1``, ``w_2``, ``w_3``, too.
+        """
+        keep = set(keep)
+        environment: dict[sp.Symbol, sp.Basic] = {}
+        values: dict[str, sp.Basic] = {}
+        for assignment in self.assignments:
+            name = assignment.symbol.name
+            values[name] = assignment.value.xreplace(environment)
+            if name not in keep and name.rstrip("0123456789_") not in keep:
+                environment[assignment.symbol] = values[name]
+        if output in values:
+            return values[output]
+        names = [p for p in self.outputs if p.name == output]
+        if names:
+            found = [values[s.name] for s in names[0].symbols]
+            return sp.Matrix(*_matrix_shape(names[0].shape), found)
+        found = [values[n] for n in values if re.fullmatch(rf"{re.escape(output)}(_\d+)+", n)]
+        if not found:
+            raise KeyError(f"kernel {self.name} has no output or step {output}")
+        return sp.Matrix(found)
+
+    def jacobian(
+        self,
+        wrt: Sequence[str] | None = None,
+        outputs: Sequence[str] | None = None,
+        *,
+        name: str | None = None,
+        summary: str | None = None,
+        values: bool = False,
+    ) -> Kernel:
+        """Make the kernel of the derivatives, by forward accumulation through the assignments.
+
+        Parameters
+        ----------
+        wrt : sequence of str, optional
+            Inputs to differentiate with respect to; all of them when left out.
+        outputs : sequence of str, optional
+            Outputs to differentiate; all real ones when left out.
+        name, summary : str, optional
+            Of the new kernel; made from this one's when left out.
+        values : bool
+            Whether the differentiated outputs themselves are outputs, too.
+
+        Returns
+        -------
+        Kernel
+            It has an output ``OUTPUT_jacobian`` for each differentiated output, with the inputs' components
+            one after the other as its last axis; statuses stay as they are.
+        """
+        from rodgen.codegen.differentiate import jacobian
+
+        return jacobian(self, wrt, outputs, name=name, summary=summary, values=values)
+
+    def evaluate(
+        self, values: Mapping[str, Any], *, digits: int = 50, eps: Any = None, largest: Any = None
+    ) -> dict[str, Any]:
+        """Evaluate the same program with `digits` decimal digits; see :mod:`rodgen.codegen.exact`."""
+        from rodgen.codegen.exact import evaluate
+
+        return evaluate(self, values, digits=digits, eps=eps, largest=largest)
+
+    def usual_case(self) -> Kernel:
+        """Return the shorter kernel of the usual case, with a further output: the condition ``is_usual``.
+
+        Where it is false the other outputs mean nothing.
+        """
+        if self.usual is None:
+            raise KernelError(f"kernel {self.name} has no usual case")
+        known: dict[sp.Symbol, sp.Basic] = {}
+        steps = []
+        for a in self.assignments:
+            value = self.usual.values.get(a.symbol.name, a.value.xreplace(known))
+            if value.is_Symbol or value.is_Number or value in (sp.true, sp.false):
+                known[a.symbol] = value
+            steps.append(Assignment(a.symbol, value))
+        symbol = sp.Symbol("is_usual")
+        steps.append(Assignment(symbol, self.usual.guard.xreplace(known)))
+        port = Port("is_usual", (), "1", "whether the other outputs hold", (symbol,))
+        return finish(
+            f"{self.name}_usual",
+            self.summary,
+            self.source,
+            self.inputs,
+            (*self.outputs, port),
+            steps,
+            self.notes,
+        )
+
+    def renamed(self, name: str, *, summary: str | None = None) -> Kernel:
+        """Return the same kernel under another name."""
+        return replace(self, name=name, summary=self.summary if summary is None else summary)
+
+
+def _matrix_shape(shape: tuple[int, ...]) -> tuple[int, int]:
+    if len(shape) == 1:
+        return shape[0], 1
+    return math.prod(shape[:-1]), shape[-1]
+
+
+def port_symbols(name: str, shape: tuple[int, ...]) -> tuple[sp.Symbol, ...]:
+    """Return the real symbols of a port's components, in row-major order."""
+    names = [name]
+    for length in shape:
+        names = [f"{prefix}_{index}" for prefix in names for index in range(1, length + 1)]
+    return tuple(sp.Symbol(n, real=True) for n in names)
+
+
+def _components(value: Value | Sequence[Any]) -> list[sp.Expr]:
+    if isinstance(value, sp.MatrixBase):
+        return list(value)
+    if isinstance(value, sp.NDimArray):
+        return list(sp.flatten(value.tolist()))
+    return [sp.sympify(value)]
+
+
+def _shape(value: Value | Sequence[Any]) -> tuple[int, ...]:
+    if isinstance(value, sp.MatrixBase):
+        rows, columns = value.shape
+        return (rows,) if columns == 1 else (rows, columns)
+    if isinstance(value, sp.NDimArray):
+        return tuple(int(n) for n in value.shape)
+    return ()
+
+
+class KernelBuilder:
+    """Write a kernel step by step.
+
+    Parameters
+    ----------
+    name : str
+        An identifier, valid in Python and C.
+    summary : str
+        First line of the docstring.
+    source : str
+        Paper and equation number.
+    notes : str, optional
+        Further paragraphs of the docstring.
+
+    Examples
+    --------
+    >>> k = KernelBuilder("lever", summary="Moment of a force.", source="definition")
+    >>> arm = k.input("arm", 3, unit="m", doc="from the pivot")
+    >>> force = k.input("force", 3, unit="N", doc="at its end")
+    >>> k.output("moment", arm.cross(force), unit="N m", doc="about the pivot")
+    >>> k.build().operations
+    {'add': 3, 'mul': 6}
+    """
+
+    def __init__(self, name: str, *, summary: str, source: str, notes: str = "") -> None:
+        self._name = _identifier(name)
+        self._summary = summary
+        self._source = source
+        self._notes = notes
+        self._inputs: list[Port] = []
+        self._outputs: list[Port] = []
+        self._steps: list[Assignment] = []
+        self._names: set[str] = {EPS.name, LARGEST.name}
+        self._known: set[sp.Symbol] = {EPS, LARGEST}
+        self._usual: UsualCase | None = None
+
+    def input(self, name: str, shape: int | tuple[int, ...] = (), *, unit: str, doc: str) -> Any:
+        """Declare an input and return its symbols.
+
+        Returns a Symbol for ``shape=()``, a column Matrix for an integer or a 1-tuple, a Matrix for a
+        2-tuple, an ImmutableDenseNDimArray beyond.
+        """
+        shape = (shape,) if isinstance(shape, int) else tuple(shape)
+        symbols = port_symbols(name, shape)
+        self._claim(name, symbols)
+        self._inputs.append(Port(name, shape, unit, doc, symbols))
+        self._known.update(symbols)
+        return _packed(symbols, shape)
+
+    def let(self, name: str, value: Any) -> Any:
+        """Name an intermediate value; return its symbol, or a Matrix of symbols.
+
+        A named step is evaluated as it stands: use it to fix the order of operations where rounding
+        depends on it. A condition gives a boolean symbol.
+        """
+        if isinstance(value, Boolean):
+            symbol = sp.Symbol(name)
+            self._claim(name, (symbol,))
+            self._step(symbol, value)
+            return symbol
+        shape = _shape(value)
+        symbols = port_symbols(name, shape)
+        self._claim(name, symbols)
+        for symbol, component in zip(symbols, _components(value), strict=True):
+            self._step(symbol, component)
+        return _packed(symbols, shape)
+
+    def include(self, kernel: Kernel) -> dict[str, Any]:
+        """Take in all steps of another kernel, its inputs as inputs; return its outputs by name as symbols."""
+        for port in kernel.inputs:
+            self._claim(port.name, port.symbols)
+            self._inputs.append(port)
+            self._known.update(port.symbols)
+        for assignment in kernel.assignments:
+            self._names.add(assignment.symbol.name)
+            self._step(assignment.symbol, assignment.value)
+        return {port.name: _packed(port.symbols, port.shape) for port in kernel.outputs}
+
+    def output(self, name: str, value: Any, *, unit: str, doc: str) -> None:
+        """Declare a real output and its value."""
+        self._output(name, value, unit, doc, None)
+
+    def status(self, name: str, value: sp.Expr, enum: type[IntEnum], *, doc: str) -> None:
+        """Declare an integer output whose value is one of the codes of `enum`."""
+        self._output(name, value, "1", doc, enum)
+
+    def usual(self, guard: Boolean, **values: Any) -> None:
+        """Declare where the case distinctions are not needed; see :class:`UsualCase`."""
+        unknown = sorted({s.name for s in guard.free_symbols - self._known} | set(values) - self._names)
+        if unknown:
+            raise KernelError(
+                f"kernel {self._name}: the usual case names {', '.join(unknown)}, no step of it"
+            )
+        self._usual = UsualCase(guard, {name: sp.sympify(value) for name, value in values.items()})
+
+    def build(self) -> Kernel:
+        """Eliminate common subexpressions and return the kernel."""
+        if not self._outputs:
+            raise KernelError(f"kernel {self._name} has no output")
+        kernel = finish(
+            self._name, self._summary, self._source, self._inputs, self._outputs, self._steps, self._notes
+        )
+        return replace(kernel, usual=self._usual)
+
+    def _output(self, name: str, value: Any, unit: str, doc: str, enum: type[IntEnum] | None) -> None:
+        shape = _shape(value)
+        symbols = port_symbols(name, shape)
+        self._claim(name, symbols)
+        self._outputs.append(Port(name, shape, unit, doc, symbols, enum))
+        for symbol, component in zip(symbols, _components(value), strict=True):
+            self._step(symbol, component)
+
+    def _claim(self, name: str, symbols: Iterable[sp.Symbol]) -> None:
+        names = {_identifier(name), *(symbol.name for symbol in symbols)}
+        taken = names & self._names
+        if taken:
+            raise KernelError(f"kernel {self._name}: the name {min(taken)} is used twice")
+        self._names |= names
+
+    def _step(self, symbol: sp.Symbol, value: sp.Basic) -> None:
+        unknown = sorted(s.name for s in value.free_symbols - self._known)
+        if unknown:
+            raise KernelError(
+                f"kernel {self._name}: {symbol.name} uses {', '.join(unknown)}; "
+                "expected inputs and earlier steps only"
+            )
+        self._steps.append(Assignment(symbol, value))
+        self._known.add(symbol)
+
+
+def finish(
+    name: str,
+    summary: str,
+    source: str,
+    inputs: Sequence[Port],
+    outputs: Sequence[Port],
+    steps: Sequence[Assignment],
+    notes: str,
+) -> Kernel:
+    """Make a kernel of raw steps: drop what no output needs, share what is computed twice."""
+    wanted = [symbol for port in outputs for symbol in port.symbols]
+    live = list(_live(steps, wanted))
+    taken = {a.symbol.name for a in live} | {s.name for port in inputs for s in port.symbols}
+    pairs = eliminate_common_subexpressions([(a.symbol, a.value) for a in live], taken)
+    return Kernel(
+        name,
+        summary,
+        source,
+        tuple(inputs),
+        tuple(outputs),
+        tuple(Assignment(symbol, value) for symbol, value in pairs),
+        notes,
+    )
+
+
+def _live(steps: Sequence[Assignment], wanted: Iterable[sp.Symbol]) -> Iterator[Assignment]:
+    needed = set(wanted)
+    kept = []
+    for step in reversed(steps):
+        if step.symbol in needed:
+            needed |= step.value.free_symbols
+            kept.append(step)
+    return reversed(kept)
+
+
+def _identifier(name: str) -> str:
+    if not _IDENTIFIER.match(name) or name in _RESERVED:
+        raise KernelError(f"{name!r} is no name for generated code; expected a plain identifier")
+    return name
+
+
+def _packed(symbols: tuple[sp.Symbol, ...], shape: tuple[int, ...]) -> Any:
+    if shape == ():
+        return symbols[0]
+    if len(shape) <= 2:
+        return sp.Matrix(*_matrix_shape(shape), symbols)
+    return sp.ImmutableDenseNDimArray(symbols, shape)
