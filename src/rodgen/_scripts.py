@@ -10,6 +10,7 @@ import importlib
 import importlib.util
 import os
 import pkgutil
+import subprocess
 import sys
 import traceback
 from pathlib import Path
@@ -99,7 +100,8 @@ def load_derivation(name: str) -> Derivation:
     except RodgenError:
         raise
     except (Exception, SystemExit) as error:
-        message = f"{type(error).__name__}: {str(error).partition(chr(10))[0]}"
+        text = (error.msg if isinstance(error, SyntaxError) else str(error)).partition("\n")[0]
+        message = f"{type(error).__name__}: {text}"
         raise InputFileError(name, _line(error, path), message, "a script that runs to its end") from error
     derivation = getattr(module, "derivation", None)
     if not isinstance(derivation, Derivation):
@@ -180,7 +182,8 @@ def run_notebook(name: str, output: str | os.PathLike[str]) -> None:
         resources={"metadata": {"path": str(path.resolve().parent)}},
     )
     try:
-        client.execute()
+        # What the kernel itself has to say about its sockets is nothing to the user; errors come by protocol.
+        client.execute(stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     except nbclient.exceptions.CellExecutionError as error:
         raise UnprovedError(f"{name}: {shown(f'{error.ename}: {error.evalue}', 300)[1:-1]}") from None
     for number, cell in enumerate(notebook.cells):

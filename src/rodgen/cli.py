@@ -94,9 +94,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
         with _one_line_warnings():
-            options = _parser().parse_args(_joined(given))
+            try:
+                options = _parser().parse_args(_joined(given))
+            except SystemExit:  # --help and --version
+                _print("", end="")
+                return OK
             code: int = options.run(options)
-            _flush()
             return code
     except _UsageError as error:
         return _complain(error)
@@ -111,6 +114,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from rodgen._scripts import UnprovedError
 
         _complain(error)
+        if isinstance(error, InputFileError) and error.file == "standard output":
+            # Closed here, because the interpreter would try, and complain, once more at the exit.
+            with contextlib.suppress(OSError, AttributeError):
+                sys.stdout.close()
         return FAILED if isinstance(error, UnprovedError) else BAD_INPUT
 
 
@@ -119,17 +126,15 @@ def _complain(error: Exception) -> int:
     return BAD_INPUT
 
 
-def _flush() -> None:
+def _print(text: str, end: str = "\n") -> None:
+    """Print to standard output, and say in one sentence when that cannot be done."""
     if sys.stdout is None:
-        return
+        raise InputFileError("standard output", "file", "closed", "an open standard output")
     try:
-        sys.stdout.flush()
+        print(text, end=end, flush=True)
     except BrokenPipeError:
         raise
     except OSError as error:
-        # Closed here, because the interpreter would try, and complain, once more.
-        with contextlib.suppress(OSError):
-            sys.stdout.close()
         raise InputFileError(
             "standard output", "file", f"cannot be written ({error.strerror})", "a writable place with room"
         ) from None
@@ -272,9 +277,7 @@ def _parser() -> argparse.ArgumentParser:
     kernels.add_argument(
         "derivation", metavar="NAME|SCRIPT.py", nargs="?", help="default: all of rodgen's own derivations"
     )
-    kernels.add_argument(
-        "-o", "--output", metavar="DIR", help="default: 'generated', or where rodgen's own kernels are"
-    )
+    kernels.add_argument("-o", "--output", metavar="DIR", default="generated", help="default: %(default)s")
     kernels.add_argument("--check", action="store_true", help="compare with what is there instead of writing")
     return parser
 
@@ -365,10 +368,10 @@ def _fit_axis(options: argparse.Namespace) -> int:
     if options.json:
         import json
 
-        print(json.dumps({"file": options.pairs, "unit": pairs.unit, **fit.to_dict()}, allow_nan=False))
+        _print(json.dumps({"file": options.pairs, "unit": pairs.unit, **fit.to_dict()}, allow_nan=False))
     else:
-        print(f"{options.pairs}, lengths in {pairs.unit}")
-        print(fit.summary())
+        _print(f"{options.pairs}, lengths in {pairs.unit}")
+        _print(fit.summary())
     return OK
 
 
@@ -385,7 +388,7 @@ def _derive(options: argparse.Namespace) -> int:
     from rodgen._scripts import load_derivation, run_notebook
 
     derivation = load_derivation(options.derivation)
-    print(derivation.report())
+    _print(derivation.report())
     if options.notebook:
         run_notebook(options.derivation, options.notebook)
     return FAILED if derivation.open else OK
@@ -402,11 +405,11 @@ def _errata(options: argparse.Namespace) -> int:
     if options.format == "json":
         import json
 
-        print(json.dumps([_refutations(derivation) for derivation in derivations], indent=2))
+        _print(json.dumps([_refutations(derivation) for derivation in derivations], indent=2))
     else:
         from rodgen.symbolic import errata
 
-        print(errata(*derivations, form=options.format), end="")
+        _print(errata(*derivations, form=options.format), end="")
     return OK
 
 
@@ -431,16 +434,31 @@ def _refutations(derivation: Derivation) -> dict[str, Any]:
 
 
 def _kernels(options: argparse.Namespace) -> int:
+    from pathlib import Path
+
     from rodgen.codegen.project import check_kernels, write_kernels
 
     derivations = _loaded(options.derivation)
-    if options.check:
-        difference = check_kernels(derivations, options.output)
-        print(difference, end="")
-        return FAILED if difference else OK
-    for path in write_kernels(derivations, options.output):
-        print(path)
-    return OK
+    folder = Path(options.output)
+    own = options.derivation is None  # rodgen's own kernels are a NumPy extension, too
+    try:
+        if not options.check:
+            for path in write_kernels(derivations, folder, extension=own):
+                _print(str(path))
+            return OK
+        difference = check_kernels(derivations, folder, extension=own)
+    except (OSError, UnicodeDecodeError) as error:
+        if isinstance(error, BrokenPipeError):
+            raise
+        reason = getattr(error, "strerror", None) or str(error)
+        file = getattr(error, "filename", None) or str(folder)
+        raise InputFileError(file, "file", reason, "a folder for generated files") from None
+    if not difference:
+        return OK
+    _print(difference, end="")
+    command = " ".join(["rodgen kernels", *([options.derivation] if not own else []), "-o", options.output])
+    print(f"{folder}: not what the derivations make; '{command}' writes it anew", file=sys.stderr)
+    return FAILED
 
 
 if __name__ == "__main__":

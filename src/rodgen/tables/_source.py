@@ -316,7 +316,7 @@ class _CsvTable(Table):
         held = 0
         while True:
             try:
-                chunk = self._stream.read(BLOCK_BYTES)
+                chunk = _read(self._stream, BLOCK_BYTES)
             except (OSError, EOFError, zlib.error) as error:
                 if self._stream is self._raw:
                     raise _unreadable(self.file, error) from None
@@ -622,6 +622,18 @@ class _ParquetTable(Table):
                 "a finite number (leave out rows without a measurement)",
             )
         return Rows(tuple(values), batch)
+
+
+def _read(stream: Any, size: int) -> bytes:
+    """Read `size` bytes, fewer only at the end.
+
+    By read1, because read() goes back to a stalled pipe without having looked whether Ctrl-C was pressed.
+    """
+    parts = []
+    while size and (part := stream.read1(size)):
+        parts.append(part)
+        size -= len(part)
+    return b"".join(parts)
 
 
 def _peek(raw: IO[bytes]) -> bytes:

@@ -1,0 +1,681 @@
+"""The command line: what it prints where, its exit codes, and that nothing it is given makes it crash."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pa_csv
+import pyarrow.parquet as pq
+import pytest
+
+import rodgen
+from rodgen import cli
+
+HEADER = "rho_x [mm],rho_y [mm],rho_z [mm],rho_prime_x [mm],rho_prime_y [mm],rho_prime_z [mm],angle [deg]"
+PAIRS = f"""{HEADER}
+3,4,12,12,-3,4,120
+1,0,0,0,1,0,45
+"""
+AXIS = np.array([0.02, -0.01, 1]) / np.linalg.norm([0.02, -0.01, 1])
+POINT = np.array([5.0, -3.0, 0.0])
+
+
+def run(*arguments, stdin="", **options):
+    """Run the command as a user does."""
+    return subprocess.run(
+        [sys.executable, "-m", "rodgen", *map(str, arguments)],
+        input=stdin,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        **options,
+    )
+
+
+@pytest.fixture
+def pairs(tmp_path):
+    path = tmp_path / "pairs.csv"
+    path.write_text(PAIRS)
+    return path
+
+
+def measured(n=40, noise=0.005, seed=3):
+    """Pairs about one axis, as a machine would measure them."""
+    rng = np.random.default_rng(seed)
+    rho = rng.uniform(-1, 1, (n, 3)) * [150, 150, 60] + [0, 0, 40]
+    angle = np.deg2rad(rng.choice([30.0, 60, 90, 120, -45], n))
+    arm = rho - POINT
+    cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    turned = POINT + arm * cos + np.cross(AXIS, arm) * sin + AXIS * (arm @ AXIS)[:, None] * (1 - cos)
+    return rho + noise * rng.normal(size=rho.shape), turned + noise * rng.normal(size=rho.shape), angle
+
+
+@pytest.fixture
+def measured_file(tmp_path):
+    rho, rho_prime, angle = measured()
+    values = [*rho.T, *rho_prime.T, np.rad2deg(angle)]
+    path = tmp_path / "measured.parquet"
+    table = dict(zip(HEADER.split(","), map(np.ascontiguousarray, values), strict=True))
+    pq.write_table(pa.table(table), path)
+    return path
+
+
+# the command itself ------------------------------------------------------------------------------------
+
+
+def test_help_documents_the_exit_codes_and_imports_nothing_heavy():
+    code = (
+        "import sys, rodgen.cli\n"
+        "assert rodgen.cli.main(['--help']) == 0\n"
+        "heavy = {'sympy', 'pyarrow', 'pint', 'matplotlib', 'jinja2', 'tqdm'} & set(sys.modules)\n"
+        "assert not heavy, heavy\n"
+    )
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    for word in ("solve", "fit-axis", "derive", "errata", "kernels", "exit codes:", "2  bad input: one line"):
+        assert word in shown.stdout
+
+
+@pytest.mark.parametrize("command", ["solve", "fit-axis", "derive", "errata", "kernels"])
+def test_every_command_has_help(command, capsys):
+    assert cli.main([command, "--help"]) == 0
+    text = capsys.readouterr().out
+    assert "exit codes:" in text
+    assert max(map(len, text.splitlines())) <= 120
+
+
+def test_solving_never_imports_sympy(pairs, tmp_path):
+    code = (
+        "import sys, rodgen.cli\n"
+        "assert rodgen.cli.main(['solve', sys.argv[1], '-o', sys.argv[2]]) == 0\n"
+        "heavy = {'sympy', 'matplotlib', 'tqdm', 'rodgen.symbolic'} & set(sys.modules)\n"
+        "assert not heavy, heavy\n"
+    )
+    subprocess.run([sys.executable, "-c", code, pairs, tmp_path / "out.csv"], check=True, capture_output=True)
+
+
+def test_version_is_that_of_the_package():
+    from importlib.metadata import version
+
+    shown = run("--version")
+    assert (shown.returncode, shown.stdout, shown.stderr) == (0, f"rodgen {version('rodgen')}\n", "")
+
+
+USAGE = {
+    (): "command line: rodgen: the following arguments are required: COMMAND; expected what 'rodgen --help'",
+    ("frobnicate",): "command line: rodgen: argument COMMAND: invalid choice: 'frobnicate'",
+    ("solve",): "command line: rodgen solve: the following arguments are required: PAIRS; expected what",
+    ("solve", "x.csv", "--fast"): "command line: rodgen: unrecognized arguments: --fast; expected what",
+    (
+        "solve",
+        "x.csv",
+        "--length-tolerance",
+        "-1",
+    ): "--length-tolerance: '-1' is no ratio: a number from 0 up",
+    (
+        "solve",
+        "x.csv",
+        "--length-tolerance",
+        "nan",
+    ): "--length-tolerance: 'nan' is no ratio: a number from 0 up",
+    (
+        "fit-axis",
+        "x.csv",
+        "--point",
+        "1,2",
+    ): "--point: '1,2' is none of free, origin, and three numbers such as",
+    (
+        "fit-axis",
+        "x.csv",
+        "--point",
+        "1,2,inf",
+    ): "--point: '1,2,inf' is none of free, origin, and three numbers",
+    (
+        "fit-axis",
+        "x.csv",
+        "--sigma",
+        "0.01",
+    ): "--sigma: '0.01' is no positive length with its unit, such as 0.01mm",
+    (
+        "fit-axis",
+        "x.csv",
+        "--sigma",
+        "0mm",
+    ): "--sigma: '0mm' is no positive length with its unit, such as 0.01mm",
+    ("fit-axis", "x.csv", "--loss", "l1"): "argument --loss: invalid choice: 'l1'",
+}
+
+
+@pytest.mark.parametrize("arguments", USAGE, ids=" ".join)
+def test_wrong_usage_is_one_line_and_code_2(arguments, capsys):
+    assert cli.main(arguments) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert USAGE[arguments] in err
+    assert err.count("\n") == 1
+
+
+# solve -------------------------------------------------------------------------------------------------
+
+
+def test_solve_prints_the_table_and_says_on_stderr_what_it_found(pairs):
+    shown = run("solve", pairs)
+    assert shown.returncode == 0
+    lines = shown.stdout.splitlines()
+    assert lines[0] == f"{HEADER},e1_x,e1_y,e1_z,e2_x,e2_y,e2_z,status,length_mismatch,condition"
+    assert lines[1].startswith("3,4,12,12,-3,4,120,")
+    assert [line.split(",")[13] for line in lines[1:]] == ["two_axes", "no_axis"]
+    assert shown.stderr == f"{pairs}: 2 pairs: 1 two_axes, 1 no_axis\n"
+    # what it printed are axes: they turn rho into rho'
+    for i in (7, 10):
+        axis = np.array(lines[1].split(",")[i : i + 3], float)
+        rho, angle = np.array([3.0, 4, 12]), np.deg2rad(120)
+        turned = (
+            rho * np.cos(angle)
+            + np.cross(axis, rho) * np.sin(angle)
+            + axis * (axis @ rho) * (1 - np.cos(angle))
+        )
+        np.testing.assert_allclose(turned, [12, -3, 4], atol=13 * 16 * 2.3e-16)  # |rho| times a few eps
+
+
+def test_solve_reads_a_pipe_and_writes_one(pairs):
+    from_file, from_pipe = run("solve", pairs), run("solve", "-", "-o", "-", stdin=PAIRS)
+    assert from_pipe.returncode == 0
+    assert from_pipe.stdout == from_file.stdout
+    assert from_pipe.stderr.startswith("standard input: 2 pairs: ")
+
+
+@pytest.mark.parametrize("name", ["out.csv", "out.csv.gz", "out.parquet"])
+def test_solve_writes_a_file_and_nothing_to_stdout(name, pairs, tmp_path, capfd):
+    assert cli.main(["solve", str(pairs), "-o", str(tmp_path / name)]) == 0
+    out, err = capfd.readouterr()
+    assert out == ""
+    assert err == f"{pairs}: 2 pairs: 1 two_axes, 1 no_axis\n"
+    table = pq.read_table(tmp_path / name) if name.endswith("parquet") else pa_csv.read_csv(tmp_path / name)
+    assert table["status"].to_pylist() == ["two_axes", "no_axis"]
+
+
+def test_length_tolerance_is_passed_on(tmp_path, capfd):
+    path = tmp_path / "pairs.csv"
+    path.write_text(f"{HEADER}\n1,0,0,0,1.001,0,120\n")
+    assert cli.main(["solve", str(path)]) == 0
+    assert ",lengths_differ," in capfd.readouterr().out
+    assert cli.main(["solve", str(path), "--length-tolerance", "0.01"]) == 0
+    assert ",two_axes," in capfd.readouterr().out
+
+
+BAD = {
+    "missing": (None, "file: no such file; expected a CSV or Parquet file"),
+    "nan": (PAIRS.replace("45", "nan"), "line 3, column 'angle [deg]': 'nan'; expected a finite number"),
+    "unit": (PAIRS.replace("[deg]", "[mm]"), "line 1, column 'angle [mm]': unit 'mm', which is no angle"),
+    "ragged": (PAIRS + "1,2\n", "line 4: 2 cells; expected 7, as in the header"),
+    "binary": (bytes(range(256)) * 8, "line 1, column 1: binary data (a zero byte); expected text"),
+    "parquet": (b"PAR1" + b"\0" * 100, "file: damaged Parquet data ("),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BAD)
+@pytest.mark.parametrize("command", ["solve", "fit-axis"])
+def test_bad_input_is_one_line_on_stderr_and_code_2(command, name, tmp_path):
+    content, message = BAD[name]
+    path, output = tmp_path / "bad.csv", tmp_path / "out.csv"
+    if content is not None:
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    shown = run(command, path, *(["-o", output] if command == "solve" else []))
+    assert shown.returncode == 2
+    assert shown.stdout == ""
+    assert shown.stderr.startswith(f"{path}: {message}")
+    assert shown.stderr.count("\n") == 1
+    assert sorted(os.listdir(tmp_path)) == ([] if content is None else ["bad.csv"])
+
+
+def test_fault_at_the_end_leaves_stdout_empty(tmp_path):
+    """Though the first rows were long computed, none of them is printed."""
+    path = tmp_path / "bad.csv"
+    path.write_text(PAIRS + "3,4,12,12,-3,4,120\n" * 100_000 + "3,4,12,12,-3,4,x\n")
+    shown = run("solve", path)
+    assert (shown.returncode, shown.stdout) == (2, "")
+    assert shown.stderr == f"{path}: line 100004, column 'angle [deg]': 'x'; expected a number\n"
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a device that is full")
+@pytest.mark.parametrize(
+    "arguments", [("solve", "-"), ("--help",), ("solve", "-", "-o", "/dev/full"), ("fit-axis", "-")]
+)
+def test_full_stdout_is_one_line(arguments):
+    # Unbuffered, argparse writes at once and takes no notice of a failure.
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    with open("/dev/full", "w") as full:
+        shown = subprocess.run(
+            [sys.executable, "-m", "rodgen", *arguments],
+            input=PAIRS,
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+            timeout=60,
+            env=environment,
+        )
+    assert shown.returncode == 2
+    assert ": file: cannot be written (No space left on device); expected a writable place" in shown.stderr
+    assert shown.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("stream", ["stdin", "stdout"])
+def test_closed_streams_are_told(stream):
+    redirect = {"stdin": "<&-", "stdout": ">&-"}[stream]
+    shown = subprocess.run(
+        f"exec '{sys.executable}' -m rodgen solve - {redirect}",
+        shell=True, input=PAIRS, capture_output=True, text=True, check=False, timeout=60,
+    )  # fmt: skip
+    assert shown.returncode == 2
+    assert "standard " in shown.stderr
+    assert ": file: closed; expected " in shown.stderr
+    assert shown.stderr.count("\n") == 1
+
+
+def test_reader_that_has_seen_enough_ends_the_command_quietly(tmp_path):
+    path = tmp_path / "pairs.csv"
+    path.write_text(PAIRS + "3,4,12,12,-3,4,120\n" * 20_000)
+    command = subprocess.Popen(
+        [sys.executable, "-m", "rodgen", "solve", path], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    command.stdout.readline()
+    command.stdout.close()
+    with command.stderr:
+        assert command.stderr.read() == b""
+    assert command.wait(60) == 141
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+def test_interrupt_is_quiet_and_leaves_no_file(tmp_path):
+    with subprocess.Popen(
+        [sys.executable, "-m", "rodgen", "solve", "-", "-o", tmp_path / "out.csv"],
+        stdin=subprocess.PIPE, stderr=subprocess.PIPE,
+    ) as command:  # fmt: skip
+        command.stdin.write(f"{PAIRS}".encode() + b"3,4,12,12,-3,4,120\n" * 400_000)
+        command.stdin.flush()
+        for _ in range(600):  # until the output has been begun
+            if os.listdir(tmp_path):
+                break
+            time.sleep(0.05)
+        assert [name[:9] for name in os.listdir(tmp_path)] == [".out.csv."]
+        command.send_signal(signal.SIGINT)
+        assert command.wait(60) == 130
+        assert command.stderr.read() == b""
+    assert os.listdir(tmp_path) == []
+
+
+def test_progress_shows_where_somebody_looks(pairs, capfd, monkeypatch, tmp_path):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    from tqdm import tqdm
+
+    made = []
+
+    class Bar(tqdm):
+        def __init__(self, *arguments, **options):
+            super().__init__(*arguments, **options)
+            made.append(self)
+
+    monkeypatch.setattr("tqdm.tqdm", Bar)
+    assert cli.main(["solve", str(pairs), "-o", str(tmp_path / "out.csv")]) == 0
+    (bar,) = made
+    assert (bar.n, bar.total, bar.unit) == (len(PAIRS), len(PAIRS), "B")
+    assert bar.disable or bar.sp is None or bar.pos is not None
+
+
+# fit-axis ----------------------------------------------------------------------------------------------
+
+
+def test_fit_axis_finds_the_axis_within_its_uncertainty(measured_file):
+    shown = run("fit-axis", measured_file, "--json")
+    assert (shown.returncode, shown.stderr) == (0, "")
+    fit = json.loads(shown.stdout)
+    assert fit["unit"] == "mm"
+    assert fit["status"] == "DETERMINED"
+    # five standard uncertainties: once in two million
+    assert np.linalg.norm(np.array(fit["axis"]) - AXIS) < 5 * fit["axis_uncertainty_rad"][0]
+    offset = np.array(fit["point"]) - POINT
+    offset -= AXIS * (AXIS @ offset)
+    assert np.linalg.norm(offset) < 5 * np.linalg.norm(fit["point_uncertainty"]) + 1e-3
+
+
+def test_fit_axis_tells_an_engineer_the_same(measured_file, capsys):
+    assert cli.main(["fit-axis", str(measured_file)]) == 0
+    text = capsys.readouterr().out
+    assert text.startswith(f"{measured_file}, lengths in mm\n")
+    rho, rho_prime, angle = measured()
+    assert rodgen.axis_fit.fit_axis(rho, rho_prime, np.deg2rad(np.rad2deg(angle))).summary() in text
+
+
+def json_fit(capsys, path, *options):
+    assert cli.main(["fit-axis", str(path), "--json", *options]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_point_may_be_given(measured_file, capsys):
+    free = json_fit(capsys, measured_file)
+    known = json_fit(capsys, measured_file, "--point", "5,-3,0")
+    assert not free["point_known"]
+    assert known["point_known"]
+    assert known["point"] == [5, -3, 0]
+    assert json_fit(capsys, measured_file, "--point", "origin")["point"] == [0, 0, 0]
+    assert json_fit(capsys, measured_file, "--point", "-1,.5,3e0")["point"] == [-1, 0.5, 3]
+    assert json_fit(capsys, measured_file, "--point=-1,.5,3e0")["point"] == [-1, 0.5, 3]
+
+
+def test_sigma_is_in_its_own_unit(measured_file, capsys):
+    fits = [json_fit(capsys, measured_file, "--sigma", s) for s in ("0.01mm", "10 um", "1e-5m")]
+    for fit in fits:
+        assert fit["sigma"] == pytest.approx(0.01, rel=1e-15)  # one product
+        assert fit["sigma_given"]
+
+
+@pytest.mark.parametrize(
+    ("sigma", "message"), [("1deg", "unit 'deg', which is no length"), ("1xx", "unknown unit 'xx'")]
+)
+def test_unit_of_sigma_is_checked(sigma, message, measured_file, capsys):
+    assert cli.main(["fit-axis", str(measured_file), "--sigma", sigma]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert err.startswith(f"command line: --sigma: {message}; expected a unit of length, such as mm")
+
+
+def test_robust_loss_leaves_out_what_is_grossly_wrong(tmp_path, capsys):
+    rho, rho_prime, angle = measured()
+    rho_prime[7] += [0.5, -0.3, 0.2]
+    path = tmp_path / "pairs.csv"
+    rows = np.column_stack([rho, rho_prime, np.rad2deg(angle)])
+    np.savetxt(path, rows, delimiter=",", header=HEADER, comments="")
+    assert json_fit(capsys, path, "--loss", "tukey")["outliers"] == [7]
+
+
+def test_fit_that_cannot_be_done_is_one_line(pairs, capsys):
+    assert cli.main(["fit-axis", str(pairs), "--loss", "huber"]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert err.startswith(f"{pairs}: ")
+
+
+def test_fit_of_undetermined_data_says_so(tmp_path, capsys):
+    path = tmp_path / "pairs.csv"
+    path.write_text(f"{HEADER}\n1,0,0,1,0,0,0\n0,1,0,0,1,0,0\n")
+    fit = json_fit(capsys, path)
+    assert fit["status"] != "DETERMINED"
+    assert fit["undetermined"]
+
+
+@pytest.mark.parametrize("kind", ["png", "svg", "pdf"])
+def test_plot_is_drawn_and_reproducible(kind, measured_file, tmp_path, capsys):
+    start = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}[kind]
+    contents = []
+    for name in ("a", "b"):
+        assert cli.main(["fit-axis", str(measured_file), "--plot", str(tmp_path / f"{name}.{kind}")]) == 0
+        contents.append((tmp_path / f"{name}.{kind}").read_bytes())
+    assert contents[0].startswith(start)
+    assert contents[0] == contents[1]
+    assert "direction" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("rows", ["1,0,0,0,1,0,90", "1,0,0,1,0,0,0", "0,0,0,0,0,0,10", "5,-3,1,5,-3,1,30"])
+def test_plot_survives_degenerate_pairs(rows, tmp_path, capsys):
+    path = tmp_path / "pairs.csv"
+    path.write_text(f"{HEADER}\n{rows}\n")
+    assert cli.main(["fit-axis", str(path), "--plot", str(tmp_path / "plot.png")]) == 0
+    assert (tmp_path / "plot.png").stat().st_size > 10_000
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        (
+            "plot.jpg",
+            "file: a name that does not say what to draw; expected a name that ends in .png, .svg or .pdf",
+        ),
+        (
+            "nowhere/plot.png",
+            "file: cannot be written (No such file or directory); expected a writable place",
+        ),
+    ],
+)
+def test_plot_that_cannot_be_written_is_one_line(name, message, measured_file, tmp_path, capsys):
+    assert cli.main(["fit-axis", str(measured_file), "--plot", str(tmp_path / name)]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err) == ("", f"{tmp_path / name}: {message}{' with room' if 'nowhere' in name else ''}\n")
+
+
+def test_axis_plot_keeps_its_view_right_handed():
+    from rodgen.axis_plot import _view
+
+    for axis in [*np.eye(3), *-np.eye(3), [0.6, 0.0, 0.8], [0.6, -0.64, -0.48]]:
+        u, v, _ = _view(np.array(axis))
+        np.testing.assert_allclose(np.cross(u, v), axis, atol=4e-16)
+        np.testing.assert_allclose([u @ u, v @ v], 1, rtol=4e-16)
+    assert _view(np.array([0.0, 0, 1]))[2] == ("x", "y")
+    assert _view(np.array([0.0, 0, -1]))[2] == ("y", "x")
+
+
+# derive, errata, kernels -------------------------------------------------------------------------------
+
+
+LENS = """\
+# %% [markdown]
+# # The thin lens
+# %%
+import sympy as sp
+from rodgen.symbolic import Derivation
+
+derivation = Derivation("lens", title="The thin lens", source="Any textbook")
+d = derivation
+f = d.symbol("f", "f", "focal length", "mm", positive=True)
+a = d.symbol("a", "a", "object distance", "mm", positive=True)
+b = d.symbol("b", "b", "image distance", "mm", value=a * f / (a - f))
+d.state("lens-equation", sp.Eq(1 / a + 1 / b, 1 / f), place="eq. (1)").prove()
+# %%
+wrong = d.state("magnification", sp.Eq(b / a, f / (f - a)), place="eq. (2)")
+wrong.refute({a: 3, f: 1}, sp.Eq(b / a, f / (a - f)), because="The sign.", label="L1")
+"""
+
+
+@pytest.fixture
+def lens(tmp_path):
+    path = tmp_path / "lens.py"
+    path.write_text(LENS)
+    return path
+
+
+def test_derive_runs_a_script_and_prints_its_report(lens):
+    shown = run("derive", lens)
+    assert (shown.returncode, shown.stderr) == (0, "")
+    assert "The thin lens (Any textbook)" in shown.stdout
+    assert "1 proved, 1 refuted, 0 open" in shown.stdout
+
+
+def test_derive_fails_while_an_entry_is_open(lens, capsys):
+    lens.write_text(f'{LENS}\nd.state("open", sp.Eq(a, b))\n')
+    assert cli.main(["derive", str(lens)]) == 1
+    assert "1 open" in capsys.readouterr().out
+
+
+SCRIPTS = {
+    "no proof": (f'{LENS}\nd.state("x", sp.Eq(a, b)).prove()\n', 1, ": line 17: x is not proved: "),
+    "raises": (
+        "x = 1\ny = x / 0\n",
+        2,
+        ": line 2: ZeroDivisionError: division by zero; expected a script that",
+    ),
+    "no Python": (
+        "x = (1,\n",
+        2,
+        ": line 1: SyntaxError: '(' was never closed; expected a script that runs to",
+    ),
+    "ends itself": (
+        "import sys\nsys.exit('enough')\n",
+        2,
+        ": line 2: SystemExit: enough; expected a script that",
+    ),
+    "no derivation": (
+        "x = 1\n",
+        2,
+        ": 'derivation': no such name; expected a module-level name 'derivation'",
+    ),
+    "wrong type": ("derivation = 3\n", 2, ": 'derivation': 'int'; expected a module-level name 'derivation'"),
+    "not UTF-8": (b"x = '\xff'\n", 2, ": line 1: SyntaxError: (unicode error) "),
+}
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+@pytest.mark.parametrize("command", ["derive", "errata", "kernels"])
+def test_script_that_fails_is_one_line(command, name, tmp_path, capsys):
+    content, code, message = SCRIPTS[name]
+    path = tmp_path / "script.py"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    assert cli.main([command, str(path)]) == code
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith(f"{path}{message}")
+    assert err.count("\n") == 1
+
+
+def test_unknown_derivation_is_told_the_known_ones(capsys, tmp_path):
+    assert cli.main(["derive", "rodriges"]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("rodriges: file: no such derivation; expected ")
+    assert "rodrigues" in err
+    assert cli.main(["derive", str(tmp_path / "nowhere.py")]) == 2
+    assert capsys.readouterr().err.endswith("nowhere.py: file: no such file; expected a derivation script\n")
+
+
+def test_script_finds_its_neighbours(tmp_path, capsys):
+    (tmp_path / "neighbour_of_lens.py").write_text("NAME = 'lens'\n")
+    (tmp_path / "script.py").write_text(f"from neighbour_of_lens import NAME\n{LENS}")
+    before = list(sys.path)
+    assert cli.main(["derive", str(tmp_path / "script.py")]) == 0
+    assert sys.path == before
+    sys.modules.pop("neighbour_of_lens")
+    capsys.readouterr()
+
+
+def test_derive_writes_a_notebook_with_what_it_shows(lens, tmp_path, capsys):
+    pytest.importorskip("nbclient")
+    output = tmp_path / "lens.ipynb"
+    assert cli.main(["derive", str(lens), "--notebook", str(output)]) == 0
+    notebook = json.loads(output.read_text())
+    assert [cell["cell_type"] for cell in notebook["cells"]] == ["markdown", "code", "code"]
+    assert "Refuted (L1)" in json.dumps(notebook["cells"][2]["outputs"])
+    assert "1 proved, 1 refuted" in capsys.readouterr().out
+    assert str(tmp_path) not in output.read_text()
+
+
+def test_notebook_needs_a_name_and_a_folder(lens, tmp_path, capsys):
+    assert cli.main(["derive", str(lens), "--notebook", str(tmp_path / "lens.html")]) == 2
+    assert ": file: a name that does not say what to write; expected a name that ends in .ipynb" in (
+        capsys.readouterr().err
+    )
+    assert cli.main(["derive", str(lens), "--notebook", str(tmp_path / "nowhere" / "lens.ipynb")]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_errata_are_those_of_the_derivation(lens, capsys):
+    assert cli.main(["errata", str(lens)]) == 0
+    text = capsys.readouterr().out
+    assert "L1  magnification (eq. (2))" in text
+    assert cli.main(["errata", str(lens), "--format", "markdown"]) == 0
+    assert "## L1. magnification" in capsys.readouterr().out
+    assert cli.main(["errata", str(lens), "--format", "json"]) == 0
+    (source,) = json.loads(capsys.readouterr().out)
+    (erratum,) = source["errata"]
+    assert (erratum["label"], erratum["id"], erratum["place"]) == ("L1", "magnification", "eq. (2)")
+    assert erratum["counterexample"] == {"a": "3", "f": "1"}
+    assert erratum["there"] == [["1/2", "-1/2"]]
+
+
+def test_errata_of_the_paper():
+    shown = run("errata", "rodrigues")
+    assert (shown.returncode, shown.stderr) == (0, "")
+    for label in ("M1", "M2", "M5", "M6"):
+        assert f"\n{label} " in shown.stdout
+
+
+def test_derivation_of_the_paper_is_closed():
+    shown = run("derive", "rodrigues")
+    assert (shown.returncode, shown.stderr) == (0, "")
+    assert ", 0 open;" in shown.stdout
+
+
+# warnings ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("setting", ["default", "error", "ignore"])
+def test_warnings_are_one_line_each_and_stop_nothing(setting, lens):
+    lens.write_text(
+        textwrap.dedent("""
+        import warnings
+        for _ in range(3):
+            warnings.warn("no compiler:\\n   slow", stacklevel=1)
+            warnings.warn("for developers", DeprecationWarning, stacklevel=1)
+        """)
+        + LENS
+    )
+    shown = run("derive", lens, env=os.environ | {"PYTHONWARNINGS": setting})
+    assert shown.returncode == 0
+    assert shown.stderr == "rodgen: warning: no compiler: slow\n"
+
+
+# kernels -----------------------------------------------------------------------------------------------
+
+
+KERNEL = """
+from rodgen.codegen import KernelBuilder
+
+k = KernelBuilder("image_distance", summary="Distance of the image of a thin lens", source="Any textbook, eq. (1)")
+focal, object_distance = k.input("focal", unit="mm", doc="f"), k.input("object", unit="mm", doc="a")
+k.output("image", object_distance * focal / (object_distance - focal), unit="mm", doc="b")
+derivation.kernel(k.build())
+"""
+
+
+def test_kernels_are_written_and_compared(lens, tmp_path, capsys):
+    lens.write_text(LENS + KERNEL)
+    folder = tmp_path / "out"
+    assert cli.main(["kernels", str(lens), "-o", str(folder), "--check"]) == 1
+    out, err = capsys.readouterr()
+    assert "+++ regenerated/c/lens.c" in out
+    assert err == (
+        f"{folder}: not what the derivations make; 'rodgen kernels {lens} -o {folder}' writes it anew\n"
+    )
+    assert not folder.exists()
+
+    assert cli.main(["kernels", str(lens), "-o", str(folder)]) == 0
+    written = capsys.readouterr().out.split()
+    assert f"{folder}/numpy/lens.py" in written
+    assert f"{folder}/c/lens.h" in written
+    assert cli.main(["kernels", str(lens), "-o", str(folder), "--check"]) == 0
+    assert cli.main(["kernels", str(lens), "-o", str(folder)]) == 0
+    assert capsys.readouterr() == ("", "")  # nothing differs, nothing is written
+
+    code = "import numpy, lens; print(lens.image_distance(numpy.float64(50.0), numpy.float64(75.0)))"
+    made = subprocess.run(
+        [sys.executable, "-c", code], cwd=folder / "numpy", capture_output=True, text=True, check=True
+    )
+    assert float(made.stdout.strip("[]()\n ")) == 150.0
+
+    with open(folder / "c" / "lens.c", "a") as file:
+        file.write("\n")
+    assert cli.main(["kernels", str(lens), "-o", str(folder), "--check"]) == 1
+    assert "committed/c/lens.c" in capsys.readouterr().out
+
+
+def test_folder_of_kernels_that_cannot_be_written_is_one_line(lens, capsys):
+    lens.write_text(LENS + KERNEL)
+    assert cli.main(["kernels", str(lens), "-o", str(lens / "x")]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert ": file: Not a directory; expected a folder for generated files" in err
