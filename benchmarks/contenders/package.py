@@ -15,16 +15,28 @@ FALLBACK = "rodgen NumPy fallback"
 
 def gufunc() -> Contender:
     import rodgen
+    from rodgen import backend
+
+    if backend == "numpy":
+        raise UnavailableError("rodgen was built without a compiler here, or RODGEN_CPU=numpy is set")
 
     def bind(problem: Problem):
         out = (problem.axes, np.zeros(len(problem), dtype=np.int8))
         return lambda: rodgen.solve_axis(problem.rho, problem.rho_prime, problem.angle, out=out)
 
-    return Contender(GUFUNC, OWN, bind, "solve_axis(..., out=...), with a status for every element")
+    return Contender(GUFUNC, OWN, bind, f"solve_axis(..., out=...), {backend} kernels")
 
 
 def fallback() -> Contender:
-    raise UnavailableError("not written yet")
+    from rodgen.generated.numpy import ALL
+
+    def bind(problem: Problem):
+        out = (problem.axes, np.zeros(len(problem), dtype=np.int8))
+        arguments = (problem.rho, problem.rho_prime, problem.angle, 1e-8)
+        return lambda: ALL.solve_axis(*arguments, out=out)
+
+    note = "the generated NumPy module that runs where there is no compiler; same answers and statuses"
+    return Contender(FALLBACK, OWN, bind, note)
 
 
 def threaded(pool: ThreadPoolExecutor, threads: int) -> Contender:
