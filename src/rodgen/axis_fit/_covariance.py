@@ -52,7 +52,10 @@ def information_of(
     H = Moments.of(x, y, angle, w * slope[used], pairs.point).hessian(line.axis, line.point, basis)
     if loss.name == "linear":
         return H, H
-    return H, Moments.of(x, y, angle, w * square[used], pairs.point).hessian(line.axis, line.point, basis)
+    # The fit has made the residuals smaller than the errors by its own degrees of freedom.
+    shrunk = 3 * len(w) / max(3 * len(w) - len(H), 1)
+    V = Moments.of(x, y, angle, w * square[used] * shrunk, pairs.point).hessian(line.axis, line.point, basis)
+    return H, V
 
 
 def parameter_covariance(information: Floats, score: Floats, variance: float, versines: float) -> Floats:

@@ -147,38 +147,32 @@ def _assess(pairs: Pairs, loss: Loss, solution: Solution) -> AxisFit:
         lines = lines[:1]
 
     def place(point: Floats) -> Floats:
-        return _frozen(pairs.origin + pairs.scale * point if free else pairs.origin)
+        return pairs.origin + pairs.scale * point if free else pairs.origin.copy()
 
     residuals = [_residual(pairs.rho, pairs.rho_prime, pairs.angle, line.axis, line.point) for line in lines]
     rms = [math.sqrt(float((d[good] ** 2).sum(axis=-1).mean())) * pairs.scale for d in residuals]
     return AxisFit(
-        axis=_frozen(best.axis),
+        axis=best.axis,
         point=place(best.point),
-        covariance=_frozen(joint_covariance(small, best, centroid, basis, pairs.scale)),
+        covariance=joint_covariance(small, best, centroid, basis, pairs.scale),
         sigma=noise.sigma,
         sigma_given=pairs.variance is not None,
         dof=noise.dof,
         chi_square=noise.chi_square,
         rms=rms[0],
-        residuals=_frozen(residuals[0] * pairs.scale),
-        weights=_frozen(solution.share),
-        outliers=_frozen(noise.outliers),
-        centroid=_frozen(pairs.origin + pairs.scale * centroid),
+        residuals=residuals[0] * pairs.scale,
+        weights=solution.share,
+        outliers=noise.outliers,
+        centroid=pairs.origin + pairs.scale * centroid,
         condition=condition_number(information, facts.arm) if determined else math.inf,
         status=status,
         undetermined=tuple(sentences(status, freedoms, lines, facts)),
         remarks=tuple(remarks_on(pairs, solution, loss, noise, lines[0])),
-        candidate_axes=_frozen(np.array([line.axis for line in lines])),
-        candidate_points=_frozen(np.array([place(line.point) for line in lines])),
-        candidate_rms=_frozen(np.array(rms)),
-        free_directions=_frozen(freedoms.directions),
+        candidate_axes=np.array([line.axis for line in lines]),
+        candidate_points=np.array([place(line.point) for line in lines]),
+        candidate_rms=np.array(rms),
+        free_directions=freedoms.directions,
         point_known=not free,
         loss=loss.name,
         iterations=solution.iterations,
     )
-
-
-def _frozen(array: NDArray[Any]) -> NDArray[Any]:
-    array = np.array(array)
-    array.flags.writeable = False
-    return array

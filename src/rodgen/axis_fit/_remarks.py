@@ -7,15 +7,20 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.axis_fit._moments import Moments
 from rodgen.axis_fit._noise import Noise
 from rodgen.axis_fit._pairs import Pairs
+from rodgen.axis_fit._residual import _residual
 from rodgen.axis_fit._robust import Loss
 from rodgen.axis_fit._solve import MOST_REWEIGHTINGS, Line, Solution, half_squares
+from rodgen.axis_fit._sphere import maximise_on_sphere
 
 __all__ = ["remarks_on"]
 
 Floats = NDArray[np.float64]
 
+# Probability below which a better fit is not taken for luck.
+_CHANCE = 1e-5
 # A statistic this many of its standard deviations off is no accident.
 _NO_ACCIDENT = 5.0
 _MOST_OUTLIERS = 0.4
@@ -50,8 +55,37 @@ def remarks_on(pairs: Pairs, solution: Solution, loss: Loss, noise: Noise, line:
     if not solution.converged:
         told.append(f"The weights of loss={loss.name!r} had not settled after {MOST_REWEIGHTINGS} solutions.")
     if pairs.point is not None:
-        told += _lengths_differ(pairs, noise, line)
+        told += _point_off(pairs, solution, noise, line) + _lengths_differ(pairs, noise, line)
     return told
+
+
+def _point_off(pairs: Pairs, solution: Solution, noise: Noise, line: Line) -> list[str]:
+    """Say so when a free point fits better than two more parameters do by chance."""
+    good = noise.good
+    freedoms = 3 * int(good.sum()) - 4
+    if freedoms <= 0:
+        return []
+    x, y, angle = pairs.rho[good], pairs.rho_prime[good], pairs.angle[good]
+    w = (pairs.weight * solution.share)[good]
+    moments = Moments.of(x, y, angle, w, None)
+    axis = maximise_on_sphere(*moments.quadratic()).best
+    free = Line(axis, moments.point(axis)).nearest(np.zeros(3))
+    left = float((w[:, None] * _residual(x, y, angle, free.axis, free.point) ** 2).sum()) / 2
+    gain = float((solution.share * half_squares(pairs, line))[good].sum()) - left
+    if gain <= (64 * _EPS * max(pairs.size, 1.0)) ** 2 * len(w):
+        return []
+    # Survival functions of χ² with 2 degrees of freedom, and of F with 2 and `freedoms`, in closed form.
+    if pairs.variance is not None:
+        chance = math.exp(-gain / pairs.variance / 2)
+    else:
+        chance = math.exp(-freedoms / 2 * math.log1p(gain / left)) if left > 0 else 0.0
+    if chance > _CHANCE:
+        return []
+    away = math.sqrt(float(free.point @ free.point)) * pairs.scale
+    return [
+        f"With a free point the pairs fit far better, and the axis passes {away:.3g} from the point given: is "
+        "that point on the axis?"
+    ]
 
 
 def _lengths_differ(pairs: Pairs, noise: Noise, line: Line) -> list[str]:
@@ -75,6 +109,6 @@ def _lengths_differ(pairs: Pairs, noise: Noise, line: Line) -> list[str]:
     worst = int(np.flatnonzero(good)[np.argmax(np.abs(change))])
     rms = math.sqrt(float((change**2).mean())) * pairs.scale
     return [
-        f"Distances from the known point change by {rms:.3g} rms (most in pair {worst}), more than the noise "
-        "explains: is that point on the axis? A free point would tell."
+        f"Distances from the known point change by {rms:.3g} rms (most in pair {worst}), more than the other "
+        "residuals explain."
     ]

@@ -151,37 +151,38 @@ def robust_start(
         Known point, or None where it is free.
     """
     n = len(angle)
-    size = 3 if point is None else 2
-    sets = _sets(n, size)
-    moments = Moments.of(rho[sets], rho_prime[sets], angle[sets], weight[sets], point)
-    maxima = maximise_on_sphere(*moments.quadratic())
-    axes, points = maxima.best, moments.point(maxima.best)
+    sets = _sets(n, 3 if point is None else 2)
+    axes, points = _solve_sets(rho, rho_prime, angle, weight, sets, point)
 
     ranked = np.arange(n) if n <= _MOST_RANKED else np.unique(_hash(np.arange(_MOST_RANKED)) % n)
-    x, y, h, w = rho[ranked], rho_prime[ranked], angle[ranked], weight[ranked]
+    some = (rho[ranked], rho_prime[ranked], angle[ranked], weight[ranked])
     half = len(ranked) // 2 + 1
-
-    def squares(axis: Floats, p: Floats) -> Floats:
-        each: Floats = w * (_residual(x, y, h, axis, p) ** 2).sum(axis=-1) / 2
-        return each
-
-    medians = [float(np.median(squares(e, p))) for e, p in zip(axes, points, strict=True)]
-    best = (math.inf, axes[0], points[0])
-    for index in np.argsort(medians, kind="stable")[:_BEST_SETS]:
-        e, p = axes[index], points[index]
-        for _ in range(_CONCENTRATIONS):
-            inside = np.argpartition(squares(e, p), half - 1)[:half]
-            some = Moments.of(x[inside], y[inside], h[inside], w[inside], point)
-            e = maximise_on_sphere(*some.quadratic()).best
-            p = some.point(e)
-        trimmed = float(np.partition(squares(e, p), half - 1)[:half].sum())
-        if trimmed < best[0]:
-            best = (trimmed, e, p)
-
-    _, e, p = best
-    every = weight * (_residual(rho, rho_prime, angle, e, p) ** 2).sum(axis=-1) / 2
+    medians = np.median(_half_squares(*some, axes, points), axis=-1)
+    first = np.argsort(medians, kind="stable")[:_BEST_SETS]
+    axes, points = axes[first], points[first]
+    for _ in range(_CONCENTRATIONS):
+        inside = np.argpartition(_half_squares(*some, axes, points), half - 1, axis=-1)[:, :half]
+        axes, points = _solve_sets(*some, inside, point)
+    trimmed = np.partition(_half_squares(*some, axes, points), half - 1, axis=-1)[:, :half].sum(axis=-1)
+    e, p = axes[np.argmin(trimmed)], points[np.argmin(trimmed)]
+    every = _half_squares(rho, rho_prime, angle, weight, e, p)
     used = 4 if point is None else 2
     return RobustStart(e, p, trimmed_variance(every, used, median_variance(every, used)))
+
+
+def _solve_sets(
+    x: Floats, y: Floats, angle: Floats, w: Floats, sets: NDArray[np.int64], point: Floats | None
+) -> tuple[Floats, Floats]:
+    """Best axis and point (S, 3) of each of S sets of pairs."""
+    moments = Moments.of(x[sets], y[sets], angle[sets], w[sets], point)
+    axes = maximise_on_sphere(*moments.quadratic()).best
+    return axes, moments.point(axes)
+
+
+def _half_squares(x: Floats, y: Floats, angle: Floats, w: Floats, axes: Floats, points: Floats) -> Floats:
+    """Halve the weighted squares (…, N) of all pairs against each of the lines (…, 3)."""
+    d = _residual(x, y, angle, axes[..., None, :], points[..., None, :])
+    return w * (d[..., 0] ** 2 + d[..., 1] ** 2 + d[..., 2] ** 2) / 2
 
 
 def _sets(n: int, size: int) -> NDArray[np.int64]:

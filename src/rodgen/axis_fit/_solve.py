@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 
 # Reweighting converges by a factor of three to ten a solution; not to be done by then is told, not hidden.
 MOST_REWEIGHTINGS = 100
-_SETTLED, _NEARLY_SETTLED = 1e-12, 1e-4
+_SETTLED = 1e-12
 # From the closed form one step is enough, and one more shows that it was.
 _MOST_NEWTON_STEPS = 5
 _STEP_ENOUGH = 1e-12
@@ -89,15 +89,9 @@ def solve(pairs: Pairs, loss: Loss) -> Solution:
                 "the good ones; use loss='linear'"
             )
         start = robust_start(x, y, angle, w, point)
-        near, variance = Line(start.axis, start.point), pairs.variance
-        if variance is None:
-            near, share, iterations, _ = _reweight(
-                x, y, angle, w, point, loss, near, start.variance, _NEARLY_SETTLED
-            )
-            squares = _half_squares(x, y, angle, w, near)
-            variance = trimmed_variance(squares, 4 if point is None else 2, start.variance)
-        near, share, more, converged = _reweight(x, y, angle, w, point, loss, near, variance, _SETTLED)
-        iterations += more
+        near, share, iterations, converged = _reweight(
+            x, y, angle, w, point, loss, Line(start.axis, start.point), start.variance, pairs.variance
+        )
     best, other = _optima(x, y, angle, w * share, point, near)
     everyone = np.zeros(len(used))
     everyone[used] = share
@@ -138,13 +132,23 @@ def _reweight(
     loss: Loss,
     line: Line,
     variance: float,
-    settled: float,
+    given: float | None,
 ) -> tuple[Line, Floats, int, bool]:
-    """Solve with the loss's weights until they stay; each solution is a global one."""
-    variance = max(variance, (_EPS * float(np.abs(y).max())) ** 2)  # exact pairs: rounding is the noise
+    """Solve with the loss's weights until they stay; each solution is a global one.
+
+    The noise, where it is not given, follows the solutions until it stays too. Which pairs it is taken from
+    changes by whole pairs and may go in a circle: half way it is held.
+    """
+    parameters = 4 if point is None else 2
+    rounding = (_EPS * float(np.abs(y).max())) ** 2  # the noise of exact pairs
     share = np.ones(len(w))
     for count in range(1, MOST_REWEIGHTINGS + 1):
-        share = loss.weight(np.sqrt(_half_squares(x, y, angle, w, line) / variance))
+        squares = _half_squares(x, y, angle, w, line)
+        if given is not None:
+            variance = given
+        elif count <= MOST_REWEIGHTINGS // 2:
+            variance = trimmed_variance(squares, parameters, variance)
+        share = loss.weight(np.sqrt(squares / max(variance, rounding)))
         moments = Moments.of(x, y, angle, w * share, point)
         axis, other = maximise_on_sphere(*moments.quadratic())
         if other @ line.axis > axis @ line.axis:
@@ -152,7 +156,7 @@ def _reweight(
         new = Line(axis, moments.point(axis)).nearest(line.point)
         moved = max(float(np.abs(axis - line.axis).max()), float(np.abs(new.point - line.point).max()))
         line = new
-        if moved <= settled:
+        if moved <= _SETTLED:
             return line, share, count, True
     return line, share, MOST_REWEIGHTINGS, False
 

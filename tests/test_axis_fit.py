@@ -1,0 +1,973 @@
+"""One axis from many noisy pairs: `rodgen.fit_axis` against independent answers.
+
+Oracles: scipy.optimize.least_squares from many starts, dense grids, finite differences, the Cramér-Rao
+bound of the true geometry, and Monte-Carlo draws. Rotations come from scipy.spatial.transform.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import json
+import math
+import time
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi as chi_distribution
+from scipy.stats import f as f_distribution
+
+from rodgen.axis_fit import AxisFitStatus, fit_axis
+from rodgen.axis_fit._moments import Moments, tangents
+from rodgen.axis_fit._residual import _residual, _residual_and_jacobian
+from rodgen.axis_fit._robust import LOSSES, chi_cut
+from rodgen.axis_fit._sphere import maximise_on_sphere
+from rodgen.errors import RodgenError
+
+EPS = np.finfo(float).eps
+ROBUST = ["huber", "cauchy", "tukey"]
+POSITIONER = Path(__file__).parents[2] / "shared/data/positioner/data.csv"
+
+
+def turned(x: np.ndarray, e: np.ndarray, p: Any, angle: Any) -> np.ndarray:
+    angle = np.broadcast_to(angle, len(x))
+    return np.asarray(p) + Rotation.from_rotvec(angle[:, None] * e).apply(x - np.asarray(p))
+
+
+def unit(v: Any) -> np.ndarray:
+    v = np.asarray(v, dtype=float)
+    return v / np.linalg.norm(v)
+
+
+AXIS = unit([0.36, -0.48, 0.8])
+POINT = np.array([1.0, 2.0, 3.0])
+
+
+def scene(
+    n: int, noise: float, seed: int, angle: Any = None, axis: np.ndarray = AXIS, point: np.ndarray = POINT
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    angle = rng.uniform(-4, 4, n) if angle is None else np.broadcast_to(float(angle), n)
+    x = rng.normal(size=(n, 3)) * 2 + [3, 1, -2]
+    y = turned(x, axis, point, angle)
+    return x + noise * rng.normal(size=(n, 3)), y + noise * rng.normal(size=(n, 3)), angle
+
+
+def from_line(fit: Any, point: np.ndarray = POINT, axis: np.ndarray = AXIS) -> float:
+    """Distance of the fitted point from the true line."""
+    return float(np.linalg.norm(np.cross(fit.point - point, axis)))
+
+
+# The quadratic on the sphere -------------------------------------------------------------------------
+
+
+def values(A: np.ndarray, b: np.ndarray, e: np.ndarray) -> np.ndarray:
+    return np.einsum("...i,...ij,...j", e, A, e) + (b * e).sum(axis=-1)
+
+
+@pytest.fixture(scope="module")
+def quadratics() -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(1)
+    A = rng.normal(size=(400, 3, 3))
+    return A + A.mT, rng.normal(size=(400, 3)) * 10 ** rng.uniform(-20, 1, size=(400, 1))
+
+
+def test_best_is_above_a_dense_grid(quadratics: tuple[np.ndarray, np.ndarray]) -> None:
+    A, b = quadratics
+    rng = np.random.default_rng(2)
+    grid = rng.normal(size=(20000, 3))
+    grid /= np.linalg.norm(grid, axis=1, keepdims=True)
+    best = maximise_on_sphere(A, b).best
+    on_grid = np.einsum("gi,bij,gj->bg", grid, A, grid) + b @ grid.T
+    assert (values(A, b, best) >= on_grid.max(axis=1)).all()
+
+
+def test_ascent_from_anywhere_ends_in_one_of_the_two_maxima(
+    quadratics: tuple[np.ndarray, np.ndarray],
+) -> None:
+    A, b = (array[:60] for array in quadratics)
+    maxima = maximise_on_sphere(A, b)
+    rng = np.random.default_rng(3)
+    e = rng.normal(size=(60, 200, 3))
+    e /= np.linalg.norm(e, axis=-1, keepdims=True)
+    for _ in range(3000):  # the shift makes the value grow with every step
+        e = e @ (A + 20 * np.eye(3)) + b[:, None] / 2
+        e /= np.linalg.norm(e, axis=-1, keepdims=True)
+    to_best = np.linalg.norm(e - maxima.best[:, None], axis=-1)
+    to_other = np.linalg.norm(e - maxima.other[:, None], axis=-1)
+    # A linear iteration stopped at 3000 steps; the maxima are tenths apart.
+    assert (np.fmin(to_best, to_other) < 1e-3).all()
+    there = np.isfinite(maxima.other).all(axis=-1)
+    assert (np.nanmin(to_other[there], axis=1) < 1e-3).all()
+    assert 0 < there.sum()
+
+
+def test_stationary_to_rounding(quadratics: tuple[np.ndarray, np.ndarray]) -> None:
+    A, b = quadratics
+    for e in maximise_on_sphere(A, b):
+        gradient = 2 * np.einsum("...ij,...j", A, e) + b
+        across = gradient - e * (gradient * e).sum(axis=-1, keepdims=True)
+        size = np.abs(A).max(axis=(1, 2)) + np.abs(b).max(axis=1)
+        assert np.nanmax(np.linalg.norm(across, axis=-1) / size) < 100 * EPS
+
+
+def test_hard_case_gives_both_signs() -> None:
+    A, b = np.diag([3.0, 2.0, 1.0]), np.array([0.0, 1.0, 1.0])
+    best, other = maximise_on_sphere(A, b)
+    # γ/(λ₁ - λ_k): 0.5/1 and 0.5/2; the first component completes the unit vector.
+    expected = [math.sqrt(1 - 0.25 - 0.0625), 0.5, 0.25]
+    assert np.abs(best) == pytest.approx(expected, abs=4 * EPS)
+    assert other == pytest.approx(best * [-1, 1, 1], abs=4 * EPS)
+
+
+def test_no_other_maximum_where_the_linear_term_rules() -> None:
+    best, other = maximise_on_sphere(np.diag([1.0, 0.5, 0.0]), np.array([0.0, 0.0, 100.0]))
+    assert best == pytest.approx([0, 0, 1], abs=EPS)
+    assert np.isnan(other).all()
+
+
+def test_nothing_to_maximise_is_still_a_unit_vector() -> None:
+    assert np.linalg.norm(maximise_on_sphere(np.zeros((3, 3)), np.zeros(3)).best) == 1.0
+
+
+# Residual, moments ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("angle", [1e-6, 1.3, math.pi, -7.0])
+def test_residual_vanishes_for_the_rotation_of_another_library(angle: float) -> None:
+    x, y, a = scene(20, 0.0, 4, angle)
+    assert np.abs(_residual(x, y, a, AXIS, POINT)).max() < 30 * EPS * np.abs(x).max()
+
+
+def test_jacobian_is_the_slope_of_the_residual() -> None:
+    x, y, a = scene(20, 0.3, 5)
+    d, by_axis, by_point = _residual_and_jacobian(x, y, a, AXIS, POINT)
+    assert np.array_equal(d, _residual(x, y, a, AXIS, POINT))
+    h = 1e-6  # central differences: h² and eps/h both far below 1e-8
+    for u in tangents(AXIS).T:
+        ahead = _residual(x, y, a, unit(AXIS + h * u), POINT) - _residual(x, y, a, unit(AXIS - h * u), POINT)
+        assert by_axis @ u == pytest.approx(ahead / (2 * h), abs=1e-8)
+    for u in np.eye(3):
+        ahead = _residual(x, y, a, AXIS, POINT + h * u) - _residual(x, y, a, AXIS, POINT - h * u)
+        assert by_point @ u == pytest.approx(ahead / (2 * h), abs=1e-8)
+
+
+@pytest.mark.parametrize("point", [None, POINT])
+def test_sum_of_squares_is_a_quadratic_in_the_axis(point: np.ndarray | None) -> None:
+    """With a free point at its best for each axis, too: what makes the fit global without iteration."""
+    x, y, a = scene(9, 0.5, 6)
+    w = np.linspace(0.2, 1, 9)
+    moments = Moments.of(x, y, a, w, point)
+    A, b = moments.quadratic()
+    rng = np.random.default_rng(7)
+    sums = []
+    for e in map(unit, rng.normal(size=(20, 3))):
+        p = moments.point(e)
+        half = 0.5 * (w[:, None] * _residual(x, y, a, e, p) ** 2).sum()
+        sums.append(half + values(A, b, e))
+        for q in p + 0.1 * rng.normal(size=(5, 3)):
+            other = 0.5 * (w[:, None] * _residual(x, y, a, e, q) ** 2).sum()
+            assert point is not None or other >= half
+    assert np.ptp(sums) < 1e-13 * max(sums)  # a sum of 27 squares of order 10
+
+
+@pytest.mark.parametrize("point", [None, POINT])
+def test_hessian_is_the_curvature_at_the_optimum(point: np.ndarray | None) -> None:
+    x, y, a = scene(9, 0.5, 8)
+    moments = Moments.of(x, y, a, np.ones(9), point)
+    e = maximise_on_sphere(*moments.quadratic()).best
+    p, U = moments.point(e), tangents(e)
+    size = 4 if point is None else 2
+
+    def half(v: np.ndarray) -> float:
+        shift = U @ v[2:] if point is None else 0.0
+        return float(0.5 * (_residual(x, y, a, unit(e + U @ v[:2]), p + shift) ** 2).sum())
+
+    h, steps = 1e-3, np.eye(size)
+    curvature = [
+        [
+            (half(h * (i + j)) - half(h * (i - j)) - half(h * (j - i)) + half(-h * (i + j))) / (4 * h * h)
+            for i in steps
+        ]
+        for j in steps
+    ]
+    # Differences of fourth order in h = 1e-3.
+    assert moments.hessian(e, p, U) == pytest.approx(np.array(curvature), abs=1e-5 * np.max(curvature))
+
+
+# Maximum likelihood ------------------------------------------------------------------------------------------
+
+
+def by_scipy(x: np.ndarray, y: np.ndarray, a: np.ndarray, known: bool, seed: int, scale: np.ndarray) -> Any:
+    """Best of 25 starts; the axis as an unnormalised vector, the point anywhere on it."""
+
+    def misses(v: np.ndarray) -> np.ndarray:
+        p = POINT if known else v[3:]
+        e = unit(v[:3])
+        return ((y - p - Rotation.from_rotvec(a[:, None] * e).apply(x - p)) * scale[:, None]).ravel()
+
+    rng = np.random.default_rng(seed)
+    starts = [np.r_[rng.normal(size=3), rng.normal(size=0 if known else 3) * 5] for _ in range(25)]
+    tight = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "x_scale": 1.0, "jac": "3-point"}
+    return min((least_squares(misses, start, **tight) for start in starts), key=lambda r: r.cost)
+
+
+@pytest.mark.parametrize("known", [False, True])
+@pytest.mark.parametrize(("noise", "angle"), [(0.01, None), (1.5, None), (0.01, 0.3), (0.3, 2.9)])
+def test_agrees_with_the_best_of_many_scipy_starts(known: bool, noise: float, angle: float | None) -> None:
+    x, y, a = scene(8, noise, 9, angle)
+    w = np.linspace(0.3, 1, 8)
+    oracle = by_scipy(x, y, a, known, 10, np.sqrt(w))
+    fit = fit_axis(x, y, a, point=POINT if known else "free", weights=w)
+    e = unit(oracle.x[:3])
+    p = POINT if known else oracle.x[3:]
+    cost = 0.5 * (w[:, None] * fit.residuals**2).sum()
+    # Costs agree to rounding; scipy's stopping point to the square root of that, times its differences.
+    assert cost == pytest.approx(oracle.cost, rel=1e-12)
+    assert fit.axis == pytest.approx(e, abs=1e-8 if noise > 1 else 1e-9)
+    assert from_line(fit, p, e) < (1e-7 if noise > 1 else 1e-8)
+
+
+@pytest.mark.parametrize("loss", ROBUST)
+def test_robust_loss_is_stationary(loss: str) -> None:
+    """Σ w(z) Jᵀ d = 0 at the solution, the defining equation of an M-estimate; sigma fixes z."""
+    x, y, a = scene(40, 0.05, 11)
+    y[::5] += 3
+    fit = fit_axis(x, y, a, loss=loss, sigma=0.05)
+    d, by_axis, by_point = _residual_and_jacobian(x, y, a, fit.axis, fit.point)
+    z = np.linalg.norm(d, axis=1) / (0.05 * math.sqrt(2))
+    share = LOSSES[loss].weight(z)
+    assert fit.weights == pytest.approx(share, abs=1e-9)
+    force = share[:, None] * d
+    U = tangents(fit.axis)
+    turn, shift = np.einsum("ni,nij->j", force, by_axis) @ U, np.einsum("ni,nij->j", force, by_point) @ U
+    # Reweighting stops at steps of 1e-12; information times arm² is of order 1e3.
+    assert np.abs(np.r_[turn, shift]).max() < 1e-8
+
+
+@pytest.mark.parametrize("loss", ROBUST)
+def test_loss_slope_and_efficiency(loss: str) -> None:
+    kernel = LOSSES[loss]
+    z = np.linspace(0, 12, 120001)
+    psi = z * kernel.weight(z)
+    middle = (z[1:] + z[:-1]) / 2
+    kink = (np.abs(middle - 1.6279879) < 1e-3) | (np.abs(middle - 5.4902492) < 1e-3)
+    assert kernel.slope(middle)[~kink] == pytest.approx(np.diff(psi)[~kink] / np.diff(z)[~kink], abs=1e-6)
+    density = chi_distribution(3).pdf(z)
+    gain = np.trapezoid((kernel.slope(z) + 2 * kernel.weight(z)) / 3 * density, z)
+    spread = np.trapezoid(psi**2 / 3 * density, z)
+    assert gain**2 / spread == pytest.approx(0.95, abs=1e-4)  # trapezoids of 1e-4
+
+
+def test_weight_two_is_the_pair_twice_and_zero_leaves_it_out() -> None:
+    x, y, a = scene(10, 0.1, 12)
+    w = np.array([2.0, 1, 1, 1, 0, 1, 1, 1, 1, 0])
+    twice = np.r_[0, 0:4, 5:9]
+    weighted = fit_axis(x, y, a, weights=w, sigma=0.1)
+    repeated = fit_axis(x[twice], y[twice], a[twice], sigma=0.1)
+    assert weighted.axis == pytest.approx(repeated.axis, abs=1e-14)
+    assert weighted.chi_square == pytest.approx(repeated.chi_square, rel=1e-12)
+    assert weighted.weights.tolist() == [1, 1, 1, 1, 0, 1, 1, 1, 1, 0]
+    # The covariance differs only in the second-order term, (σ/arm)².
+    assert weighted.covariance == pytest.approx(repeated.covariance, rel=0.05, abs=1e-7)
+
+
+def test_sigma_a_pair_is_a_weight_with_a_scale() -> None:
+    x, y, a = scene(10, 0.1, 13)
+    sigma = np.linspace(0.05, 0.3, 10)
+    by_sigma = fit_axis(x, y, a, sigma=sigma)
+    by_weight = fit_axis(x, y, a, weights=0.1**2 / sigma**2, sigma=0.1)
+    assert by_sigma.axis == pytest.approx(by_weight.axis, abs=1e-14)
+    assert by_sigma.covariance == pytest.approx(by_weight.covariance, rel=1e-10)
+    assert by_sigma.sigma == pytest.approx(math.sqrt(np.mean(sigma**2)))
+
+
+# Uncertainty ------------------------------------------------------------------------------------------------
+
+
+def line_covariance(fit: Any, U: np.ndarray) -> np.ndarray:
+    """Covariance of what :func:`errors_of` takes: the fitted line where it meets the plane through POINT."""
+    along = float(AXIS @ (fit.point - POINT))
+    T = np.block([[U.T, np.zeros((2, 3))], [-along * U.T, U.T]])
+    return T @ fit.covariance @ T.T
+
+
+def draws(n: int, noise: float, count: int, angle: Any = None, spread: float = 2.0, **options: Any) -> Any:
+    rng = np.random.default_rng(20)
+    angle = rng.uniform(-4, 4, n) if angle is None else np.broadcast_to(float(angle), n)
+    x = rng.normal(size=(n, 3)) * spread + [3, 1, -2]
+    y = turned(x, AXIS, POINT, angle)
+    fits = []
+    bad = int(options.pop("bad", 0) * n)
+    for _ in range(count):
+        seen, then = x + noise * rng.normal(size=(n, 3)), y + noise * rng.normal(size=(n, 3))
+        then[:bad] += 30 * noise * rng.normal(size=(bad, 3)) * rng.choice([0.3, 1, 20], size=(bad, 1))
+        fits.append(fit_axis(seen, then, angle, **options))
+    return x, angle, fits
+
+
+def mahalanobis(fits: list[Any], U: np.ndarray) -> np.ndarray:
+    """(T,) squared errors in units of the stated covariance; F times 4 distributed."""
+    out = []
+    for fit in fits:
+        along = float(AXIS @ (fit.point - POINT))
+        error = np.r_[(fit.axis - AXIS) @ U, (fit.point - POINT - along * fit.axis) @ U]
+        out.append(error @ np.linalg.solve(line_covariance(fit, U), error))
+    return np.array(out)
+
+
+def binomial(count: int) -> float:
+    """Half-width of the 99.9 % interval of an observed 95 % share."""
+    return 3.29 * math.sqrt(0.95 * 0.05 / count)
+
+
+@pytest.mark.parametrize(
+    ("n", "noise", "options"),
+    [
+        (12, 0.01, {}),
+        (4, 0.01, {}),
+        (12, 0.01, {"sigma": 0.01}),
+        (30, 0.3, {"sigma": 0.3}),
+        (200, 0.02, {"angle": 0.01, "sigma": 0.02}),
+        (300, 0.3, {"sigma": 0.3, "spread": 0.3}),
+    ],
+    ids=[
+        "estimated",
+        "four pairs",
+        "given",
+        "noise a tenth of the arm",
+        "small angle",
+        "arm as small as the noise",
+    ],
+)
+def test_95_percent_regions_hold_95_percent(n: int, noise: float, options: dict[str, Any]) -> None:
+    count = 1500
+    U = tangents(AXIS)
+    _, _, fits = draws(n, noise, count, **options)
+    squares = mahalanobis(fits, U)
+    limit = 4 * f_distribution.ppf(0.95, 4, 1e9 if "sigma" in options else 3 * n - 4)
+    share = np.mean(squares < limit)
+    assert binomial(count) < 0.02  # 93 to 97 % is what the interval means
+    assert share == pytest.approx(0.95, abs=binomial(count))
+
+
+@pytest.mark.parametrize("loss", ROBUST)
+@pytest.mark.parametrize("bad", [0.0, 0.25])
+def test_robust_95_percent_intervals(loss: str, bad: float) -> None:
+    """Component by component: the noise estimated from good pairs makes regions F only nearly."""
+    count = 400
+    U = tangents(AXIS)
+    _, _, fits = draws(60, 0.01, count, loss=loss, bad=bad)
+    z = [((f.axis - AXIS) @ U) / np.sqrt(np.diag(U.T @ f.axis_covariance @ U)) for f in fits]
+    share = np.mean(np.abs(z) < 1.98)  # Student, 110 degrees of freedom or more
+    # 800 nearly independent components; 1.5 % more for the asymptotic formula at 45 good pairs.
+    assert share == pytest.approx(0.95, abs=binomial(800) + 0.015)
+
+
+@pytest.mark.parametrize(("n", "noise", "angle"), [(12, 0.01, None), (12, 0.01, 3.0), (40, 0.01, 0.05)])
+def test_variance_reaches_the_cramer_rao_bound(n: int, noise: float, angle: float | None) -> None:
+    count = 1500
+    U = tangents(AXIS)
+    x, a, fits = draws(n, noise, count, angle)
+    y = turned(x, AXIS, POINT, a)
+    _, by_axis, by_point = _residual_and_jacobian(x, y, a, AXIS, POINT)
+    J = np.concatenate([by_axis @ U, by_point @ U], axis=2).reshape(-1, 4)
+    information = J.T @ J / (2 * noise**2)
+    errors = []
+    for fit in fits:
+        along = float(AXIS @ (fit.point - POINT))
+        errors.append(np.r_[(fit.axis - AXIS) @ U, (fit.point - POINT - along * fit.axis) @ U])
+    empirical = np.mean([np.outer(e, e) for e in errors], axis=0)
+    ratio = np.trace(empirical @ information) / 4
+    # Mean of 4 T squares of unit normals: standard deviation sqrt(2/(4 T)) = 0.018.
+    assert ratio == pytest.approx(1.0, abs=4 * math.sqrt(2 / (4 * count)))
+
+
+def test_known_point_regions_hold_95_percent() -> None:
+    count = 1500
+    U = tangents(AXIS)
+    _, _, fits = draws(10, 0.01, count, point=POINT)
+    squares = [
+        ((f.axis - AXIS) @ U) @ np.linalg.solve(U.T @ f.axis_covariance @ U, (f.axis - AXIS) @ U)
+        for f in fits
+    ]
+    share = np.mean(np.array(squares) < 2 * f_distribution.ppf(0.95, 2, 28))
+    assert share == pytest.approx(0.95, abs=binomial(count))
+
+
+def test_mean_is_true_within_its_own_error() -> None:
+    _, _, fits = draws(12, 0.1, 1500)
+    U = tangents(AXIS)
+    error = np.array([(f.axis - AXIS) @ U for f in fits])
+    assert (np.abs(error.mean(axis=0)) < 4 * error.std(axis=0) / math.sqrt(1500)).all()
+
+
+def test_sigma_is_estimated_without_bias() -> None:
+    _, _, fits = draws(6, 0.01, 1500)
+    variances = np.array([f.sigma**2 for f in fits]) / 0.01**2
+    # χ² with 14 degrees of freedom over 14: standard deviation sqrt(2/14).
+    assert variances.mean() == pytest.approx(1.0, abs=4 * math.sqrt(2 / 14 / 1500))
+
+
+def test_chi_square_has_its_degrees_of_freedom() -> None:
+    _, _, fits = draws(6, 0.01, 1500, sigma=0.01)
+    assert {f.dof for f in fits if not f.outliers.any()} == {14}
+    assert np.mean([f.chi_square for f in fits]) == pytest.approx(14, abs=4 * math.sqrt(28 / 1500) + 0.05)
+
+
+def test_covariances_have_the_rank_they_say() -> None:
+    x, y, a = scene(12, 0.01, 30)
+    fit = fit_axis(x, y, a)
+    assert fit.axis_covariance @ fit.axis == pytest.approx(np.zeros(3), abs=1e-20)
+    values_ = np.linalg.eigvalsh(fit.covariance)
+    assert (values_[:2] < 1e-12 * values_[-1]).all()
+    assert (values_[2:] > 0).all()
+    known = fit_axis(x, y, a, point=POINT)
+    assert np.linalg.matrix_rank(known.axis_covariance) == 2
+    assert not known.point_covariance.any()
+    assert known.point.tolist() == POINT.tolist()
+
+
+def test_nearest_point_propagates_like_differences() -> None:
+    x, y, a = scene(12, 0.01, 31)
+    fit = fit_axis(x, y, a)
+    target = np.array([50.0, -20.0, 10.0])
+    place, covariance = fit.nearest_point(target)
+    assert np.cross(place - fit.point, fit.axis) == pytest.approx(np.zeros(3), abs=1e-12)
+    assert (target - place) @ fit.axis == pytest.approx(0, abs=1e-12)
+
+    def moved(v: np.ndarray) -> np.ndarray:
+        e, p = unit(fit.axis + v[:3]), fit.point + v[3:]
+        return p + e * (e @ (target - p))
+
+    h = 1e-6
+    jacobian = np.stack([(moved(h * u) - moved(-h * u)) / (2 * h) for u in np.eye(6)], axis=1)
+    assert covariance == pytest.approx(jacobian @ fit.covariance @ jacobian.T, rel=1e-6, abs=1e-12)
+    at_centroid, same = fit.nearest_point(fit.centroid)
+    assert at_centroid == pytest.approx(fit.point, abs=1e-13)
+    assert same == pytest.approx(fit.point_covariance, abs=1e-18)
+
+
+def test_condition_is_one_for_the_best_arrangement_and_grows_with_a_short_lever() -> None:
+    x = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, -1, 0], [0, 0, -1.0]]) + POINT
+    best = fit_axis(x, turned(x, AXIS, POINT, math.pi), math.pi)
+    assert best.condition < 2
+    flat = np.array([[1, 0, 0], [1.001, 0, 0], [1, 0.001, 0.0]]) + POINT
+    assert fit_axis(flat, turned(flat, AXIS, POINT, 0.5), 0.5).condition > 100
+
+
+# Outliers ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("loss", ROBUST)
+@pytest.mark.parametrize("share", [0.05, 0.2, 0.3])
+@pytest.mark.parametrize("known", [False, True])
+def test_gross_errors_are_named_and_do_not_move_the_axis(loss: str, share: float, known: bool) -> None:
+    x, y, a = scene(100, 0.01, 40)
+    bad = np.arange(100) < 100 * share
+    rng = np.random.default_rng(41)
+    y[bad] += rng.normal(size=(int(bad.sum()), 3)) * 5
+    fit = fit_axis(x, y, a, loss=loss, point=POINT if known else "free")
+    assert np.array_equal(fit.outliers, bad)
+    assert fit.sigma == pytest.approx(0.01, rel=0.15)  # 1/sqrt(2·3·70) = 5 %, three of them
+    error = np.linalg.norm(fit.axis - AXIS)
+    assert error < 5 * fit.axis_uncertainty[0]
+    assert fit.axis_uncertainty[0] < 5e-4
+
+
+@pytest.mark.parametrize("loss", ROBUST)
+def test_conspiring_outliers_lose(loss: str) -> None:
+    """Three pairs in ten that agree among themselves on another axis."""
+    x, y, a = scene(60, 0.01, 42)
+    y[:18] = turned(x[:18], unit([1, 1, 0]), [5, 5, 5], a[:18])
+    fit = fit_axis(x, y, a, loss=loss)
+    assert np.array_equal(np.flatnonzero(fit.outliers), np.arange(18))
+    assert np.linalg.norm(fit.axis - AXIS) < 5 * fit.axis_uncertainty[0]
+
+
+def test_wrong_angles_are_outliers_too() -> None:
+    x, y, a = scene(40, 0.01, 43)
+    wrong = a.copy()
+    wrong[5] = -wrong[5]
+    fit = fit_axis(x, y, wrong, loss="tukey")
+    assert np.flatnonzero(fit.outliers).tolist() == [5]
+
+
+def test_linear_loss_names_outliers_but_counts_them() -> None:
+    x, y, a = scene(100, 0.01, 44)
+    y[17] += 1
+    fit = fit_axis(x, y, a)
+    assert np.flatnonzero(fit.outliers).tolist() == [17]
+    assert fit.weights[17] == 1
+    assert any("still count" in sentence for sentence in fit.remarks)
+
+
+def test_good_data_have_an_outlier_once_in_a_hundred() -> None:
+    _, _, fits = draws(50, 0.01, 1000, sigma=0.01)
+    # 1 % by construction; the fit's own freedoms make it a little rarer.
+    assert np.mean([f.outliers.any() for f in fits]) < 0.01 + 3.29 * math.sqrt(0.01 / 1000)
+    assert 1 - chi_distribution(3).cdf(chi_cut(50)) == pytest.approx(0.01 / 50, rel=1e-6)
+
+
+@pytest.mark.parametrize("loss", ["linear", *ROBUST])
+def test_same_answer_every_time_and_in_any_order(loss: str) -> None:
+    x, y, a = scene(300, 0.01, 45)
+    y[::4] += 2
+    before = np.random.get_state()[1].copy()  # noqa: NPY002 - it is the global state that must not be touched
+    first, again = fit_axis(x, y, a, loss=loss), fit_axis(x, y, a, loss=loss)
+    assert np.array_equal(np.random.get_state()[1], before)  # noqa: NPY002
+    assert np.array_equal(first.axis, again.axis)
+    order = np.random.default_rng(46).permutation(300)
+    shuffled = fit_axis(x[order], y[order], a[order], loss=loss)
+    assert shuffled.axis == pytest.approx(first.axis, abs=1e-9)
+
+
+@pytest.mark.parametrize("loss", ROBUST)
+def test_exact_pairs_and_one_gross_error(loss: str) -> None:
+    x, y, a = scene(20, 0.0, 47)
+    y[3] += 7
+    fit = fit_axis(x, y, a, loss=loss)
+    assert np.flatnonzero(fit.outliers).tolist() == [3]
+    # Noise of rounding, and Cauchy's loss gives a pair 1e16 of them off its say of 1e-16.
+    assert fit.axis == pytest.approx(AXIS, abs=1e-14)
+
+
+# Exact pairs: accuracy over angles and lengths ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("known", [False, True])
+@pytest.mark.parametrize(
+    "angle", [1e-8, 1e-4, 0.5, -2.0, math.pi - 1e-8, 4.0, 2 * math.pi - 1e-3, 50.0, "mixed"]
+)
+def test_exact_pairs_give_the_axis_to_rounding(angle: Any, known: bool) -> None:
+    point = np.zeros(3) if known else POINT
+    if angle == "mixed":
+        angle = np.array([1e-3, -1e-3, 0.1, 3.1, math.pi, 7.0, -2.0, 0.5])
+    rng = np.random.default_rng(50)
+    x = rng.normal(size=(8, 3))
+    half = np.asarray(angle) / 2
+    y = turned(x, AXIS, point, angle)
+    if np.ndim(angle) == 0 and abs(angle) < 1e-3:
+        # The rotation of another library rounds what a small angle adds; build it from the difference.
+        y = (
+            x
+            + np.sin(angle) * np.cross(AXIS, x - point)
+            + 2 * np.sin(half) ** 2 * np.cross(AXIS, np.cross(AXIS, x - point))
+        )
+    fit = fit_axis(x, y, angle, point=point if known else "free")
+    # The rounding of y, eps·5, is a turn of that over the angle; a few of them.
+    limit = 40 * EPS / max(abs(np.sin(half)).max(), 1e-300)
+    sign = 1.0
+    if fit.status is AxisFitStatus.SIGN_FREE:
+        sign = np.sign(fit.axis @ AXIS)
+    assert np.abs(sign * fit.axis - AXIS).max() < limit
+    assert np.linalg.norm(fit.axis) == pytest.approx(1, abs=2 * EPS)
+
+
+@pytest.mark.parametrize("scale", [1e-120, 1e-30, 1e30, 1e120])
+@pytest.mark.parametrize("loss", ["linear", "tukey"])
+@pytest.mark.parametrize("known", [False, True])
+def test_lengths_from_tiny_to_huge(scale: float, loss: str, known: bool) -> None:
+    x, y, a = scene(20, 0.01, 51)
+    plain = fit_axis(x, y, a, sigma=0.01, loss=loss, point=POINT if known else "free")
+    scaled = fit_axis(
+        x * scale, y * scale, a, sigma=0.01 * scale, loss=loss, point=POINT * scale if known else "free"
+    )
+    assert scaled.axis == pytest.approx(plain.axis, abs=1e-13)
+    assert scaled.point / scale == pytest.approx(plain.point, rel=1e-12)
+    assert scaled.rms / scale == pytest.approx(plain.rms, rel=1e-12)
+    assert scaled.chi_square == pytest.approx(plain.chi_square, rel=1e-10)
+    assert scaled.axis_covariance == pytest.approx(plain.axis_covariance, rel=1e-10, abs=1e-20)
+    assert scaled.point_uncertainty / scale == pytest.approx(plain.point_uncertainty, rel=1e-10)
+
+
+def test_points_far_from_the_origin_cost_only_their_own_rounding() -> None:
+    far = np.array([1e8, -2e8, 3e8])
+    x, y, a = scene(20, 0.0, 52)
+    fit = fit_axis(x + far, y + far, a)
+    assert fit.status is AxisFitStatus.DETERMINED
+    assert fit.axis == pytest.approx(AXIS, abs=20 * EPS * 3e8)
+    assert from_line(fit, POINT + far) < 20 * EPS * 3e8 * 3
+
+
+# Equivariance -----------------------------------------------------------------------------------------------------
+
+vectors = arrays(float, 3, elements=st.floats(-10, 10))
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    turn=vectors,
+    shift=vectors,
+    exponent=st.integers(-40, 40),
+    loss=st.sampled_from(["linear", "tukey"]),
+    seed=st.integers(0, 5),
+)
+def test_turning_shifting_and_scaling_the_data_does_the_same_to_the_fit(
+    turn: np.ndarray, shift: np.ndarray, exponent: int, loss: str, seed: int
+) -> None:
+    x, y, a = scene(12, 0.05, seed)
+    y[0] += 4
+    R, scale = Rotation.from_rotvec(turn), 10.0**exponent
+
+    def move(v: np.ndarray) -> np.ndarray:
+        return scale * (R.apply(v) + shift)
+
+    plain, moved = fit_axis(x, y, a, loss=loss), fit_axis(move(x), move(y), a, loss=loss)
+    # Rounding of the moved data, 20 eps, through a condition number of order 10, a hundredfold for good measure.
+    assert moved.axis == pytest.approx(R.apply(plain.axis), abs=1e-11)
+    assert moved.point / scale == pytest.approx(move(plain.point) / scale, abs=1e-10)
+    assert moved.sigma / scale == pytest.approx(plain.sigma, rel=1e-10)
+    M = R.as_matrix()
+    size = np.trace(plain.axis_covariance)
+    assert moved.axis_covariance == pytest.approx(M @ plain.axis_covariance @ M.T, abs=1e-9 * size)
+    assert np.array_equal(moved.outliers, plain.outliers)
+    assert moved.status is plain.status
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 1000), noise=st.sampled_from([0.0, 1e-3, 0.3]))
+def test_turning_back_is_the_same_axis(seed: int, noise: float) -> None:
+    """Swapping the points of a pair and the sign of its angle, and turning axis and angle over, change nothing."""
+    x, y, a = scene(9, noise, seed)
+    fit = fit_axis(x, y, a)
+    swapped = fit_axis(y, x, -a)
+    assert swapped.axis == pytest.approx(fit.axis, abs=1e-11)
+    opposite = fit_axis(x, y, -a)
+    assert opposite.axis == pytest.approx(-fit.axis, abs=1e-11)
+
+
+# What the data do not determine -----------------------------------------------------------------------------------
+
+Z = np.array([0.0, 0.0, 1.0])
+ORIGIN = (0.0, 0.0, 0.0)
+
+
+def test_one_pair_and_a_known_point_return_both_axes() -> None:
+    fit = fit_axis([1, 0, 0.5], [0, 1, 0.5], 1.7, point=ORIGIN)
+    assert fit.status is AxisFitStatus.TWO_AXES
+    assert fit.candidate_axes.shape == (2, 3)
+    for e, p in zip(fit.candidate_axes, fit.candidate_points, strict=True):
+        assert turned(np.array([[1, 0, 0.5]]), e, p, 1.7)[0] == pytest.approx([0, 1, 0.5], abs=8 * EPS)
+    assert np.linalg.norm(fit.candidate_axes[0] - fit.candidate_axes[1]) > 0.5
+    assert "two axes" in fit.undetermined[0]
+    # Which comes first does not hang on rounding.
+    again = fit_axis([1, 0, 0.5 + 1e-15], [0, 1, 0.5], 1.7, point=ORIGIN)
+    assert again.axis == pytest.approx(fit.axis, abs=1e-13)
+
+
+def test_one_direction_and_one_angle_return_both_axes_in_spite_of_noise() -> None:
+    rng = np.random.default_rng(60)
+    found = 0
+    for _ in range(50):
+        x = np.outer(np.linspace(1, 2, 50), unit([1, 2, 3]))
+        y = turned(x, Z, ORIGIN, 0.7)
+        fit = fit_axis(
+            x + 1e-3 * rng.normal(size=x.shape), y + 1e-3 * rng.normal(size=x.shape), 0.7, point=ORIGIN
+        )
+        found += fit.status is AxisFitStatus.TWO_AXES
+        assert min(np.linalg.norm(fit.candidate_axes - Z, axis=1)) < 1e-3
+    assert found == 50
+
+
+def test_one_pair_with_a_free_point_turns_about_its_displacement() -> None:
+    fit = fit_axis([1, 0, 0], [0, 1, 0], 1.2)
+    assert fit.status is AxisFitStatus.ONE_FREEDOM
+    assert fit.rms < 4 * EPS
+    assert fit.axis @ unit([-1, 1, 0]) == pytest.approx(0, abs=4 * EPS)
+    assert np.abs(fit.free_directions[0] @ unit([-1, 1, 0])) < 1e-7
+    assert "one pair with a free point" in fit.undetermined[0]
+    assert "the point" in fit.undetermined[1]
+    assert any("give sigma" in sentence for sentence in fit.remarks)
+    assert np.isnan(fit.covariance).all()
+    assert math.isinf(fit.condition)
+
+
+def test_the_same_pair_many_times_is_told_from_noise() -> None:
+    rng = np.random.default_rng(61)
+    told = []
+    for _ in range(100):
+        x = np.tile([1.0, 2, 3], (50, 1))
+        y = turned(x, Z, ORIGIN, 0.7)
+        fit = fit_axis(x + 1e-3 * rng.normal(size=x.shape), y + 1e-3 * rng.normal(size=x.shape), 0.7)
+        told.append(fit.status in (AxisFitStatus.ONE_FREEDOM, AxisFitStatus.ANY_AXIS))
+    # Missed where chance makes the noise's own curvature three times its standard deviation.
+    assert np.mean(told) > 0.9
+
+
+def test_pure_noise_is_told() -> None:
+    rng = np.random.default_rng(62)
+    told = [
+        fit_axis(rng.normal(size=(200, 3)), rng.normal(size=(200, 3)), 1.0).status
+        is not AxisFitStatus.DETERMINED
+        for _ in range(100)
+    ]
+    assert np.mean(told) > 0.9
+
+
+@pytest.mark.parametrize("angle", [0.0, 2 * math.pi, -4 * math.pi])
+@pytest.mark.parametrize("point", ["free", ORIGIN])
+def test_without_a_turn_nothing_is_determined(angle: float, point: Any) -> None:
+    x = np.random.default_rng(63).normal(size=(6, 3))
+    fit = fit_axis(x, x, angle, point=point)
+    assert fit.status is AxisFitStatus.ANY_AXIS
+    assert "all angles are zero or whole turns" in fit.undetermined[0]
+    assert len(fit.free_directions) == 2
+    assert len(fit.undetermined) == (2 if point == "free" else 1)
+    assert np.linalg.norm(fit.axis) == pytest.approx(1)
+
+
+def test_points_at_the_known_point_determine_nothing() -> None:
+    fit = fit_axis(np.zeros((4, 3)), np.zeros((4, 3)), 1.0, point=ORIGIN)
+    assert fit.status is AxisFitStatus.ANY_AXIS
+    assert "lie at the known point" in fit.undetermined[0]
+
+
+def test_one_point_at_rest_determines_nothing_but_lies_on_the_axis() -> None:
+    fit = fit_axis(np.tile([1.0, 2, 3], (4, 1)), np.tile([1.0, 2, 3], (4, 1)), [1.0, 2, 3, -1])
+    assert fit.status is AxisFitStatus.ANY_AXIS
+    assert fit.point == pytest.approx([1, 2, 3])
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-3])
+def test_points_at_rest_along_a_line_are_the_axis_but_not_its_sign(noise: float) -> None:
+    rng = np.random.default_rng(64)
+    x = POINT + np.linspace(-2, 2, 20)[:, None] * AXIS
+    fit = fit_axis(x + noise * rng.normal(size=x.shape), x + noise * rng.normal(size=x.shape), 0.7)
+    assert fit.status is AxisFitStatus.SIGN_FREE
+    assert np.abs(fit.axis @ AXIS) == pytest.approx(1, abs=1e-5)
+    assert "do not move" in fit.undetermined[0]
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-3])
+@pytest.mark.parametrize("point", ["free", POINT])
+def test_half_turns_have_no_sign(noise: float, point: Any) -> None:
+    x, y, a = scene(20, noise, 65, math.pi)
+    fit = fit_axis(x, y, a, point=point)
+    assert fit.status is AxisFitStatus.SIGN_FREE
+    assert "half turns" in fit.undetermined[0]
+    assert fit.candidate_axes[1] == pytest.approx(-fit.candidate_axes[0], abs=1e-3)
+    assert fit.axis[np.argmax(np.abs(fit.axis))] > 0
+    assert np.abs(fit.axis @ AXIS) == pytest.approx(1, abs=1e-5)
+
+
+def test_half_turn_to_the_opposite_point_allows_a_circle_of_axes() -> None:
+    fit = fit_axis([1, 0, 0], [-1, 0, 0], math.pi, point=ORIGIN)
+    assert fit.status is AxisFitStatus.ONE_FREEDOM
+    assert fit.axis[0] == pytest.approx(0, abs=4 * EPS)
+    assert "reverse the points" in fit.undetermined[0]
+
+
+def test_tangent_angle_merges_the_two_axes() -> None:
+    fit = fit_axis([1, 0, 0], [0, 1, 0], math.pi / 2, point=ORIGIN)
+    assert fit.status is AxisFitStatus.ONE_FREEDOM
+    assert fit.axis == pytest.approx(Z, abs=1e-7)  # the square root of rounding
+    assert "merge" in fit.undetermined[0]
+
+
+def test_two_pairs_of_equal_angle_determine_all() -> None:
+    x, y, a = scene(2, 0.0, 66, 0.8)
+    fit = fit_axis(x, y, a)
+    assert fit.status is AxisFitStatus.DETERMINED
+    assert fit.axis == pytest.approx(AXIS, abs=1e-13)
+    assert from_line(fit) < 1e-12
+    assert fit.dof == 2
+
+
+def test_good_data_leave_nothing_to_say() -> None:
+    fit = fit_axis(*scene(30, 0.01, 67))
+    assert fit.status is AxisFitStatus.DETERMINED
+    assert fit.undetermined == ()
+    assert fit.remarks == ()
+    assert len(fit.candidate_axes) == 1
+    assert len(fit.free_directions) == 0
+
+
+# Remarks -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("sigma", [None, 0.01])
+def test_a_known_point_off_the_axis_is_told(sigma: float | None) -> None:
+    x, y, a = scene(30, 0.01, 70)
+    fit = fit_axis(x, y, a, point=POINT + 0.2 * tangents(AXIS)[:, 0], sigma=sigma)
+    assert any("is that point on the axis?" in sentence for sentence in fit.remarks)
+    assert not fit_axis(x, y, a, point=POINT, sigma=sigma).remarks
+
+
+def test_sigma_that_does_not_fit_the_residuals_is_told() -> None:
+    fit = fit_axis(*scene(30, 0.01, 71), sigma=0.001)
+    assert any("times what sigma leads to expect" in sentence for sentence in fit.remarks)
+    assert fit.chi_square is not None
+
+
+def test_degrees_are_suspected() -> None:
+    x, y, a = scene(30, 0.01, 72, 1.0)
+    assert any("not in degrees" in sentence for sentence in fit_axis(x, y, np.degrees(a)).remarks)
+
+
+# Result, input ----------------------------------------------------------------------------------------------------
+
+
+def test_result_is_frozen_and_goes_to_json() -> None:
+    fit = fit_axis([1, 0, 0], [0, 1, 0], 1.2)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        fit.rms = 0.0  # type: ignore[misc]
+    back = json.loads(json.dumps(fit.to_dict(), allow_nan=False))
+    assert back["status"] == "ONE_FREEDOM"
+    assert back["axis"] == fit.axis.tolist()
+    assert back["sigma"] is None
+    assert back["undetermined"] == list(fit.undetermined)
+    assert "residuals" not in fit.to_dict(pairwise=False)
+
+
+def test_summary_reads_like_a_protocol() -> None:
+    x, y, a = scene(30, 0.01, 73)
+    y[4] += 1
+    text = str(fit_axis(x, y, a, loss="tukey", sigma=0.01))
+    lines = text.splitlines()
+    assert lines[0] == "Axis fitted to 30 pairs (point free, loss tukey): DETERMINED"
+    for word in ("direction", "µrad", "point", "centroid", "rms", "noise", "chi-square", "condition"):
+        assert word in text
+    assert "  outliers    1: pair 4 (counted from 0)" in lines
+    assert "nan" not in str(fit_axis([1, 0, 0], [0, 1, 0], 1.2))
+
+
+def test_residuals_are_what_is_left() -> None:
+    x, y, a = scene(10, 0.1, 74)
+    fit = fit_axis(x, y, a)
+    assert fit.residuals == pytest.approx(y - turned(x, fit.axis, fit.point, a), abs=1e-13)
+    assert fit.rms == pytest.approx(np.sqrt((fit.residuals**2).sum(axis=1).mean()), rel=1e-12)
+    assert fit.point @ fit.axis == pytest.approx(fit.centroid @ fit.axis, abs=1e-12)
+    assert fit.centroid == pytest.approx(np.concatenate([x, y]).mean(axis=0), abs=1e-12)
+
+
+def test_leading_axes_and_broadcasting() -> None:
+    x, y, a = scene(12, 0.1, 75, 0.7)
+    flat = fit_axis(x, y, a)
+    folded = fit_axis(x.reshape(3, 4, 3), y.reshape(3, 4, 3), 0.7)
+    assert np.array_equal(flat.axis, folded.axis)
+    assert folded.residuals.shape == (12, 3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (([[1, 2]], [[1, 2]], 1), r"rho has shape \(1, 2\); expected \(N, 3\)"),
+        ((np.ones((3, 3)), np.ones((4, 3)), 1), "do not fit together"),
+        ((np.ones((3, 3)), np.ones((3, 3)), [1, 2]), "do not fit together"),
+        ((np.ones((0, 3)), np.ones((0, 3)), []), "no pairs"),
+        (([[1, 2, 3], [1, math.nan, 3]], np.ones((2, 3)), 1), r"rho, row 1 .*nan.*; expected finite"),
+        ((np.ones((2, 3)), [[1, 2, math.inf], [1, 2, math.inf]], 1), r"rho_prime, row 0 .*1 more rows"),
+        ((np.ones((2, 3)), np.ones((2, 3)), [1, math.nan]), "angle, row 1"),
+        ((np.ones((2, 3)), np.ones((2, 3)), ["a", "b"]), "angle is not an array of real numbers"),
+    ],
+)
+def test_bad_input_is_refused_in_words(arguments: Any, sentence: str) -> None:
+    with pytest.raises(RodgenError, match=sentence):
+        fit_axis(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({"loss": "l2"}, "expected one of 'linear', 'huber'"),
+        ({"point": "origin"}, "expected 'free' or the three coordinates"),
+        ({"point": (1, 2)}, r"point has shape \(2,\)"),
+        ({"point": (1, 2, math.nan)}, "expected finite coordinates"),
+        ({"sigma": 0.0}, "sigma, row 0 .* not positive"),
+        ({"sigma": [1, 2]}, r"sigma has shape \(2,\); expected one number, or one a pair"),
+        ({"sigma": math.nan}, "sigma, row 0"),
+        ({"weights": [1, -1, 1]}, "weights, row 1 .* negative"),
+        ({"weights": 0}, "all weights are zero"),
+        ({"loss": "tukey"}, "needs at least 4"),
+    ],
+)
+def test_bad_options_are_refused_in_words(options: dict[str, Any], sentence: str) -> None:
+    x, y, a = scene(3, 0.01, 76)
+    with pytest.raises(RodgenError, match=sentence):
+        fit_axis(x, y, a, **options)
+
+
+@pytest.mark.parametrize("loss", ["linear", "tukey"])
+def test_a_hundred_thousand_pairs_in_well_under_a_second(loss: str) -> None:
+    x, y, a = scene(100_000, 0.01, 77)
+    y[::5] += 1
+    taken = []
+    for _ in range(3):
+        start = time.perf_counter()
+        fit = fit_axis(x, y, a, loss=loss)
+        taken.append(time.perf_counter() - start)
+    assert fit.status is AxisFitStatus.DETERMINED
+    # Measured 0.16 s and 0.6 s on a busy 2-core machine.
+    assert min(taken) < 1.5
+
+
+# A real positioner ---------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def positioner() -> dict[float, list[tuple[float, np.ndarray]]]:
+    """Poses by P1: P2 and the three points."""
+    if not POSITIONER.exists():
+        pytest.skip("the positioner measurements (shared/data/positioner) are not beside this repository")
+    poses: dict[tuple[float, float, float], list[list[float]]] = defaultdict(list)
+    with POSITIONER.open(newline="") as file:
+        for row in csv.DictReader(file):
+            key = (float(row["P1 [rad]"]), float(row["P2 [rad]"]), float(row["t [s]"]))
+            poses[key].append([float(row[f"{c} [mm]"]) for c in "xyz"])
+    groups: dict[float, list[tuple[float, np.ndarray]]] = defaultdict(list)
+    for (p1, p2, _), points in poses.items():
+        groups[round(p1, 2)].append((p2, np.array(points)))
+    return groups
+
+
+def pairs_of(group: list[tuple[float, np.ndarray]], step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Pairs of poses that differ by `step` in P2; each pose in one pair only, for independent errors."""
+    left, x, y, a = list(group), [], [], []
+    while left:
+        p2, before = left.pop(0)
+        match = [i for i, (other, _) in enumerate(left) if abs(other - p2 - step) < 0.02]
+        if match:
+            other, after = left.pop(match[0])
+            x.append(before)
+            y.append(after)
+            a.append(np.full(3, other - p2))
+    return np.concatenate(x), np.concatenate(y), np.concatenate(a)
+
+
+def test_positioner_axis_is_found_in_every_group(positioner: Any) -> None:
+    assert len(positioner) == 13
+    axes = {}
+    for p1, group in positioner.items():
+        x, y, a = pairs_of(group, math.pi)
+        fit = fit_axis(x, y, a, loss="tukey")
+        assert fit.status is AxisFitStatus.DETERMINED
+        assert fit.rms < 0.6  # mm; the camera's own repeatability is a few tenths
+        assert fit.axis_uncertainty[0] < 1.2e-4
+        assert fit.outliers.sum() <= 3
+        axes[p1] = fit.axis
+    # P1 carries P2: its axis turns with P1, by the same angle, about one axis.
+    order = sorted(axes)
+    spans = [
+        math.atan2(np.linalg.norm(np.cross(axes[order[0]], axes[p1])), axes[order[0]] @ axes[p1])
+        for p1 in order[1:]
+    ]
+    # P1 and P2 are nearly square to each other; 5 mrad is the accuracy of the rounded P1 of a group.
+    assert spans == pytest.approx([p1 - order[0] for p1 in order[1:]], abs=1e-2)
+
+
+def test_positioner_quarter_and_half_turns_agree(positioner: Any) -> None:
+    half, quarter = (fit_axis(*pairs_of(positioner[0.0], step)) for step in (math.pi, math.pi / 2))
+    difference = half.axis - quarter.axis
+    spread = np.sqrt(np.trace(half.axis_covariance + quarter.axis_covariance))
+    assert np.linalg.norm(difference) < 3 * spread
+    place, _ = quarter.nearest_point(half.point)
+    assert np.linalg.norm(place - half.point) < 0.2  # mm
