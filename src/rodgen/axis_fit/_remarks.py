@@ -13,7 +13,7 @@ from rodgen.axis_fit._pairs import Pairs
 from rodgen.axis_fit._residual import _residual
 from rodgen.axis_fit._robust import Loss
 from rodgen.axis_fit._solve import MOST_REWEIGHTINGS, Line, Solution, half_squares
-from rodgen.axis_fit._sphere import maximise_on_sphere
+from rodgen.axis_fit._sphere import global_maximum
 
 __all__ = ["remarks_on"]
 
@@ -68,7 +68,7 @@ def _point_off(pairs: Pairs, solution: Solution, noise: Noise, line: Line) -> li
     x, y, angle = pairs.rho[good], pairs.rho_prime[good], pairs.angle[good]
     w = (pairs.weight * solution.share)[good]
     moments = Moments.of(x, y, angle, w, None)
-    axis = maximise_on_sphere(*moments.quadratic()).best
+    axis = global_maximum(*moments.quadratic())
     free = Line(axis, moments.point(axis)).nearest(np.zeros(3))
     left = float((w[:, None] * _residual(x, y, angle, free.axis, free.point) ** 2).sum()) / 2
     gain = float((solution.share * half_squares(pairs, line))[good].sum()) - left

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from rodgen.axis_fit._moments import Moments
 from rodgen.axis_fit._residual import _residual
-from rodgen.axis_fit._sphere import maximise_on_sphere
+from rodgen.axis_fit._sphere import global_maximum
 
 __all__ = ["LOSSES", "Loss", "RobustStart", "chi_cut", "median_variance", "robust_start", "trimmed_variance"]
 
@@ -175,7 +175,7 @@ def _solve_sets(
 ) -> tuple[Floats, Floats]:
     """Best axis and point (S, 3) of each of S sets of pairs."""
     moments = Moments.of(x[sets], y[sets], angle[sets], w[sets], point)
-    axes = maximise_on_sphere(*moments.quadratic()).best
+    axes = global_maximum(*moments.quadratic())
     return axes, moments.point(axes)
 
 

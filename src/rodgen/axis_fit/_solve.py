@@ -18,7 +18,7 @@ from rodgen.axis_fit._moments import Moments, tangents
 from rodgen.axis_fit._pairs import Pairs
 from rodgen.axis_fit._residual import _residual, _residual_and_jacobian
 from rodgen.axis_fit._robust import Loss, robust_start, trimmed_variance
-from rodgen.axis_fit._sphere import maximise_on_sphere
+from rodgen.axis_fit._sphere import global_maximum, maximise_on_sphere
 from rodgen.errors import RodgenError
 
 __all__ = ["MOST_REWEIGHTINGS", "Line", "Solution", "half_squares", "solve"]
@@ -28,6 +28,8 @@ Floats = NDArray[np.float64]
 # Reweighting converges by a factor of three to ten a solution; not to be done by then is told, not hidden.
 MOST_REWEIGHTINGS = 100
 _SETTLED = 1e-12
+# Two optima of one data set are farther apart than the step from one solution to the next.
+_SAME_OPTIMUM = 0.99
 # From the closed form one step is enough, and one more shows that it was.
 _MOST_NEWTON_STEPS = 5
 _STEP_ENOUGH = 1e-12
@@ -92,6 +94,11 @@ def solve(pairs: Pairs, loss: Loss) -> Solution:
         near, share, iterations, converged = _reweight(
             x, y, angle, w, point, loss, Line(start.axis, start.point), start.variance, pairs.variance
         )
+        if np.count_nonzero(share) < needed:
+            raise RodgenError(
+                f"sigma is so small that loss={loss.name!r} leaves {np.count_nonzero(share)} of {len(w)} "
+                "pairs; check its unit, or leave it out to have it estimated"
+            )
     best, other = _optima(x, y, angle, w * share, point, near)
     everyone = np.zeros(len(used))
     everyone[used] = share
@@ -150,9 +157,10 @@ def _reweight(
             variance = trimmed_variance(squares, parameters, variance)
         share = loss.weight(np.sqrt(squares / max(variance, rounding)))
         moments = Moments.of(x, y, angle, w * share, point)
-        axis, other = maximise_on_sphere(*moments.quadratic())
-        if other @ line.axis > axis @ line.axis:
-            axis = other  # of two optima stay with the one that the start has chosen
+        axis = global_maximum(*moments.quadratic())
+        if axis @ line.axis < _SAME_OPTIMUM:
+            # Of two optima stay with the one that the start has chosen.
+            axis = max(maximise_on_sphere(*moments.quadratic()), key=lambda e: float(e @ line.axis))
         new = Line(axis, moments.point(axis)).nearest(line.point)
         moved = max(float(np.abs(axis - line.axis).max()), float(np.abs(new.point - line.point).max()))
         line = new

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Maxima", "maximise_on_sphere"]
+__all__ = ["Maxima", "global_maximum", "maximise_on_sphere"]
 
 Floats = NDArray[np.float64]
 
@@ -53,21 +53,35 @@ def maximise_on_sphere(A: Floats, b: Floats) -> Maxima:
         Global maximum, and the other local maximum or NaN. In the hard case the two are equally good,
         and `best` is the one along the eigenvector as LAPACK signs it.
     """
+    gap, gamma, vectors = _in_eigenbasis(A, b)
+    best, other = _global_root(gap, gamma), _local_root(gap, gamma)
+    return Maxima((vectors @ best[..., None])[..., 0], (vectors @ other[..., None])[..., 0])
+
+
+def global_maximum(A: Floats, b: Floats) -> Floats:
+    """`best` of :func:`maximise_on_sphere` alone, in half the time."""
+    gap, gamma, vectors = _in_eigenbasis(A, b)
+    best: Floats = (vectors @ _global_root(gap, gamma)[..., None])[..., 0]
+    return best
+
+
+def _in_eigenbasis(A: Floats, b: Floats) -> tuple[Floats, Floats, Floats]:
+    """λ₁ - λ_k and γ_k, scaled alike, and the eigenvectors; the largest eigenvalue first."""
     eigenvalues, vectors = np.linalg.eigh(A)
     vectors = vectors[..., ::-1]
     gap = eigenvalues[..., -1:] - eigenvalues[..., ::-1]
     gamma = (vectors.mT @ b[..., None])[..., 0] / 2
     scale = np.maximum(gap[..., 2], np.abs(gamma).max(axis=-1))
     scale = np.where(scale > 0, scale, 1.0)[..., None]
-    gap, gamma = gap / scale, gamma / scale
-    best = _global_root(gap, gamma)
-    other = _local_root(gap, gamma)
-    return Maxima((vectors @ best[..., None])[..., 0], (vectors @ other[..., None])[..., 0])
+    return gap / scale, gamma / scale, vectors
 
 
 def _quotient(a: Floats, b: Floats) -> Floats:
     """Divide; 0 where b is 0: there a is 0 too, or the caller replaces the value."""
-    return np.divide(a, b, out=np.zeros(np.broadcast_shapes(a.shape, b.shape)), where=b != 0)
+    good = b != 0
+    if good.all():
+        return a / b
+    return np.divide(a, b, out=np.zeros(np.broadcast_shapes(a.shape, b.shape)), where=good)
 
 
 def _unit_with_first(first_sign: Floats, t: Floats, components: Floats) -> Floats:
