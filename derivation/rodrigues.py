@@ -427,26 +427,31 @@ d.state(
 
 
 # %%
-def in_unit(quantity: sp.Expr, factor: int) -> sp.Expr:
-    """Value of a quantity of θ and ρ when the unit of length is `factor` times smaller."""
-    return d.value(quantity).xreplace({component: factor * component for component in rho})
+def in_unit(quantity: sp.Expr, factor: int) -> sp.Symbol:
+    """Letter for a quantity of θ and ρ when the unit of length is `factor` times smaller."""
+    value = d.value(quantity).xreplace({component: factor * component for component in rho})
+    name = f"{quantity.name}_in_unit_{factor}"
+    return d.symbol(
+        name,
+        rf"{quantity.name}|_{{{factor}}}".replace("ell", r"\ell"),
+        "the same, other unit",
+        "1",
+        value=value,
+    )
 
 
-def is_power_of_length(quantity: sp.Expr) -> sp.Eq:
-    return equal(in_unit(quantity, 2) ** 2, in_unit(quantity, 1) * in_unit(quantity, 4))
-
-
+ell_at, c_at = ({factor: in_unit(quantity, factor) for factor in (1, 2, 4)} for quantity in (ell, c))
 d.state(
     "triangle-units",
-    is_power_of_length(ell**2),
+    equal(ell_at[2] ** 4, ell_at[1] ** 2 * ell_at[4] ** 2),
     text="θ and ρ are sides of a triangle: ℓ is a quantity (a power of a length).",
     place="before eq. (7)",
 ).refute(
     {theta: (1, 0, 0), rho: (1, 0, 0)},
-    [is_power_of_length(c), equal(c, dot(theta, rho))],
+    [equal(c_at[2] ** 2, c_at[1] * c_at[4]), equal(c, dot(theta, rho))],
     label="M9",
-    because="θ has no unit and ρ is a length, so θ − ρ depends on the unit of length. c = (θ, ρ) needs no "
-    "triangle.",
+    because="θ has no unit and ρ is a length, so θ − ρ depends on the unit of length, and here the values "
+    "of ℓ² in units that are 1, 2 and 4 times smaller are 0, 1 and 9. c = (θ, ρ) needs no triangle.",
 )
 
 # %%
@@ -647,13 +652,13 @@ d.state(
 # after that half turn, $w_3 < 0$ is as likely as $w_3 > 0$, among the acute angles as among all.
 
 # %%
-half_turn = {component: -component for component in (t2, t3, p2, p3)}
-w3_value, c_value = d.value(w3, by_formula), d.value(c, by_formula)
+flip = d.matrix("flip", "F", "half turn about Ox", "1", value=sp.diag(1, -1, -1))
 d.check(
     "half-of-all",
-    equal(w3_value.xreplace(half_turn), -w3_value),
-    equal(c_value.xreplace(half_turn), c_value),
-    text="A half turn about Ox changes the sign of w₃ and keeps c.",
+    equal(rodrigues(flip * rho, flip * theta), flip * rodrigues(rho, theta)),
+    equal(dot(flip * theta, flip * rho), dot(theta, rho)),
+    equal(dot(cross(flip * rho, flip * r), k), -dot(cross(rho, r), k)),
+    text="A half turn about Ox keeps (1) and c and changes the sign of w₃.",
 ).prove()
 
 # %% [markdown]
@@ -752,6 +757,13 @@ theta_printed = d.vector(
     "1",
     value=sp.Matrix([a1 + b1 * theta3_printed, a2 + b2 * theta3_printed, theta3_printed]),
 )
+theta_right = d.vector(
+    "theta_right",
+    r"\vec\theta_{w}",
+    "the same with the sign of w₃ at the root",
+    "1",
+    value=sp.Matrix([a1 + b1 * theta3_right, a2 + b2 * theta3_right, theta3_right]),
+)
 d.state(
     "validation",
     equal(theta, theta_printed),
@@ -760,12 +772,11 @@ d.state(
     assumptions=[sp.Ne(w3, 0)],
 ).refute(
     {theta: (0, 0, -2), rho: (3, 0, 4), c: 8},
-    equal(theta, sp.Matrix([a1 + b1 * theta3_right, a2 + b2 * theta3_right, theta3_right])),
+    equal(theta, theta_right),
     given=by_formula,
     proof=[root, by_theta3],
     label="M6",
-    because="With c = +√… and the root +√… the given θ comes back only if γ is acute and w₃ > 0, in a "
-    "quarter "
+    because="With c = +√… and the root +√… the given θ comes back only if γ is acute and w₃ > 0, in a quarter "
     "of all cases. With the signs of (θ, ρ) and of w₃ it always does.",
 )
 
@@ -807,8 +818,8 @@ solves = d.check(
     "solution-by-c",
     equal(r, cross(solution(c), m) / 2),
     equal(norm(solution(c)) ** 2, modulus**2),
-    text="θ(c) turns ρ into ρ′ and has the known modulus, for any ρ and ρ′ of one length and both values of "
-    "c.",
+    text="θ(c) turns ρ into ρ′ and has the known modulus, for any ρ and ρ′ of one length and both values "
+    "of c.",
     assumptions=[sp.Ne(norm(w), 0), equal(norm(rho), norm(rho_prime)), equal(c**2, c_squared)],
 ).prove(
     given=data,
@@ -819,18 +830,24 @@ solves
 
 # %%
 theta3_other = (-L1 - sp.sign(w3) * sp.sqrt(discriminant)) / (2 * L2)
-theta_other = sp.Matrix([a1 + b1 * theta3_other, a2 + b2 * theta3_other, theta3_other])
+theta_other = d.vector(
+    "theta_other",
+    r"\vec\theta_{\mathrm{other}}",
+    "vector of the other root, for the same c",
+    "1",
+    value=sp.Matrix([a1 + b1 * theta3_other, a2 + b2 * theta3_other, theta3_other]),
+)
+theta_minus = d.vector("theta_minus", r"\vec\theta(-c)", "second solution, with −c", "1", value=solution(-c))
 d.state(
     "pairs-of-roots",
     equal(rho_prime, rodrigues(rho, theta_other)),
     text="Pairs of roots were obtained, depending on γ being acute or obtuse: the second root of the "
-    "quadratic "
-    "is a solution.",
+    "quadratic is a solution.",
     place="sec. 5",
     assumptions=[sp.Ne(w3, 0)],
 ).refute(
     {theta: (0, 0, 2), rho: (1, 0, 1)},
-    [equal(rho_prime, rodrigues(rho, solution(-c))), equal(norm(solution(-c)), norm(theta))],
+    [equal(rho_prime, rodrigues(rho, theta_minus)), equal(norm(theta_minus), norm(theta))],
     given=by_formula,
     proof=[solves],
     label="M7",
@@ -854,8 +871,7 @@ d.state(
     given={theta: 2 * sp.tan(half) * e},
     label="M4",
     because="One cannot divide by the vector θ|θ|, and division by |θ| reverses e when χ is negative; divide "
-    "by "
-    "2 tan(χ/2).",
+    "by 2 tan(χ/2).",
 )
 
 # %% [markdown]
@@ -870,10 +886,13 @@ S = d.symbol(
     "S", "S", "right side of (6) with the other sign, 2α(r, ρ)", "length²", value=2 * alpha * dot(r, rho)
 )
 plane, triangle = dot(r.components, theta.components), dot(rho.components, theta.components) - c
-elimination = sp.resultant(
-    sp.resultant(squares + S, plane, t1),
-    sp.resultant(triangle, plane, t1),
-    t2,
+resultant = sp.resultant(sp.resultant(squares + S, plane, t1), sp.resultant(triangle, plane, t1), t2)
+elimination = d.symbol(
+    "elimination",
+    r"\operatorname{Res}",
+    "resultant of (6), (7), (3) by θ₁, then by θ₂",
+    "length⁸",
+    value=resultant,
 )
 d.check(
     "quadratic-by-resultants",
@@ -905,16 +924,30 @@ polynomials = [
 start = time.perf_counter()
 basis = sp.groebner(polynomials, t1, t2, t3, c, order="lex")
 elimination_seconds = time.perf_counter() - start
-degrees = sp.Matrix([polynomial.degree_list() for polynomial in basis.polys])
 ideal = dict(zip((t1, t2, t3, c), basis.exprs, strict=True))
-found = {theta: d.value(solution(c), frame)}
+at_solution = dict(zip(theta, d.value(solution(c), frame), strict=True))
+remaining = d.matrix(
+    "basis_at_solution",
+    r"B(\vec\theta(c))",
+    "elements of the basis at θ(c)",
+    "1",
+    value=sp.Matrix([polynomial.xreplace(at_solution) for polynomial in basis.exprs]),
+    rows=4,
+    columns=1,
+)
+degree = d.matrix(
+    "degrees",
+    r"\deg B",
+    "degrees of the basis in θ₁, θ₂, θ₃, c",
+    "1",
+    value=sp.Matrix([polynomial.degree_list() for polynomial in basis.polys]),
+    rows=4,
+    columns=4,
+)
 d.check(
     "groebner",
-    equal(degrees, sp.Matrix([[1, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 1], [0, 0, 0, 2]])),
-    *[
-        equal(polynomial.xreplace(dict(zip(theta, found[theta], strict=True))), 0)
-        for polynomial in basis.exprs
-    ],
+    equal(degree, sp.ImmutableMatrix([[1, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 1], [0, 0, 0, 2]])),
+    equal(remaining, sp.ZeroMatrix(4, 1)),
     text="The Gröbner basis of (1) is linear in θ₁, θ₂, θ₃ and quadratic in c alone; θ(c) is its solution.",
 ).prove(given=frame, modulo={c: basis.exprs[-1]})
 
@@ -1034,14 +1067,12 @@ def renamed(formula: sp.Basic) -> sp.Basic:
     return formula.xreplace(turns)
 
 
-def first_of(letter: sp.Basic) -> sp.Matrix:
-    """Components in the order 2, 3, 1."""
-    return sp.Matrix([letter.components[index] for index in (1, 2, 0)])
-
-
+shift = d.matrix(
+    "shift", r"\Pi", "renames x, y, z to y, z, x", "1", value=sp.Matrix([[0, 1, 0], [0, 0, 1], [1, 0, 0]])
+)
 d.check(
     "renaming",
-    equal(rodrigues(first_of(rho), first_of(theta)), d.value(rho_prime, by_formula).extract([1, 2, 0], [0])),
+    equal(rodrigues(shift * rho, shift * theta), shift * rodrigues(rho, theta)),
     text="Formula (1) keeps its form when the axes are renamed.",
 ).prove()
 
@@ -1113,10 +1144,12 @@ d.check(
 ).prove(modulo=equal_lengths)
 
 # %%
+both_axes = d.vector("axes", r"\vec e_\pm", "the two axes", "1", value=axis(side * height))
 d.check(
     "solution",
-    equal(kappa * r, cross(axis(side * height), m)),
-    equal(norm(axis(side * height)) ** 2, 1),
+    equal(both_axes, axis(side * height)),
+    equal(kappa * r, cross(both_axes, m)),
+    equal(norm(both_axes) ** 2, 1),
     text="Both axes solve (1), for any ρ and ρ′ of one length and any κ for which the root is real.",
     assumptions=[equal(norm(rho), norm(rho_prime)), sp.Ge(norm(m), sp.Abs(kappa) * norm(r))],
 ).prove(modulo={**equal_lengths, **either_side})
@@ -1230,15 +1263,28 @@ def agreement(axis: sp.Matrix) -> sp.Expr:
     return d.value(dot(rho_prime.components, turned * rho.components), in_plane)
 
 
+best, any_other = (
+    d.symbol(
+        name,
+        rf"\left(\vec\rho', R_{{{axis}}}\vec\rho\right)",
+        f"agreement for the axis {axis[-1]}",
+        "1",
+        value=value,
+    )
+    for name, axis, value in (
+        ("agreement_n", r"\vec n", agreement(sp.Matrix([0, 0, 1]))),
+        ("agreement_e", r"\vec e", agreement(sp.Matrix([x, y, z]))),
+    )
+)
 d.check(
     "least-squares-axis",
     equal(
-        agreement(sp.Matrix([0, 0, 1])) - agreement(sp.Matrix([x, y, z])),
+        best - any_other,
         2 * sine**2 * x**2
         + 4 * sine * sp.cos(small_a) * sp.sin(small_a - half) * (1 - z)
         + 2 * sine**2 * sp.cos(small_a) ** 2 * (1 - z) ** 2,
     ),
-    equal(agreement(sp.Matrix([0, 0, 1])), sp.cos(2 * small_a - 2 * half)),
+    equal(best, sp.cos(2 * small_a - 2 * half)),
     text="Where χ/2 < a, the least-squares axis is n, and the angle 2a − χ remains.",
     assumptions=[equal(norm(e), 1), "0 ≤ χ/2 ≤ a ≤ π/2"],
 ).prove(modulo={y: dot(e, e) - 1})
@@ -1272,47 +1318,101 @@ d.check(
 # $Oz$, with $\vec\rho$ and $\kappa$ free.
 
 # %%
-E, M, D, P, Q = (sp.Matrix(letter.components) for letter in (e, m, r, rho, rho_prime))
-G = (sp.eye(3) - M * E.T / dot(E, M)) * skew(M) / dot(M, M)
+identity = sp.Identity(3)
 
 
-def across(direction: sp.Matrix) -> sp.Matrix:
+def across(direction: sp.Expr) -> sp.Expr:
     """Projector across a vector: derivative of its direction, times its length."""
-    return sp.eye(3) - direction * direction.T / dot(direction, direction)
+    return identity - direction * direction.T / norm(direction) ** 2
 
 
-axis_by_rho = G * (-kappa * sp.eye(3) - skew(E)) * across(P)
-axis_by_rho_prime = G * (kappa * sp.eye(3) - skew(E)) * across(Q)
-sine_squared = 1 / (1 + kappa**2)
-axis_by_angle = -G * D / (2 * sine_squared)
+G = d.matrix(
+    "G",
+    "G",
+    "change of the axis by q",
+    "1/length",
+    value=(identity - m * e.T / dot(e, m)) * skew(m) / norm(m) ** 2,
+)
+by_rho = d.matrix(
+    "axis_by_rho",
+    r"\frac{\partial\vec e}{\partial\vec\rho}",
+    "derivative of the axis by ρ",
+    "1/length",
+    value=G * (-kappa * identity - skew(e)) * across(rho),
+)
+by_rho_prime = d.matrix(
+    "axis_by_rho_prime",
+    r"\frac{\partial\vec e}{\partial\vec\rho'}",
+    "derivative of the axis by ρ′",
+    "1/length",
+    value=G * (kappa * identity - skew(e)) * across(rho_prime),
+)
+half_sine_squared = d.symbol(
+    "half_sine_squared", r"\sin^2\tfrac{\chi}{2}", "by κ", "1", value=1 / (1 + kappa**2)
+)
+by_angle = d.vector(
+    "axis_by_angle",
+    r"\frac{\partial\vec e}{\partial\chi}",
+    "derivative of the axis by χ",
+    "1/rad",
+    value=-G * r / (2 * half_sine_squared),
+)
 
 along_z = {e: (0, 0, 1), rho_prime: rodrigues(rho, 2 / kappa * e)}
 drho = d.vector("drho", r"\mathrm{d}\vec\rho", "change of ρ", "length")
 drho_prime = d.vector("drho_prime", r"\mathrm{d}\vec\rho'", "change of ρ′", "length")
 dangle = d.symbol("dangle", r"\mathrm{d}\chi", "change of the angle", "rad")
-change_rho, change_rho_prime = across(P) * drho.components, across(Q) * drho_prime.components
-dkappa = -dangle / (2 * sine_squared)
-moved = kappa * (change_rho_prime - change_rho) + D * dkappa - skew(E) * (change_rho_prime + change_rho)
-change = axis_by_rho * drho.components + axis_by_rho_prime * drho_prime.components + axis_by_angle * dangle
+daxis = d.vector(
+    "daxis",
+    r"\mathrm{d}\vec e",
+    "change of the axis",
+    "1",
+    value=by_rho * drho + by_rho_prime * drho_prime + by_angle * dangle,
+)
+turn_rho = d.vector(
+    "turn_rho", r"\mathrm{d}_\perp\vec\rho", "part across ρ", "length", value=across(rho) * drho
+)
+turn_rho_prime = d.vector(
+    "turn_rho_prime",
+    r"\mathrm{d}_\perp\vec\rho'",
+    "part across ρ′",
+    "length",
+    value=across(rho_prime) * drho_prime,
+)
+dkappa = d.symbol("dkappa", r"\mathrm{d}\kappa", "change of κ", "1", value=-dangle / (2 * half_sine_squared))
 d.check(
     "jacobian",
-    equal(cross(change, M), moved),
-    equal(dot(E, change), 0),
-    text="The derivatives of e solve the differentiated equations.",
+    equal(
+        cross(daxis, m),
+        kappa * (turn_rho_prime - turn_rho) + dkappa * r - cross(e, turn_rho_prime + turn_rho),
+    ),
+    equal(dot(e, daxis), 0),
+    text="The derivatives of e solve the differentiated equations, for points of one length.",
     assumptions=[sp.Ne(dot(e, m), 0), "e along Oz; both sides turn with the frame"],
 ).prove(given=along_z)
 
 # %%
-direction = P / norm(P)
+components = sp.Matrix(rho.components)
+direction_by_rho = d.matrix(
+    "direction_by_rho",
+    r"\frac{\partial\hat\rho}{\partial\vec\rho}",
+    "derivative of the direction of ρ",
+    "1/length",
+    value=(components / norm(components)).jacobian(components),
+)
+kappa_by_angle = d.symbol(
+    "kappa_by_angle",
+    r"\frac{\mathrm{d}\kappa}{\mathrm{d}\chi}",
+    "derivative of κ by χ",
+    "1/rad",
+    value=sp.diff(cosine / sine, half) / 2,
+)
 d.check(
     "direction-derivative",
-    equal(direction.jacobian(P), across(P) / norm(P)),
-    equal(sp.diff(sp.cot(half), half) / 2, -1 / (2 * sine**2)),
+    equal(direction_by_rho, across(rho) / norm(rho)),
+    equal(kappa_by_angle, -1 / (2 * sine**2)),
     text="Derivatives of the direction of ρ, and of κ by χ.",
-).prove(
-    *[direction.jacobian(P) - across(P) / norm(P), sp.diff(cosine / sine, half) / 2 + 1 / (2 * sine**2)],
-    because="Differentiated by SymPy, with the cotangent as a quotient.",
-)
+).prove()
 
 # %% [markdown]
 # ## Uncertainty
@@ -1330,23 +1430,31 @@ d.check(
 # at $\cos\gamma = 0$.
 
 # %%
-cos_gamma_squared = dot(E, P) ** 2 / dot(P, P)
-d_vector = cross(E, D)
-spread = D * D.T / dot(D, D)
-spread_d = d_vector * d_vector.T / dot(D, D)
+cos_gamma_squared = d.symbol(
+    "cos_gamma_squared", r"\cos^2\gamma", "by e and ρ", "1", value=dot(e, rho) ** 2 / norm(rho) ** 2
+)
+d_vector = d.vector(
+    "d", r"\vec d", "e × r̂, across r in the plane of both axes", "1", value=cross(e, r) / norm(r)
+)
 sigma = d.symbol("sigma", r"\sigma", "standard deviation of each coordinate", "length")
 sigma_angle = d.symbol("sigma_angle", r"\sigma_\chi", "standard deviation of the angle", "rad")
-covariance = (
-    sigma**2 * (axis_by_rho * axis_by_rho.T + axis_by_rho_prime * axis_by_rho_prime.T)
-    + sigma_angle**2 * axis_by_angle * axis_by_angle.T
-)
-covariance_closed = (
-    sigma**2 / (2 * dot(P, P) * sine_squared) * (spread + spread_d / cos_gamma_squared)
-    + sigma_angle**2 * (1 / cos_gamma_squared - 1) / (4 * sine_squared) * spread_d
+covariance = d.matrix(
+    "covariance",
+    r"\operatorname{Cov}\vec e",
+    "covariance of the axis",
+    "1",
+    value=sigma**2 * (by_rho * by_rho.T + by_rho_prime * by_rho_prime.T)
+    + sigma_angle**2 * by_angle * by_angle.T,
 )
 d.check(
     "covariance",
-    equal(covariance.reshape(9, 1), covariance_closed.reshape(9, 1)),
+    equal(
+        covariance,
+        sigma**2
+        / (2 * norm(rho) ** 2 * half_sine_squared)
+        * (r * r.T / norm(r) ** 2 + d_vector * d_vector.T / cos_gamma_squared)
+        + sigma_angle**2 * (1 / cos_gamma_squared - 1) / (4 * half_sine_squared) * d_vector * d_vector.T,
+    ),
     text="Covariance of the axis for isotropic uncertainty.",
     assumptions=["e along Oz; both sides turn with the frame"],
 ).prove(given=along_z)
@@ -1360,27 +1468,35 @@ d.check(
 # $$ \operatorname{cond} = \frac{1}{2\sin\frac\chi2\,|\cos\gamma|}
 #    = \frac{1}{2\sqrt{\sin(\frac\chi2 - a)\sin(\frac\chi2 + a)}}. $$
 
+
 # %%
-size = 1 / (4 * dot(P, P) * sine_squared)
+def traces(name: str, jacobian: sp.Expr) -> tuple[sp.Symbol, sp.Symbol]:
+    """Sums of the squares and of the products of two squares of the singular values of a matrix."""
+    values = sp.Matrix(d.value(jacobian))
+    gram = values.T * values
+    first = d.symbol(
+        f"{name}_trace", rf"\operatorname{{tr}}\,{name[0]}", "trace of JᵀJ", "1/length²", value=gram.trace()
+    )
+    minors = sum(gram[i, i] * gram[j, j] - gram[i, j] * gram[j, i] for i, j in ((0, 1), (0, 2), (1, 2)))
+    second = d.symbol(
+        f"{name}_minors",
+        rf"\operatorname{{tr}}_2\,{name[0]}",
+        "sum of its principal minors",
+        "1/length⁴",
+        value=minors,
+    )
+    return first, second
 
 
-def invariants(jacobian: sp.Matrix) -> list[sp.Expr]:
-    """Trace and sum of the principal minors of J Jᵀ; its last row vanishes with e along Oz."""
-    gram = sp.Matrix(d.value(jacobian, along_z)) * sp.Matrix(d.value(jacobian, along_z)).T
-    return [gram[0, 0] + gram[1, 1], gram[0, 0] * gram[1, 1] - gram[0, 1] ** 2]
-
-
-singular = [size * (1 + 1 / cos_gamma_squared), size**2 / cos_gamma_squared]
+size = 1 / (4 * norm(rho) ** 2 * half_sine_squared)
+wanted = size * (1 + 1 / cos_gamma_squared), size**2 / cos_gamma_squared
 d.check(
     "condition",
-    *[
-        equal(invariant, wanted)
-        for jacobian in (axis_by_rho, axis_by_rho_prime)
-        for invariant, wanted in zip(invariants(jacobian), singular, strict=True)
-    ],
-    equal(axis_by_rho.T * E, sp.zeros(3, 1)),
-    equal(axis_by_rho_prime.T * E, sp.zeros(3, 1)),
-    equal(sine_squared * cos_gamma_squared, sine_squared - dot(D, D) / (4 * dot(P, P))),
+    *[equal(*pair) for pair in zip(traces("before", by_rho), wanted, strict=True)],
+    *[equal(*pair) for pair in zip(traces("after", by_rho_prime), wanted, strict=True)],
+    equal(by_rho.T * e, sp.ZeroMatrix(3, 1)),
+    equal(by_rho_prime.T * e, sp.ZeroMatrix(3, 1)),
+    equal(half_sine_squared * cos_gamma_squared, half_sine_squared - norm(r) ** 2 / (4 * norm(rho) ** 2)),
     text="Singular values of the derivatives, and sin(χ/2 − a) sin(χ/2 + a) = sin²(χ/2) cos²γ.",
     assumptions=["e along Oz; both sides turn with the frame"],
 ).prove(given=along_z)
@@ -1414,8 +1530,8 @@ d.state(
     place="Table 1",
 ).refute(
     {pages: sp.Rational(lengths["e± in components of m and r"], PAGE)},
-    [equal(kappa * r, cross(axis(side * height), m)), equal(norm(axis(side * height)) ** 2, 1)],
-    modulo={**equal_lengths, **either_side},
+    [equal(kappa * r, cross(both_axes, m)), equal(norm(both_axes), 1)],
+    proof=[d.entries["solution"]],
     label="M10",
     because="The solution in components is a fraction of a page, and SymPy finds it (entry groebner) once it "
     "is "
@@ -1521,11 +1637,12 @@ if in_notebook():
 
     inputs = [*rho, *rho_prime, modulus]
     given_c = {alpha: 1 + modulus**2 / 4, c: c_data}
-    papers_theta = sp.Matrix([a1 + b1 * theta3_right, a2 + b2 * theta3_right, theta3_right])
-    papers_axis = sp.lambdify(inputs, list(d.value(papers_theta / modulus, given_c)), "numpy", cse=True)
+    papers_axis = sp.lambdify(inputs, list(d.value(theta_right / modulus, given_c)), "numpy", cse=True)
     short_axis = d.value(axis(height).subs(kappa, 2 / modulus))
     our_axis = sp.lambdify(inputs, list(short_axis), "numpy", cse=True)
-    same_length = dict(zip(rho_prime, rho_prime.components * norm(P) / norm(Q), strict=True))
+    same_length = dict(
+        zip(rho_prime, rho_prime.components * norm(rho.components) / norm(rho_prime.components), strict=True)
+    )
     exact_axis = sp.lambdify(inputs, list(short_axis.xreplace(same_length)), "mpmath", cse=True)
 
     angles, pivots = np.meshgrid(np.logspace(-9, 0.49, 40), np.logspace(-12, -0.05, 40))

@@ -10,7 +10,7 @@ from rodgen.symbolic.functions import EPS, LARGEST, power_of_two_scale, select
 from rodgen.symbolic.notebook import in_notebook
 from rodgen.symbolic.reduction import remainder
 from rodgen.symbolic.rotations import matrix_from_axis_angle, matrix_from_rodrigues_vector, rodrigues
-from rodgen.symbolic.vectors import Vector, cross, dot, explicit, formal_determinant, norm, skew
+from rodgen.symbolic.vectors import Letter, Vector, cross, dot, explicit, formal_determinant, norm, skew
 
 __all__ = [
     "EPS",
@@ -18,6 +18,7 @@ __all__ = [
     "Derivation",
     "DerivationError",
     "Entry",
+    "Letter",
     "Refutation",
     "SymbolRow",
     "Vector",

@@ -51,12 +51,19 @@ def errata(*derivations: Derivation, form: Literal["text", "markdown"] = "text")
 
 
 def _refuted(derivation: Derivation) -> list[tuple[Entry, Refutation]]:
-    return [(entry, entry.refutation) for entry in derivation if entry.refutation is not None]
+    found = [(entry, entry.refutation) for entry in derivation if entry.refutation is not None]
+    return sorted(found, key=lambda pair: _number_in(pair[1].label))
+
+
+def _number_in(label: str) -> tuple[str, int]:
+    digits = "".join(filter(str.isdigit, label))
+    return label.removesuffix(digits), int(digits or 0)
 
 
 def _plain(claim: sp.Basic) -> str:
-    if isinstance(claim, sp.Eq):
-        return f"{_plain(claim.lhs)} = {_plain(claim.rhs)}"
+    if isinstance(claim, sp.core.relational.Relational):
+        sign = "=" if isinstance(claim, sp.Eq) else claim.rel_op
+        return f"{_plain(claim.lhs)} {sign} {_plain(claim.rhs)}"
     if isinstance(claim, sp.MatrixBase):
         return "(" + ", ".join(_plain(part) for part in claim) + ")"
     return str(sp.sstr(claim))

@@ -8,7 +8,7 @@ from typing import Any
 import sympy as sp
 from sympy.printing.latex import LatexPrinter
 
-from rodgen.symbolic.vectors import Vector
+from rodgen.symbolic.vectors import Letter, Vector
 
 
 class _Printer(LatexPrinter):  # type: ignore[misc]
@@ -20,9 +20,21 @@ class _Printer(LatexPrinter):  # type: ignore[misc]
     def _print_Vector(self, vector: Vector) -> str:
         return self._name(vector)
 
+    def _print_Letter(self, matrix: Letter) -> str:
+        return str(self._settings["symbol_names"].get(matrix) or super()._print_Symbol(matrix))
+
+    def _print__Skew(self, matrix: Any) -> str:
+        return rf"\left[{self._print(matrix.args[0])}\right]_\times"
+
+    def _print_Identity(self, matrix: Any) -> str:
+        return "I"
+
+    def _print_Transpose(self, matrix: Any) -> str:
+        return f"{self._grouped(matrix.args[0])}^{{T}}"
+
     def _grouped(self, operand: sp.Basic) -> str:
         text = str(self._print(operand))
-        return text if isinstance(operand, Vector) else rf"\left({text}\right)"
+        return text if isinstance(operand, Letter) else rf"\left({text}\right)"
 
     def _print__Cross(self, product: Any) -> str:
         return r" \times ".join(self._grouped(a) for a in product.args)

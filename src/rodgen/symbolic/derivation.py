@@ -20,7 +20,7 @@ in which an entry is open, so code is made from proved equations only.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -29,7 +29,7 @@ from sympy.logic.boolalg import Boolean
 
 from rodgen.symbolic._latex import latex
 from rodgen.symbolic.reduction import remainder
-from rodgen.symbolic.vectors import Vector, explicit
+from rodgen.symbolic.vectors import Letter, Vector, explicit
 
 __all__ = ["Derivation", "DerivationError", "Entry", "Refutation", "SymbolRow", "equal"]
 
@@ -92,7 +92,7 @@ class Entry:
     assumptions: tuple[sp.Basic | str, ...]
     printed: bool
     verdict: str = "open"
-    method: str = ""
+    because: str = ""
     given: tuple[tuple[sp.Basic, sp.Basic], ...] = ()
     modulo: tuple[tuple[sp.Symbol, sp.Expr], ...] = ()
     refutation: Refutation | None = None
@@ -110,6 +110,16 @@ class Entry:
     def length(self) -> int:
         """Number of characters of the formula, written out as SymPy prints it."""
         return sum(len(sp.sstr(claim)) for claim in self.claims)
+
+    @property
+    def method(self) -> str:
+        """How the entry was decided, in plain words."""
+        return self.because or self._identity([str(key) for key, _ in (*self.given, *self.modulo)])
+
+    def _identity(self, names: Sequence[str]) -> str:
+        if self.verdict == "open":
+            return ""
+        return "Both sides are identical" + (f", given {', '.join(names)}." if names else ".")
 
     def prove(
         self,
@@ -148,7 +158,7 @@ class Entry:
             raise DerivationError(f"{self.id}: residuals of its own need `because`: why the entry follows")
         start = time.perf_counter()
         self._vanish(residuals or self.claims, given, modulo, "is not proved")
-        self._decide("proved", because or self._standard_method(given, modulo), given, modulo, start)
+        self._decide("proved", because, given, modulo, start)
         return self
 
     def refute(
@@ -195,17 +205,17 @@ class Entry:
         start = time.perf_counter()
         corrections = (correction,) if isinstance(correction, sp.Basic) else tuple(correction)
         point = {sp.sympify(key): _exact(value, self.id) for key, value in counterexample.items()}
-        table = self.derivation.table({**(given or {}), **point})
+        insert = self.derivation.insert({**(given or {}), **point})
         for assumption in self.assumptions:
-            if isinstance(assumption, sp.Basic) and not _truth(assumption, table, self.id):
+            if isinstance(assumption, sp.Basic) and not _truth(assumption, insert, self.id):
                 raise DerivationError(f"{self.id}: the counterexample violates the assumption {assumption}")
         values = []
         for claim in self.claims:
             if isinstance(claim, sp.Eq):
-                left, right = (_number(side, table, self.id) for side in claim.args)
+                left, right = (_number(side, insert, self.id) for side in claim.args)
                 if not _equal(left, right):
                     values.append((left, right))
-            elif not _truth(claim, table, self.id):
+            elif not _truth(claim, insert, self.id):
                 values.append((claim, sp.false))
         if not values:
             raise DerivationError(f"{self.id}: the counterexample {dict(counterexample)} satisfies the claim")
@@ -219,17 +229,17 @@ class Entry:
         return self._residuals(self.claims, given)
 
     def _residuals(self, claims: Sequence[sp.Basic], given: Substitution | None) -> list[sp.Expr]:
-        table = self.derivation.table(given)
+        insert = self.derivation.insert(given)
         found: list[sp.Expr] = []
         for claim in claims:
             if isinstance(claim, sp.Eq):
-                left, right = (explicit(side) for side in claim.args)
+                left, right = (insert(side) for side in claim.args)
             elif isinstance(claim, Boolean):
                 raise DerivationError(f"{self.id}: {claim} is no equation; give its residuals and `because`")
             else:
-                left, right = explicit(claim), None
+                left, right = insert(claim), None
             difference = left if right is None else sp.Matrix([left]) - sp.Matrix([right])
-            found += [part.xreplace(table) for part in sp.Matrix([difference])]
+            found += list(sp.Matrix([difference]))
         return found
 
     def _vanish(
@@ -245,30 +255,24 @@ class Entry:
                     f"{self.id} {complaint}: it builds on {lemma.id}, which is {lemma.verdict}"
                 )
         equations = [claim for claim in claims if not isinstance(claim, Entry)]
-        table = self.derivation.table(given)
-        conditions = {key: explicit(value).xreplace(table) for key, value in (modulo or {}).items()}
+        insert = self.derivation.insert(given)
+        conditions = {key: insert(value) for key, value in (modulo or {}).items()}
         for number, residual in enumerate(self._residuals(equations, given), start=1):
             left = remainder(residual, conditions)
             if left != 0:
                 raise DerivationError(f"{self.id} {complaint}: residual {number} leaves {_shortened(left)}")
 
-    def _standard_method(self, given: Substitution | None, modulo: Mapping[sp.Symbol, sp.Expr] | None) -> str:
-        if not given and not modulo:
-            return "Both sides are identical."
-        names = ", ".join(f"${self.derivation.latex(key)}$" for key in [*(given or {}), *(modulo or {})])
-        return f"Both sides are identical on substituting {names}."
-
     def _decide(
         self,
         verdict: str,
-        method: str,
+        because: str,
         given: Substitution | None,
         modulo: Mapping[sp.Symbol, sp.Expr] | None,
         start: float,
     ) -> None:
         if self.verdict != "open":
             raise DerivationError(f"{self.id} is {self.verdict} already")
-        self.verdict, self.method = verdict, method
+        self.verdict, self.because = verdict, because
         self.given = tuple((given or {}).items())
         self.modulo = tuple((modulo or {}).items())
         self.seconds = time.perf_counter() - start
@@ -283,7 +287,8 @@ class Entry:
         if self.assumptions:
             lines.append("Assuming " + "; ".join(_inline(self.derivation, a) for a in self.assumptions) + ".")
         if self.refutation is None:
-            lines.append(f"*{self.verdict.capitalize()}.* {self.method}".rstrip())
+            names = [f"${self.derivation.latex(key)}$" for key, _ in (*self.given, *self.modulo)]
+            lines.append(f"*{self.verdict.capitalize()}.* {self.because or self._identity(names)}".rstrip())
         else:
             wrong = self.refutation
             at = ", ".join(f"${self.derivation.latex(s)} = {_row(v)}$" for s, v in wrong.counterexample)
@@ -314,6 +319,7 @@ class Derivation:
         self.symbols: list[SymbolRow] = []
         self.entries: dict[str, Entry] = {}
         self.kernels: dict[str, Any] = {}
+        self._definitions: dict[sp.Symbol, sp.Expr] = {}
         self._start = time.perf_counter()
         self.seconds = 0.0
 
@@ -352,10 +358,28 @@ class Derivation:
         self._enter(SymbolRow(name, latex, quantity, unit, made, value))
         return made
 
+    def matrix(
+        self,
+        name: str,
+        latex: str,
+        quantity: str,
+        unit: str,
+        *,
+        value: sp.Basic,
+        rows: int = 3,
+        columns: int = 3,
+    ) -> Letter:
+        """Enter a matrix with the components ``name_1_1`` and so on; as :meth:`symbol`."""
+        made = Letter(name, rows, columns)
+        self._enter(SymbolRow(name, latex, quantity, unit, made, value))
+        return made
+
     def _enter(self, row: SymbolRow) -> None:
         if any(known.name == row.name for known in self.symbols):
             raise DerivationError(f"{self.name}: the symbol {row.name} is defined twice")
         self.symbols.append(row)
+        if row.value is not None:
+            self._definitions.update(_by_component(row.symbol, row.value))
 
     def state(
         self,
@@ -434,33 +458,42 @@ class Derivation:
             self.kernels[kernel.name] = kernel
         self.seconds = time.perf_counter() - self._start
 
-    def table(self, given: Substitution | None = None) -> dict[sp.Symbol, sp.Expr]:
-        """Values of all defined symbols in terms of the free ones, with `given` values put in."""
-        raw: dict[sp.Symbol, sp.Expr] = {}
-        rows = [(row.symbol, row.value) for row in self.symbols if row.value is not None]
-        for key, value in [*rows, *(given or {}).items()]:
-            raw.update(_by_component(key, value))
-        raw = {symbol: value for symbol, value in raw.items() if value != symbol}  # given free again
+    def value(self, formula: sp.Basic, given: Substitution | None = None) -> Any:
+        """Write a formula in components of the free symbols: a matrix, an expression or a relation.
+
+        Parameters
+        ----------
+        formula : expression, matrix or relation
+            In letters or components.
+        given : mapping, optional
+            Values that take the place of definitions; a symbol given as itself is free again.
+        """
+        return self.insert(given)(formula)
+
+    def insert(self, given: Substitution | None = None) -> Callable[[sp.Basic], Any]:
+        """Return :meth:`value` for many formulas with the same `given` values."""
+        values = dict(self._definitions)
+        for key, value in (given or {}).items():
+            values.update(_by_component(key, value))
         done: dict[sp.Symbol, sp.Expr] = {}
         active: list[sp.Symbol] = []
 
         def resolve(symbol: sp.Symbol) -> sp.Expr:
+            value = values.get(symbol, symbol)
+            if value == symbol:
+                return symbol
             if symbol not in done:
                 if symbol in active:
                     raise DerivationError(f"{self.name}: {symbol} is defined by itself")
                 active.append(symbol)
-                needed = {s: resolve(s) for s in sorted(raw[symbol].free_symbols, key=str) if s in raw}
-                done[symbol] = raw[symbol].xreplace(needed)
+                done[symbol] = inserted(value)
                 active.pop()
             return done[symbol]
 
-        for symbol in raw:
-            resolve(symbol)
-        return done
+        def inserted(written: sp.Basic) -> Any:
+            return written.xreplace({s: resolve(s) for s in sorted(written.free_symbols, key=str)})
 
-    def value(self, formula: sp.Basic, given: Substitution | None = None) -> Any:
-        """Write a formula in components of the free symbols; a matrix or an expression."""
-        return explicit(formula).xreplace(self.table(given))
+        return lambda formula: inserted(explicit(formula))
 
     def latex(self, formula: sp.Basic) -> str:
         """Typeset a formula with the source's names for the symbols."""
@@ -480,10 +513,9 @@ class Derivation:
         width = max((len(id) for id in self.entries), default=2)
         lines.append(f"{'id':{width}}  verdict     ms  chars  method")
         for entry in self.entries.values():
-            method = " ".join(entry.method.split())
             lines.append(
                 f"{entry.id:{width}}  {entry.verdict:7}  {1e3 * entry.seconds:5.0f}  {entry.length:5d}  "
-                f"{method[:60]}"
+                f"{entry.method}"
             )
         counts = [sum(e.verdict == v for e in self.entries.values()) for v in ("proved", "refuted", "open")]
         proofs = sum(entry.seconds for entry in self.entries.values())
@@ -500,7 +532,7 @@ class Derivation:
 
 
 def _by_component(key: Any, value: Any) -> dict[sp.Symbol, sp.Expr]:
-    if isinstance(key, Vector):
+    if isinstance(key, Letter):
         parts = explicit(value) if isinstance(value, sp.Basic | sp.MatrixBase) else sp.Matrix(value)
         return dict(zip(key, parts, strict=True))
     return {key: sp.sympify(explicit(value) if isinstance(value, sp.Basic) else value)}
@@ -513,8 +545,8 @@ def _exact(value: Any, id: str) -> sp.Basic:
     return exact
 
 
-def _number(formula: sp.Basic, table: Mapping[sp.Symbol, sp.Expr], id: str) -> sp.Basic:
-    number = explicit(formula).xreplace(table)
+def _number(formula: sp.Basic, insert: Callable[[sp.Basic], Any], id: str) -> sp.Basic:
+    number = insert(formula)
     if isinstance(number, sp.MatrixBase):
         number = sp.ImmutableMatrix(number)
     if number.free_symbols:
@@ -529,14 +561,14 @@ def _equal(left: sp.Basic, right: sp.Basic) -> bool:
     return bool(sp.simplify(left - right) == 0)
 
 
-def _truth(claim: sp.Basic, table: Mapping[sp.Symbol, sp.Expr], id: str) -> bool:
+def _truth(claim: sp.Basic, insert: Callable[[sp.Basic], Any], id: str) -> bool:
     if isinstance(claim, sp.Eq | sp.Ne):
-        left, right = (_number(side, table, id) for side in claim.args)
+        left, right = (_number(side, insert, id) for side in claim.args)
         return _equal(left, right) == isinstance(claim, sp.Eq)
     if isinstance(claim, Boolean) and not isinstance(claim, sp.core.relational.Relational) and claim.args:
-        truths = [sp.true if _truth(part, table, id) else sp.false for part in claim.args]
+        truths = [sp.true if _truth(part, insert, id) else sp.false for part in claim.args]
         return bool(claim.func(*truths))
-    value = _number(claim, table, id)
+    value = _number(claim, insert, id)
     if value not in (sp.true, sp.false):
         raise DerivationError(f"{id}: {claim} does not evaluate to true or false, but to {value}")
     return bool(value)

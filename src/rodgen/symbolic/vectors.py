@@ -1,25 +1,48 @@
-"""Three-vectors, in a paper's notation and in components.
+"""Vectors and matrices, in a paper's notation and in components.
 
 A :class:`Vector` is one letter, so that a formula can be kept and typeset as a paper prints it:
 ``theta``, ``cross(theta, rho)``, ``norm(theta)``. :func:`explicit` turns such a formula into components.
-The functions accept both forms; on explicit 3x1 matrices they compute.
+The functions accept both forms; on explicit matrices they compute. A :class:`Letter` stands for a matrix of
+any shape.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from typing import Any
 
 import sympy as sp
 from sympy.matrices.expressions.matexpr import MatrixExpr
 
-__all__ = ["Vector", "cross", "dot", "explicit", "formal_determinant", "norm", "skew"]
+__all__ = ["Letter", "Vector", "cross", "dot", "explicit", "formal_determinant", "norm", "skew"]
 
 
 # SymPy has no annotations: hence the marks on its subclasses.
-class Vector(sp.MatrixSymbol):  # type: ignore[misc]
-    """A real three-vector named by one letter.
+class Letter(sp.MatrixSymbol):  # type: ignore[misc]
+    """A real matrix named by one letter.
 
-    Its components are the real symbols ``name_1``, ``name_2`` and ``name_3``.
+    Its components are the real symbols ``name_1`` to ``name_n`` of a column, ``name_1_1`` and so on of
+    a matrix.
+    """
+
+    @property
+    def components(self) -> sp.ImmutableMatrix:
+        """The components as a matrix of real symbols."""
+        rows, columns = (int(size) for size in self.shape)
+
+        def component(i: int, j: int) -> sp.Symbol:
+            index = f"{i + 1}" if columns == 1 else f"{i + 1}_{j + 1}"
+            return sp.Symbol(f"{self.name}_{index}", real=True)
+
+        return sp.ImmutableMatrix(rows, columns, component)
+
+    def __iter__(self) -> Any:
+        return iter(self.components)
+
+
+class Vector(Letter):
+    """A real three-vector named by one letter.
 
     Examples
     --------
@@ -32,14 +55,6 @@ class Vector(sp.MatrixSymbol):  # type: ignore[misc]
         """Create the letter; SymPy itself passes the shape when it rebuilds one."""
         vector: Vector = sp.MatrixSymbol.__new__(cls, name, 3, 1)
         return vector
-
-    @property
-    def components(self) -> sp.ImmutableMatrix:
-        """The three components as a 3x1 matrix of real symbols."""
-        return sp.ImmutableMatrix([sp.Symbol(f"{self.name}_{i}", real=True) for i in (1, 2, 3)])
-
-    def __iter__(self) -> Any:
-        return iter(self.components)
 
 
 class _Cross(MatrixExpr):  # type: ignore[misc]
@@ -60,6 +75,23 @@ class _Cross(MatrixExpr):  # type: ignore[misc]
             f"({printer._print(a)})" if isinstance(a, _Cross | sp.MatAdd) else str(printer._print(a))
             for a in self.args
         )
+
+
+class _Skew(MatrixExpr):  # type: ignore[misc]
+    """Matrix of the cross product with a vector that is a letter."""
+
+    shape = (sp.Integer(3), sp.Integer(3))
+
+    def __new__(cls, a: sp.Expr) -> _Skew:
+        node: _Skew = MatrixExpr.__new__(cls, a)
+        return node
+
+    def doit(self, **hints: Any) -> _Skew:
+        """Leave the matrix as it stands; :func:`explicit` writes it out."""
+        return self
+
+    def _sympystr(self, printer: Any) -> str:
+        return f"[{printer._print(self.args[0])}]x"
 
 
 class _FormalDeterminant(_Cross):
@@ -119,8 +151,10 @@ def norm(a: sp.Expr) -> sp.Expr:
     return sp.sqrt(dot(a, a)) if isinstance(a, sp.MatrixBase) else _Norm(a)
 
 
-def skew(a: sp.MatrixBase) -> sp.Matrix:
+def skew(a: sp.Expr) -> sp.Expr:
     """Matrix [a]× of the cross product: ``skew(a) * b == cross(a, b)``."""
+    if not isinstance(a, sp.MatrixBase):
+        return _Skew(a)
     return sp.Matrix([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
 
 
@@ -133,27 +167,32 @@ def explicit(formula: sp.Basic) -> sp.Basic:
     >>> explicit(dot(a, cross(a, b))).expand()
     0
     """
-    if isinstance(formula, Vector):
+    if isinstance(formula, Letter):
         return formula.components
     if isinstance(formula, sp.MatrixBase):
-        return formula.applyfunc(explicit) if formula.has(Vector) else formula
-    if not formula.args or not formula.has(Vector):
-        return formula
+        return formula.applyfunc(explicit) if formula.has(Letter) else formula
+    if not formula.has(Letter):
+        return formula.as_explicit() if isinstance(formula, MatrixExpr) else formula
     parts = [explicit(part) for part in formula.args]
-    if isinstance(formula, _Cross):
-        return cross(*parts)
-    if isinstance(formula, _Dot):
-        return dot(*parts)
-    if isinstance(formula, _Norm):
-        return norm(parts[0])
-    if isinstance(formula, sp.MatAdd):
-        total = sp.zeros(3, 1)
-        for part in parts:
-            total += sp.Matrix(part)
-        return total
-    if isinstance(formula, sp.MatMul):
-        product: Any = sp.S.One
-        for part in parts:
-            product = product * part
-        return product
-    return formula.func(*parts)
+    carry_out = _CARRY_OUT.get(type(formula))
+    return formula.func(*parts) if carry_out is None else carry_out(*parts)
+
+
+def _sum(*parts: sp.MatrixBase) -> sp.Matrix:
+    return sum(parts[1:], sp.Matrix(parts[0]))
+
+
+def _product(*parts: Any) -> Any:
+    return math.prod(parts, start=sp.S.One)
+
+
+_CARRY_OUT: dict[type, Callable[..., sp.Basic]] = {
+    _Cross: cross,
+    _FormalDeterminant: cross,
+    _Dot: dot,
+    _Norm: norm,
+    _Skew: skew,
+    sp.Transpose: lambda matrix: matrix.T,
+    sp.MatAdd: _sum,
+    sp.MatMul: _product,
+}
