@@ -100,10 +100,11 @@ def draw_axis_fit(pairs: Pairs, fit: AxisFit) -> Figure:
     _draw_residuals(figure.add_subplot(grid[1, 1]), pairs, fit, after, u, v)
     e = ", ".join(f"{c:.6f}" for c in fit.axis).replace("-", "−")
     spread = fit.axis_uncertainty[0]
-    known = f"± {spread * 1e6:.2g} µrad" if math.isfinite(spread) else "uncertainty unknown"
+    known = f"± {spread * 1e6:.3g} µrad" if math.isfinite(spread) else "uncertainty unknown"
+    bad = int(fit.outliers.sum())
+    outliers = f", {bad} outlier{'s' * (bad > 1)}" if bad else ""
     figure.suptitle(
-        f"Axis ({e}) {known}\n{fit.pairs} pairs, residuals rms {fit.rms:.3g} {pairs.unit}"
-        + ("" if not fit.outliers.any() else f", {int(fit.outliers.sum())} outliers"),
+        f"Axis ({e}) {known}\n{fit.pairs} pairs, residuals rms {fit.rms:.3g} {pairs.unit}{outliers}",
         fontsize=11,
     )
     return figure
@@ -217,7 +218,7 @@ def _draw_residuals(panel: Any, pairs: Pairs, fit: AxisFit, after: Floats, u: Fl
             label=name,
         )
     # The picture is for the pairs that count; an outlier that is farther off stands at its edge.
-    worst = max(float(np.abs([p[good] for p, _, _ in parts.values()]).max(initial=0)), 3 * fit.rms) or 1.0
+    worst = float(np.abs([part[good] for part, _, _ in parts.values()]).max(initial=0)) or fit.rms or 1.0
     bad = chosen[~good]
     if bad.size:
         largest = np.stack([part[~good] for part, _, _ in parts.values()])

@@ -233,7 +233,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="RATIO",
         type=_ratio,
         help="mismatch of the lengths of rho and rho' beyond which the status is lengths_differ "
-        "(a ratio; default 1e-8)",
+        "(a ratio; default 1e-8; measured points need some six times their relative uncertainty)",
     )
 
     fit = command("fit-axis", _fit_axis, "one axis from all pairs of a table", _FIT)
@@ -324,6 +324,8 @@ def _solve(options: argparse.Namespace) -> int:
         )
     counts = ", ".join(f"{count} {name}" for name, count in summary.counts.items())
     name = "standard input" if options.pairs == "-" else options.pairs
+    if "lengths_differ" in summary.counts:
+        counts += " (see --length-tolerance)"
     print(f"{name}: {summary.rows} pair{'s' * (summary.rows != 1)}: {counts}", file=sys.stderr)
     return OK
 
@@ -402,6 +404,8 @@ def _loaded(name: str | None) -> list[Derivation]:
 
 def _errata(options: argparse.Namespace) -> int:
     derivations = _loaded(options.derivation)
+    if not options.derivation:
+        derivations = [d for d in derivations if any(entry.refutation for entry in d)]
     if options.format == "json":
         import json
 
