@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -137,7 +138,7 @@ def solve_table(
     """
     import rodgen
 
-    options = {} if length_tolerance is None else {"length_tolerance": length_tolerance}
+    options: dict[str, Any] = {} if length_tolerance is None else {"length_tolerance": length_tolerance}
     names = np.array([status.name.lower() for status in rodgen.AxisStatus])
     codes = np.array([int(status) for status in rodgen.AxisStatus])
     if not np.array_equal(codes, np.arange(len(codes))):
