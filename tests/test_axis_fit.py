@@ -67,7 +67,7 @@ def from_line(fit: Any, point: np.ndarray = POINT, axis: np.ndarray = AXIS) -> f
     return float(np.linalg.norm(np.cross(fit.point - point, axis)))
 
 
-# The quadratic on the sphere ---
+# The quadratic on the sphere ----------------------------------------------------------------------
 
 
 def values(A: np.ndarray, b: np.ndarray, e: np.ndarray) -> np.ndarray:
@@ -139,7 +139,7 @@ def test_nothing_to_maximise_is_still_a_unit_vector() -> None:
     assert np.linalg.norm(maximise_on_sphere(np.zeros((3, 3)), np.zeros(3)).best) == 1.0
 
 
-# Residual, moments ---
+# Residual, moments --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("angle", [1e-6, 1.3, math.pi, -7.0])
@@ -204,7 +204,7 @@ def test_hessian_is_the_curvature_at_the_optimum(point: np.ndarray | None) -> No
     assert moments.hessian(e, p, U) == pytest.approx(np.array(curvature), abs=1e-5 * np.max(curvature))
 
 
-# Maximum likelihood ---
+# Maximum likelihood -------------------------------------------------------------------------------
 
 
 def by_scipy(x: np.ndarray, y: np.ndarray, a: np.ndarray, known: bool, seed: int, scale: np.ndarray) -> Any:
@@ -291,7 +291,7 @@ def test_sigma_a_pair_is_a_weight_with_a_scale() -> None:
     assert by_sigma.sigma == pytest.approx(math.sqrt(np.mean(sigma**2)))
 
 
-# Uncertainty ---
+# Uncertainty --------------------------------------------------------------------------------------
 
 
 def line_covariance(fit: Any, U: np.ndarray) -> np.ndarray:
@@ -351,7 +351,7 @@ def binomial(count: int) -> float:
     ],
 )
 def test_95_percent_regions_hold_95_percent(n: int, noise: float, options: dict[str, Any]) -> None:
-    count = 1500
+    count = 1300
     U = tangents(AXIS)
     _, _, fits = draws(n, noise, count, **options)
     squares = mahalanobis(fits, U)
@@ -386,7 +386,7 @@ def test_robust_95_percent_intervals_sharply(loss: str, bad: float) -> None:
 
 @pytest.mark.parametrize(("n", "noise", "angle"), [(12, 0.01, None), (12, 0.01, 3.0), (40, 0.01, 0.05)])
 def test_variance_reaches_the_cramer_rao_bound(n: int, noise: float, angle: float | None) -> None:
-    count = 1500
+    count = 1300
     U = tangents(AXIS)
     x, a, fits = draws(n, noise, count, angle)
     y = turned(x, AXIS, POINT, a)
@@ -399,12 +399,12 @@ def test_variance_reaches_the_cramer_rao_bound(n: int, noise: float, angle: floa
         errors.append(np.r_[(fit.axis - AXIS) @ U, (fit.point - POINT - along * fit.axis) @ U])
     empirical = np.mean([np.outer(e, e) for e in errors], axis=0)
     ratio = np.trace(empirical @ information) / 4
-    # Mean of 4 T squares of unit normals: standard deviation sqrt(2/(4 T)) = 0.018.
+    # Mean of 4 T squares of unit normals: standard deviation sqrt(2/(4 T)) = 0.02.
     assert ratio == pytest.approx(1.0, abs=4 * math.sqrt(2 / (4 * count)))
 
 
 def test_known_point_regions_hold_95_percent() -> None:
-    count = 1500
+    count = 1300
     U = tangents(AXIS)
     _, _, fits = draws(10, 0.01, count, point=tuple(POINT))
     squares = [
@@ -416,10 +416,10 @@ def test_known_point_regions_hold_95_percent() -> None:
 
 
 def test_mean_is_true_within_its_own_error() -> None:
-    _, _, fits = draws(12, 0.01, 1500)
+    _, _, fits = draws(12, 0.01, 1300)
     U = tangents(AXIS)
     error = np.array([(f.axis - AXIS) @ U for f in fits])
-    assert (np.abs(error.mean(axis=0)) < 4 * error.std(axis=0) / math.sqrt(1500)).all()
+    assert (np.abs(error.mean(axis=0)) < 4 * error.std(axis=0) / math.sqrt(1300)).all()
 
 
 def test_sigma_is_estimated_without_bias() -> None:
@@ -476,7 +476,7 @@ def test_condition_is_one_for_the_best_arrangement_and_grows_with_a_short_lever(
     assert fit_axis(flat, turned(flat, AXIS, POINT, 0.5), 0.5).condition > 100
 
 
-# Outliers ---
+# Outliers -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("loss", ROBUST)
@@ -552,7 +552,7 @@ def test_exact_pairs_and_one_gross_error(loss: str) -> None:
     assert fit.axis == pytest.approx(AXIS, abs=1e-14)
 
 
-# Exact pairs: accuracy over angles and lengths ---
+# Exact pairs: accuracy over angles and lengths ----------------------------------------------------
 
 
 @pytest.mark.parametrize("known", [False, True])
@@ -610,7 +610,7 @@ def test_points_far_from_the_origin_cost_only_their_own_rounding() -> None:
     assert from_line(fit, POINT + far) < 20 * EPS * 3e8 * 3
 
 
-# Equivariance ---
+# Equivariance -------------------------------------------------------------------------------------
 
 vectors = arrays(float, 3, elements=st.floats(-10, 10))
 
@@ -634,7 +634,7 @@ def test_turning_shifting_and_scaling_the_data_does_the_same_to_the_fit(
         return scale * (R.apply(v) + shift)
 
     plain, moved = fit_axis(x, y, a, loss=loss), fit_axis(move(x), move(y), a, loss=loss)
-    # Rounding of the moved data, 20 eps, through a condition number of order 10, a hundredfold for good measure.
+    # Rounding of the moved data, 20 eps, through a condition number of order 10; a hundred times that.
     assert moved.axis == pytest.approx(R.apply(plain.axis), abs=1e-11)
     assert moved.point / scale == pytest.approx(move(plain.point) / scale, abs=1e-10)
     assert moved.sigma / scale == pytest.approx(plain.sigma, rel=1e-10)
@@ -648,7 +648,7 @@ def test_turning_shifting_and_scaling_the_data_does_the_same_to_the_fit(
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 1000), noise=st.sampled_from([0.0, 1e-3, 0.3]))
 def test_turning_back_is_the_same_axis(seed: int, noise: float) -> None:
-    """Swapping the points of a pair and the sign of its angle, and turning axis and angle over, change nothing."""
+    """Swapping the points of a pair and the sign of its angle changes nothing."""
     x, y, a = scene(9, noise, seed)
     fit = fit_axis(x, y, a)
     swapped = fit_axis(y, x, -a)
@@ -657,7 +657,7 @@ def test_turning_back_is_the_same_axis(seed: int, noise: float) -> None:
     assert opposite.axis == pytest.approx(-fit.axis, abs=1e-11)
 
 
-# What the data do not determine ---
+# What the data do not determine -------------------------------------------------------------------
 
 Z = np.array([0.0, 0.0, 1.0])
 ORIGIN = (0.0, 0.0, 0.0)
@@ -794,6 +794,44 @@ def test_two_pairs_of_equal_angle_determine_all() -> None:
     assert fit.dof == 2
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_any_mixture_of_degenerate_pairs_is_fitted_as_well_as_can_be(seed: int) -> None:
+    """No exception, no warning, a unit axis, plain JSON, and no other line that fits better."""
+    rng = np.random.default_rng(seed)
+    for _ in range(60):
+        n = int(rng.choice([1, 2, 3, 5, 20]))
+        e, p = unit(rng.normal(size=3)), rng.normal(size=3) * rng.choice([0, 1, 1e6])
+        angle = rng.choice([0, 1e-9, math.pi, -math.pi, math.pi - 1e-8, 3, 2 * math.pi, 1e-200, 100, 0.7], n)
+        if rng.random() < 0.4:
+            angle = np.full(n, angle[0])
+        spread = [
+            rng.normal(size=(n, 3)),
+            np.tile(rng.normal(size=3), (n, 1)),
+            rng.normal(size=(n, 1)) * rng.normal(size=3),
+            rng.normal(size=(n, 1)) * e,
+            np.zeros((n, 3)),
+        ]
+        x = p + spread[rng.integers(5)]
+        y = turned(x, e, p, angle)
+        noise = rng.choice([0, 1e-12, 1e-3, 1, 100])
+        x, y = x + noise * rng.normal(size=(n, 3)), y + noise * rng.normal(size=(n, 3))
+        known = rng.random() < 0.5
+        fit = fit_axis(x, y, angle, point=p if known else "free", sigma=rng.choice([None, 1e-6, 1.0]))
+        assert np.linalg.norm(fit.axis) == pytest.approx(1, abs=4 * EPS)
+        assert np.isfinite(fit.point).all()
+        json.dumps(fit.to_dict(), allow_nan=False)
+        assert str(fit)
+        if np.abs(np.sin(angle / 2)).max() < 1e-15:
+            continue  # a turn by less than rounding is taken as none
+        cost = (fit.residuals**2).sum()
+        size = max(np.abs(x).max(), np.abs(y).max())
+        for reach in 10.0 ** rng.uniform(-4, 1, 5):
+            f = unit(fit.axis + reach * rng.normal(size=3))
+            q = fit.point + (0 if known else reach * rng.normal(size=3))
+            other = (_residual(x, y, angle, f, q) ** 2).sum()
+            assert cost <= other * (1 + 1e-9) + n * (100 * EPS * size) ** 2
+
+
 def test_good_data_leave_nothing_to_say() -> None:
     fit = fit_axis(*scene(30, 0.01, 67))
     assert fit.status is AxisFitStatus.DETERMINED
@@ -803,7 +841,7 @@ def test_good_data_leave_nothing_to_say() -> None:
     assert len(fit.free_directions) == 0
 
 
-# Remarks ---
+# Remarks ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("sigma", [None, 0.01])
@@ -825,7 +863,7 @@ def test_degrees_are_suspected() -> None:
     assert any("not in degrees" in sentence for sentence in fit_axis(x, y, np.degrees(a)).remarks)
 
 
-# Result, input ---
+# Result, input ------------------------------------------------------------------------------------
 
 
 def test_result_is_frozen_and_goes_to_json() -> None:
@@ -923,7 +961,7 @@ def test_a_hundred_thousand_pairs_in_well_under_a_second(loss: str) -> None:
     assert min(taken) < 1.5
 
 
-# A real positioner ---
+# A real positioner --------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.axis_fit._pairs import Pairs
+from rodgen.axis_fit._pairs import ZERO_TURN, Pairs
 from rodgen.axis_fit._residual import _residual
 from rodgen.axis_fit._result import AxisFitStatus
 from rodgen.axis_fit._solve import Line, Solution, half_squares
@@ -40,8 +40,6 @@ _LOST_RADIANS = 1 / 3
 _KEEP_BELOW = 10.0
 # Standard deviations by which noise alone may favour one of two axes that fit alike.
 _KEEP_DEVIATIONS = 4.0
-# A half angle's sine at which a turn is rounding of the angle itself.
-_ZERO_TURN = 4 * _EPS
 _HALF_TURN = 1e-6
 # Opposite to within 8 degrees: the same line, as far as a message is concerned.
 _OPPOSITE = -0.99
@@ -103,7 +101,7 @@ class PairFacts:
     @property
     def turns(self) -> bool:
         """Whether there is a turn at all."""
-        return self.largest_half_sine > _ZERO_TURN
+        return self.largest_half_sine > ZERO_TURN
 
     @property
     def tolerance(self) -> float:
@@ -137,7 +135,7 @@ def choose(pairs: Pairs, solution: Solution) -> list[Line]:
     here = float(solution.share @ half_squares(pairs, best))
     there = float(solution.share @ half_squares(pairs, other))
     weight = pairs.weight * solution.share
-    rounding = (8 * _EPS * max(pairs.size, 1.0)) ** 2 * float(weight.sum())
+    rounding = (8 * pairs.rounding) ** 2 * float(weight.sum())
     apart = best.axis - other.axis
     if abs(there - here) <= 1e-9 * (there + here) + rounding:
         swap = bool(apart[np.argmax(np.abs(apart))] < 0)

@@ -15,8 +15,6 @@ __all__ = ["Noise"]
 
 Floats = NDArray[np.float64]
 
-_EPS = float(np.finfo(float).eps)
-
 
 @dataclass(frozen=True, eq=False)
 class Noise:
@@ -65,7 +63,7 @@ class Noise:
         z, outliers = np.zeros(len(used)), np.zeros(len(used), dtype=bool)
         if not math.isnan(variance):
             # Exact pairs leave residuals of rounding; none of them is an outlier.
-            z = np.sqrt(squares / max(variance, (4 * _EPS * max(pairs.size, 1.0)) ** 2))
+            z = np.sqrt(squares / max(variance, (4 * pairs.rounding) ** 2))
             # A pair that alone makes the fit cannot be off it.
             if freedoms > 0:
                 outliers = used & (z > chi_cut(count))

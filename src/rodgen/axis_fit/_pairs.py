@@ -10,9 +10,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
 
-__all__ = ["Pairs"]
+__all__ = ["ZERO_TURN", "Pairs"]
 
 Floats = NDArray[np.float64]
+
+_EPS = float(np.finfo(float).eps)
+# A half angle's sine at which a turn is rounding of the angle itself, and far below that of the points.
+ZERO_TURN = 4 * _EPS
+# Sigma and the lengths are kept within this power of two of each other: a ratio that no data have.
+_WIDEST = 400
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +29,7 @@ class Pairs:
     ----------
     rho, rho_prime : (N, 3) arrays
     angle : (N,) array
+        All zero where no pair turns by more than rounding.
     weight : (N,) array
         Relative inverse variances, at most 1; 0 for pairs that are left out.
     point : (3,) array or None
@@ -53,6 +60,11 @@ class Pairs:
     origin: Floats
     size: float
 
+    @property
+    def rounding(self) -> float:
+        """Rounding error of a coordinate."""
+        return _EPS * max(self.size, 1.0)
+
     @classmethod
     def of(
         cls,
@@ -80,6 +92,9 @@ class Pairs:
             raise RodgenError("rho, rho_prime and angle hold no pairs; at least one is needed")
         for name, values in (("rho", x), ("rho_prime", y), ("angle", a)):
             _finite(name, values)
+        if (np.abs(np.sin(a / 2)) <= ZERO_TURN).all():
+            # No turn at all, rather than a turn about a point that noise puts at infinity.
+            a = np.zeros(len(a))
         known = _known_point(point)
 
         exponent = _exponent(np.array([_largest(x), _largest(y), 0.0 if known is None else _largest(known)]))
@@ -93,6 +108,9 @@ class Pairs:
         size = max(_largest(x), _largest(y), _largest(middle))
         x, y = x - middle, y - middle
         second = _exponent(np.array([_largest(x), _largest(y)]))
+        if sigma is not None:
+            # Lengths that vanish beside sigma must not make its square overflow.
+            second = max(second, _exponent(np.abs(_numbers("sigma", sigma))) - exponent - _WIDEST)
         x, y = np.ldexp(x, -second), np.ldexp(y, -second)
 
         w, variance, unit, rms_sigma = _weights(sigma, weights, shape, exponent + second)
@@ -175,6 +193,7 @@ def _weights(
             f"sigma, row {row} (counted from 0) is not positive; expected a standard uncertainty"
         )
     scaled = np.ldexp(s, -exponent)
+    scaled = np.maximum(scaled, 2.0**-_WIDEST)
     reach = np.where(used, scaled / np.sqrt(np.where(used, given, 1.0)), np.inf)
     smallest = float(reach.min())
     rms = smallest * float(np.sqrt(np.mean((scaled[used] / smallest) ** 2)))
@@ -199,7 +218,8 @@ def _largest(values: Floats) -> float:
 
 def _exponent(sizes: Floats) -> int:
     """Exponent of two that brings the largest size to between 1/2 and 1; 0 for all zero."""
-    return int(np.frexp(sizes.max())[1])
+    largest = float(sizes.max(initial=0.0))
+    return int(np.frexp(largest)[1]) if np.isfinite(largest) else 0
 
 
 def _shown(value: Floats) -> str:

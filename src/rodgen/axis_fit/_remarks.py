@@ -25,7 +25,6 @@ _CHANCE = 1e-5
 _NO_ACCIDENT = 5.0
 _MOST_OUTLIERS = 0.4
 _DEGREES = 4 * math.pi
-_EPS = float(np.finfo(float).eps)
 
 
 def remarks_on(pairs: Pairs, solution: Solution, loss: Loss, noise: Noise, line: Line) -> list[str]:
@@ -72,7 +71,7 @@ def _point_off(pairs: Pairs, solution: Solution, noise: Noise, line: Line) -> li
     free = Line(axis, moments.point(axis)).nearest(np.zeros(3))
     left = float((w[:, None] * _residual(x, y, angle, free.axis, free.point) ** 2).sum()) / 2
     gain = float((solution.share * half_squares(pairs, line))[good].sum()) - left
-    if gain <= (64 * _EPS * max(pairs.size, 1.0)) ** 2 * len(w):
+    if gain <= (64 * pairs.rounding) ** 2 * len(w):
         return []
     # Survival functions of χ² with 2 degrees of freedom, and of F with 2 and `freedoms`, in closed form.
     if pairs.variance is not None:
@@ -93,7 +92,7 @@ def _lengths_differ(pairs: Pairs, noise: Noise, line: Line) -> list[str]:
     good = noise.good
     change = np.sqrt((pairs.rho_prime[good] ** 2).sum(axis=-1)) - np.sqrt((pairs.rho[good] ** 2).sum(axis=-1))
     count = len(change)
-    if np.abs(change).max() <= 64 * _EPS * max(pairs.size, 1.0):
+    if np.abs(change).max() <= 64 * pairs.rounding:
         return []
     radial = float((pairs.weight[good] * change**2).mean()) / 2
     if pairs.variance is not None:

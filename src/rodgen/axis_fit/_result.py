@@ -260,7 +260,7 @@ def _vector(value: Floats, uncertainty: float) -> str:
     size = float(np.abs(value).max())
     if size == 0:
         return "(0, 0, 0)"
-    known = max(uncertainty, size * 1e-10) if math.isfinite(uncertainty) else size * 1e-5
+    known = max(uncertainty if math.isfinite(uncertainty) else size * 1e-5, size * 1e-10, 5e-324)
     digits = 1 - math.floor(math.log10(known))
     if 1e-6 <= size < 1e9 and 0 <= digits <= 16:
         return "(" + ", ".join(f"{c:z.{digits}f}" for c in value) + ")"

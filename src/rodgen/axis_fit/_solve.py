@@ -38,7 +38,6 @@ _LONGEST_STEP = 1e-3
 # Turns with less than this share of the best one's information are left as the closed form has them.
 _LEAST_INFORMATION = 1e-11
 _BLOCK = 2048
-_EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +91,16 @@ def solve(pairs: Pairs, loss: Loss) -> Solution:
             )
         start = robust_start(x, y, angle, w, point)
         near, share, iterations, converged = _reweight(
-            x, y, angle, w, point, loss, Line(start.axis, start.point), start.variance, pairs.variance
+            x,
+            y,
+            angle,
+            w,
+            point,
+            loss,
+            Line(start.axis, start.point),
+            start.variance,
+            pairs.variance,
+            pairs.rounding**2,
         )
         if np.count_nonzero(share) < needed:
             raise RodgenError(
@@ -140,14 +148,15 @@ def _reweight(
     line: Line,
     variance: float,
     given: float | None,
+    rounding: float,
 ) -> tuple[Line, Floats, int, bool]:
     """Solve with the loss's weights until they stay; each solution is a global one.
 
     The noise, where it is not given, follows the solutions until it stays too. Which pairs it is taken from
-    changes by whole pairs and may go in a circle: half way it is held.
+    changes by whole pairs and may go in a circle: half way it is held. Exact pairs have the noise of
+    `rounding`.
     """
     parameters = 4 if point is None else 2
-    rounding = (_EPS * float(np.abs(y).max())) ** 2  # the noise of exact pairs
     share = np.ones(len(w))
     for count in range(1, MOST_REWEIGHTINGS + 1):
         squares = _half_squares(x, y, angle, w, line)
