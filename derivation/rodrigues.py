@@ -614,12 +614,30 @@ cayley
 # with it: it is acute exactly if $c > 0$. The right sign is that of the pivot.
 
 # %%
+modulus = d.symbol(
+    "modulus", r"\left|\vec\theta\right|_{\mathrm{given}}", "known modulus of θ", "1", positive=True
+)
+data = {alpha: 1 + modulus**2 / 4, c: c}
+equal_lengths = {rho_prime.components[2]: norm(rho_prime) ** 2 - norm(rho) ** 2}
+two_values_of_c = {c: c**2 - (modulus**2 * norm(rho) ** 2 + 2 * alpha * dot(r, rho))}
 discriminant = L1**2 - 4 * L2 * (L0 + 2 * alpha * dot(r, rho))
-root = d.check(
+square = d.check(
     "discriminant",
     equal(discriminant, (2 * norm(rho) ** 2 * norm(r) ** 2 / w3) ** 2),
+    text="The discriminant is a square, for all data of which a solution is asked.",
+    assumptions=[sp.Ne(w3, 0), equal(norm(rho), norm(rho_prime)), equal(c**2, c_squared)],
+).prove(
+    given={**data, r: r},
+    modulo={**two_values_of_c, r3: norm(r) ** 2 + 2 * dot(r, rho)},
+    because="With ρ and r free, the difference vanishes modulo |ρ + r|² = |ρ|² and the value of c².",
+)
+square
+
+# %%
+root = d.check(
+    "root-of-the-discriminant",
     equal(2 * L2 * t3 + L1, 2 * norm(rho) ** 2 * norm(r) ** 2 / w3),
-    text="The discriminant is a square, and θ₃ takes its root with the sign of w₃.",
+    text="θ₃ takes the root of the discriminant with the sign of w₃.",
     assumptions=[sp.Ne(w3, 0)],
 ).prove(given=by_formula)
 root
@@ -637,7 +655,7 @@ d.state(
     {theta: (0, 0, -2), rho: (1, 0, -1)},
     equal(t3, theta3_right),
     given=by_formula,
-    proof=[root],
+    proof=[square, root],
     label="M6",
     because="The root has the sign of w₃ = ρ₁r₂ − ρ₂r₁, whether γ is acute or not; here γ is acute, w₃ < 0 "
     "and "
@@ -774,7 +792,7 @@ d.state(
     {theta: (0, 0, -2), rho: (3, 0, 4), c: 8},
     equal(theta, theta_right),
     given=by_formula,
-    proof=[root, by_theta3],
+    proof=[square, root, by_theta3],
     label="M6",
     because="With c = +√… and the root +√… the given θ comes back only if γ is acute and w₃ > 0, in a quarter "
     "of all cases. With the signs of (θ, ρ) and of w₃ it always does.",
@@ -808,12 +826,6 @@ d.check(
 ).prove(given={c: c, r: r})
 
 # %%
-modulus = d.symbol(
-    "modulus", r"\left|\vec\theta\right|_{\mathrm{given}}", "known modulus of θ", "1", positive=True
-)
-data = {alpha: 1 + modulus**2 / 4, c: c}
-equal_lengths = {rho_prime.components[2]: norm(rho_prime) ** 2 - norm(rho) ** 2}
-two_values_of_c = {c: c**2 - (modulus**2 * norm(rho) ** 2 + 2 * alpha * dot(r, rho))}
 solves = d.check(
     "solution-by-c",
     equal(r, cross(solution(c), m) / 2),
@@ -996,15 +1008,24 @@ d.state(
 
 # %%
 unequal = {rho: (3, 4, 12), rho_prime: (12, -3, 5)}
-square = sp.Symbol("square")
-components = list(d.value(left_2 - right_2, {**unequal, alpha: 1 + square / 4}))
-length = dot(theta.components, theta.components) - square
-inconsistent = sp.groebner([p.subs(square, 20) for p in [*components, length]], t1, t2, t3, order="lex")
-open_modulus = sp.groebner([*components, length], t1, t2, t3, square, order="lex")
+modulus_squared = d.symbol("modulus_squared", r"\left|\vec\theta\right|^2", "|θ|², left open", "1")
+components = list(d.value(left_2 - right_2, {**unequal, alpha: 1 + modulus_squared / 4}))
+length = dot(theta.components, theta.components) - modulus_squared
+inconsistent = sp.groebner(
+    [p.subs(modulus_squared, 20) for p in [*components, length]], t1, t2, t3, order="lex"
+)
+open_modulus = sp.groebner([*components, length], t1, t2, t3, modulus_squared, order="lex")
+known, unknown = (
+    d.symbol(name, latex, quantity, "1", value=value)
+    for name, latex, quantity, value in (
+        ("basis_known", "B", "Gröbner basis for |θ|² = 20", inconsistent.exprs[0]),
+        ("basis_unknown", "B_5", "last element of the basis for open |θ|²", open_modulus.exprs[-1]),
+    )
+)
 d.check(
     "inconsistent",
-    equal(inconsistent.exprs[0], 1),
-    equal(open_modulus.exprs[-1], square + 4),
+    equal(known, 1),
+    equal(unknown, modulus_squared + 4),
     text="Gröbner bases of (2) for ρ = (3, 4, 12) and ρ′ = (12, −3, 5), with |θ|² = 20 and with any |θ|.",
 ).prove()
 
@@ -1284,7 +1305,7 @@ d.check(
         + 4 * sine * sp.cos(small_a) * sp.sin(small_a - half) * (1 - z)
         + 2 * sine**2 * sp.cos(small_a) ** 2 * (1 - z) ** 2,
     ),
-    equal(best, sp.cos(2 * small_a - 2 * half)),
+    equal(best, sp.cos(2 * small_a - chi)),
     text="Where χ/2 < a, the least-squares axis is n, and the angle 2a − χ remains.",
     assumptions=[equal(norm(e), 1), "0 ≤ χ/2 ≤ a ≤ π/2"],
 ).prove(modulo={y: dot(e, e) - 1})
@@ -1470,30 +1491,26 @@ d.check(
 
 
 # %%
-def traces(name: str, jacobian: sp.Expr) -> tuple[sp.Symbol, sp.Symbol]:
-    """Sums of the squares and of the products of two squares of the singular values of a matrix."""
+def invariants(jacobian: sp.Basic, name: str, letter: str) -> tuple[sp.Symbol, sp.Symbol]:
+    """Sum of the squares, and of the products of two squares, of the singular values of J."""
     values = sp.Matrix(d.value(jacobian))
     gram = values.T * values
-    first = d.symbol(
-        f"{name}_trace", rf"\operatorname{{tr}}\,{name[0]}", "trace of JᵀJ", "1/length²", value=gram.trace()
+    minors = sum(gram[i, i] * gram[j, j] - gram[i, j] ** 2 for i, j in ((0, 1), (0, 2), (1, 2)))
+    product = rf"J_{{{letter}}}^T J_{{{letter}}}"
+    return (
+        d.symbol(
+            f"{name}_trace", rf"\operatorname{{tr}} {product}", "trace", "1/length²", value=gram.trace()
+        ),
+        d.symbol(f"{name}_minors", rf"M({product})", "sum of principal minors", "1/length⁴", value=minors),
     )
-    minors = sum(gram[i, i] * gram[j, j] - gram[i, j] * gram[j, i] for i, j in ((0, 1), (0, 2), (1, 2)))
-    second = d.symbol(
-        f"{name}_minors",
-        rf"\operatorname{{tr}}_2\,{name[0]}",
-        "sum of its principal minors",
-        "1/length⁴",
-        value=minors,
-    )
-    return first, second
 
 
 size = 1 / (4 * norm(rho) ** 2 * half_sine_squared)
 wanted = size * (1 + 1 / cos_gamma_squared), size**2 / cos_gamma_squared
 d.check(
     "condition",
-    *[equal(*pair) for pair in zip(traces("before", by_rho), wanted, strict=True)],
-    *[equal(*pair) for pair in zip(traces("after", by_rho_prime), wanted, strict=True)],
+    *[equal(*pair) for pair in zip(invariants(by_rho, "before", r"\rho"), wanted, strict=True)],
+    *[equal(*pair) for pair in zip(invariants(by_rho_prime, "after", r"\rho'"), wanted, strict=True)],
     equal(by_rho.T * e, sp.ZeroMatrix(3, 1)),
     equal(by_rho_prime.T * e, sp.ZeroMatrix(3, 1)),
     equal(half_sine_squared * cos_gamma_squared, half_sine_squared - norm(r) ** 2 / (4 * norm(rho) ** 2)),

@@ -17,6 +17,13 @@ class _Printer(LatexPrinter):  # type: ignore[misc]
     def _name(self, vector: Vector) -> str:
         return str(self._settings["symbol_names"].get(vector) or rf"\vec {super()._print_Symbol(vector)}")
 
+    def _print_Pow(self, expr: Any) -> str:
+        base, exponent = expr.args
+        name = str(self._settings["symbol_names"].get(base, ""))
+        if exponent.is_Integer and exponent > 1 and name.startswith((r"\sin", r"\cos")) and "^" not in name:
+            return rf"{name[:4]}^{{{exponent}}}{name[4:]}"
+        return str(super()._print_Pow(expr))
+
     def _print_Vector(self, vector: Vector) -> str:
         return self._name(vector)
 
@@ -34,7 +41,8 @@ class _Printer(LatexPrinter):  # type: ignore[misc]
 
     def _grouped(self, operand: sp.Basic) -> str:
         text = str(self._print(operand))
-        return text if isinstance(operand, Letter) else rf"\left({text}\right)"
+        plain = isinstance(operand, Letter) and not text.startswith(r"\frac")
+        return text if plain else rf"\left({text}\right)"
 
     def _print__Cross(self, product: Any) -> str:
         return r" \times ".join(self._grouped(a) for a in product.args)

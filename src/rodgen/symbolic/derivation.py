@@ -114,12 +114,17 @@ class Entry:
     @property
     def method(self) -> str:
         """How the entry was decided, in plain words."""
-        return self.because or self._identity([str(key) for key, _ in (*self.given, *self.modulo)])
+        return self._argument(str)
 
-    def _identity(self, names: Sequence[str]) -> str:
-        if self.verdict == "open":
-            return ""
-        return "Both sides are identical" + (f", given {', '.join(names)}." if names else ".")
+    def _argument(self, write: Callable[[sp.Basic], str]) -> str:
+        if self.because or self.verdict == "open":
+            return self.because
+        free = [write(key) for key, value in self.given if key == value]
+        known = [write(key) for key, value in self.given if key != value] + [write(k) for k, _ in self.modulo]
+        words = "Both sides are identical"
+        words += f", for any {', '.join(free)}" if free else ""
+        words += f", given {', '.join(known)}" if known else ""
+        return f"{words}."
 
     def prove(
         self,
@@ -287,8 +292,8 @@ class Entry:
         if self.assumptions:
             lines.append("Assuming " + "; ".join(_inline(self.derivation, a) for a in self.assumptions) + ".")
         if self.refutation is None:
-            names = [f"${self.derivation.latex(key)}$" for key, _ in (*self.given, *self.modulo)]
-            lines.append(f"*{self.verdict.capitalize()}.* {self.because or self._identity(names)}".rstrip())
+            argument = self._argument(lambda key: f"${self.derivation.latex(key)}$")
+            lines.append(f"*{self.verdict.capitalize()}.* {argument}".rstrip())
         else:
             wrong = self.refutation
             at = ", ".join(f"${self.derivation.latex(s)} = {_row(v)}$" for s, v in wrong.counterexample)
