@@ -1,5 +1,6 @@
 """Tables: what is read is what stands there, and every fault is named by its place."""
 
+import csv
 import gzip
 import io
 import os
@@ -481,6 +482,7 @@ def read_or_refuse(path, content):
         assert np.isfinite(pairs.rho).all()
         assert np.isfinite(pairs.rho_prime).all()
         assert np.isfinite(pairs.angle).all()
+    return pairs
 
 
 def mutations(seed):
@@ -511,8 +513,19 @@ def test_any_bytes_are_read_or_refused(content, scratch):
 
 @settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(content=mutations(f'{HEADER},note\n{ROW},"a ""b"", c"\n3,4,12,12,-3,4,90,µ\n'.encode()))
-def test_damaged_csv_is_read_or_refused(content, scratch):
-    read_or_refuse(scratch, content)
+def test_damaged_csv_is_refused_or_read_as_the_csv_module_reads_it(content, scratch):
+    pairs = read_or_refuse(scratch, content)
+    if pairs is not None:
+        text = io.StringIO(content.decode("utf-8-sig"), newline="")
+        header, *rows = (row for row in csv.reader(text) if "".join(row).strip())
+        columns = dict(zip((name.strip() for name in header), zip(*rows, strict=True), strict=True))
+        for i, axis in enumerate("xyz"):
+            expected = next(v for k, v in columns.items() if k.split("[")[0].strip() == f"rho_{axis}")
+            numbers = np.array(expected, float)
+            with np.errstate(all="ignore"):
+                # to a factor, because the unit may be damaged into another one
+                left, right = pairs.rho[:, i] * numbers[0], numbers * pairs.rho[0, i]
+            np.testing.assert_allclose(left, right, rtol=1e-15, atol=1e-290)  # two roundings
 
 
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -835,22 +848,18 @@ def test_progress_adds_up_to_the_whole_file(tmp_path, small_blocks):
         assert len(amounts) > 3
 
 
-@pytest.mark.parametrize("name", ["in.csv", "in.parquet"])
-def test_memory_does_not_grow_with_the_file(name, tmp_path):
-    """A file of a million rows (some 130 MB of CSV) passes through less memory than the file has bytes."""
-    n, chunk = 1_000_000, 50_000
-    table, _ = pair_table(chunk)
-    writer = (pa_csv.CSVWriter if name == "in.csv" else pq.ParquetWriter)(tmp_path / name, table.schema)
-    with writer:
-        for _ in range(n // chunk):
-            writer.write_table(table)
-    peak = peak_memory(tmp_path / name, tmp_path / "out.parquet")
-    small, _ = pair_table(1000)
-    write_pairs(tmp_path / f"small_{name}", small)
-    baseline = peak_memory(tmp_path / f"small_{name}", tmp_path / "out.parquet")
-    # Blocks in flight and one row group of the output, measured at 90 to 150 MB; the arrays of the whole
-    # file alone, 16 columns of 8 MB, read and written, would be 256 MB and its text as much again.
-    assert peak - baseline < 220e6
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_memory_does_not_grow_with_the_file(kind, tmp_path):
+    table, _ = pair_table(50_000)
+    peaks = []
+    for repeats in (4, 20):  # 26 and 132 MB of CSV
+        path = tmp_path / f"{repeats}.{kind}"
+        with (pa_csv.CSVWriter if kind == "csv" else pq.ParquetWriter)(path, table.schema) as writer:
+            for _ in range(repeats):
+                writer.write_table(table)
+        peaks.append(peak_memory(path, tmp_path / "out.parquet"))
+    # Arrow's allocator was seen to vary by 30 MB; the 800 000 more rows alone, 16 columns of doubles, are 102 MB.
+    assert peaks[1] - peaks[0] < 60e6
 
 
 def peak_memory(path, output):
