@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.axis_fit._pairs import ZERO_TURN, Pairs
-from rodgen.axis_fit._residual import _residual
+from rodgen.axis_fit._residual import residual
 from rodgen.axis_fit._result import AxisFitStatus
 from rodgen.axis_fit._solve import Line, Solution, half_squares
 
@@ -84,7 +84,7 @@ class PairFacts:
         x, y, angle = pairs.rho[good], pairs.rho_prime[good], pairs.angle[good]
         points = np.concatenate([x, y])
         middle = points.mean(axis=0) if pairs.point is None else pairs.point
-        missed = float((_residual(x, y, angle, line.axis, line.point) ** 2).mean())
+        missed = float((residual(x, y, angle, line.axis, line.point) ** 2).mean())
         sines = np.abs(np.sin(angle / 2))
         size = max(pairs.size, 1.0)
         return cls(

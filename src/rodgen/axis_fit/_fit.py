@@ -34,7 +34,7 @@ from rodgen.axis_fit._moments import tangents
 from rodgen.axis_fit._noise import Noise
 from rodgen.axis_fit._pairs import Pairs
 from rodgen.axis_fit._remarks import remarks_on
-from rodgen.axis_fit._residual import _residual
+from rodgen.axis_fit._residual import residual
 from rodgen.axis_fit._result import AxisFit, AxisFitStatus
 from rodgen.axis_fit._robust import LOSSES, Loss
 from rodgen.axis_fit._solve import Solution, half_squares, solve
@@ -149,7 +149,7 @@ def _assess(pairs: Pairs, loss: Loss, solution: Solution) -> AxisFit:
     def place(point: Floats) -> Floats:
         return pairs.origin + pairs.scale * point if free else pairs.origin.copy()
 
-    residuals = [_residual(pairs.rho, pairs.rho_prime, pairs.angle, line.axis, line.point) for line in lines]
+    residuals = [residual(pairs.rho, pairs.rho_prime, pairs.angle, line.axis, line.point) for line in lines]
     rms = [math.sqrt(float((d[good] ** 2).sum(axis=-1).mean())) * pairs.scale for d in residuals]
     return AxisFit(
         axis=best.axis,

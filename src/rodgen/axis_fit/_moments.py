@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.axis_fit._residual import _cross, _dot, _skew
+from rodgen.axis_fit._vectors import cross, dot, skew
 
 __all__ = ["Moments", "tangents"]
 
@@ -94,15 +94,15 @@ class Moments:
             return self.A, self.b
         D = np.where(self.D > 0, self.D, 1.0)[..., None]
         lost = self.M[..., :, None] * self.M[..., None, :] + self.S[..., :, None] * self.S[..., None, :]
-        return self.A - lost / (2 * D[..., None]), self.b + _cross(self.S, self.M) / D
+        return self.A - lost / (2 * D[..., None]), self.b + cross(self.S, self.M) / D
 
     def point(self, axis: Floats) -> Floats:
         """Point on the axis: the known one, or the best one in the plane through `centre`."""
         if not self.free:
             return self.centre
         D = np.where(self.D > 0, self.D, 1.0)[..., None]
-        across = self.M - axis * _dot(axis, self.M)[..., None]
-        return self.centre + (across + _cross(axis, self.S)) / D
+        across = self.M - axis * dot(axis, self.M)[..., None]
+        return self.centre + (across + cross(axis, self.S)) / D
 
     def hessian(self, axis: Floats, point: Floats, basis: Floats) -> Floats:
         """Second derivatives of ½ Σ w |d|² by (axis, point) along `basis`.
@@ -121,22 +121,22 @@ class Moments:
         """
         q = point - self.centre
         A = self.A - (np.outer(q, self.M) + np.outer(self.M, q)) / 2 + self.D / 2 * np.outer(q, q)
-        b = self.b - _cross(q, self.S)
+        b = self.b - cross(q, self.S)
         M = self.M - self.D * q
         multiplier = axis @ (A @ axis + b / 2)
         by_axis = 2 * (multiplier * np.eye(2) - basis.T @ A @ basis)
         if not self.free:
             return by_axis
-        mixed = (axis @ M) * np.eye(2) + basis.T @ _skew(self.S) @ basis
+        mixed = (axis @ M) * np.eye(2) + basis.T @ skew(self.S) @ basis
         return np.block([[by_axis, mixed.T], [mixed, self.D * np.eye(2)]])
 
 
 def tangents(axis: Floats) -> Floats:
     """Two unit vectors (3, 2) that make a right-handed basis (u, v, axis)."""
     start = np.eye(3)[np.argmin(np.abs(axis))]
-    u = _cross(axis, start)
+    u = cross(axis, start)
     u = u / np.sqrt(u @ u)
-    return np.stack([u, _cross(axis, u)], axis=1)
+    return np.stack([u, cross(axis, u)], axis=1)
 
 
 def _axial(T: Floats) -> Floats:

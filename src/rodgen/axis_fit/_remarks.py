@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rodgen.axis_fit._moments import Moments
 from rodgen.axis_fit._noise import Noise
 from rodgen.axis_fit._pairs import Pairs
-from rodgen.axis_fit._residual import _residual
+from rodgen.axis_fit._residual import residual
 from rodgen.axis_fit._robust import Loss
 from rodgen.axis_fit._solve import MOST_REWEIGHTINGS, Line, Solution, half_squares
 from rodgen.axis_fit._sphere import global_maximum
@@ -69,7 +69,7 @@ def _point_off(pairs: Pairs, solution: Solution, noise: Noise, line: Line) -> li
     moments = Moments.of(x, y, angle, w, None)
     axis = global_maximum(*moments.quadratic())
     free = Line(axis, moments.point(axis)).nearest(np.zeros(3))
-    left = float((w[:, None] * _residual(x, y, angle, free.axis, free.point) ** 2).sum()) / 2
+    left = float((w[:, None] * residual(x, y, angle, free.axis, free.point) ** 2).sum()) / 2
     gain = float((solution.share * half_squares(pairs, line))[good].sum()) - left
     if gain <= (64 * pairs.rounding) ** 2 * len(w):
         return []

@@ -1,8 +1,9 @@
 """Problem: by how much a pair misses an axis, d = ρ′ - p - R(e, χ)(ρ - p), and how that changes with e and p.
 
 With noise of covariance σ² I on both ρ and ρ′, d has covariance 2σ² I whatever the rotation, and half of
-Σ |d|²/(2σ²) is the negative log-likelihood of e and p once the true ρ are eliminated. Source: Rodrigues'
-formula, Stebulyanin and Pimushkin, eq. (1), read with a point p on the axis.
+Σ |d|²/(2σ²) is the negative log-likelihood of e and p once the true ρ are eliminated. The kernel is derived,
+proved and generated in ``derivation/axis.py``; it forms ρ′ - ρ and (R - I)(ρ - p) apart, which keeps the
+smallest angles exact.
 """
 
 from __future__ import annotations
@@ -10,30 +11,26 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["_residual", "_residual_and_jacobian"]
+from rodgen._kernels import kernels
+
+__all__ = ["residual", "residual_and_jacobian", "residual_gradient"]
 
 Floats = NDArray[np.float64]
 
-
-def _residual(rho: Floats, rho_prime: Floats, angle: Floats, axis: Floats, point: Floats) -> Floats:
-    """Residual (…, 3) alone; as :func:`_residual_and_jacobian`."""
-    # R - I is formed without the 1 of R, and 1 - cos χ without cos χ: exact for the smallest angles.
-    sine, versine = np.sin(angle)[..., None], 2 * np.sin(angle / 2)[..., None] ** 2
-    arm = rho - point
-    along = _dot(arm, axis)[..., None]
-    return rho_prime - rho - (sine * _cross(axis, arm) + versine * (along * axis - arm))
+# Pairs at a time: the derivatives, eighteen numbers a pair, stay in the cache.
+_BLOCK = 4096
 
 
-def _residual_and_jacobian(
+def residual_and_jacobian(
     rho: Floats, rho_prime: Floats, angle: Floats, axis: Floats, point: Floats
-) -> tuple[Floats, Floats, Floats]:
+) -> tuple[Floats, Floats]:
     """Residual of pairs against one axis, and its derivatives.
 
     Parameters
     ----------
-    rho, rho_prime : (…, 3) arrays
+    rho, rho_prime : (N, 3) arrays
         Points before and after, one length unit.
-    angle : (…) array
+    angle : (N,) array
         Angles in rad.
     axis : (3,) array
         Unit axis.
@@ -42,37 +39,30 @@ def _residual_and_jacobian(
 
     Returns
     -------
-    residual : (…, 3) array
-    by_axis : (…, 3, 3) array
-        ∂residual_i/∂axis_j; only directions perpendicular to the axis mean anything.
-    by_point : (…, 3, 3) array
-        ∂residual_i/∂point_j = R - I.
+    residual : (N, 3) array
+    jacobian : (N, 3, 6) array
+        By axis and point; of the axis, only directions perpendicular to it mean anything.
     """
-    sine, versine = np.sin(angle)[..., None, None], 2 * np.sin(angle / 2)[..., None, None] ** 2
-    arm = rho - point
-    along = _dot(arm, axis)[..., None, None]
-    identity = np.eye(3)
-    by_axis = sine * _skew(arm) - versine * (along * identity + axis[:, None] * arm[..., None, :])
-    by_point = sine * _skew(axis) + versine * (np.outer(axis, axis) - identity)
-    return _residual(rho, rho_prime, angle, axis, point), by_axis, by_point
+    d, jacobian = kernels.axis_residual(rho, rho_prime, angle, axis, point)
+    return d, jacobian
 
 
-def _dot(a: Floats, b: Floats) -> Floats:
-    return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
+def residual(rho: Floats, rho_prime: Floats, angle: Floats, axis: Floats, point: Floats) -> Floats:
+    """Residual (N, 3) alone; as :func:`residual_and_jacobian`."""
+    d = np.empty_like(rho)
+    for first in range(0, len(d), _BLOCK):
+        block = slice(first, first + _BLOCK)
+        d[block] = residual_and_jacobian(rho[block], rho_prime[block], angle[block], axis, point)[0]
+    return d
 
 
-def _cross(a: Floats, b: Floats) -> Floats:
-    """Cross product; numpy.cross takes several times as long on (N, 3)."""
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        out[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
-    return out
-
-
-def _skew(a: Floats) -> Floats:
-    """(…, 3, 3) matrix with _skew(a) @ b = a × b."""
-    out = np.zeros((*a.shape, 3))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        out[..., k, j] = a[..., i]
-        out[..., j, k] = -a[..., i]
-    return out
+def residual_gradient(
+    rho: Floats, rho_prime: Floats, angle: Floats, weight: Floats, axis: Floats, point: Floats
+) -> tuple[Floats, Floats]:
+    """Differentiate ½ Σ w |d|² by axis (3,) and point (3,); arguments as :func:`residual_and_jacobian`."""
+    gradient = np.zeros(6)
+    for first in range(0, len(rho), _BLOCK):
+        block = slice(first, first + _BLOCK)
+        d, jacobian = residual_and_jacobian(rho[block], rho_prime[block], angle[block], axis, point)
+        gradient += (weight[block, None] * d).ravel() @ jacobian.reshape(-1, 6)
+    return gradient[:3], gradient[3:]

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.axis_fit._moments import Moments
-from rodgen.axis_fit._residual import _residual
+from rodgen.axis_fit._residual import residual
 from rodgen.axis_fit._sphere import global_maximum
 
 __all__ = ["LOSSES", "Loss", "RobustStart", "chi_cut", "median_variance", "robust_start", "trimmed_variance"]
@@ -164,10 +164,12 @@ def robust_start(
         inside = np.argpartition(_half_squares(*some, axes, points), half - 1, axis=-1)[:, :half]
         axes, points = _solve_sets(*some, inside, point)
     trimmed = np.partition(_half_squares(*some, axes, points), half - 1, axis=-1)[:, :half].sum(axis=-1)
-    e, p = axes[np.argmin(trimmed)], points[np.argmin(trimmed)]
-    every = _half_squares(rho, rho_prime, angle, weight, e, p)
+    best = [np.argmin(trimmed)]
+    every = _half_squares(rho, rho_prime, angle, weight, axes[best], points[best])[0]
     used = 4 if point is None else 2
-    return RobustStart(e, p, trimmed_variance(every, used, median_variance(every, used)))
+    return RobustStart(
+        axes[best][0], points[best][0], trimmed_variance(every, used, median_variance(every, used))
+    )
 
 
 def _solve_sets(
@@ -180,9 +182,9 @@ def _solve_sets(
 
 
 def _half_squares(x: Floats, y: Floats, angle: Floats, w: Floats, axes: Floats, points: Floats) -> Floats:
-    """Halve the weighted squares (…, N) of all pairs against each of the lines (…, 3)."""
-    d = _residual(x, y, angle, axes[..., None, :], points[..., None, :])
-    return w * (d[..., 0] ** 2 + d[..., 1] ** 2 + d[..., 2] ** 2) / 2
+    """Halve the weighted squares (S, N) of all pairs against each of the lines (S, 3)."""
+    lines = zip(axes, points, strict=True)
+    return np.array([w * (residual(x, y, angle, e, p) ** 2).sum(axis=-1) / 2 for e, p in lines])
 
 
 def _sets(n: int, size: int) -> NDArray[np.int64]:

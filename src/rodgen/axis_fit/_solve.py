@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rodgen.axis_fit._moments import Moments, tangents
 from rodgen.axis_fit._pairs import Pairs
-from rodgen.axis_fit._residual import _residual, _residual_and_jacobian
+from rodgen.axis_fit._residual import residual, residual_gradient
 from rodgen.axis_fit._robust import Loss, robust_start, trimmed_variance
 from rodgen.axis_fit._sphere import global_maximum, maximise_on_sphere
 from rodgen.errors import RodgenError
@@ -37,7 +37,6 @@ _STEP_ENOUGH = 1e-12
 _LONGEST_STEP = 1e-3
 # Turns with less than this share of the best one's information are left as the closed form has them.
 _LEAST_INFORMATION = 1e-11
-_BLOCK = 2048
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +133,7 @@ def _optima(
 
 
 def _half_squares(x: Floats, y: Floats, angle: Floats, w: Floats, line: Line) -> Floats:
-    d = _residual(x, y, angle, line.axis, line.point)
+    d = residual(x, y, angle, line.axis, line.point)
     return w * (d[:, 0] ** 2 + d[:, 1] ** 2 + d[:, 2] ** 2) / 2
 
 
@@ -185,7 +184,7 @@ def _polish(x: Floats, y: Floats, angle: Floats, w: Floats, moments: Moments, ax
     last = _LONGEST_STEP
     for _ in range(_MOST_NEWTON_STEPS):
         basis = tangents(axis)
-        by_axis, by_point = _gradient(x, y, angle, w, axis, point)
+        by_axis, by_point = residual_gradient(x, y, angle, w, axis, point)
         gradient, units = by_axis @ basis / arm, np.repeat(1 / arm, 2)
         if moments.free:
             gradient = np.concatenate([gradient, by_point @ basis])
@@ -204,17 +203,3 @@ def _polish(x: Floats, y: Floats, angle: Floats, w: Floats, moments: Moments, ax
             break
         last = size
     return Line(axis, point)
-
-
-def _gradient(
-    x: Floats, y: Floats, angle: Floats, w: Floats, axis: Floats, point: Floats
-) -> tuple[Floats, Floats]:
-    """Differentiate ½ Σ w |d|² by axis and point, in blocks whose Jacobians stay in the cache."""
-    by_axis, by_point = np.zeros(3), np.zeros(3)
-    for first in range(0, len(w), _BLOCK):
-        block = slice(first, first + _BLOCK)
-        d, J_axis, J_point = _residual_and_jacobian(x[block], y[block], angle[block], axis, point)
-        weighted = (w[block, None] * d).ravel()
-        by_axis += weighted @ J_axis.reshape(-1, 3)
-        by_point += weighted @ J_point.reshape(-1, 3)
-    return by_axis, by_point
