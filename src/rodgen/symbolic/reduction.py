@@ -26,16 +26,22 @@ class _Rational:
     def __init__(self) -> None:
         self.relations: list[tuple[sp.Symbol, sp.Expr]] = []
         self._names: dict[sp.Expr, sp.Symbol] = {}
+        self._known: dict[sp.Expr, sp.Expr] = {}
 
     def rational(self, expr: sp.Expr) -> sp.Expr:
         """Replace every part that is not rational by its name, innermost first."""
         if expr.is_Symbol or expr.is_Rational:
             return expr
+        if expr not in self._known:
+            self._known[expr] = self._rational(expr)
+        return self._known[expr]
+
+    def _rational(self, expr: sp.Expr) -> sp.Expr:
         if expr.is_Float:
             raise ValueError(f"a proof needs exact numbers, not {expr}")
         if expr.is_Pow and expr.exp.is_Rational and not expr.exp.is_Integer:
             return self._root(self.rational(expr.base), int(expr.exp.q)) ** int(expr.exp.p)
-        args = [self.rational(arg) for arg in expr.args]
+        args = [self.rational(arg) if isinstance(arg, sp.Expr) else arg for arg in expr.args]
         if expr.is_Add or expr.is_Mul or (expr.is_Pow and expr.exp.is_Integer):
             return expr.func(*args)
         if isinstance(expr, sp.sin | sp.cos | sp.tan):
