@@ -1,0 +1,276 @@
+"""The derivation of the Rodrigues equation: complete, closed, and right in numbers as well.
+
+The proofs are exact. Here the same statements are held against floating-point numbers, against SciPy's
+rotations and against finite differences, none of which the proofs use.
+"""
+
+import os
+import random
+import subprocess
+import sys
+
+import mpmath
+import numpy as np
+import pytest
+import sympy as sp
+from rodgen.derivation import rodrigues as paper
+from scipy.spatial.transform import Rotation
+
+from rodgen.symbolic import errata
+
+derivation = paper.derivation
+DIGITS = 40
+TOLERANCE = mpmath.mpf(10) ** -25  # 40 digits, less those that cancel in formulas of at most 1e10
+
+PRINTED = [
+    *(f"eq-{number}" for number in range(1, 11)),
+    *("theta-cross-rho", "theta-prime", "determinant", "bracketed", "expanded-i", "expanded-j", "expanded-k"),
+    *("theta-cross-rho-length", "theta-cross-theta-cross-rho-length", "dot-by-gamma", "sin-cos-squared"),
+    *("dot-expanded", "system-6-7", "modulus", "brackets", "cosine-law", "c-by-gamma", "c"),
+    *("eq-10-collected", "quadratic", "theta-3", "axis", "validation", "pairs-of-roots", "table-1"),
+]
+
+
+@pytest.mark.parametrize("id", PRINTED)
+def test_every_printed_formula_is_an_entry_with_its_place(id):
+    entry = derivation.entries[id]
+    assert entry.printed
+    assert entry.place
+    assert entry.verdict in ("proved", "refuted")
+
+
+def test_nothing_is_open_and_the_kernel_is_handed_over():
+    assert derivation.open == []
+    assert list(derivation.kernels) == ["solve_axis_paper"]
+
+
+def test_errata_name_every_misprint_with_its_correction():
+    labels = {entry.refutation.label for entry in derivation if entry.refutation}
+    assert labels == {f"M{number}" for number in range(1, 11)}
+    text = errata(derivation)
+    assert "M1  expanded-i" in text
+    assert text.count("printed:") >= 16
+    assert text.count("right:") >= text.count("wrong:") == 16
+
+
+def test_pages_hold_no_time():
+    pages = [entry._repr_markdown_() for entry in derivation]
+    assert all(page.startswith("**") for page in pages)
+    assert not any(" ms" in page or "seconds" in page for page in pages)
+
+
+@pytest.mark.slow
+def test_errata_and_pages_have_the_same_bytes_in_every_run():
+    """Another process has another hash seed: the order of SymPy's sets differs there."""
+    code = (
+        "from rodgen.derivation.rodrigues import derivation as d; from rodgen.symbolic import errata;"
+        "print(errata(d), errata(d, form='markdown'), *(e._repr_markdown_() for e in d))"
+    )
+    first, second = (
+        subprocess.run(
+            [sys.executable, "-c", code],
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            capture_output=True,
+            check=True,
+        ).stdout
+        for seed in ("1", "2")
+    )
+    assert first == second
+
+
+def sample(symbols, modulo, insert, generator):
+    """Random values of the symbols that satisfy the side conditions, the last condition first."""
+    point = {symbol: mpmath.mpf(generator.uniform(0.2, 1.2)) for symbol in symbols}
+    for symbol, condition in reversed(modulo):
+        polynomial = sp.Poly(sp.numer(sp.together(insert(condition))), symbol)
+        values = {s: v for s, v in point.items() if s != symbol}
+        coefficients = [
+            mpmath.mpc(sp.lambdify(list(values), c, "mpmath")(*values.values()))
+            for c in polynomial.all_coeffs()
+        ]
+        point[symbol] = mpmath.polyroots(coefficients, maxsteps=200, extraprec=200)[-1]
+    return point
+
+
+@pytest.mark.parametrize("id", [entry.id for entry in derivation if entry.verdict == "proved"])
+def test_what_is_proved_holds_at_random_numbers(id):
+    """Evaluate both sides at 40 digits; random inputs between 0.2 and 1.2 satisfy the sign assumptions."""
+    entry = derivation.entries[id]
+    insert = derivation.insert(dict(entry.given))
+    generator = random.Random(id)
+    with mpmath.workdps(DIGITS):
+        for claim in entry.claims:
+            left, right = (sp.Matrix([insert(side)]) for side in claim.args)
+            symbols = left.free_symbols | right.free_symbols
+            for symbol, condition in entry.modulo:
+                symbols |= insert(condition).free_symbols | {symbol}
+            point = sample(sorted(symbols, key=str), entry.modulo, insert, generator)
+            for a, b in zip(left, right, strict=True):
+                a, b = (
+                    mpmath.mpmathify(sp.lambdify(list(point), side, "mpmath")(*point.values()))
+                    for side in (a, b)
+                )
+                assert abs(a - b) <= TOLERANCE * (1 + abs(a) + abs(b))
+
+
+# The paper's algorithm in plain NumPy, against SciPy's rotations
+
+
+def papers_theta(rho, rho_prime, modulus, sign_c, root_sign):
+    """Equations (9), (10) and the formulas after them, for arrays of points; root_sign may depend on w3."""
+    alpha, r = 1 + modulus**2 / 4, rho_prime - rho
+    p1, p2, p3 = np.moveaxis(rho, -1, 0)
+    r1, r2, r3 = np.moveaxis(r, -1, 0)
+    known = 2 * alpha * (r * rho).sum(-1)
+    c = sign_c * np.sqrt(modulus**2 * (rho * rho).sum(-1) + known)
+    w3 = r2 * p1 - r1 * p2
+    a1, b1, a2, b2 = r2 * c / w3, (r3 * p2 - r2 * p3) / w3, -r1 * c / w3, -(r3 * p1 - r1 * p3) / w3
+    p12, p13, p23 = p1**2 + p2**2, p1**2 + p3**2, p2**2 + p3**2
+    L2 = p13 * b2**2 + p23 * b1**2 + p12 - 2 * p1 * p2 * b1 * b2 - 2 * p1 * p3 * b1 - 2 * p2 * p3 * b2
+    L1 = 2 * (p13 * a2 * b2 + p23 * a1 * b1 - p1 * p2 * (b2 * a1 + b1 * a2) - p1 * p3 * a1 - p2 * p3 * a2)
+    L0 = p13 * a2**2 + p23 * a1**2 - 2 * p1 * p2 * a2 * a1
+    t3 = (-L1 + root_sign(w3) * np.sqrt(np.maximum(L1**2 - 4 * L2 * (L0 + known), 0))) / (2 * L2)
+    return np.stack([a1 + b1 * t3, a2 + b2 * t3, t3], -1)
+
+
+@pytest.fixture(scope="module")
+def pairs():
+    generator = np.random.default_rng(7)
+    axis = generator.normal(size=(4000, 3))
+    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    angle, rho = generator.uniform(0.1, 3.0, 4000), generator.normal(size=(4000, 3))
+    return axis, angle, rho, Rotation.from_rotvec(angle[:, None] * axis).apply(rho)
+
+
+def misses(theta, angle, rho, rho_prime):
+    """Distance of the rotated points from where they should be, by SciPy's rotations."""
+    axis = theta / (2 * np.tan(angle / 2))[:, None]
+    turned = Rotation.from_rotvec(angle[:, None] * axis).apply(rho)
+    return np.linalg.norm(turned - rho_prime, axis=1) + abs(np.linalg.norm(axis, axis=1) - 1)
+
+
+def test_root_sign_follows_third_component_of_rho_cross_r(pairs):
+    axis, angle, rho, rho_prime = pairs
+    modulus = 2 * np.tan(angle / 2)
+    for sign_c in (1, -1):
+        theta = papers_theta(rho, rho_prime, modulus, sign_c, np.sign)
+        # Rounding of the quadratic by a small pivot: median 1e-15, and 1 in 4000 near 1e-6.
+        assert np.median(misses(theta, angle, rho, rho_prime)) < 1e-13
+        assert np.mean(misses(theta, angle, rho, rho_prime) < 1e-6) > 0.99
+    given = np.where(((axis * rho).sum(1) > 0)[:, None], 1, -1)
+    found = papers_theta(rho, rho_prime, modulus, given[:, 0], np.sign) / modulus[:, None]
+    assert np.mean(abs(found - axis).max(1) < 1e-6) > 0.99
+
+
+def test_printed_plus_fails_for_half_of_all_inputs(pairs):
+    _, angle, rho, rho_prime = pairs
+    theta = papers_theta(rho, rho_prime, 2 * np.tan(angle / 2), 1, lambda w3: 1)
+    valid = np.mean(misses(theta, angle, rho, rho_prime) < 1e-6)
+    assert abs(valid - 0.5) < 4 * 0.5 / np.sqrt(len(angle))  # four standard deviations of the count
+
+
+def test_exact_count_of_the_printed_sign_is_near_one_half_and_one_quarter():
+    counts = paper.count_printed(400)
+    spread = 4 * np.sqrt(0.25 / counts["inputs"])
+    assert abs(counts["satisfies (1)"] / counts["inputs"] - 0.5) < spread
+    assert abs(counts["is the given θ"] / counts["inputs"] - 0.25) < spread
+    assert abs(counts["acute and satisfies"] / counts["γ acute"] - 0.5) < 2 * spread
+
+
+def test_the_kernel_gives_both_solutions_in_exact_arithmetic():
+    kernel = derivation.kernels["solve_axis_paper"]
+    theta, rho = sp.Matrix([1, -2, 2]) / 3, sp.Matrix([3, 4, 12])
+    rho_prime = paper.rodrigues(rho, theta)
+    with mpmath.workdps(60):
+        exact = {"rho": rho, "rho_prime": rho_prime}
+        values = {name: [mpmath.mpf(int(x.p)) / int(x.q) for x in vector] for name, vector in exact.items()}
+        values["angle"] = 2 * mpmath.atan(mpmath.mpf(1) / 2)  # |θ| = 1
+        rows = kernel.evaluate(values, digits=50)["theta"]
+        solutions = [sp.Matrix([sp.Float(str(part), 50) for part in row]) for row in rows]
+    for solution in solutions:
+        assert (paper.rodrigues(rho, solution) - rho_prime).norm() < 1e-45  # 50 digits, less five
+    assert min((solution - theta).norm() for solution in solutions) < 1e-45
+
+
+# Derivatives and uncertainty
+
+
+KAPPA, SIDE = paper.kappa, paper.side
+FREE = [*paper.rho, *paper.rho_prime, KAPPA, SIDE]
+AXIS = sp.lambdify(FREE, list(derivation.value(paper.both_axes)), "mpmath")
+
+
+def unit_axis(values):
+    """Axis for directions only: ρ′ is rescaled to the length of ρ."""
+    before, after = mpmath.matrix(values[:3]), mpmath.matrix(values[3:6])
+    after *= mpmath.norm(before) / mpmath.norm(after)
+    return mpmath.matrix(AXIS(*before, *after, mpmath.cot(values[6] / 2), values[7]))
+
+
+@pytest.fixture(params=[1, -1], ids=["plus", "minus"])
+def case(request):
+    """A point, its image and the angle, the axis found, and its derivatives by central differences."""
+    with mpmath.workdps(50):
+        axis = mpmath.matrix(["0.36", "-0.48", "0.8"])
+        values = [mpmath.mpf(x) for x in ("0.7", "0.2", "1.1")]
+        angle = mpmath.mpf("1.3")
+        rotation = Rotation.from_rotvec(float(angle) * np.array([float(x) for x in axis]))
+        after = rotation.apply([float(x) for x in values])
+        values += [mpmath.mpf(float(x)) for x in after] + [angle, mpmath.mpf(request.param)]
+        step, columns = mpmath.mpf(10) ** -15, []
+        for index in range(7):
+            ahead, behind = list(values), list(values)
+            ahead[index] += step
+            behind[index] -= step
+            columns.append((unit_axis(ahead) - unit_axis(behind)) / (2 * step))
+        difference = np.array([[float(column[i]) for column in columns] for i in range(3)])
+        found = unit_axis(values)
+    return np.array([float(v) for v in values]), np.array([float(x) for x in found]), difference
+
+
+def evaluate(letter, values, axis):
+    """Value of a matrix of the derivation at a pair of points, the angle's cotangent and the axis found."""
+    formula = sp.Matrix(derivation.value(letter))
+    symbols = [*paper.rho, *paper.rho_prime, KAPPA, *paper.e]
+    length = np.linalg.norm(values[:3]) / np.linalg.norm(values[3:6])
+    scaled = [*values[:3], *(values[3:6] * length), 1 / np.tan(values[6] / 2), *axis]
+    return np.array(sp.lambdify(symbols, formula, "numpy")(*scaled), dtype=float)
+
+
+def test_derivatives_agree_with_differences_for_any_direction_of_the_axis(case):
+    values, axis, difference = case
+    closed = np.hstack(
+        [evaluate(letter, values, axis) for letter in (paper.by_rho, paper.by_rho_prime, paper.by_angle)]
+    )
+    # Differences at 50 digits with a step of 1e-15 are exact in float64; the inputs' lengths agree to 1e-16.
+    np.testing.assert_allclose(closed, difference, rtol=0, atol=1e-13)
+
+
+def test_covariance_and_condition_hold_for_any_direction_of_the_axis(case):
+    values, axis, difference = case
+    rho, r, angle = values[:3], values[3:6] - values[:3], values[6]
+    cos_gamma = axis @ rho / np.linalg.norm(rho)
+    r_hat = r / np.linalg.norm(r)
+    across = np.cross(axis, r_hat)
+    sigma, sigma_angle, half_sine = 0.3, 0.2, np.sin(angle / 2)
+    expected = sigma**2 / (2 * rho @ rho * half_sine**2) * (
+        np.outer(r_hat, r_hat) + np.outer(across, across) / cos_gamma**2
+    ) + sigma_angle**2 * (1 / cos_gamma**2 - 1) / (4 * half_sine**2) * np.outer(across, across)
+    noise = np.diag([sigma] * 6 + [sigma_angle]) ** 2
+    np.testing.assert_allclose(difference @ noise @ difference.T, expected, rtol=0, atol=1e-13)
+    largest = np.linalg.svd(difference[:, :3])[1][0] * np.linalg.norm(rho)
+    assert largest == pytest.approx(1 / (2 * half_sine * abs(cos_gamma)), rel=1e-12)
+    half_between = np.arccos(rho @ values[3:6] / (rho @ rho)) / 2
+    gap = np.sin(angle / 2 - half_between) * np.sin(angle / 2 + half_between)
+    assert largest == pytest.approx(1 / (2 * np.sqrt(gap)), rel=1e-12)
+
+
+def test_no_axis_comes_closer_than_n_where_the_angle_is_too_small():
+    generator = np.random.default_rng(3)
+    before, after, angle = np.array([1.0, 0, 0]), np.array([0.0, 1, 0]), 0.9  # a right angle apart
+    axes = generator.normal(size=(20000, 3))
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    reached = Rotation.from_rotvec(angle * axes).apply(before) @ after
+    best = Rotation.from_rotvec([0, 0, angle]).apply(before) @ after
+    assert best == pytest.approx(np.cos(np.pi / 2 - angle), rel=1e-12)
+    assert reached.max() <= best + 1e-15

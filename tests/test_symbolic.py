@@ -1,0 +1,319 @@
+"""Proofs are proofs: what is false, open or badly refuted does not pass."""
+
+import random
+
+import pytest
+import sympy as sp
+
+from rodgen.symbolic import (
+    EPS,
+    Derivation,
+    DerivationError,
+    Letter,
+    Vector,
+    cross,
+    dot,
+    equal,
+    errata,
+    explicit,
+    formal_determinant,
+    matrix_from_axis_angle,
+    matrix_from_rodrigues_vector,
+    norm,
+    power_of_two_scale,
+    remainder,
+    rodrigues,
+    select,
+    skew,
+)
+
+x, y, z = sp.symbols("x y z", real=True)
+
+
+class NamedKernel:
+    def __init__(self, name):
+        self.name = name
+
+
+@pytest.fixture
+def derivation():
+    return Derivation("triangle", title="A right triangle", source="Euclid, with a slip")
+
+
+def test_a_true_statement_is_proved_and_keeps_its_formula(derivation):
+    claim = sp.Eq((x + y) ** 2, x**2 + 2 * x * y + y**2)
+    entry = derivation.state("square", claim, place="II.4").prove()
+    assert entry.verdict == "proved"
+    assert entry.claims == (claim,)
+    assert "x + y" in entry.latex()
+
+
+def test_a_false_statement_raises_and_says_what_is_left(derivation):
+    entry = derivation.state("square", sp.Eq((x + y) ** 2, x**2 + y**2))
+    with pytest.raises(DerivationError, match=r"square is not proved: residual 1 leaves 2\*x\*y"):
+        entry.prove()
+    assert entry.verdict == "open"
+
+
+def test_one_false_component_of_a_vector_equation_raises(derivation):
+    a, b = derivation.vector("a", r"\vec a", "", "1"), derivation.vector("b", r"\vec b", "", "1")
+    wrong = explicit(cross(a, b)) + sp.Matrix([0, 0, 1])
+    with pytest.raises(DerivationError, match="residual 3 leaves"):
+        derivation.state("cross", equal(cross(a, b), wrong)).prove()
+
+
+def test_an_open_entry_blocks_kernels(derivation):
+    derivation.state("proved", sp.Eq(x + x, 2 * x, evaluate=False)).prove()
+    entry = derivation.state("open", equal(sp.cos(x) ** 2, 1 - sp.sin(x) ** 2))
+    with pytest.raises(DerivationError, match="entries are open: open"):
+        derivation.kernel(NamedKernel("area"))
+    assert not derivation.kernels
+    entry.prove()
+    derivation.kernel(NamedKernel("area"))
+    assert list(derivation.kernels) == ["area"]
+
+
+def test_a_kernel_is_handed_over_once(derivation):
+    derivation.kernel(NamedKernel("area"))
+    with pytest.raises(DerivationError, match="the kernel area is handed over twice"):
+        derivation.kernel(NamedKernel("area"))
+
+
+def test_names_are_used_once(derivation):
+    derivation.check("it", sp.Eq(x, y))
+    derivation.symbol("h", "h", "height", "m")
+    with pytest.raises(DerivationError, match="the entry it is stated twice"):
+        derivation.state("it", sp.Eq(x, y))
+    with pytest.raises(DerivationError, match="the symbol h is defined twice"):
+        derivation.vector("h", r"\vec h", "height", "m")
+
+
+def test_an_entry_is_decided_once(derivation):
+    entry = derivation.check("it", sp.Eq(x + y, y + x, evaluate=False)).prove()
+    with pytest.raises(DerivationError, match="it is proved already"):
+        entry.prove()
+
+
+def test_a_claim_that_sympy_evaluates_away_is_refused(derivation):
+    with pytest.raises(DerivationError, match=r"keep it as printed with equal\(left, right\)"):
+        derivation.state("trivial", sp.Eq(x, x))
+    with pytest.raises(DerivationError, match="claims nothing"):
+        derivation.state("empty")
+
+
+def test_residuals_of_its_own_need_a_reason(derivation):
+    entry = derivation.state("positive", sp.Ge(x**2 + 2 * x * y + y**2, 0))
+    with pytest.raises(DerivationError, match="no equation"):
+        entry.prove()
+    with pytest.raises(DerivationError, match="need `because`"):
+        entry.prove(sp.S.Zero)
+    assert (
+        entry.prove(x**2 - x * x, because="A square is not negative.").method == "A square is not negative."
+    )
+
+
+def test_a_proof_may_build_on_a_proved_entry_only(derivation):
+    lemma = derivation.check("lemma", sp.Eq(x, y))
+    with pytest.raises(DerivationError, match="it builds on lemma, which is open"):
+        derivation.check("theorem", sp.Eq(x, y)).prove(lemma, because="It is the lemma.")
+
+
+def test_a_definition_is_used_and_may_be_overridden(derivation):
+    h = derivation.symbol("h", "h", "height", "m", value=x + y)
+    derivation.check("defined", equal(h**2, (x + y) ** 2)).prove()
+    derivation.check("given", equal(h, 3 * z)).prove(given={h: 3 * z})
+    with pytest.raises(DerivationError, match="free is not proved"):
+        derivation.check("free", equal(h, x + y)).prove(given={h: h})
+
+
+def test_a_definition_in_a_circle_is_refused(derivation):
+    a = derivation.symbol("a", "a", "", "1", value=sp.Symbol("b", real=True) + 1)
+    derivation.symbol("b", "b", "", "1", value=a + 1)
+    with pytest.raises(DerivationError, match="is defined by itself"):
+        derivation.value(a)
+
+
+SLIP = equal(sp.Symbol("c", real=True), x + y)
+RIGHT = equal(sp.Symbol("c", real=True) ** 2, x**2 + y**2)
+
+
+@pytest.fixture
+def slip(derivation):
+    derivation.symbol("c", "c", "hypotenuse", "m", value=sp.sqrt(x**2 + y**2))
+    return derivation.state("hypotenuse", SLIP, place="I.47", assumptions=[sp.Gt(x, 0), sp.Gt(y, 0)])
+
+
+def test_a_refuted_entry_shows_both_values(slip):
+    slip.refute({x: 3, y: 4}, RIGHT, because="Sides do not add.", label="E1")
+    assert slip.verdict == "refuted"
+    assert slip.refutation.values == ((5, 7),)
+    assert slip.refutation.counterexample == ((x, 3), (y, 4))
+
+
+@pytest.mark.parametrize(
+    ("counterexample", "complaint"),
+    [
+        ({x: 0, y: 4}, "violates the assumption"),
+        ({x: 3.0, y: 4}, "exact numbers"),
+        ({x: 3, y: z}, "exact numbers"),
+        ({x: 3}, "leaves y without a value"),
+    ],
+)
+def test_a_bad_counterexample_raises(slip, counterexample, complaint):
+    with pytest.raises(DerivationError, match=complaint):
+        slip.refute(counterexample, RIGHT, because="Sides do not add.")
+    assert slip.verdict == "open"
+
+
+def test_a_counterexample_that_satisfies_the_claim_raises(derivation):
+    entry = derivation.state("square", sp.Eq(x**2, x))
+    with pytest.raises(DerivationError, match="satisfies the claim"):
+        entry.refute({x: 1}, equal(x**2, x * x), because="")
+
+
+def test_a_true_statement_cannot_be_refuted(derivation):
+    entry = derivation.state("root", equal(sp.sqrt(3 + 2 * sp.sqrt(2)), 1 + sp.sqrt(2)))
+    with pytest.raises(DerivationError, match="satisfies the claim"):
+        entry.refute({}, equal(x, x), because="")
+
+
+def test_a_wrong_correction_raises(slip):
+    with pytest.raises(DerivationError, match="correction that is not proved"):
+        slip.refute({x: 3, y: 4}, sp.Eq(sp.Symbol("c", real=True), x - y), because="Sides do not add.")
+
+
+def test_an_inequality_and_a_logical_claim_are_refuted(derivation):
+    claim = sp.Implies(sp.Gt(x, 0), sp.Gt(x, 1))
+    entry = derivation.state("jump", claim)
+    entry.refute({x: sp.Rational(1, 2)}, equal(x + 0 * y, x), because="Halves are positive.")
+    assert entry.refutation.values == ((claim, sp.false),)
+
+
+def test_errata_list_printed_counterexample_and_correction_in_both_forms(derivation, slip):
+    slip.refute({x: 3, y: 4}, RIGHT, because="Sides do not add.", label="E10")
+    other = derivation.state("sum", equal(x + x, x), place="nowhere")
+    other.refute({x: 1}, equal(x + x, 2 * x), because="It is twice x.", label="E2")
+    text, markdown = errata(derivation), errata(derivation, form="markdown")
+    assert text.index("E2  sum (nowhere)") < text.index("E10 hypotenuse (I.47)")
+    for part in ("c = x + y", "5 is not 7", "Sides do not add.", "c**2 = x**2 + y**2"):
+        assert part in text
+    for part in ("## E10. hypotenuse", "$$ c = x + y $$", r"5 \neq 7", "$$ c^{2} = x^{2} + y^{2} $$"):
+        assert part in markdown
+
+
+def test_report_and_markdown_show_the_verdicts(derivation, slip):
+    derivation.check("later", sp.Eq(x, y))
+    slip.refute({x: 3, y: 4}, RIGHT, because="Sides do not add.", label="E1")
+    report = derivation.report()
+    assert "0 proved, 1 refuted, 1 open" in report
+    page = slip._repr_markdown_()
+    assert "**hypotenuse**, I.47" in page
+    assert "Refuted (E1)" in page
+    assert "s in proofs" not in page
+    assert "| `c` | $c$ | hypotenuse | m |" in derivation._repr_markdown_()
+
+
+# Reduction to zero
+
+
+def test_remainder_of_an_identity_with_nested_roots_and_functions_is_zero():
+    inner = sp.sqrt(x**2 + y**2)
+    outer = sp.sqrt(inner + z)
+    assert remainder(outer**4 - (x**2 + y**2) - 2 * inner * z - z**2) == 0
+    assert remainder(sp.cos(2 * x) + 2 * sp.sin(x) ** 2 - 1) == 0
+    assert remainder(sp.tan(x) * sp.cos(x) - sp.sin(x)) == 0
+    assert remainder(sp.exp(x) * (y + 1) - y * sp.exp(x) - sp.exp(x)) == 0
+
+
+@pytest.mark.parametrize(
+    "expr",
+    [sp.sqrt(x**2 + 1) - x, sp.sqrt(x) * sp.sqrt(y) + 1, sp.sin(x) ** 2 - 1, sp.sin(x) - sp.sin(y), 1 / x],
+)
+def test_remainder_of_what_is_not_zero_is_not_zero(expr):
+    assert remainder(expr) != 0
+
+
+def test_remainder_knows_no_sign_of_a_root():
+    # sqrt(x**2) is -x for half of all x: a proof may not take it for x.
+    assert remainder(sp.sqrt(sp.Symbol("u") ** 2) - sp.Symbol("u")) != 0
+
+
+def test_remainder_uses_side_conditions_in_turn():
+    assert remainder(x**2 * y**2 - 6, {x: x**2 - y, y: y**3 - 6}) == 0
+    assert remainder(x**2 - 2, {x: z * x**2 - 2 * z}) == 0
+
+
+def test_remainder_refuses_floats():
+    with pytest.raises(ValueError, match="exact numbers"):
+        remainder(0.5 * x)
+
+
+# Vectors, rotations, functions
+
+
+def random_vector(generator):
+    return sp.Matrix([sp.Rational(generator.randint(-99, 99), generator.randint(1, 99)) for _ in range(3)])
+
+
+def test_letters_and_components_agree():
+    generator = random.Random(1)
+    a, b = Vector("a"), Vector("b")
+    values = {letter: random_vector(generator) for letter in (a, b)}
+    point = {s: v for letter, value in values.items() for s, v in zip(letter, value, strict=True)}
+    product = values[a].cross(values[b])
+    for formula, expected in [
+        (cross(a, b), product),
+        (formal_determinant(a, b), product),
+        (skew(a) * b, product),
+        (dot(a, b) * a + 2 * b, values[a].dot(values[b]) * values[a] + 2 * values[b]),
+        ((sp.Identity(3) - a * a.T / norm(a) ** 2) * b, b_across(values[a], values[b])),
+    ]:
+        assert sp.Matrix(explicit(formula)).xreplace(point) == expected
+    assert explicit(norm(a)).xreplace(point) ** 2 == values[a].dot(values[a])
+
+
+def b_across(a, b):
+    return b - a * a.dot(b) / a.dot(a)
+
+
+def test_a_letter_has_the_component_names_of_a_kernel_port():
+    assert [str(s) for s in Letter("J", 2, 2)] == ["J_1_1", "J_1_2", "J_2_1", "J_2_2"]
+    assert [str(s) for s in Vector("rho")] == ["rho_1", "rho_2", "rho_3"]
+
+
+def test_rotations_agree_and_are_orthogonal():
+    generator = random.Random(2)
+    rho, axis = random_vector(generator), sp.Matrix([2, -6, 3]) / 7
+    tangent = sp.Rational(5, 12)  # of half the angle: exact cosine and sine
+    cosine, sine = (1 - tangent**2) / (1 + tangent**2), 2 * tangent / (1 + tangent**2)
+    matrix = matrix_from_axis_angle(axis, cosine, sine)
+    assert matrix * matrix.T == sp.eye(3)
+    assert matrix.det() == 1
+    assert matrix * axis == axis
+    assert matrix_from_rodrigues_vector(2 * tangent * axis) == matrix
+    assert rodrigues(rho, 2 * tangent * axis) == matrix * rho
+
+
+def test_select_takes_matrices_entry_by_entry():
+    chosen = select(x < 0, sp.Matrix([x, 1]), sp.Matrix([y, 2]))
+    assert chosen.subs(x, -3) == sp.Matrix([-3, 1])
+    assert chosen.subs(x, 3) == sp.Matrix([y, 2])
+    with pytest.raises(ValueError, match="equal shapes"):
+        select(x < 0, sp.Matrix([x]), sp.Matrix([x, y]))
+
+
+@pytest.mark.parametrize(
+    "number", [sp.Rational(1, 3), sp.Integer(1), sp.Rational(1023, 1024), sp.Integer(10) ** 40]
+)
+def test_power_of_two_scale_brings_a_number_between_one_and_two(number):
+    scale = power_of_two_scale(number)
+    assert 1 <= number * scale < 2
+    assert sp.log(scale, 2).is_integer
+
+
+def test_power_of_two_scale_is_constant_to_a_derivative_and_one_at_zero():
+    u = sp.Symbol("u", positive=True)
+    assert power_of_two_scale(u).diff(u) == 0
+    assert power_of_two_scale(sp.S.Zero) == 1
+    assert power_of_two_scale(u).is_positive
+    assert EPS.is_positive
