@@ -138,10 +138,10 @@ d.check(
 # | the points coincide, or are opposite | $4\varepsilon R$ | each component is rounded by $\varepsilon/2$ |
 # | tangent, from above | $\varepsilon(1+|\chi/2|)$ in $\sin(\frac\chi2-a)$ | closer, rounding merges the two axes |
 # | tangent, from below | 4 times that | rounding of both points and of the angle |
-# | axis parallel to the point | $4\varepsilon$ in $\cos b$ | both axes have the point's direction to rounding |
+# | axis parallel to the point | $4\varepsilon$ in $\sin\gamma$ | both axes have the point's direction to rounding |
 # | lengths agree | $8\varepsilon$ at least | rounding of a point that was rotated in floating point |
 #
-# Here $2a$ is the angle between the points, and $\cos b$ the axis' part across their plane.
+# Here $2a$ is the angle between the points, and $\gamma$ the one between the axis and the point.
 
 # %%
 
@@ -195,7 +195,8 @@ def sum_and_difference(k, u, v):
     length_product = k.let("length_product", sp.sqrt(length_squared * length_prime_squared))
     divisor = k.let("excess_divisor", length_prime_squared + length_product)
     nonzero = k.let("nonzero", divisor > 0)
-    excess = k.let("excess", total.dot(difference) / select(nonzero, divisor, 1))
+    gain = k.let("gain", total.dot(difference))
+    excess = k.let("excess", gain / select(nonzero, divisor, 1))
     return k.let("m", total - excess * v), k.let("r", difference - excess * v)
 
 
@@ -236,11 +237,11 @@ def solve_axis():
     )
     u, v = scaled_points(k, rho, rho_prime)
     m, r = sum_and_difference(k, u, v)
-    S, C, _ = half_turn_parts(k, angle)
+    S, C, turn_scale = half_turn_parts(k, angle)
     m_squared, r_squared, along_m, along_n, root_squared = root_parts(k, S, C, m, r)
     w = k.let("w", m.cross(r))
-    names = ("half_angle", "sine_size", "cosine", "length_squared", "length_product", "excess")
-    half, sine_size, cosine, length_squared, length_product, excess = (sp.Symbol(n, real=True) for n in names)
+    names = ("half_angle", "sine_size", "cosine", "length_squared", "gain", "excess")
+    half, sine_size, cosine, length_squared, gain, excess = (sp.Symbol(n, real=True) for n in names)
     size_before, size_after = (sp.Symbol(f"size_{when}", real=True) for when in ("before", "after"))
     comparable = sp.Symbol("comparable")
 
@@ -275,7 +276,8 @@ def solve_axis():
     every = k.let("every", no_turn & (r_squared <= coincident))
     opposite = k.let("opposite", (abs(cosine) <= EPS * abs(half)) & (m_squared <= coincident))
     too_small = k.let("too_small", no_turn | (root_squared < -4 * band))
-    parallel = k.let("parallel", along_n <= 16 * EPS**2 * along_m)
+    still = 64 * EPS**2 * length_squared * S**2  # of |r|² = 4 R² S² sin²γ, with S scaled
+    parallel = k.let("parallel", r_squared * turn_scale**2 <= still)
     least = k.let("least_tolerance", select(tolerance > 8 * EPS, tolerance, 8 * EPS))
     agree = k.let("lengths_agree", comparable & (abs(excess) <= least * (1 - excess)))
     status = sp.Piecewise(
@@ -293,21 +295,26 @@ def solve_axis():
     )
     k.status("status", status, AxisStatus, doc="what the axes are")
 
-    # Where nothing is near a case distinction or the ends of the number range, half of the work falls away.
+    # Where nothing is near a case distinction or the ends of the number range, and the lengths agree to rounding,
+    # most of the work falls away. An excess of rounding size is left out: it moves an axis by less than the
+    # condition number times the rounding unit, and by the last guard changes its length by less than that unit.
     k.usual(
-        (length_product > EPS**2)
-        & (length_product < EPS**-2)
-        & (abs(excess) < sp.Rational(1, 2))
+        (length_squared > EPS**2)
+        & (length_squared < EPS**-2)
+        & (abs(gain) < 8 * EPS * length_squared)
         & (abs(half) < 2**8)
         & (sine_size > 2**8 * EPS)
         & (root_squared > 2**12 * EPS * S * length_squared)
-        & (root_squared < along_m),
+        & (r_squared > 2**8 * EPS**2 * length_squared)
+        & (S * m_squared > 16 * sp.sqrt(EPS) * length_squared),
         scale_before=1,
         scale=1,
         turn_scale=1,
         valid=True,
         nonzero=True,
         comparable=True,
+        excess=0,
+        lengths_agree=True,
         both_zero=False,
         one_zero=False,
         every=False,
@@ -325,28 +332,35 @@ solver = solve_axis()
 # What the kernel computes is the formula, and what it brings to equal lengths are the points.
 
 # %%
-usual = solver.usual_case()
-kept = usual.expand("axes", keep=("m", "r", "w", "sine_size", "C"))
-names = {sp.Symbol(f"w_{n}", real=True): value for n, value in enumerate(explicit(w), start=1)}
-names |= {sp.Symbol("sine_size", real=True): S, sp.Symbol("C", real=True): C}
-names |= {
-    sp.Symbol(f"{v}_{n}", real=True): s for v, vector in (("m", m), ("r", r)) for n, s in enumerate(vector, 1)
-}
+def renamed(value, **vectors):
+    """Put the derivation's symbols in place of a kernel's."""
+    names = {sp.Symbol("S", real=True): S, sp.Symbol("sine_size", real=True): S, sp.Symbol("C", real=True): C}
+    for name, vector in vectors.items():
+        names |= {sp.Symbol(f"{name}_{n}", real=True): part for n, part in enumerate(explicit(vector), 1)}
+    return value.subs(names)
+
+
+kept = solver.expand("axes", keep=("m", "r", "w", "S", "C", "two", "valid"))
+kept = renamed(kept.subs({sp.Symbol("two"): True, sp.Symbol("valid"): True}), m=m, r=r, w=w)
 d.check(
     "kernel-axes",
-    equal(sp.ImmutableMatrix(kept.row(0).T.subs(names)), plus),
-    equal(sp.ImmutableMatrix(kept.row(1).T.subs(names)), minus),
+    equal(sp.ImmutableMatrix(kept.row(0).T), plus),
+    equal(sp.ImmutableMatrix(kept.row(1).T), minus),
     text="The kernel's two rows are e₊ and e₋.",
 ).prove()
-excess = sp.Symbol("excess", real=True)
+short = solver.usual_case().expand("axes", keep=("sine_size", "C", "total", "difference"))
+short = renamed(short, total=m, difference=r)
+d.check(
+    "kernel-usual",
+    equal(sp.ImmutableMatrix(short.row(0).T), plus),
+    equal(sp.ImmutableMatrix(short.row(1).T), minus),
+    text="So are those of its shorter form for the usual case, with the sum and the difference as they are.",
+).prove()
 for name, sign in (("m", 1), ("r", -1)):
-    value = usual.expand(name, keep=("excess",)).subs(excess, 1 - R / P)
-    value = value.subs(
-        {sp.Symbol(f"{v.name}_{n}", real=True): s for v in (rho, rho_prime) for n, s in enumerate(v, 1)}
-    )
+    value = solver.expand(name, keep=("excess", "u", "v")).subs(sp.Symbol("excess", real=True), 1 - R / P)
     d.check(
         f"kernel-{name}",
-        equal(sp.ImmutableMatrix(value), R / P * rho_prime + sign * rho),
+        equal(sp.ImmutableMatrix(renamed(value, u=rho, v=rho_prime)), R / P * rho_prime + sign * rho),
         text=f"The kernel's {name} is that of the points brought to equal length.",
     ).prove()
 

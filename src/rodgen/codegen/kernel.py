@@ -74,6 +74,8 @@ class Port:
         Its components in row-major order: ``name`` itself, or ``name_1``, ``name_1_2``, ....
     enum : type of IntEnum or None
         The codes of a status; None for real numbers.
+    between : tuple of two sympy numbers, or None
+        From where tests sample each component of an input; None where nobody said.
     """
 
     name: str
@@ -82,6 +84,7 @@ class Port:
     doc: str
     symbols: tuple[sp.Symbol, ...] = field(repr=False)
     enum: type[IntEnum] | None = None
+    between: tuple[sp.Expr, sp.Expr] | None = None
 
     @property
     def size(self) -> int:
@@ -128,6 +131,46 @@ class UsualCase:
 
 
 @dataclass(frozen=True)
+class Equations:
+    """The implicit equations that outputs of a kernel solve; see :meth:`KernelBuilder.solves`.
+
+    Attributes
+    ----------
+    program : Kernel
+        Outputs ``residual`` and ``size``, one component an equation: left minus right side, and the sum of the
+        magnitudes of its terms. Its inputs are those of the kernel, then the unknowns.
+    unknowns : tuple of str
+        Names of the outputs that are the unknowns.
+    solutions : int or None
+        How many solutions the first axis of each unknown holds; None for one without such an axis.
+    where, nowhere : tuple of IntEnum
+        Statuses with which the outputs are solutions, and with which there is none; empty for always, and never.
+    complete : bool
+        Whether the outputs are all solutions there are.
+    tolerance : float
+        Largest residual of a solution, relative to its size.
+    """
+
+    program: Kernel = field(repr=False)
+    unknowns: tuple[str, ...]
+    solutions: int | None
+    where: tuple[IntEnum, ...]
+    nowhere: tuple[IntEnum, ...]
+    complete: bool
+    tolerance: float
+
+
+@dataclass(frozen=True)
+class Derivative:
+    """Which outputs of which kernel another kernel differentiates, and with respect to which inputs."""
+
+    of: str
+    outputs: tuple[str, ...]
+    wrt: tuple[str, ...]
+    where: tuple[IntEnum, ...] = ()
+
+
+@dataclass(frozen=True)
 class Kernel:
     """A straight-line program: inputs, assignments, outputs.
 
@@ -147,6 +190,10 @@ class Kernel:
         Further paragraphs of the docstring.
     usual : UsualCase or None
         Where the program can be shortened; a target may use it for speed.
+    equations : Equations or None
+        What the outputs solve; a test is made of it.
+    derivative : Derivative or None
+        What the outputs are the derivatives of; a test is made of it.
     """
 
     name: str
@@ -157,6 +204,8 @@ class Kernel:
     assignments: tuple[Assignment, ...] = field(repr=False)
     notes: str = field(default="", repr=False)
     usual: UsualCase | None = field(default=None, repr=False)
+    equations: Equations | None = field(default=None, repr=False)
+    derivative: Derivative | None = field(default=None, repr=False)
 
     def port(self, name: str) -> Port:
         """Return the input or output called `name`; KeyError where there is none."""
@@ -192,23 +241,25 @@ class Kernel:
             Named steps that stay symbols; ``"w"`` keeps ``w_1``, ``w_2``, ``w_3``, too.
         """
         keep = set(keep)
-        environment: dict[sp.Symbol, sp.Basic] = {}
-        values: dict[str, sp.Basic] = {}
-        for assignment in self.assignments:
-            name = assignment.symbol.name
-            values[name] = assignment.value.xreplace(environment)
-            if name not in keep and name.rstrip("0123456789_") not in keep:
-                environment[assignment.symbol] = values[name]
-        if output in values:
-            return values[output]
-        names = [p for p in self.outputs if p.name == output]
-        if names:
-            found = [values[s.name] for s in names[0].symbols]
-            return sp.Matrix(*_matrix_shape(names[0].shape), found)
-        found = [values[n] for n in values if re.fullmatch(rf"{re.escape(output)}(_\d+)+", n)]
-        if not found:
+        ports = [port for port in self.outputs if port.name == output]
+        wanted = [a.symbol for a in self.assignments if re.fullmatch(rf"{re.escape(output)}(_\d+)*", a.symbol.name)]
+        if ports:
+            wanted = list(ports[0].symbols)
+        if not wanted:
             raise KeyError(f"kernel {self.name} has no output or step {output}")
-        return sp.Matrix(found)
+
+        def is_kept(symbol: sp.Symbol) -> bool:
+            kept = symbol.name in keep or symbol.name.rstrip("0123456789_") in keep
+            return kept and symbol not in wanted
+
+        open_steps = [a for a in self.assignments if not is_kept(a.symbol)]
+        environment: dict[sp.Symbol, sp.Basic] = {}
+        for assignment in _live(open_steps, wanted):
+            environment[assignment.symbol] = assignment.value.xreplace(environment)
+        values = [environment[symbol] for symbol in wanted]
+        if len(values) == 1 and (not ports or ports[0].shape == ()):
+            return values[0]
+        return sp.Matrix(*(_matrix_shape(ports[0].shape) if ports else (len(values), 1)), values)
 
     def jacobian(
         self,
@@ -240,7 +291,11 @@ class Kernel:
         """
         from rodgen.codegen.differentiate import jacobian
 
-        return jacobian(self, wrt, outputs, name=name, summary=summary, values=values)
+        made = jacobian(self, wrt, outputs, name=name, summary=summary, values=values)
+        inputs = [p.name for p in self.inputs] if wrt is None else wrt
+        real = [p.name for p in self.outputs if not p.is_status] if outputs is None else outputs
+        where = self.equations.where if self.equations else ()
+        return replace(made, derivative=Derivative(self.name, tuple(real), tuple(inputs), where))
 
     def evaluate(
         self, values: Mapping[str, Any], *, digits: int = 50, eps: Any = None, largest: Any = None
@@ -348,17 +403,41 @@ class KernelBuilder:
         self._names: set[str] = {EPS.name, LARGEST.name}
         self._known: set[sp.Symbol] = {EPS, LARGEST}
         self._usual: UsualCase | None = None
+        self._solves: tuple[tuple[sp.Basic, ...], dict[str, Any]] | None = None
 
-    def input(self, name: str, shape: int | tuple[int, ...] = (), *, unit: str, doc: str) -> Any:
+    def input(
+        self,
+        name: str,
+        shape: int | tuple[int, ...] = (),
+        *,
+        unit: str,
+        doc: str,
+        between: tuple[Any, Any] | None = None,
+    ) -> Any:
         """Declare an input and return its symbols.
 
-        Returns a Symbol for ``shape=()``, a column Matrix for an integer or a 1-tuple, a Matrix for a
-        2-tuple, an ImmutableDenseNDimArray beyond.
+        Parameters
+        ----------
+        name : str
+            An identifier.
+        shape : int or tuple of int
+            ``()`` for a number.
+        unit, doc : str
+            What it is measured in, and what it is.
+        between : tuple of two numbers, optional
+            From where tests sample each component. A kernel that has it for every input is emitted with a test.
+
+        Returns
+        -------
+        Symbol, Matrix or ImmutableDenseNDimArray
+            A Symbol for ``shape=()``, a column Matrix for an integer or a 1-tuple, a Matrix for a 2-tuple, an
+            array beyond.
         """
         shape = (shape,) if isinstance(shape, int) else tuple(shape)
         symbols = port_symbols(name, shape)
+        domain = None if between is None else _domain(name, between)
         self._claim(name, symbols)
-        self._inputs.append(Port(name, shape, unit, doc, symbols))
+        self._inputs.append(Port(name, shape, unit, doc, symbols, between=domain))
         self._known.update(symbols)
         return _packed(symbols, shape)
 
@@ -408,6 +487,47 @@ class KernelBuilder:
             )
         self._usual = UsualCase(guard, {name: sp.sympify(value) for name, value in values.items()})
 
+    def solves(
+        self,
+        *equations: sp.Basic,
+        where: Sequence[IntEnum] = (),
+        nowhere: Sequence[IntEnum] = (),
+        complete: bool = True,
+        tolerance: float = 2.0**-40,
+    ) -> None:
+        """Say which implicit equations the outputs solve: the emitted test solves them numerically and compares.
+
+        Parameters
+        ----------
+        *equations : equation or expression
+            In the names of inputs and outputs; an expression stands for its zero. Where an output ``x`` of shape
+            (n,) holds n solutions, they are written with ``x`` itself, where (n, 3) does, with ``x_1`` to ``x_3``:
+            every output in the equations then has the solutions along its first axis.
+        where : sequence of IntEnum, optional
+            Statuses with which the outputs are solutions; every one when left out.
+        nowhere : sequence of IntEnum, optional
+            Statuses with which there is no solution.
+        complete : bool
+            Whether the outputs are all the solutions there are.
+        tolerance : float
+            Largest residual, relative to the magnitudes of an equation's terms. The default is 4096 roundings of
+            float64: room for the rounding of a few hundred operations, none for a wrong formula.
+
+        Examples
+        --------
+        >>> import sympy as sp
+        >>> k = KernelBuilder("square_roots", summary="Both square roots.", source="definition")
+        >>> square = k.input("square", unit="1", doc="a positive number", between=(1, 9))
+        >>> k.output("root", sp.Matrix([sp.sqrt(square), -sp.sqrt(square)]), unit="1", doc="the roots")
+        >>> k.solves(sp.Eq(sp.Symbol("root") ** 2, square))
+        >>> k.build().equations.solutions
+        2
+        """
+        if self._solves is not None:
+            raise KernelError(f"kernel {self._name}: solves() is called twice; give all equations at once")
+        options = {"where": tuple(where), "nowhere": tuple(nowhere), "complete": complete, "tolerance": tolerance}
+        self._solves = equations, options
+
     def build(self) -> Kernel:
         """Eliminate common subexpressions and return the kernel."""
         if not self._outputs:
@@ -415,7 +535,12 @@ class KernelBuilder:
         kernel = finish(
             self._name, self._summary, self._source, self._inputs, self._outputs, self._steps, self._notes
         )
-        return replace(kernel, usual=self._usual)
+        solved = None
+        if self._solves is not None:
+            from rodgen.codegen._equations import equations_of
+
+            solved = equations_of(kernel, self._solves[0], **self._solves[1])
+        return replace(kernel, usual=self._usual, equations=solved)
 
     def _output(self, name: str, value: Any, unit: str, doc: str, enum: type[IntEnum] | None) -> None:
         shape = _shape(value)
@@ -435,9 +560,10 @@ class KernelBuilder:
     def _step(self, symbol: sp.Symbol, value: sp.Basic) -> None:
         unknown = sorted(s.name for s in value.free_symbols - self._known)
         if unknown:
+            alike = {s.name for s in self._known} & set(unknown)
             raise KernelError(
-                f"kernel {self._name}: {symbol.name} uses {', '.join(unknown)}; "
-                "expected inputs and earlier steps only"
+                f"kernel {self._name}: {symbol.name} uses {', '.join(unknown)}; expected inputs and earlier steps "
+                "only" + (f"; {min(alike)} here is another symbol than input() returned" if alike else "")
             )
         self._steps.append(Assignment(symbol, value))
         self._known.add(symbol)
@@ -476,6 +602,13 @@ def _live(steps: Sequence[Assignment], wanted: Iterable[sp.Symbol]) -> Iterator[
             needed |= step.value.free_symbols
             kept.append(step)
     return reversed(kept)
+
+
+def _domain(name: str, between: tuple[Any, Any]) -> tuple[sp.Expr, sp.Expr]:
+    low, high = (sp.sympify(x) for x in between)
+    if not (low.is_real and high.is_real and low.is_finite and high.is_finite and low < high):
+        raise KernelError(f"{name} is between {low} and {high}; expected two rising numbers")
+    return low, high
 
 
 def _identifier(name: str) -> str:
