@@ -80,7 +80,7 @@ class KernelPrinter(CodePrinter):  # type: ignore[misc]
     def _print_Pow(self, expr: sp.Pow) -> str:
         base, exponent = expr.args
         if exponent.is_negative:
-            below = self.parenthesize(sp.Pow(base, -exponent, evaluate=False), PRECEDENCE["Pow"])
+            below = self.parenthesize(sp.Pow(base, -exponent), PRECEDENCE["Pow"])
             return f"{self.number(1)}/{below}"
         if exponent == 1:
             return str(self._print(base))
