@@ -954,12 +954,12 @@ def test_a_hundred_thousand_pairs_in_well_under_a_second(loss: str) -> None:
     y[::5] += 1
     taken = []
     for _ in range(3):
-        start = time.perf_counter()
+        start = time.process_time()
         fit = fit_axis(x, y, a, loss=loss)
-        taken.append(time.perf_counter() - start)
+        taken.append(time.process_time() - start)
     assert fit.status is AxisFitStatus.DETERMINED
-    # Measured 0.16 s and 0.6 s on a busy 2-core machine.
-    assert min(taken) < 1.5
+    # Processor time; measured 0.10 s and 0.31 s with compiled kernels, 0.24 s and 0.73 s with NumPy ones.
+    assert min(taken) < 1.0
 
 
 # A real positioner --------------------------------------------------------------------------------
