@@ -242,7 +242,9 @@ class Kernel:
         """
         keep = set(keep)
         ports = [port for port in self.outputs if port.name == output]
-        wanted = [a.symbol for a in self.assignments if re.fullmatch(rf"{re.escape(output)}(_\d+)*", a.symbol.name)]
+        wanted = [
+            a.symbol for a in self.assignments if re.fullmatch(rf"{re.escape(output)}(_\d+)*", a.symbol.name)
+        ]
         if ports:
             wanted = list(ports[0].symbols)
         if not wanted:
@@ -525,7 +527,12 @@ class KernelBuilder:
         """
         if self._solves is not None:
             raise KernelError(f"kernel {self._name}: solves() is called twice; give all equations at once")
-        options = {"where": tuple(where), "nowhere": tuple(nowhere), "complete": complete, "tolerance": tolerance}
+        options = {
+            "where": tuple(where),
+            "nowhere": tuple(nowhere),
+            "complete": complete,
+            "tolerance": tolerance,
+        }
         self._solves = equations, options
 
     def build(self) -> Kernel:

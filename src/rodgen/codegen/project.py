@@ -18,6 +18,7 @@ from typing import Any
 
 import jinja2
 
+from rodgen.codegen._tests import described
 from rodgen.codegen.kernel import Assignment, Kernel, Port
 from rodgen.codegen.printers import CPrinter, KernelPrinter, NumPyPrinter, VectorCPrinter
 from rodgen.symbolic import Derivation
@@ -41,6 +42,21 @@ _ENVIRONMENT = jinja2.Environment(
     autoescape=False,  # the targets are source code, not HTML
 )
 _ENVIRONMENT.filters["product"] = math.prod
+
+
+def _in_docstring(text: str) -> str:
+    """Keep a user's words from ending the docstring that they stand in."""
+    text = text.replace("\\", r"\\").replace('"""', r"\"\"\"")
+    return text[:-1] + r"\"" if text.endswith('"') and not text.endswith(r"\"") else text
+
+
+def _in_comment(text: str) -> str:
+    """Keep a user's words from ending, or nesting, the C comment that they stand in."""
+    return text.replace("*/", "* /").replace("/*", "/ *")
+
+
+_ENVIRONMENT.filters["in_docstring"] = _in_docstring
+_ENVIRONMENT.filters["in_comment"] = _in_comment
 
 
 @dataclass(frozen=True)
@@ -84,11 +100,15 @@ class KernelModule:
 
 def render(module: KernelModule) -> dict[str, str]:
     """Return the text of every file of a module, by path relative to the output folder."""
-    return {
+    files = {
         f"numpy/{module.name}.py": _render("numpy.py.j2", module, _numpy_kernels(module)),
         f"c/{module.name}.h": _render("c.h.j2", module, _c_kernels(module)),
         f"c/{module.name}.c": _render("c.c.j2", module, _c_kernels(module)),
     }
+    tested = described(module.kernels)
+    if tested:
+        files[f"tests/test_{module.name}.py"] = _test(module, tested)
+    return files
 
 
 def render_extension(modules: Sequence[KernelModule]) -> dict[str, str]:
@@ -265,6 +285,23 @@ def _assignment_lines(kernel: Kernel, printer: KernelPrinter, form: str) -> list
     return [form.format(name=a.symbol.name, value=printer.line(a.value)) for a in kernel.assignments]
 
 
+# tests ---------------------------------------------------------------------------------------------------
+
+
+def _test(module: KernelModule, kernels: list[dict[str, Any]]) -> str:
+    equations = [{**k["equations"], "kernel": k["name"]} for k in kernels if k["equations"]]
+    return _ENVIRONMENT.get_template("test.py.j2").render(
+        module=module,
+        kernels=kernels,
+        equations=equations,
+        complete=any(e["complete"] for e in equations),
+        nowhere=any(e["nowhere"] for e in equations),
+        derivatives=[{**k["derivative"], "kernel": k["name"]} for k in kernels if k["derivative"]],
+        do_not_edit=DO_NOT_EDIT,
+        template="test.py.j2",
+    )
+
+
 # C -------------------------------------------------------------------------------------------------------
 
 
@@ -277,7 +314,7 @@ def _c_kernel(kernel: Kernel) -> dict[str, Any]:
     comment += [_one_line(_port_line(p, "")) for p in (*kernel.inputs, *kernel.outputs)]
     result: dict[str, Any] = {
         "name": kernel.name,
-        "comment": "\n * ".join(line.replace("*/", "* /") for line in comment),
+        "comment": "\n * ".join(comment),
         "operations": _operations(kernel),
         "batch_call": ", ".join(
             [_element(p, output=False) for p in kernel.inputs]
@@ -286,6 +323,8 @@ def _c_kernel(kernel: Kernel) -> dict[str, Any]:
     }
     for key in ("prototype", "batch_prototype", "loads", "body", "stores"):
         result[key] = {}
+    used = _read_symbols(kernel)
+    unused = [f"(void){p.name};" for p in kernel.inputs if not used & set(p.symbols)]  # no warning for those
     for bits, real in REALS.items():
         result["prototype"][bits] = ", ".join(
             [_parameter(p, real, output=False) for p in kernel.inputs]
@@ -301,7 +340,8 @@ def _c_kernel(kernel: Kernel) -> dict[str, Any]:
             for p in kernel.inputs
             if p.shape != ()
             for i, s in enumerate(p.symbols)
-        ]
+            if s in used
+        ] + unused
         body, stores = _c_lines(kernel, CPrinter(real), real)
         result["body"][bits] = body
         result["stores"][bits] = stores

@@ -1,0 +1,72 @@
+"""What the emitted test of a module needs to know: samples, equations, derivatives."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rodgen.codegen._equations import periods
+from rodgen.codegen.kernel import Kernel
+from rodgen.codegen.printers import NumPyPrinter
+
+__all__ = ["described"]
+
+
+def described(kernels: tuple[Kernel, ...]) -> list[dict[str, Any]]:
+    """Describe the kernels whose inputs all have a domain, as the template test.py.j2 writes them."""
+    sampled = [kernel for kernel in kernels if all(port.between is not None for port in kernel.inputs)]
+    return [
+        {
+            "name": kernel.name,
+            "inputs": [(p.name, p.shape, *map(float, p.between or ())) for p in kernel.inputs],
+            "outputs": [(p.name, p.shape, p.is_status, periods(kernel).get(p.name)) for p in kernel.outputs],
+            "equations": _equations(kernel),
+            "derivative": _derivative(kernel, {k.name: k for k in sampled}),
+        }
+        for kernel in sampled
+    ]
+
+
+def _equations(kernel: Kernel) -> dict[str, Any] | None:
+    if kernel.equations is None:
+        return None
+    given, printer = kernel.equations, NumPyPrinter()
+    program = given.program
+    unknowns = program.inputs[len(kernel.inputs) :]
+    ports = {p.name: p for p in program.outputs}
+    return {
+        "program": program.name,
+        "components": ", ".join(s.name for p in program.inputs for s in p.symbols),
+        "lines": [f"{a.symbol.name} = {printer.line(a.value)}" for a in program.assignments],
+        "residual": ", ".join(s.name for s in ports["residual"].symbols),
+        "size": ", ".join(s.name for s in ports["size"].symbols),
+        "count": ports["residual"].size,
+        "unknowns": [(p.name, p.size, periods(kernel).get(p.name)) for p in unknowns],
+        "solutions": given.solutions,
+        "where": _codes(given.where),
+        "nowhere": _codes(given.nowhere),
+        "complete": given.complete,
+        "tolerance": float(given.tolerance),
+    }
+
+
+def _derivative(kernel: Kernel, others: dict[str, Kernel]) -> dict[str, Any] | None:
+    """Say where the differentiated outputs are found; None where no emitted kernel has them."""
+    given = kernel.derivative
+    if given is None:
+        return None
+    if set(given.outputs) <= {p.name for p in kernel.outputs}:
+        of = kernel
+    elif given.of in others:
+        of = others[given.of]
+    else:
+        return None
+    return {
+        "of": of.name,
+        "outputs": [(name, periods(of).get(name)) for name in given.outputs],
+        "wrt": list(given.wrt),
+        "where": _codes(given.where),
+    }
+
+
+def _codes(statuses: tuple[Any, ...]) -> list[int]:
+    return [int(status) for status in statuses]
