@@ -62,7 +62,9 @@ d = derivation
 # ## Symbols
 #
 # A quantity with a definition is replaced by it in every proof. What remains free are the Rodrigues vector
-# $\vec\theta$ and the points $\vec\rho$ and $\vec\rho\,'$.
+# $\vec\theta$ and the points $\vec\rho$ and $\vec\rho\,'$. (The paper also names the coordinates of $\vec\rho$
+# $x_A, y_A, z_A$ and does not use these names. Its equations on the machine as a whole, in its section 2, are not
+# treated here.) The whole table stands before the kernels.
 
 # %%
 half = d.symbol("half_angle", r"\tfrac{\chi}{2}", "half the angle of rotation", "rad")
@@ -257,8 +259,7 @@ d.state("eq-5", equal(cos_gamma, sp.sqrt(cos_squared)), text="The cosine of γ."
     proof=[equal(cos_gamma**2, cos_squared)],
     label="M5",
     because="The sign is missing: minus where γ is obtuse. Which it is the data do not say, so both signs "
-    "give "
-    "a solution.",
+    "give a solution.",
 )
 
 # %% [markdown]
@@ -660,8 +661,7 @@ d.state(
     proof=[square, root],
     label="M6",
     because="The root has the sign of w₃ = ρ₁r₂ − ρ₂r₁, whether γ is acute or not; here γ is acute, w₃ < 0 "
-    "and "
-    "the printed root is wrong.",
+    "and the printed root is wrong.",
 )
 
 # %% [markdown]
@@ -1069,8 +1069,7 @@ d.state(
     modulo=equal_lengths,
     label="M8",
     because="c is real only if |θ| ≥ 2|r|/|m|, that is if |χ|, folded to at most π, is no less than the "
-    "angle "
-    "between ρ and ρ′.",
+    "angle between ρ and ρ′.",
 )
 
 # %% [markdown]
@@ -1114,8 +1113,7 @@ d.state(
     given=by_formula,
     label="M8",
     because="The denominators vanish where ρ₁r₂ = ρ₂r₁, for any good data in the plane of Oz. Divide by "
-    "another "
-    "component of w.",
+    "another component of w.",
 )
 
 # %% [markdown]
@@ -1209,10 +1207,9 @@ d.check(
 #    \sin b = \frac{\sqrt{(\sin\frac\chi2|\vec m| - \cos\frac\chi2|\vec r|)
 #    (\sin\frac\chi2|\vec m| + \cos\frac\chi2|\vec r|)}}{\sin\frac\chi2\,|\vec m|}. $$
 #
-# (For $\sin\frac\chi2\cos\frac\chi2 < 0$ this $\vec n$ is taken with the other sign.) The factors under the
-# root are
-# $2|\vec\rho|\sin(\frac\chi2 \mp a)$, where $2a$ is the angle between $\vec\rho$ and $\vec\rho\,'$: the two
-# axes exist if $\frac\chi2 > a$ and meet in $\vec n$ at $\frac\chi2 = a$.
+# (Where $\sin\frac\chi2\cos\frac\chi2 < 0$, $b$ is obtuse.) The factors under the root are
+# $2|\vec\rho|\sin(\frac\chi2 \mp a)$, where $2a$ is the angle between $\vec\rho$ and $\vec\rho\,'$: for
+# $0 < \chi \le \pi$ the two axes exist if $\frac\chi2 > a$, and they meet in $\vec n$ at $\frac\chi2 = a$.
 
 # %%
 sine, cosine = sp.sin(half), sp.cos(half)
@@ -1552,9 +1549,9 @@ d.state(
     [equal(kappa * r, cross(both_axes, m)), equal(norm(both_axes), 1)],
     proof=[d.entries["solution"]],
     label="M10",
-    because="The solution in components is a fraction of a page, and SymPy finds it (entry groebner) once it "
-    "is "
-    "told that |ρ′| = |ρ|.",
+    because=f"The solution has {lengths['e± in vectors']} characters in vectors and "
+    f"{lengths['e± in components of m and r']} in components, and SymPy finds it at once (entry groebner) "
+    "once it is told that |ρ′| = |ρ|.",
 )
 
 
@@ -1640,7 +1637,14 @@ if in_notebook():
     for point, name in ((before, r"$\rho$"), (after, r"$\rho'$")):
         sphere.scatter(*point, color="black", s=20)
         sphere.text(*(1.1 * point), name)
-    sphere.set_aspect("equal")
+    east, north, up = (
+        0.5 * normal + 0.5 * middle - 0.7 * np.cross(normal, middle)
+    )  # where the picture is seen from
+    sphere.view_init(
+        elev=np.degrees(np.arctan2(up, np.hypot(east, north))), azim=np.degrees(np.arctan2(north, east))
+    )
+    sphere.set_box_aspect((1, 1, 1), zoom=1.3)
+    sphere.set(xlim=(-1, 1), ylim=(-1, 1), zlim=(-1, 1))
     sphere.set_axis_off()
     plt.show()
 
@@ -1666,13 +1670,16 @@ if in_notebook():
 
     angles, pivots = np.meshgrid(np.logspace(-9, 0.49, 40), np.logspace(-12, -0.05, 40))
     a_half = np.arctan(0.7 * np.tan(angles / 2))  # tan a = 0.7 tan(χ/2): two well separated solutions
-    # w points to (√(1 − q²), 0, q) with the pivot q, m along Oy; then all is turned about Oz by half a radian.
-    along_m = np.stack([0 * pivots, 1 + 0 * pivots, 0 * pivots])
-    along_r = np.stack([-pivots, 0 * pivots, np.sqrt(1 - pivots**2)])
+    # w points to (√(1 − q²), 0, q), turned about Oz; q is the pivot. m and r are turned about w.
+    level = np.stack([0 * pivots, 1 + 0 * pivots, 0 * pivots])
+    steep = np.stack([-pivots, 0 * pivots, np.sqrt(1 - pivots**2)])
+    along_m, along_r = np.cos(0.7) * level + np.sin(0.7) * steep, np.cos(0.7) * steep - np.sin(0.7) * level
     about_z = np.array([[np.cos(0.5), -np.sin(0.5), 0], [np.sin(0.5), np.cos(0.5), 0], [0, 0, 1]])
-    point = np.einsum("ij,j...->i...", about_z, np.cos(a_half) * along_m - np.sin(a_half) * along_r)
-    point_after = np.einsum("ij,j...->i...", about_z, np.cos(a_half) * along_m + np.sin(a_half) * along_r)
-    arguments = [*point, *point_after, 2 * np.tan(angles / 2)]
+    before, after = (
+        np.einsum("ij,j...->i...", about_z, np.cos(a_half) * along_m + sign * np.sin(a_half) * along_r)
+        for sign in (-1, 1)
+    )
+    arguments = [*before, *after, 2 * np.tan(angles / 2)]
 
     with mpmath.workdps(50):
         columns = zip(*(argument.ravel().tolist() for argument in arguments), strict=True)
@@ -1698,6 +1705,12 @@ if in_notebook():
     panels[0].set_ylabel("pivot w₃ / |w|")
     figure.colorbar(shades, ax=panels, label="largest error of a component of e")
     plt.show()
+
+# %% [markdown]
+# ## All symbols
+
+# %%
+d
 
 # %% [markdown]
 # ## The kernels

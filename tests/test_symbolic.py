@@ -17,6 +17,7 @@ from rodgen.symbolic import (
     errata,
     explicit,
     formal_determinant,
+    in_notebook,
     matrix_from_axis_angle,
     matrix_from_rodrigues_vector,
     norm,
@@ -317,3 +318,7 @@ def test_power_of_two_scale_is_constant_to_a_derivative_and_one_at_zero():
     assert power_of_two_scale(sp.S.Zero) == 1
     assert power_of_two_scale(u).is_positive
     assert EPS.is_positive
+
+
+def test_tests_run_in_no_notebook():
+    assert not in_notebook()
