@@ -13,7 +13,7 @@ __all__ = ["described"]
 
 def described(kernels: tuple[Kernel, ...]) -> list[dict[str, Any]]:
     """Describe the kernels whose inputs all have a domain, as the template test.py.j2 writes them."""
-    sampled = [kernel for kernel in kernels if all(port.between is not None for port in kernel.inputs)]
+    sampled = [k for k in kernels if k.inputs and all(port.between is not None for port in k.inputs)]
     return [
         {
             "name": kernel.name,

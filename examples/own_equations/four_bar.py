@@ -1,0 +1,334 @@
+# ---
+# jupyter:
+#   jupytext:
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+#   kernelspec:
+#     display_name: Python 3
+#     language: python
+#     name: python3
+# ---
+
+# %% [markdown]
+# # The planar four-bar linkage: from Freudenstein's equation to kernels
+#
+# Four links in a plane are joined by four pins. The ground link $d$ stands still; the crank $a$ turns about one of
+# its ends by the angle $\theta$, the rocker $c$ about the other by $\psi$, and the coupler $b$ joins them under the
+# angle $\varphi$. All angles are counted from the direction of the ground link. The linkage closes when
+#
+# $$a\cos\theta+b\cos\varphi=d+c\cos\psi,\qquad a\sin\theta+b\sin\varphi=c\sin\psi.$$
+#
+# Wanted are both positions of the rocker and the coupler for a given crank angle, whether the linkage closes at all,
+# and by how much each angle moves when a link is longer than it should be.
+
+# %%
+from enum import IntEnum
+
+import sympy as sp
+
+from rodgen.codegen import KernelBuilder
+from rodgen.symbolic import EPS, LARGEST, Derivation, equal, in_notebook, select
+
+derivation = Derivation(
+    "four_bar",
+    title="The planar four-bar linkage",
+    source='F. Freudenstein, "Approximate Synthesis of Four-Bar Linkages", Transactions of the ASME 77 (1955)',
+)
+d = derivation
+
+# %% [markdown]
+# ## Symbols
+#
+# Each has a name for the code and one for the page. A symbol with a value is a definition: proofs put it in.
+
+# %%
+crank = d.symbol("crank", "a", "length of the crank", "mm")
+coupler = d.symbol("coupler", "b", "length of the coupler", "mm")
+rocker = d.symbol("rocker", "c", "length of the rocker", "mm")
+ground = d.symbol("ground", "d", "length of the ground link", "mm")
+crank_angle = d.symbol("crank_angle", r"\theta", "angle of the crank", "rad")
+rocker_angle = d.symbol("rocker_angle", r"\psi", "angle of the rocker", "rad")
+coupler_angle = d.symbol("coupler_angle", r"\varphi", "angle of the coupler", "rad")
+K1 = d.symbol("K1", "K_1", "ratio of lengths", "1", value=ground / crank)
+K2 = d.symbol("K2", "K_2", "ratio of lengths", "1", value=ground / rocker)
+K3 = d.symbol(
+    "K3",
+    "K_3",
+    "ratio of lengths",
+    "1",
+    value=(crank**2 - coupler**2 + rocker**2 + ground**2) / (2 * crank * rocker),
+)
+d
+
+# %% [markdown]
+# ## The printed equation
+#
+# The coupler's angle drops out when both closure equations are solved for it, squared and added: the coupler has the
+# length $b$. Under that condition Freudenstein's equation is true.
+
+# %%
+closure = (
+    crank * sp.cos(crank_angle) + coupler * sp.cos(coupler_angle) - ground - rocker * sp.cos(rocker_angle),
+    crank * sp.sin(crank_angle) + coupler * sp.sin(coupler_angle) - rocker * sp.sin(rocker_angle),
+)
+across = ground + rocker * sp.cos(rocker_angle) - crank * sp.cos(crank_angle)
+up = rocker * sp.sin(rocker_angle) - crank * sp.sin(crank_angle)
+closed = {coupler: sp.sqrt(across**2 + up**2)}
+
+d.state(
+    "freudenstein",
+    equal(
+        K1 * sp.cos(rocker_angle) - K2 * sp.cos(crank_angle) + K3,
+        sp.cos(crank_angle - rocker_angle),
+    ),
+    text="The angles of crank and rocker, without that of the coupler.",
+    place="Freudenstein's equation",
+).prove(given=closed)
+
+# %% [markdown]
+# A formula that is wrong does not get through. Here is a slip made on purpose, $K_1$ and $K_2$ exchanged. It holds
+# for every linkage with $a=c$, so that a test on a symmetric example would pass; one closed linkage in whole
+# numbers shows that it is false, and the right formula is proved in its place.
+
+# %%
+d.state(
+    "freudenstein-with-a-slip",
+    equal(
+        K2 * sp.cos(rocker_angle) - K1 * sp.cos(crank_angle) + K3,
+        sp.cos(crank_angle - rocker_angle),
+    ),
+    text="The same with two coefficients exchanged.",
+    assumptions=[equal(across**2 + up**2, coupler**2)],
+).refute(
+    {crank: 5, coupler: 13, rocker: 8, ground: 4, crank_angle: sp.pi / 2, rocker_angle: 0},
+    equal(
+        K1 * sp.cos(rocker_angle) - K2 * sp.cos(crank_angle) + K3,
+        sp.cos(crank_angle - rocker_angle),
+    ),
+    because="The coefficient of each cosine holds the length of the other link.",
+    given=closed,
+)
+
+# %% [markdown]
+# ## The solution
+#
+# Textbooks put $t=\tan\frac\psi2$ and solve a quadratic. It fails where the rocker points backwards ($t$ is
+# infinite) and cancels near there. Geometry has no such place. Let $\vec p$ lead from the rocker's pivot to the
+# crank's pin. The rocker's pin is where two circles meet, of radius $c$ about the pivot and $b$ about the crank's
+# pin; with $k=\frac12(c^2+p^2-b^2)$ the rocker has the direction of
+#
+# $$k\,\vec p\pm s\,\vec p_\perp,\qquad s=\sqrt{c^2p^2-k^2}.$$
+#
+# The root $s$ is twice the area of the triangle with the sides $b$, $c$, $p$. By Heron's formula it is a product
+# of sums, exact near dead centres, where the difference of squares loses every digit.
+
+# %%
+p_x = d.symbol("pin_x", "p_x", "crank's pin from the rocker's pivot, along the ground link", "mm")
+p_y = d.symbol("pin_y", "p_y", "crank's pin from the rocker's pivot, across", "mm")
+p = d.symbol("pin_distance", "p", "distance of the crank's pin from the rocker's pivot", "mm")
+s = d.symbol("double_area", "s", "twice the area of the triangle of coupler, rocker and pin", "mm²")
+at_distance = {p: p**2 - p_x**2 - p_y**2}
+k_value = (rocker**2 + p_x**2 + p_y**2 - coupler**2) / 2
+s_squared = rocker**2 * (p_x**2 + p_y**2) - k_value**2
+
+
+def rocker_direction(sign):
+    """A vector along the rocker."""
+    return k_value * p_x - sign * s * p_y, k_value * p_y + sign * s * p_x
+
+
+for sign, name in ((1, "plus"), (-1, "minus")):
+    x, y = rocker_direction(sign)
+    length = rocker * sp.sqrt(p_x**2 + p_y**2) ** 2  # of the vector, whose scale does not matter to an angle
+    x, y = rocker * x / length, rocker * y / length
+    d.check(
+        f"solution-{name}",
+        equal(x**2 + y**2, rocker**2),
+        equal((x - p_x) ** 2 + (y - p_y) ** 2, coupler**2),
+        text="The rocker has its length, and the coupler reaches from the crank's pin to its end.",
+    ).prove(modulo={s: s**2 - s_squared})
+
+heron = (p + coupler + rocker) * (coupler + rocker - p) * (p + coupler - rocker) * (p - coupler + rocker) / 4
+d.check("heron", equal(s**2, heron), text="Heron's formula for the root.").prove(
+    modulo={s: s**2 - s_squared, **at_distance}
+)
+
+# %% [markdown]
+# The ratio of the velocities follows from the closure equations; the derivatives below are made from the kernel
+# itself, and this formula is a check of them.
+
+# %%
+rocker_speed, coupler_speed = sp.symbols("rocker_speed coupler_speed", real=True)
+moving = [
+    sum(
+        f.diff(q) * v
+        for q, v in ((crank_angle, 1), (rocker_angle, rocker_speed), (coupler_angle, coupler_speed))
+    )
+    for f in closure
+]
+speeds = sp.solve(moving, [rocker_speed, coupler_speed], dict=True)[0]
+velocity_ratio = crank * sp.sin(coupler_angle - crank_angle) / (rocker * sp.sin(coupler_angle - rocker_angle))
+d.check(
+    "velocity-ratio",
+    equal(speeds[rocker_speed], velocity_ratio),
+    text="How fast the rocker turns when the crank turns with unit speed.",
+).prove()
+
+# %% [markdown]
+# ## The kernel
+#
+# A kernel is straight-line code. It names its inputs with units, its steps where a name helps, and its outputs. A case
+# distinction is a `select` of two values; what the numbers mean is told by a status.
+#
+# `between` says from where tests sample an input, and `solves` which equations the outputs solve: a test that solves
+# them numerically, knowing nothing of the closed form, is emitted with the code.
+
+
+# %%
+class FourBarStatus(IntEnum):
+    """What the two positions of a four-bar linkage are."""
+
+    CLOSES = 0  # two positions
+    DEAD_CENTRE = 1  # coupler and rocker in line, to rounding: the two positions are one
+    CANNOT_CLOSE = 2  # the links are too short or too long; the angles are those of the nearest approach
+    TURNS_FREELY = (
+        3  # the crank's pin on the rocker's pivot, coupler as long as rocker: every position closes
+    )
+    INVALID = 4  # a length is not positive, or a number is NaN or infinite; the angles are NaN
+
+
+def four_bar():
+    k = KernelBuilder(
+        "four_bar",
+        summary="Both positions of a planar four-bar linkage for an angle of its crank.",
+        source="Freudenstein (1955); derivation four_bar, entries solution-plus, solution-minus and heron",
+        notes="In the first position pivot, crank's pin and rocker's pin turn counterclockwise.",
+    )
+    a = k.input("crank", unit="mm", doc="length of the crank", between=(10, 40))
+    b = k.input("coupler", unit="mm", doc="length of the coupler", between=(40, 120))
+    c = k.input("rocker", unit="mm", doc="length of the rocker", between=(40, 120))
+    g = k.input("ground", unit="mm", doc="length of the ground link", between=(50, 150))
+    theta = k.input("crank_angle", unit="rad", doc="angle of the crank", between=(-sp.pi, sp.pi))
+
+    x = k.let("pin_x", a * sp.cos(theta) - g)
+    y = k.let("pin_y", a * sp.sin(theta))
+    square = k.let("square", x**2 + y**2)
+    p = k.let("pin_distance", sp.sqrt(square))
+    slack = [
+        k.let("too_far", b + c - p),
+        k.let("too_near_rocker", p + b - c),
+        k.let("too_near_coupler", p - b + c),
+    ]
+    tight = slack[0]
+    for other in slack[1:]:
+        tight = select(other < tight, other, tight)
+    tight = k.let("tight", tight)
+    area = k.let("area", (p + b + c) * slack[0] * slack[1] * slack[2])
+    s = k.let("double_area", select(tight > 0, sp.sqrt(select(tight > 0, area, 0)) / 2, 0))
+    along_rocker = k.let("along_rocker", ((c - b) * (c + b) + square) / 2)
+    along_coupler = k.let("along_coupler", ((c - b) * (c + b) - square) / 2)
+
+    valid = (a > 0) & (b > 0) & (c > 0) & (g > 0) & (a + b + c + g <= LARGEST) & (abs(theta) <= LARGEST)
+    valid = k.let("valid", valid)
+
+    def both(name, along):
+        """The angles of the vectors along p ± s p⊥."""
+        angles = []
+        for sign, which in ((1, "first"), (-1, "second")):
+            u = k.let(f"{name}_{which}_x", along * x - sign * s * y)
+            v = k.let(f"{name}_{which}_y", along * y + sign * s * x)
+            angles.append(select(valid, sp.atan2(v, u), sp.nan))
+        return sp.Matrix(angles)
+
+    k.output(
+        "rocker_angle", both("rocker", along_rocker), unit="rad", doc="angle of the rocker, both positions"
+    )
+    k.output(
+        "coupler_angle",
+        both("coupler", along_coupler),
+        unit="rad",
+        doc="angle of the coupler, both positions",
+    )
+
+    rounding = k.let("rounding", 4 * EPS * (a + b + c + g))  # of a sum of the four lengths
+    status = sp.Piecewise(
+        (FourBarStatus.INVALID, sp.Not(valid)),
+        (FourBarStatus.TURNS_FREELY, (p <= rounding) & (abs(b - c) <= rounding)),
+        (FourBarStatus.CANNOT_CLOSE, tight < -rounding),
+        (FourBarStatus.DEAD_CENTRE, tight <= rounding),
+        (FourBarStatus.CLOSES, True),
+        evaluate=False,
+    )
+    k.status("status", status, FourBarStatus, doc="what the positions are")
+    k.solves(*closure, where=[FourBarStatus.CLOSES], nowhere=[FourBarStatus.CANNOT_CLOSE])
+    return k.build()
+
+
+solver = four_bar()
+
+# %% [markdown]
+# What the kernel computes is proved to be the formula: `expand` writes a named step in the names that are kept. The
+# coupler leads from the crank's pin to the rocker's, $c\,\vec u-\vec p$ with the rocker's direction $\vec u$.
+
+# %%
+named = {sp.Symbol("double_area", real=True): s}
+for sign, name in ((1, "first"), (-1, "second")):
+    x, y = rocker_direction(sign)
+    pin = ("pin_x", "pin_y", "double_area")
+    in_rocker = [solver.expand(f"rocker_{name}_{c}", keep=pin) for c in "xy"]
+    in_coupler = [solver.expand(f"coupler_{name}_{c}", keep=pin) for c in "xy"]
+    d.check(
+        f"kernel-{name}",
+        equal(in_rocker[0], x),
+        equal(in_rocker[1], y),
+        equal(in_coupler[0], x - p_x * (p_x**2 + p_y**2)),
+        equal(in_coupler[1], y - p_y * (p_x**2 + p_y**2)),
+        text="The kernel's vectors along the rocker and the coupler, each p² times as long as its link.",
+    ).prove()
+d.check(
+    "kernel-area",
+    equal(4 * heron, solver.expand("area", keep=("pin_distance",))),
+    text="What is under the kernel's root is Heron's product.",
+).prove()
+
+# %% [markdown]
+# ## Derivatives
+#
+# The sensitivity of both angles to every length and to the crank's angle is a kernel of its own, made from the first
+# one line by line. With it an error of a link becomes an error of the angle, and a fit of the link lengths to
+# measured angles has its Jacobian.
+
+# %%
+jacobian = solver.jacobian(
+    name="four_bar_jacobian",
+    summary="Derivatives of both positions of a planar four-bar linkage.",
+)
+derivation.kernel(solver, jacobian)
+for kernel in derivation.kernels.values():
+    print(f"{kernel.name:20} {sum(kernel.operations.values()):4d} operations")
+
+# %% [markdown]
+# ## What it says
+#
+# The kernels run at once, compiled where there is a C compiler. A crank-rocker of 20, 70, 60 and 80 mm: the two
+# positions of the rocker over one turn, and what 0.01 mm on the coupler does to the first.
+
+# %%
+if in_notebook():
+    import matplotlib.pyplot as plt
+    import numpy as np
+
+    from rodgen.codegen.compile import compile_kernel
+
+    theta = np.linspace(-np.pi, np.pi, 721)
+    links = (20.0, 70.0, 60.0, 80.0)
+    angles, _, _ = compile_kernel(solver)(*links, theta)
+    rocker_jacobian, _, _ = compile_kernel(jacobian)(*links, theta)
+    _, (left, right) = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained")
+    left.plot(np.degrees(theta), np.degrees(np.unwrap(angles, axis=0)))
+    left.set(xlabel="crank / deg", ylabel="rocker / deg", title="both positions")
+    left.legend(["first", "second"])
+    right.plot(np.degrees(theta), 0.01 * np.degrees(rocker_jacobian[:, 0, 1]) * 3600)
+    right.set(xlabel="crank / deg", ylabel="rocker / arcsec", title="0.01 mm more coupler, first position")
+    plt.show()

@@ -1,0 +1,368 @@
+"""Compile kernels while the program runs: C by the system's compiler, NumPy where there is none.
+
+The C of a module is compiled once into a shared library in the user's cache; its name is a hash of everything that
+the bytes depend on. The library gets its name only when it is complete, so that several processes may compile the
+same kernel at once. What is compiled or run are the lines that the printers make of a kernel's expressions; the words
+of a kernel (summary, notes, units) take no part.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import hashlib
+import os
+import platform
+import re
+import shlex
+import shutil
+import stat
+import subprocess
+import sys
+import tempfile
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import IntEnum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rodgen.codegen.kernel import Kernel, KernelError, Port
+from rodgen.codegen.project import KernelModule, render
+
+__all__ = ["CompiledKernel", "cache_folder", "compile_kernel", "compile_kernels"]
+
+FLAGS = ("-std=c99", "-O3", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
+"""No -march=native: a cache on a shared disk serves different processors. No -ffast-math: it deletes NaN tests."""
+
+BLOCK = 4096
+"""Elements a call while an input that is the same for all elements is repeated in a buffer."""
+
+_IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
+
+Array = np.ndarray[Any, Any]
+
+
+@dataclass(frozen=True)
+class CompiledKernel:
+    """A kernel as a function on arrays.
+
+    It is called like the generated NumPy function: the inputs in order, broadcast against each other, and ``out``,
+    an array or a tuple of arrays to fill. With float32 inputs it computes in float32, else in float64.
+
+    Attributes
+    ----------
+    kernel : Kernel
+        What it evaluates.
+    target : str
+        ``"c"`` or ``"numpy"``.
+    """
+
+    kernel: Kernel
+    target: str
+    _run: Callable[..., Any] = field(repr=False)
+
+    def __call__(self, *arguments: Any, out: Any = None) -> Any:
+        """Evaluate; see :class:`CompiledKernel`.
+
+        Raises
+        ------
+        TypeError
+            For a wrong number of arguments, and for what is no array of real numbers.
+        ValueError
+            When a shape does not fit.
+        """
+        if len(arguments) != len(self.kernel.inputs):
+            names = ", ".join(port.name for port in self.kernel.inputs)
+            raise TypeError(f"{self.kernel.name}: {len(arguments)} arguments; expected {names}")
+        return self._run(*arguments, out=out)
+
+
+def compile_kernel(kernel: Kernel) -> CompiledKernel:
+    """Compile one kernel; see :func:`compile_kernels`.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from rodgen.codegen import KernelBuilder
+    >>> k = KernelBuilder("hypotenuse", summary="Longest side.", source="Pythagoras")
+    >>> a = k.input("a", unit="m", doc="one side")
+    >>> b = k.input("b", unit="m", doc="the other side")
+    >>> k.output("c", sp.sqrt(a**2 + b**2), unit="m", doc="longest side")
+    >>> hypotenuse = compile_kernel(k.build())
+    >>> hypotenuse([3.0, 5.0], [4.0, 12.0])
+    array([ 5., 13.])
+    """
+    return compile_kernels([kernel])[kernel.name]
+
+
+def compile_kernels(kernels: Sequence[Kernel]) -> dict[str, CompiledKernel]:
+    """Compile kernels into one library, or load the library from the cache.
+
+    The compiler is the one that the environment variable ``CC`` names, else cc, gcc or clang. Without one, or when it
+    fails, the kernels run on NumPy, and one warning says why.
+
+    Parameters
+    ----------
+    kernels : sequence of Kernel
+        Each with a name of its own.
+
+    Returns
+    -------
+    dict of str to CompiledKernel
+        By the kernels' names.
+
+    Raises
+    ------
+    KernelError
+        When two kernels share a name, or a name is no identifier.
+    """
+    bare = tuple(_bare(kernel) for kernel in kernels)
+    if len({kernel.name for kernel in bare}) != len(bare):
+        raise KernelError(f"kernels share a name: {', '.join(kernel.name for kernel in bare)}")
+    module = KernelModule("kernels", "", "", bare)
+    files = render(module)
+    try:
+        library = _library(files["c/kernels.c"], files["c/kernels.h"])
+    except _CompilerError as error:
+        _notice(str(error))
+        functions: dict[str, Any] = {}
+        exec(compile(files["numpy/kernels.py"], "<generated kernels>", "exec"), functions)
+        return {k.name: CompiledKernel(k, "numpy", functions[k.name]) for k in kernels}
+    return {k.name: CompiledKernel(k, "c", functools.partial(_call, _loops(library, k), k)) for k in kernels}
+
+
+class _Code(IntEnum):
+    """Stands for every status: its code is stored, the names of the codes are not needed."""
+
+    NONE = 0
+
+
+def _bare(kernel: Kernel) -> Kernel:
+    """Take a kernel's words away, and look at its names: nothing else of it is text."""
+    symbols = [s.name for p in (*kernel.inputs, *kernel.outputs) for s in p.symbols]
+    names = [kernel.name, *(p.name for p in (*kernel.inputs, *kernel.outputs)), *symbols]
+    names += [s.name for a in kernel.assignments for s in {a.symbol, *a.value.free_symbols}]
+    for name in names:
+        if not _IDENTIFIER.match(name):
+            raise KernelError(f"{name!r} is no name for generated code; expected a plain identifier")
+
+    def bare(port: Port) -> Port:
+        return replace(port, unit="", doc="", between=None, enum=_Code if port.is_status else None)
+
+    return replace(
+        kernel,
+        summary="",
+        source="",
+        notes="",
+        inputs=tuple(map(bare, kernel.inputs)),
+        outputs=tuple(map(bare, kernel.outputs)),
+        usual=None,
+        equations=None,
+        derivative=None,
+    )
+
+
+# the library -----------------------------------------------------------------------------------------------
+
+
+class _CompilerError(Exception):
+    """There is no library, and why."""
+
+
+@functools.cache
+def _notice(reason: str) -> None:
+    """Warn once for each reason."""
+    warnings.warn(
+        f"kernels that are made at run time run on NumPy, which is slower: {reason}",
+        RuntimeWarning,
+        stacklevel=4,
+    )
+
+
+def _compiler() -> list[str]:
+    """Return the command of the compiler."""
+    chosen = os.environ.get("CC", "").strip()
+    for command in [chosen] if chosen else ["cc", "gcc", "clang"]:
+        words = shlex.split(command)
+        found = shutil.which(words[0])
+        if found:
+            return [found, *words[1:]]
+    if chosen:
+        raise _CompilerError(f"CC names the compiler {chosen!r}, which is not there")
+    raise _CompilerError("no C compiler is found (cc, gcc or clang); install one, or name one in CC")
+
+
+@functools.cache
+def _version(command: tuple[str, ...]) -> str:
+    """Return what the compiler says of itself: the same command may be another compiler tomorrow."""
+    try:
+        done = subprocess.run([*command, "--version"], capture_output=True, text=True, timeout=60)
+    except (OSError, subprocess.SubprocessError) as error:
+        raise _CompilerError(f"{command[0]} does not run ({error})") from None
+    return done.stdout
+
+
+def cache_folder() -> Path:
+    """Return where compiled kernels are kept: ``RODGEN_CACHE``, else the platform's place for caches."""
+    if os.environ.get("RODGEN_CACHE"):
+        return Path(os.environ["RODGEN_CACHE"])
+    if os.environ.get("LOCALAPPDATA") and sys.platform == "win32":
+        return Path(os.environ["LOCALAPPDATA"]) / "rodgen" / "Cache"
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches" / "rodgen"
+    if os.environ.get("XDG_CACHE_HOME"):
+        return Path(os.environ["XDG_CACHE_HOME"]) / "rodgen"
+    return Path.home() / ".cache" / "rodgen"
+
+
+@functools.cache
+def _folder_of_this_process() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory(prefix="rodgen-")
+
+
+def _safe_cache() -> Path:
+    """Return the cache, or a folder of this process when others could put a library into the cache."""
+    try:
+        folder = cache_folder()
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        about = folder.stat()
+        mine = not hasattr(os, "getuid") or about.st_uid == os.getuid()
+        if mine and not about.st_mode & (stat.S_IWGRP | stat.S_IWOTH) and os.access(folder, os.W_OK):
+            return folder
+    except (OSError, RuntimeError):  # no home, a file in its place, a full or read-only disk
+        pass
+    return Path(_folder_of_this_process().name)
+
+
+def _library(source: str, header: str) -> ctypes.CDLL:
+    command = tuple(_compiler())
+    about = (platform.system(), platform.machine(), *command, _version(command), *FLAGS, header, source)
+    key = hashlib.sha256("\0".join(about).encode()).hexdigest()[:32]
+    for folder in (_safe_cache(), Path(_folder_of_this_process().name)):
+        library = folder / f"{key}.so"
+        try:
+            if library.exists():
+                return ctypes.CDLL(str(library))
+        except OSError:
+            pass  # not a library: a disk that was full, say; it is made anew
+        try:
+            _build(command, source, header, library)
+            return ctypes.CDLL(str(library))
+        except OSError as error:  # a disk that is full, or from which nothing may be run
+            reason = error
+    raise _CompilerError(f"the compiled library cannot be written or loaded ({reason})")
+
+
+def _build(command: tuple[str, ...], source: str, header: str, library: Path) -> None:
+    """Compile beside the final place, and move there what is complete."""
+    with tempfile.TemporaryDirectory(dir=library.parent, prefix="build-") as name:
+        folder = Path(name)
+        (folder / "kernels.h").write_text(header)
+        (folder / "kernels.c").write_text(source)
+        try:
+            done = subprocess.run(
+                [*command, *FLAGS, "kernels.c", "-o", "kernels.so", "-lm"],
+                cwd=folder,
+                capture_output=True,
+                text=True,
+                timeout=600,
+            )
+        except subprocess.SubprocessError as error:
+            raise _CompilerError(f"{command[0]} does not end ({error})") from None
+        if done.returncode != 0:
+            lines = done.stderr.splitlines() or [f"exit code {done.returncode}"]
+            said = next((line for line in lines if "error" in line), lines[0])
+            raise _CompilerError(f"{command[0]} fails: {said}")
+        os.replace(folder / "kernels.so", library)
+
+
+# the call --------------------------------------------------------------------------------------------------
+
+
+def _loops(library: ctypes.CDLL, kernel: Kernel) -> Mapping[Any, Any]:
+    """Return the functions over many elements, by their number type."""
+    loops = {}
+    for real, bits in ((np.dtype(np.float64), "f64"), (np.dtype(np.float32), "f32")):
+        loop = getattr(library, f"kernels_{kernel.name}_batch_{bits}")
+        loop.argtypes = [ctypes.c_size_t] + [ctypes.c_void_p] * len((*kernel.inputs, *kernel.outputs))
+        loop.restype = None
+        loops[real] = loop
+    return loops
+
+
+def _call(loops: Mapping[Any, Any], kernel: Kernel, *arguments: Any, out: Any = None) -> Any:
+    arrays = [np.asarray(a) for a in arguments]
+    weak = [a if isinstance(a, int | float) else array for a, array in zip(arguments, arrays, strict=True)]
+    for port, array in zip(kernel.inputs, arrays, strict=True):
+        if not np.can_cast(array.dtype, np.float64):
+            raise TypeError(f"{kernel.name}: {port.name} has type {array.dtype}; expected real numbers")
+        if array.ndim < len(port.shape) or array.shape[array.ndim - len(port.shape) :] != port.shape:
+            expected = "(" + ", ".join(["...", *map(str, port.shape)]) + ")"
+            raise ValueError(f"{kernel.name}: {port.name} has shape {array.shape}; expected {expected}")
+    real = np.dtype(np.float32 if np.can_cast(np.result_type(*weak), np.float32) else np.float64)
+    loops_of = [a.shape[: a.ndim - len(p.shape)] for p, a in zip(kernel.inputs, arrays, strict=True)]
+    shape = np.broadcast_shapes(*loops_of)
+    count = int(np.prod(shape, dtype=np.intp))
+
+    results = _outputs(kernel, shape, real, out)
+    targets = [
+        r
+        if r.dtype == kind and r.flags.carray and not any(np.may_share_memory(r, a) for a in arrays)
+        else np.empty(r.shape, kind)
+        for r, kind in zip(results, _kinds(kernel, real), strict=True)
+    ]
+    # an input that is the same for all elements is repeated in a short buffer, again and again used
+    repeated = [count > 1 and all(n == 1 for n in loop) for loop in loops_of]
+    step = min(count, BLOCK) if any(repeated) else count
+    columns = []
+    for port, array, same in zip(kernel.inputs, arrays, repeated, strict=True):
+        if same:
+            array = np.broadcast_to(array.reshape(port.shape), (step, *port.shape))
+        else:
+            array = np.broadcast_to(array, shape + port.shape)
+        columns.append(np.ascontiguousarray(array, real))
+    for start, size in _blocks(count, step):
+        loops[real](
+            size,
+            *(
+                c.ctypes.data + (0 if same else start * p.size * c.itemsize)
+                for c, p, same in zip(columns, kernel.inputs, repeated, strict=True)
+            ),
+            *(
+                t.ctypes.data + start * p.size * t.itemsize
+                for t, p in zip(targets, kernel.outputs, strict=True)
+            ),
+        )
+    for result, target in zip(results, targets, strict=True):
+        if result is not target:
+            result[...] = target
+    if out is None:
+        results = [r if r.ndim else r[()] for r in results]
+    return results[0] if len(results) == 1 else tuple(results)
+
+
+def _blocks(count: int, step: int) -> Iterator[tuple[int, int]]:
+    for start in range(0, count, max(step, 1)):
+        yield start, min(step, count - start)
+
+
+def _kinds(kernel: Kernel, real: np.dtype[Any]) -> list[np.dtype[Any]]:
+    return [np.dtype(np.int8) if port.is_status else real for port in kernel.outputs]
+
+
+def _outputs(kernel: Kernel, shape: tuple[int, ...], real: np.dtype[Any], out: Any) -> list[Array]:
+    if out is None:
+        kinds = _kinds(kernel, real)
+        return [np.empty(shape + p.shape, kind) for p, kind in zip(kernel.outputs, kinds, strict=True)]
+    given: list[Array] = list(out) if isinstance(out, tuple) else [out]
+    if len(given) != len(kernel.outputs):
+        raise ValueError(f"{kernel.name}: out has {len(given)} arrays; expected {len(kernel.outputs)}")
+    for port, array in zip(kernel.outputs, given, strict=True):
+        if array.shape != shape + port.shape:
+            raise ValueError(
+                f"{kernel.name}: out for {port.name} has shape {array.shape}; expected {shape + port.shape}"
+            )
+    return given
