@@ -63,6 +63,12 @@ def test_one_false_component_of_a_vector_equation_raises(derivation):
         derivation.state("cross", equal(cross(a, b), wrong)).prove()
 
 
+def test_sides_of_different_shapes_raise(derivation):
+    a = derivation.vector("a", r"\vec a", "", "1")
+    with pytest.raises(DerivationError, match=r"have the shapes \(3, 1\) and \(1, 1\)"):
+        derivation.state("mixed", equal(2 * a, x)).prove()
+
+
 def test_an_open_entry_blocks_kernels(derivation):
     derivation.state("proved", sp.Eq(x + x, 2 * x, evaluate=False)).prove()
     entry = derivation.state("open", equal(sp.cos(x) ** 2, 1 - sp.sin(x) ** 2))

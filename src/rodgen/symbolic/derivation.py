@@ -243,8 +243,11 @@ class Entry:
                 raise DerivationError(f"{self.id}: {claim} is no equation; give its residuals and `because`")
             else:
                 left, right = insert(claim), None
-            difference = left if right is None else sp.Matrix([left]) - sp.Matrix([right])
-            found += list(sp.Matrix([difference]))
+            parts = [sp.Matrix([side]) for side in (left, right) if side is not None]
+            if len(parts) == 2 and parts[0].shape != parts[1].shape:
+                shapes = " and ".join(str(part.shape) for part in parts)
+                raise DerivationError(f"{self.id}: the sides of {claim} have the shapes {shapes}")
+            found += list(parts[0] - parts[1] if len(parts) == 2 else parts[0])
         return found
 
     def _vanish(
@@ -524,7 +527,9 @@ class Derivation:
             )
         counts = [sum(e.verdict == v for e in self.entries.values()) for v in ("proved", "refuted", "open")]
         proofs = sum(entry.seconds for entry in self.entries.values())
-        lines += ["", "{} proved, {} refuted, {} open; {:.2f} s in proofs".format(*counts, proofs)]
+        lines += ["", "{} proved, {} refuted, {} open; {:.1f} s in proofs".format(*counts, proofs)]
+        if self.seconds:
+            lines[-1] += f", {self.seconds:.1f} s from the first line to the last kernel"
         return "\n".join(lines)
 
     def __iter__(self) -> Iterator[Entry]:
