@@ -14,6 +14,8 @@ from rodgen.axis import (
     length_mismatch,
     solve_axis,
 )
+from rodgen.axis_fit import AxisFit, AxisFitStatus, fit_axis
+from rodgen.errors import RodgenError
 from rodgen.rotation import (
     RotationStatus,
     axis_angle_from_matrix,
@@ -34,7 +36,10 @@ from rodgen.rotation import (
 __version__ = _version("rodgen")
 
 __all__ = [
+    "AxisFit",
+    "AxisFitStatus",
     "AxisStatus",
+    "RodgenError",
     "RotationStatus",
     "axis_angle_from_matrix",
     "axis_angle_from_quaternion",
@@ -43,6 +48,7 @@ __all__ = [
     "axis_covariance",
     "axis_jacobian",
     "backend",
+    "fit_axis",
     "length_mismatch",
     "matrix_from_axis_angle",
     "matrix_from_quaternion",

@@ -1,0 +1,80 @@
+# Everything there is to do here. `make` lists it; the two commands to know are `make demo` and `make test`.
+PYTHON ?= python3
+CC     ?= cc
+JOBS   ?= 2
+BIN    := .venv/bin
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+export PIP_ROOT_USER_ACTION := ignore
+
+# What the compiled kernels are built from: when one changes, the package is installed again.
+BUILT_FROM := pyproject.toml CMakeLists.txt $(wildcard generated/c/*.[ch] generated/gufunc/*.[ch])
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test test-slow kernels check check-kernels check-style check-types check-c notebooks bench docs clean
+
+help: ## list what there is to do
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | awk -F'|' '{printf "  make %-10s %s\n", $$1, $$2}'
+
+demo: .venv/installed ## derive, generate, solve and fit measured pairs, draw the answer
+	@$(BIN)/python examples/demo.py
+
+test: .venv/installed ## run the tests
+	$(BIN)/python -m pytest -n $(JOBS) -m "not slow"
+
+test-slow: .venv/installed ## run the tests that take longer than a minute
+	$(BIN)/python -m pytest -m slow
+
+kernels: .venv/installed ## write generated/ anew from derivation/
+	$(BIN)/rodgen kernels
+	@echo "generated/ is up to date."
+
+check: check-kernels check-style check-types check-c ## generated files fresh, lint, types, C without a warning
+
+check-kernels: .venv/installed
+	$(BIN)/rodgen kernels --check
+
+check-style: .venv/installed
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	@test -x .ci/run || { echo ".ci/run is not executable: chmod +x .ci/run"; exit 1; }
+
+check-types: .venv/installed
+	$(BIN)/mypy
+
+# Each compiler that is there: the C that users embed as strict C99, the NumPy extension as C11.
+check-c: .venv/installed
+	@found=; includes=$$($(BIN)/python -c 'import numpy, sysconfig; print("-isystem", sysconfig.get_path("include"), "-isystem", repr(numpy.get_include()))'); \
+	for cc in "$(CC)" clang; do \
+	    command -v "$$cc" > /dev/null && echo 'int main(void) { return 0; }' | "$$cc" -x c - -o /dev/null 2> /dev/null || continue; \
+	    found=yes; \
+	    for file in generated/c/*.c; do \
+	        echo "$$cc -std=c99 -Wall -Wextra -pedantic -Werror $$file"; \
+	        "$$cc" -std=c99 -O2 -Wall -Wextra -pedantic -Werror -c "$$file" -o /dev/null || exit 1; \
+	    done; \
+	    for file in generated/gufunc/*.c; do \
+	        echo "$$cc -std=c11 -Wall -Wextra -Werror $$file"; \
+	        eval "$$cc -std=c11 -O1 -Wall -Wextra -Werror -fopenmp-simd -DLOOP_ISA=baseline $$includes -c $$file -o /dev/null" || exit 1; \
+	    done; \
+	done; \
+	test -n "$$found" || echo "No C compiler: the generated C is not checked."
+
+notebooks: .venv/installed ## execute the derivations into build/notebooks, as .ipynb and .html
+	@$(BIN)/python docs/make_notebooks.py
+
+bench: .venv/installed ## measure the speed, beside other libraries and the machine's limits
+	$(BIN)/python benchmarks/run.py
+
+docs: .venv/installed ## draw the picture of the README anew
+	$(BIN)/python docs/make_picture.py
+
+clean: ## remove everything that make made
+	rm -rf .venv build dist .pytest_cache .hypothesis .mypy_cache .ruff_cache
+
+# Quiet, but for errors; the environment is used as it is while nothing that it is built from changes.
+.venv/installed: $(BUILT_FROM)
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2> /dev/null || { \
+	    echo "rodgen needs Python 3.11 or later, and $(PYTHON) is `$(PYTHON) --version 2>&1 || :`; name another one: make PYTHON=python3.12"; exit 1; }
+	@echo "Installing rodgen and what it needs into .venv (a few minutes the first time) ..."
+	@$(BIN)/python -c 'import pip' 2> /dev/null || $(PYTHON) -m venv --clear .venv
+	@$(BIN)/python -m pip install -qq -e '.[dev]'
+	@touch $@
