@@ -49,6 +49,12 @@ class _Rational:
             return {sp.sin: sine, sp.cos: cosine, sp.tan: sine / cosine}[expr.func]
         return self._name(expr.func(*args) if args else expr)
 
+    def written_out(self, expr: sp.Expr) -> sp.Expr:
+        """Put the parts back in place of their names, outermost first."""
+        for part, name in reversed(self._names.items()):
+            expr = expr.xreplace({name: part})
+        return expr
+
     def _name(self, part: sp.Expr) -> sp.Symbol:
         return self._names.setdefault(part, sp.Dummy(f"u{len(self._names)}", real=True))
 
@@ -136,7 +142,7 @@ def remainder(expr: sp.Expr, modulo: Mapping[sp.Symbol, sp.Expr] | None = None) 
         variable = generators[symbol].numer
         if numerator != 0 and numerator.degree(variable) >= divisor.degree(variable) > 0:
             numerator = numerator.prem(divisor, variable)
-    return numerator.as_expr()
+    return algebra.written_out(numerator.as_expr())
 
 
 def _one_angle(expr: sp.Expr) -> sp.Expr:
