@@ -50,12 +50,12 @@ ground = d.symbol("ground", "d", "length of the ground link", "mm")
 crank_angle = d.symbol("crank_angle", r"\theta", "angle of the crank", "rad")
 rocker_angle = d.symbol("rocker_angle", r"\psi", "angle of the rocker", "rad")
 coupler_angle = d.symbol("coupler_angle", r"\varphi", "angle of the coupler", "rad")
-K1 = d.symbol("K1", "K_1", "ratio of lengths", "1", value=ground / crank)
-K2 = d.symbol("K2", "K_2", "ratio of lengths", "1", value=ground / rocker)
+K1 = d.symbol("K1", "K_1", "ratio d / a", "1", value=ground / crank)
+K2 = d.symbol("K2", "K_2", "ratio d / c", "1", value=ground / rocker)
 K3 = d.symbol(
     "K3",
     "K_3",
-    "ratio of lengths",
+    "ratio (a² - b² + c² + d²) / 2ac",
     "1",
     value=(crank**2 - coupler**2 + rocker**2 + ground**2) / (2 * crank * rocker),
 )
@@ -116,62 +116,57 @@ d.state(
 # Textbooks put $t=\tan\frac\psi2$ and solve a quadratic. It fails where the rocker points backwards ($t$ is
 # infinite) and cancels near there. Geometry has no such place. Let $\vec p$ lead from the rocker's pivot to the
 # crank's pin. The rocker's pin is where two circles meet, of radius $c$ about the pivot and $b$ about the crank's
-# pin; with $k=\frac12(c^2+p^2-b^2)$ the rocker has the direction of
+# pin. With $k=\frac12(c^2+p^2-b^2)$ it is at
 #
-# $$k\,\vec p\pm s\,\vec p_\perp,\qquad s=\sqrt{c^2p^2-k^2}.$$
+# $$\vec r=\frac{k\,\vec p+\sigma s\,\vec p_\perp}{p^2},\qquad s=\sqrt{c^2p^2-k^2},\qquad\sigma=\pm1.$$
 #
-# The root $s$ is twice the area of the triangle with the sides $b$, $c$, $p$. By Heron's formula it is a product
-# of sums, exact near dead centres, where the difference of squares loses every digit.
+# The root $s$ is twice the area of the triangle with the sides $b$, $c$, $p$.
 
 # %%
 p_x = d.symbol("pin_x", "p_x", "crank's pin from the rocker's pivot, along the ground link", "mm")
 p_y = d.symbol("pin_y", "p_y", "crank's pin from the rocker's pivot, across", "mm")
 p = d.symbol("pin_distance", "p", "distance of the crank's pin from the rocker's pivot", "mm")
-s = d.symbol("double_area", "s", "twice the area of the triangle of coupler, rocker and pin", "mm²")
-at_distance = {p: p**2 - p_x**2 - p_y**2}
-k_value = (rocker**2 + p_x**2 + p_y**2 - coupler**2) / 2
-s_squared = rocker**2 * (p_x**2 + p_y**2) - k_value**2
-
-
-def rocker_direction(sign):
-    """A vector along the rocker."""
-    return k_value * p_x - sign * s * p_y, k_value * p_y + sign * s * p_x
-
-
-for sign, name in ((1, "plus"), (-1, "minus")):
-    x, y = rocker_direction(sign)
-    length = rocker * sp.sqrt(p_x**2 + p_y**2) ** 2  # of the vector, whose scale does not matter to an angle
-    x, y = rocker * x / length, rocker * y / length
-    d.check(
-        f"solution-{name}",
-        equal(x**2 + y**2, rocker**2),
-        equal((x - p_x) ** 2 + (y - p_y) ** 2, coupler**2),
-        text="The rocker has its length, and the coupler reaches from the crank's pin to its end.",
-    ).prove(modulo={s: s**2 - s_squared})
-
-heron = (p + coupler + rocker) * (coupler + rocker - p) * (p + coupler - rocker) * (p - coupler + rocker) / 4
-d.check("heron", equal(s**2, heron), text="Heron's formula for the root.").prove(
-    modulo={s: s**2 - s_squared, **at_distance}
+k_half = d.symbol(
+    "k_half", "k", "scalar product of pin and rocker", "mm²", value=(rocker**2 + p**2 - coupler**2) / 2
 )
+s = d.symbol("double_area", "s", "twice the area of the triangle of coupler, rocker and pin", "mm²")
+sign = d.symbol("sign", r"\sigma", "+1 for the first position, -1 for the second", "1")
+r_x = d.symbol("rocker_x", "r_x", "rocker's pin, along", "mm", value=(k_half * p_x - sign * s * p_y) / p**2)
+r_y = d.symbol("rocker_y", "r_y", "rocker's pin, across", "mm", value=(k_half * p_y + sign * s * p_x) / p**2)
+by_definition = {s: s**2 - rocker**2 * p**2 + k_half**2, p: p**2 - p_x**2 - p_y**2, sign: sign**2 - 1}
+
+d.check(
+    "solution",
+    equal(r_x**2 + r_y**2, rocker**2),
+    equal((r_x - p_x) ** 2 + (r_y - p_y) ** 2, coupler**2),
+    text="For both signs the rocker has its length, and the coupler reaches from the crank's pin to the rocker's.",
+).prove(modulo=by_definition)
 
 # %% [markdown]
-# The ratio of the velocities follows from the closure equations; the derivatives below are made from the kernel
-# itself, and this formula is a check of them.
+# By Heron's formula $s$ is the root of a product of sums. That is exact near dead centres, where the difference
+# $c^2p^2-k^2$ loses every digit.
 
 # %%
-rocker_speed, coupler_speed = sp.symbols("rocker_speed coupler_speed", real=True)
-moving = [
-    sum(
-        f.diff(q) * v
-        for q, v in ((crank_angle, 1), (rocker_angle, rocker_speed), (coupler_angle, coupler_speed))
-    )
-    for f in closure
-]
-speeds = sp.solve(moving, [rocker_speed, coupler_speed], dict=True)[0]
-velocity_ratio = crank * sp.sin(coupler_angle - crank_angle) / (rocker * sp.sin(coupler_angle - rocker_angle))
+heron = (p + coupler + rocker) * (coupler + rocker - p) * (p + coupler - rocker) * (p - coupler + rocker)
+d.check("heron", equal(4 * s**2, heron), text="Heron's formula.").prove(modulo=by_definition)
+
+# %% [markdown]
+# The ratio of the velocities follows from the closure equations, differentiated by the angle of the crank.
+
+# %%
+rocker_rate, coupler_rate = sp.symbols("rocker_rate coupler_rate", real=True)
+rates = {crank_angle: 1, rocker_angle: rocker_rate, coupler_angle: coupler_rate}
+moving = [sum(f.diff(angle) * rate for angle, rate in rates.items()) for f in closure]
+solved = sp.solve(moving, [rocker_rate, coupler_rate], dict=True)[0]
+rocker_speed = d.symbol(
+    "rocker_speed", r"\tfrac{d\psi}{d\theta}", "ratio of velocities", "1", value=solved[rocker_rate]
+)
 d.check(
     "velocity-ratio",
-    equal(speeds[rocker_speed], velocity_ratio),
+    equal(
+        rocker_speed,
+        crank * sp.sin(coupler_angle - crank_angle) / (rocker * sp.sin(coupler_angle - rocker_angle)),
+    ),
     text="How fast the rocker turns when the crank turns with unit speed.",
 ).prove()
 
@@ -202,7 +197,7 @@ def four_bar():
     k = KernelBuilder(
         "four_bar",
         summary="Both positions of a planar four-bar linkage for an angle of its crank.",
-        source="Freudenstein (1955); derivation four_bar, entries solution-plus, solution-minus and heron",
+        source="Freudenstein (1955); derivation four_bar, entries solution and heron",
         notes="In the first position pivot, crank's pin and rocker's pin turn counterclockwise.",
     )
     a = k.input("crank", unit="mm", doc="length of the crank", between=(10, 40))
@@ -268,29 +263,42 @@ def four_bar():
 solver = four_bar()
 
 # %% [markdown]
-# What the kernel computes is proved to be the formula: `expand` writes a named step in the names that are kept. The
-# coupler leads from the crank's pin to the rocker's, $c\,\vec u-\vec p$ with the rocker's direction $\vec u$.
+# What the kernel computes is proved to be the formula. `expand` writes a named step in the names that are kept. The
+# kernel's vectors are $p^2$ times as long as the links, which does not matter to their angles.
 
 # %%
-named = {sp.Symbol("double_area", real=True): s}
-for sign, name in ((1, "first"), (-1, "second")):
-    x, y = rocker_direction(sign)
-    pin = ("pin_x", "pin_y", "double_area")
-    in_rocker = [solver.expand(f"rocker_{name}_{c}", keep=pin) for c in "xy"]
-    in_coupler = [solver.expand(f"coupler_{name}_{c}", keep=pin) for c in "xy"]
-    d.check(
-        f"kernel-{name}",
-        equal(in_rocker[0], x),
-        equal(in_rocker[1], y),
-        equal(in_coupler[0], x - p_x * (p_x**2 + p_y**2)),
-        equal(in_coupler[1], y - p_y * (p_x**2 + p_y**2)),
-        text="The kernel's vectors along the rocker and the coupler, each p² times as long as its link.",
-    ).prove()
+pin_squared = p_x**2 + p_y**2
+
+
+def check_vectors(which, value):
+    """Prove the kernel's vectors along rocker and coupler in one position."""
+    kept = ("pin_x", "pin_y", "double_area")
+    along = {
+        f"{link}_{c}": solver.expand(f"{link}_{which}_{c}", keep=kept)
+        for link in ("rocker", "coupler")
+        for c in "xy"
+    }
+    return d.check(
+        f"kernel-{which}",
+        equal(pin_squared * r_x, along["rocker_x"]),
+        equal(pin_squared * r_y, along["rocker_y"]),
+        equal(pin_squared * (r_x - p_x), along["coupler_x"]),
+        equal(pin_squared * (r_y - p_y), along["coupler_y"]),
+        text=f"The kernel's vectors along rocker and coupler in the {which} position.",
+    ).prove(given={sign: value}, modulo={p: p**2 - pin_squared})
+
+
+check_vectors("first", 1)
+
+# %%
+check_vectors("second", -1)
+
+# %%
 d.check(
     "kernel-area",
-    equal(4 * heron, solver.expand("area", keep=("pin_distance",))),
-    text="What is under the kernel's root is Heron's product.",
-).prove()
+    equal(4 * s**2, solver.expand("area", keep=("pin_distance",))),
+    text="What is under the kernel's root.",
+).prove(modulo=by_definition)
 
 # %% [markdown]
 # ## Derivatives
@@ -327,7 +335,7 @@ if in_notebook():
     rocker_jacobian, _, _ = compile_kernel(jacobian)(*links, theta)
     _, (left, right) = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained")
     left.plot(np.degrees(theta), np.degrees(np.unwrap(angles, axis=0)))
-    left.set(xlabel="crank / deg", ylabel="rocker / deg", title="both positions")
+    left.set(xlabel="crank / deg", ylabel="rocker / deg", title="rocker in both positions")
     left.legend(["first", "second"])
     right.plot(np.degrees(theta), 0.01 * np.degrees(rocker_jacobian[:, 0, 1]) * 3600)
     right.set(xlabel="crank / deg", ylabel="rocker / arcsec", title="0.01 mm more coupler, first position")
