@@ -8,8 +8,8 @@ the error of the axis, meets the noise of ρ′. Hence
 
 The second term matters only where the points lie within some σ of the axis; without it pairs of pure noise
 would claim an axis. H holds products ρ ρ′ᵀ of two independent readings and so is free of the bias that
-the Gauss-Newton matrix, with ρ ρᵀ, has there. A robust loss has its own H and score variance, pair by pair
-from its slope and its square, as usual for M-estimates (P. J. Huber, Robust Statistics, 1981, section 6.3).
+the Gauss-Newton matrix, with ρ ρᵀ, has there. A robust loss changes H by its mean slope and the score's
+variance by its mean square, as usual for M-estimates (P. J. Huber, Robust Statistics, 1981, section 7.6).
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.axis_fit._moments import Moments
+from rodgen.axis_fit._noise import Noise
 from rodgen.axis_fit._pairs import Pairs
 from rodgen.axis_fit._robust import Loss
 from rodgen.axis_fit._solve import Line
@@ -29,41 +30,36 @@ __all__ = ["condition_number", "information_of", "joint_covariance", "parameter_
 Floats = NDArray[np.float64]
 
 
-def information_of(
-    pairs: Pairs, used: NDArray[np.bool_], loss: Loss, z: Floats, line: Line, basis: Floats
-) -> tuple[Floats, Floats]:
-    """Information H and score variance, both in units of 2v; the same matrix for the linear loss.
+def information_of(pairs: Pairs, noise: Noise, loss: Loss, line: Line, basis: Floats) -> tuple[Floats, float]:
+    """Information H on axis and point along the basis, and the factor of the score's variance on it.
 
-    Parameters
-    ----------
-    pairs : Pairs
-    used : (N,) bool array
-    loss : Loss
-    z : (N,) array
-        Lengths of the residuals in units of their standard deviation.
-    line : Line
-    basis : (3, 2) array
-        Perpendicular to the axis.
+    Of a robust loss every good pair gets the mean slope and the mean square of all pairs: pair by pair
+    they would follow the noise of a small sample, and claim too much.
     """
-    weight = loss.weight(z)
-    # The mean over the three directions: ψ′ along the residual, ψ/z across it; and E[ψ²] a direction.
-    slope, square = (loss.slope(z) + 2 * weight) / 3, (weight * z) ** 2 / 3
-    x, y, angle, w = (a[used] for a in (pairs.rho, pairs.rho_prime, pairs.angle, pairs.weight))
-    H = Moments.of(x, y, angle, w * slope[used], pairs.point).hessian(line.axis, line.point, basis)
+    x, y, angle = pairs.rho, pairs.rho_prime, pairs.angle
     if loss.name == "linear":
-        return H, H
+        w = pairs.weight
+        return Moments.of(x, y, angle, w, pairs.point).hessian(line.axis, line.point, basis), 1.0
+    good = noise.good
+    z = noise.z[noise.used]
+    weight = loss.weight(z)
+    # Over the three directions: ψ′ along the residual, ψ/z across it; and E[ψ²] a direction.
+    slope = float(((loss.slope(z) + 2 * weight) / 3).sum())
+    # Tukey's loss bends down where a sigma too small puts most pairs; the information stays positive.
+    slope = max(slope, 0.1 * float(weight.sum())) / int(good.sum())
+    square = float(((weight * z) ** 2 / 3).sum()) / int(good.sum())
+    H = Moments.of(x, y, angle, pairs.weight * good, pairs.point).hessian(line.axis, line.point, basis)
     # The fit has made the residuals smaller than the errors by its own degrees of freedom.
-    shrunk = 3 * len(w) / max(3 * len(w) - len(H), 1)
-    V = Moments.of(x, y, angle, w * square[used] * shrunk, pairs.point).hessian(line.axis, line.point, basis)
-    return H, V
+    count = 3 * len(z)
+    return slope * H, square / slope * count / max(count - len(H), 1)
 
 
-def parameter_covariance(information: Floats, score: Floats, variance: float, versines: float) -> Floats:
+def parameter_covariance(information: Floats, score: float, variance: float, versines: float) -> Floats:
     """Covariance (4, 4) or (2, 2) of axis and point along the basis: the module's formula.
 
     Parameters
     ----------
-    information, score : arrays
+    information, score : array, float
         From :func:`information_of`.
     variance : float
         v, of a coordinate at weight 1.
@@ -73,7 +69,7 @@ def parameter_covariance(information: Floats, score: Floats, variance: float, ve
     inverse = np.linalg.inv(information)
     noise = np.zeros_like(information)
     noise[:2, :2] = versines * np.eye(2)
-    covariance = inverse @ (2 * variance * score + 4 * variance**2 * noise) @ inverse
+    covariance = inverse @ (2 * variance * score * information + 4 * variance**2 * noise) @ inverse
     return (covariance + covariance.T) / 2
 
 

@@ -132,7 +132,7 @@ def _assess(pairs: Pairs, loss: Loss, solution: Solution) -> AxisFit:
     best = lines[0]
     facts = PairFacts.of(pairs, good, best)
     basis = tangents(best.axis)
-    information, score = information_of(pairs, used, loss, noise.z, best, basis)
+    information, score = information_of(pairs, noise, loss, best, basis)
     reference = float(np.trace(information[2:, 2:])) / 2 if free else facts.versines
     small = np.full(information.shape, np.nan)
     determined = is_determined(axis_information(information), reference * facts.arm**2, facts)

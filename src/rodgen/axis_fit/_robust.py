@@ -105,9 +105,13 @@ def chi_cut(pairs: int) -> float:
 
 
 def median_variance(squares: Floats, freedoms_used: int) -> float:
-    """Variance of unit weight from the median; arguments as :func:`trimmed_variance`."""
-    numbers = 3 * len(squares)
-    return float(np.median(squares)) / _CHI_MEDIAN**2 * numbers / max(numbers - freedoms_used, 1)
+    """Variance of unit weight from the median, rather too large; arguments as :func:`trimmed_variance`.
+
+    A fit that makes the median small makes it too small in a small sample, and a trim that begins there
+    throws out good pairs; the factor is Rousseeuw's for the least median of squares.
+    """
+    spare = max(len(squares) - freedoms_used / 3, 1.0)
+    return float(np.median(squares)) / _CHI_MEDIAN**2 * (1 + 5 / spare) ** 2
 
 
 def trimmed_variance(squares: Floats, freedoms_used: int, start: float) -> float:
