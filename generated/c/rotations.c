@@ -96,7 +96,7 @@ void rotations_rotate_batch_f32(size_t count, const float *rho, const float *the
     rotations_rotate_f32(rho + 3 * i, theta + 3 * i, rotated + 3 * i);
 }
 
-/* rodrigues_vector_from_axis_angle: 9 add, 30 mul, 3 div, 2 sqrt, 10 select, 9 compare, 5 abs, 1 cos, 1 power_of_two_scale, 1 sin */
+/* rodrigues_vector_from_axis_angle: 11 add, 33 mul, 4 div, 2 sqrt, 10 select, 9 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
 void rotations_rodrigues_vector_from_axis_angle_f64(const double axis[3], double angle, double theta[3], int8_t *status) {
   /* inputs */
   const double axis_1 = axis[0];
@@ -123,7 +123,11 @@ void rotations_rodrigues_vector_from_axis_angle_f64(const double axis[3], double
   const double v_2 = axis_unit_2*x3;
   const double v_3 = axis_unit_3*x3;
   const int good = (axis_size <= DBL_MAX) && (fabs(angle) <= DBL_MAX) && (axis_size > 0.0);
-  const double sine = sqrt((v_1*v_1) + (v_2*v_2) + (v_3*v_3));
+  const double sine_scale = power_of_two_scale_f64(fabs(v_1) + fabs(v_2) + fabs(v_3));
+  const double v_scaled_1 = sine_scale*v_1;
+  const double v_scaled_2 = sine_scale*v_2;
+  const double v_scaled_3 = sine_scale*v_3;
+  const double sine = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
   const double x4 = 2.0*((w > 0.25*DBL_EPSILON) ? 1.0/w : 4.0/DBL_EPSILON);
   const double status_value = ((!(good)) ? 4.0 : ((axis_deviation > 16.0*DBL_EPSILON) ? 3.0 : ((sine == 0.0) ? 1.0 : ((w <= DBL_EPSILON) ? 2.0 : 0.0))));
   /* outputs */
@@ -138,7 +142,7 @@ void rotations_rodrigues_vector_from_axis_angle_batch_f64(size_t count, const do
     rotations_rodrigues_vector_from_axis_angle_f64(axis + 3 * i, angle[i], theta + 3 * i, status + i);
 }
 
-/* rodrigues_vector_from_axis_angle: 9 add, 30 mul, 3 div, 2 sqrt, 10 select, 9 compare, 5 abs, 1 cos, 1 power_of_two_scale, 1 sin */
+/* rodrigues_vector_from_axis_angle: 11 add, 33 mul, 4 div, 2 sqrt, 10 select, 9 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
 void rotations_rodrigues_vector_from_axis_angle_f32(const float axis[3], float angle, float theta[3], int8_t *status) {
   /* inputs */
   const float axis_1 = axis[0];
@@ -165,7 +169,11 @@ void rotations_rodrigues_vector_from_axis_angle_f32(const float axis[3], float a
   const float v_2 = axis_unit_2*x3;
   const float v_3 = axis_unit_3*x3;
   const int good = (axis_size <= FLT_MAX) && (fabsf(angle) <= FLT_MAX) && (axis_size > 0.0f);
-  const float sine = sqrtf((v_1*v_1) + (v_2*v_2) + (v_3*v_3));
+  const float sine_scale = power_of_two_scale_f32(fabsf(v_1) + fabsf(v_2) + fabsf(v_3));
+  const float v_scaled_1 = sine_scale*v_1;
+  const float v_scaled_2 = sine_scale*v_2;
+  const float v_scaled_3 = sine_scale*v_3;
+  const float sine = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
   const float x4 = 2.0f*((w > 0.25f*FLT_EPSILON) ? 1.0f/w : 4.0f/FLT_EPSILON);
   const float status_value = ((!(good)) ? 4.0f : ((axis_deviation > 16.0f*FLT_EPSILON) ? 3.0f : ((sine == 0.0f) ? 1.0f : ((w <= FLT_EPSILON) ? 2.0f : 0.0f))));
   /* outputs */
@@ -180,7 +188,7 @@ void rotations_rodrigues_vector_from_axis_angle_batch_f32(size_t count, const fl
     rotations_rodrigues_vector_from_axis_angle_f32(axis + 3 * i, angle[i], theta + 3 * i, status + i);
 }
 
-/* matrix_from_axis_angle: 20 add, 39 mul, 1 div, 2 sqrt, 15 select, 8 compare, 5 abs, 1 cos, 1 power_of_two_scale, 1 sin */
+/* matrix_from_axis_angle: 22 add, 45 mul, 2 div, 2 sqrt, 15 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
 void rotations_matrix_from_axis_angle_f64(const double axis[3], double angle, double matrix[9], int8_t *status) {
   /* inputs */
   const double axis_1 = axis[0];
@@ -207,31 +215,32 @@ void rotations_matrix_from_axis_angle_f64(const double axis[3], double angle, do
   const double v_2 = axis_unit_2*x3;
   const double v_3 = axis_unit_3*x3;
   const int good = (axis_size <= DBL_MAX) && (fabs(angle) <= DBL_MAX) && (axis_size > 0.0);
-  const double x4 = (v_1*v_1);
-  const double x5 = (v_2*v_2);
-  const double x6 = (v_3*v_3);
-  const double sine = sqrt(x4 + x5 + x6);
-  const double x7 = 2.0*x5;
-  const double x8 = 2.0*x6 - 1.0;
-  const double x9 = 2.0*v_2;
-  const double x10 = v_1*x9;
-  const double x11 = 2.0*v_3;
-  const double x12 = w*x11;
-  const double x13 = v_1*x11;
-  const double x14 = w*x9;
-  const double x15 = 2.0*x4;
-  const double x16 = 2.0*v_1*w;
+  const double sine_scale = power_of_two_scale_f64(fabs(v_1) + fabs(v_2) + fabs(v_3));
+  const double v_scaled_1 = sine_scale*v_1;
+  const double v_scaled_2 = sine_scale*v_2;
+  const double v_scaled_3 = sine_scale*v_3;
+  const double sine = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
+  const double x4 = 2.0*(v_2*v_2);
+  const double x5 = 2.0*(v_3*v_3) - 1.0;
+  const double x6 = 2.0*v_2;
+  const double x7 = v_1*x6;
+  const double x8 = 2.0*v_3;
+  const double x9 = w*x8;
+  const double x10 = v_1*x8;
+  const double x11 = w*x6;
+  const double x12 = 2.0*(v_1*v_1);
+  const double x13 = 2.0*v_1*w;
   const double status_value = ((!(good)) ? 4.0 : ((axis_deviation > 16.0*DBL_EPSILON) ? 3.0 : ((sine == 0.0) ? 1.0 : ((w <= DBL_EPSILON) ? 2.0 : 0.0))));
   /* outputs */
-  matrix[0] = ((good) ? -x7 - x8 : NAN);
-  matrix[1] = ((good) ? x10 - x12 : NAN);
-  matrix[2] = ((good) ? x13 + x14 : NAN);
-  matrix[3] = ((good) ? x10 + x12 : NAN);
-  matrix[4] = ((good) ? -x15 - x8 : NAN);
-  matrix[5] = ((good) ? 2.0*v_2*v_3 - x16 : NAN);
-  matrix[6] = ((good) ? x13 - x14 : NAN);
-  matrix[7] = ((good) ? v_2*x11 + x16 : NAN);
-  matrix[8] = ((good) ? 1.0 - x15 - x7 : NAN);
+  matrix[0] = ((good) ? -x4 - x5 : NAN);
+  matrix[1] = ((good) ? x7 - x9 : NAN);
+  matrix[2] = ((good) ? x10 + x11 : NAN);
+  matrix[3] = ((good) ? x7 + x9 : NAN);
+  matrix[4] = ((good) ? -x12 - x5 : NAN);
+  matrix[5] = ((good) ? 2.0*v_2*v_3 - x13 : NAN);
+  matrix[6] = ((good) ? x10 - x11 : NAN);
+  matrix[7] = ((good) ? v_2*x8 + x13 : NAN);
+  matrix[8] = ((good) ? 1.0 - x12 - x4 : NAN);
   *status = (int8_t)status_value;
 }
 
@@ -240,7 +249,7 @@ void rotations_matrix_from_axis_angle_batch_f64(size_t count, const double *axis
     rotations_matrix_from_axis_angle_f64(axis + 3 * i, angle[i], matrix + 9 * i, status + i);
 }
 
-/* matrix_from_axis_angle: 20 add, 39 mul, 1 div, 2 sqrt, 15 select, 8 compare, 5 abs, 1 cos, 1 power_of_two_scale, 1 sin */
+/* matrix_from_axis_angle: 22 add, 45 mul, 2 div, 2 sqrt, 15 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
 void rotations_matrix_from_axis_angle_f32(const float axis[3], float angle, float matrix[9], int8_t *status) {
   /* inputs */
   const float axis_1 = axis[0];
@@ -267,31 +276,32 @@ void rotations_matrix_from_axis_angle_f32(const float axis[3], float angle, floa
   const float v_2 = axis_unit_2*x3;
   const float v_3 = axis_unit_3*x3;
   const int good = (axis_size <= FLT_MAX) && (fabsf(angle) <= FLT_MAX) && (axis_size > 0.0f);
-  const float x4 = (v_1*v_1);
-  const float x5 = (v_2*v_2);
-  const float x6 = (v_3*v_3);
-  const float sine = sqrtf(x4 + x5 + x6);
-  const float x7 = 2.0f*x5;
-  const float x8 = 2.0f*x6 - 1.0f;
-  const float x9 = 2.0f*v_2;
-  const float x10 = v_1*x9;
-  const float x11 = 2.0f*v_3;
-  const float x12 = w*x11;
-  const float x13 = v_1*x11;
-  const float x14 = w*x9;
-  const float x15 = 2.0f*x4;
-  const float x16 = 2.0f*v_1*w;
+  const float sine_scale = power_of_two_scale_f32(fabsf(v_1) + fabsf(v_2) + fabsf(v_3));
+  const float v_scaled_1 = sine_scale*v_1;
+  const float v_scaled_2 = sine_scale*v_2;
+  const float v_scaled_3 = sine_scale*v_3;
+  const float sine = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
+  const float x4 = 2.0f*(v_2*v_2);
+  const float x5 = 2.0f*(v_3*v_3) - 1.0f;
+  const float x6 = 2.0f*v_2;
+  const float x7 = v_1*x6;
+  const float x8 = 2.0f*v_3;
+  const float x9 = w*x8;
+  const float x10 = v_1*x8;
+  const float x11 = w*x6;
+  const float x12 = 2.0f*(v_1*v_1);
+  const float x13 = 2.0f*v_1*w;
   const float status_value = ((!(good)) ? 4.0f : ((axis_deviation > 16.0f*FLT_EPSILON) ? 3.0f : ((sine == 0.0f) ? 1.0f : ((w <= FLT_EPSILON) ? 2.0f : 0.0f))));
   /* outputs */
-  matrix[0] = ((good) ? -x7 - x8 : NAN);
-  matrix[1] = ((good) ? x10 - x12 : NAN);
-  matrix[2] = ((good) ? x13 + x14 : NAN);
-  matrix[3] = ((good) ? x10 + x12 : NAN);
-  matrix[4] = ((good) ? -x15 - x8 : NAN);
-  matrix[5] = ((good) ? 2.0f*v_2*v_3 - x16 : NAN);
-  matrix[6] = ((good) ? x13 - x14 : NAN);
-  matrix[7] = ((good) ? v_2*x11 + x16 : NAN);
-  matrix[8] = ((good) ? 1.0f - x15 - x7 : NAN);
+  matrix[0] = ((good) ? -x4 - x5 : NAN);
+  matrix[1] = ((good) ? x7 - x9 : NAN);
+  matrix[2] = ((good) ? x10 + x11 : NAN);
+  matrix[3] = ((good) ? x7 + x9 : NAN);
+  matrix[4] = ((good) ? -x12 - x5 : NAN);
+  matrix[5] = ((good) ? 2.0f*v_2*v_3 - x13 : NAN);
+  matrix[6] = ((good) ? x10 - x11 : NAN);
+  matrix[7] = ((good) ? v_2*x8 + x13 : NAN);
+  matrix[8] = ((good) ? 1.0f - x12 - x4 : NAN);
   *status = (int8_t)status_value;
 }
 
@@ -300,7 +310,7 @@ void rotations_matrix_from_axis_angle_batch_f32(size_t count, const float *axis,
     rotations_matrix_from_axis_angle_f32(axis + 3 * i, angle[i], matrix + 9 * i, status + i);
 }
 
-/* quaternion_from_axis_angle: 9 add, 25 mul, 1 div, 2 sqrt, 10 select, 8 compare, 5 abs, 1 cos, 1 power_of_two_scale, 1 sin */
+/* quaternion_from_axis_angle: 11 add, 28 mul, 2 div, 2 sqrt, 10 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
 void rotations_quaternion_from_axis_angle_f64(const double axis[3], double angle, double quaternion[4], int8_t *status) {
   /* inputs */
   const double axis_1 = axis[0];
@@ -327,7 +337,11 @@ void rotations_quaternion_from_axis_angle_f64(const double axis[3], double angle
   const double v_2 = axis_unit_2*x3;
   const double v_3 = axis_unit_3*x3;
   const int good = (axis_size <= DBL_MAX) && (fabs(angle) <= DBL_MAX) && (axis_size > 0.0);
-  const double sine = sqrt((v_1*v_1) + (v_2*v_2) + (v_3*v_3));
+  const double sine_scale = power_of_two_scale_f64(fabs(v_1) + fabs(v_2) + fabs(v_3));
+  const double v_scaled_1 = sine_scale*v_1;
+  const double v_scaled_2 = sine_scale*v_2;
+  const double v_scaled_3 = sine_scale*v_3;
+  const double sine = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
   const double status_value = ((!(good)) ? 4.0 : ((axis_deviation > 16.0*DBL_EPSILON) ? 3.0 : ((sine == 0.0) ? 1.0 : ((w <= DBL_EPSILON) ? 2.0 : 0.0))));
   /* outputs */
   quaternion[0] = ((good) ? w : NAN);
@@ -342,7 +356,7 @@ void rotations_quaternion_from_axis_angle_batch_f64(size_t count, const double *
     rotations_quaternion_from_axis_angle_f64(axis + 3 * i, angle[i], quaternion + 4 * i, status + i);
 }
 
-/* quaternion_from_axis_angle: 9 add, 25 mul, 1 div, 2 sqrt, 10 select, 8 compare, 5 abs, 1 cos, 1 power_of_two_scale, 1 sin */
+/* quaternion_from_axis_angle: 11 add, 28 mul, 2 div, 2 sqrt, 10 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
 void rotations_quaternion_from_axis_angle_f32(const float axis[3], float angle, float quaternion[4], int8_t *status) {
   /* inputs */
   const float axis_1 = axis[0];
@@ -369,7 +383,11 @@ void rotations_quaternion_from_axis_angle_f32(const float axis[3], float angle, 
   const float v_2 = axis_unit_2*x3;
   const float v_3 = axis_unit_3*x3;
   const int good = (axis_size <= FLT_MAX) && (fabsf(angle) <= FLT_MAX) && (axis_size > 0.0f);
-  const float sine = sqrtf((v_1*v_1) + (v_2*v_2) + (v_3*v_3));
+  const float sine_scale = power_of_two_scale_f32(fabsf(v_1) + fabsf(v_2) + fabsf(v_3));
+  const float v_scaled_1 = sine_scale*v_1;
+  const float v_scaled_2 = sine_scale*v_2;
+  const float v_scaled_3 = sine_scale*v_3;
+  const float sine = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
   const float status_value = ((!(good)) ? 4.0f : ((axis_deviation > 16.0f*FLT_EPSILON) ? 3.0f : ((sine == 0.0f) ? 1.0f : ((w <= FLT_EPSILON) ? 2.0f : 0.0f))));
   /* outputs */
   quaternion[0] = ((good) ? w : NAN);
@@ -384,7 +402,7 @@ void rotations_quaternion_from_axis_angle_batch_f32(size_t count, const float *a
     rotations_quaternion_from_axis_angle_f32(axis + 3 * i, angle[i], quaternion + 4 * i, status + i);
 }
 
-/* axis_angle_from_rodrigues_vector: 8 add, 22 mul, 2 div, 2 sqrt, 11 select, 7 compare, 3 abs, 1 atan2, 1 power_of_two_scale */
+/* axis_angle_from_rodrigues_vector: 10 add, 25 mul, 3 div, 2 sqrt, 11 select, 7 compare, 6 abs, 1 atan2, 2 power_of_two_scale */
 void rotations_axis_angle_from_rodrigues_vector_f64(const double theta[3], double axis[3], double *angle, int8_t *status) {
   /* inputs */
   const double theta_1 = theta[0];
@@ -404,13 +422,18 @@ void rotations_axis_angle_from_rodrigues_vector_f64(const double theta[3], doubl
   const double v_2 = theta_scaled_2*x1;
   const double v_3 = theta_scaled_3*x1;
   const int good = size <= DBL_MAX;
-  const double sine = sqrt((v_1*v_1) + (v_2*v_2) + (v_3*v_3));
-  const double x2 = ((sine > 0.0) ? 1.0/sine : 1.0);
+  const double sine_scale = power_of_two_scale_f64(fabs(v_1) + fabs(v_2) + fabs(v_3));
+  const double v_scaled_1 = sine_scale*v_1;
+  const double v_scaled_2 = sine_scale*v_2;
+  const double v_scaled_3 = sine_scale*v_3;
+  const double x2 = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
+  const double sine = x2/sine_scale;
+  const double x3 = ((sine > 0.0) ? 1.0/x2 : 1.0);
   const double status_value = ((!(good)) ? 4.0 : ((sine == 0.0) ? 1.0 : ((w <= DBL_EPSILON) ? 2.0 : 0.0)));
   /* outputs */
-  axis[0] = ((good) ? ((sine > 0.0) ? v_1*x2 : 0.0) : NAN);
-  axis[1] = ((good) ? ((sine > 0.0) ? v_2*x2 : 0.0) : NAN);
-  axis[2] = ((good) ? ((sine > 0.0) ? v_3*x2 : 1.0) : NAN);
+  axis[0] = ((good) ? ((sine > 0.0) ? v_scaled_1*x3 : 0.0) : NAN);
+  axis[1] = ((good) ? ((sine > 0.0) ? v_scaled_2*x3 : 0.0) : NAN);
+  axis[2] = ((good) ? ((sine > 0.0) ? v_scaled_3*x3 : 1.0) : NAN);
   *angle = ((good) ? 2.0*atan2(sine, w) : NAN);
   *status = (int8_t)status_value;
 }
@@ -420,7 +443,7 @@ void rotations_axis_angle_from_rodrigues_vector_batch_f64(size_t count, const do
     rotations_axis_angle_from_rodrigues_vector_f64(theta + 3 * i, axis + 3 * i, angle + i, status + i);
 }
 
-/* axis_angle_from_rodrigues_vector: 8 add, 22 mul, 2 div, 2 sqrt, 11 select, 7 compare, 3 abs, 1 atan2, 1 power_of_two_scale */
+/* axis_angle_from_rodrigues_vector: 10 add, 25 mul, 3 div, 2 sqrt, 11 select, 7 compare, 6 abs, 1 atan2, 2 power_of_two_scale */
 void rotations_axis_angle_from_rodrigues_vector_f32(const float theta[3], float axis[3], float *angle, int8_t *status) {
   /* inputs */
   const float theta_1 = theta[0];
@@ -440,13 +463,18 @@ void rotations_axis_angle_from_rodrigues_vector_f32(const float theta[3], float 
   const float v_2 = theta_scaled_2*x1;
   const float v_3 = theta_scaled_3*x1;
   const int good = size <= FLT_MAX;
-  const float sine = sqrtf((v_1*v_1) + (v_2*v_2) + (v_3*v_3));
-  const float x2 = ((sine > 0.0f) ? 1.0f/sine : 1.0f);
+  const float sine_scale = power_of_two_scale_f32(fabsf(v_1) + fabsf(v_2) + fabsf(v_3));
+  const float v_scaled_1 = sine_scale*v_1;
+  const float v_scaled_2 = sine_scale*v_2;
+  const float v_scaled_3 = sine_scale*v_3;
+  const float x2 = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
+  const float sine = x2/sine_scale;
+  const float x3 = ((sine > 0.0f) ? 1.0f/x2 : 1.0f);
   const float status_value = ((!(good)) ? 4.0f : ((sine == 0.0f) ? 1.0f : ((w <= FLT_EPSILON) ? 2.0f : 0.0f)));
   /* outputs */
-  axis[0] = ((good) ? ((sine > 0.0f) ? v_1*x2 : 0.0f) : NAN);
-  axis[1] = ((good) ? ((sine > 0.0f) ? v_2*x2 : 0.0f) : NAN);
-  axis[2] = ((good) ? ((sine > 0.0f) ? v_3*x2 : 1.0f) : NAN);
+  axis[0] = ((good) ? ((sine > 0.0f) ? v_scaled_1*x3 : 0.0f) : NAN);
+  axis[1] = ((good) ? ((sine > 0.0f) ? v_scaled_2*x3 : 0.0f) : NAN);
+  axis[2] = ((good) ? ((sine > 0.0f) ? v_scaled_3*x3 : 1.0f) : NAN);
   *angle = ((good) ? 2.0f*atan2f(sine, w) : NAN);
   *status = (int8_t)status_value;
 }
@@ -456,7 +484,7 @@ void rotations_axis_angle_from_rodrigues_vector_batch_f32(size_t count, const fl
     rotations_axis_angle_from_rodrigues_vector_f32(theta + 3 * i, axis + 3 * i, angle + i, status + i);
 }
 
-/* matrix_from_rodrigues_vector: 19 add, 32 mul, 1 div, 2 sqrt, 12 select, 3 compare, 3 abs, 1 power_of_two_scale */
+/* matrix_from_rodrigues_vector: 21 add, 38 mul, 2 div, 2 sqrt, 12 select, 3 compare, 6 abs, 2 power_of_two_scale */
 void rotations_matrix_from_rodrigues_vector_f64(const double theta[3], double matrix[9], int8_t *status) {
   /* inputs */
   const double theta_1 = theta[0];
@@ -476,31 +504,32 @@ void rotations_matrix_from_rodrigues_vector_f64(const double theta[3], double ma
   const double v_2 = theta_scaled_2*x1;
   const double v_3 = theta_scaled_3*x1;
   const int good = size <= DBL_MAX;
-  const double x2 = (v_1*v_1);
-  const double x3 = (v_2*v_2);
-  const double x4 = (v_3*v_3);
-  const double sine = sqrt(x2 + x3 + x4);
-  const double x5 = 2.0*x3;
-  const double x6 = 2.0*x4 - 1.0;
-  const double x7 = 2.0*v_2;
-  const double x8 = v_1*x7;
-  const double x9 = 2.0*v_3;
-  const double x10 = w*x9;
-  const double x11 = v_1*x9;
-  const double x12 = w*x7;
-  const double x13 = 2.0*x2;
-  const double x14 = 2.0*v_1*w;
+  const double sine_scale = power_of_two_scale_f64(fabs(v_1) + fabs(v_2) + fabs(v_3));
+  const double v_scaled_1 = sine_scale*v_1;
+  const double v_scaled_2 = sine_scale*v_2;
+  const double v_scaled_3 = sine_scale*v_3;
+  const double sine = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
+  const double x2 = 2.0*(v_2*v_2);
+  const double x3 = 2.0*(v_3*v_3) - 1.0;
+  const double x4 = 2.0*v_2;
+  const double x5 = v_1*x4;
+  const double x6 = 2.0*v_3;
+  const double x7 = w*x6;
+  const double x8 = v_1*x6;
+  const double x9 = w*x4;
+  const double x10 = 2.0*(v_1*v_1);
+  const double x11 = 2.0*v_1*w;
   const double status_value = ((!(good)) ? 4.0 : ((sine == 0.0) ? 1.0 : ((w <= DBL_EPSILON) ? 2.0 : 0.0)));
   /* outputs */
-  matrix[0] = ((good) ? -x5 - x6 : NAN);
-  matrix[1] = ((good) ? x8 - x10 : NAN);
-  matrix[2] = ((good) ? x11 + x12 : NAN);
-  matrix[3] = ((good) ? x10 + x8 : NAN);
-  matrix[4] = ((good) ? -x13 - x6 : NAN);
-  matrix[5] = ((good) ? 2.0*v_2*v_3 - x14 : NAN);
-  matrix[6] = ((good) ? x11 - x12 : NAN);
-  matrix[7] = ((good) ? v_2*x9 + x14 : NAN);
-  matrix[8] = ((good) ? 1.0 - x13 - x5 : NAN);
+  matrix[0] = ((good) ? -x2 - x3 : NAN);
+  matrix[1] = ((good) ? x5 - x7 : NAN);
+  matrix[2] = ((good) ? x8 + x9 : NAN);
+  matrix[3] = ((good) ? x5 + x7 : NAN);
+  matrix[4] = ((good) ? -x10 - x3 : NAN);
+  matrix[5] = ((good) ? 2.0*v_2*v_3 - x11 : NAN);
+  matrix[6] = ((good) ? x8 - x9 : NAN);
+  matrix[7] = ((good) ? v_2*x6 + x11 : NAN);
+  matrix[8] = ((good) ? 1.0 - x10 - x2 : NAN);
   *status = (int8_t)status_value;
 }
 
@@ -509,7 +538,7 @@ void rotations_matrix_from_rodrigues_vector_batch_f64(size_t count, const double
     rotations_matrix_from_rodrigues_vector_f64(theta + 3 * i, matrix + 9 * i, status + i);
 }
 
-/* matrix_from_rodrigues_vector: 19 add, 32 mul, 1 div, 2 sqrt, 12 select, 3 compare, 3 abs, 1 power_of_two_scale */
+/* matrix_from_rodrigues_vector: 21 add, 38 mul, 2 div, 2 sqrt, 12 select, 3 compare, 6 abs, 2 power_of_two_scale */
 void rotations_matrix_from_rodrigues_vector_f32(const float theta[3], float matrix[9], int8_t *status) {
   /* inputs */
   const float theta_1 = theta[0];
@@ -529,31 +558,32 @@ void rotations_matrix_from_rodrigues_vector_f32(const float theta[3], float matr
   const float v_2 = theta_scaled_2*x1;
   const float v_3 = theta_scaled_3*x1;
   const int good = size <= FLT_MAX;
-  const float x2 = (v_1*v_1);
-  const float x3 = (v_2*v_2);
-  const float x4 = (v_3*v_3);
-  const float sine = sqrtf(x2 + x3 + x4);
-  const float x5 = 2.0f*x3;
-  const float x6 = 2.0f*x4 - 1.0f;
-  const float x7 = 2.0f*v_2;
-  const float x8 = v_1*x7;
-  const float x9 = 2.0f*v_3;
-  const float x10 = w*x9;
-  const float x11 = v_1*x9;
-  const float x12 = w*x7;
-  const float x13 = 2.0f*x2;
-  const float x14 = 2.0f*v_1*w;
+  const float sine_scale = power_of_two_scale_f32(fabsf(v_1) + fabsf(v_2) + fabsf(v_3));
+  const float v_scaled_1 = sine_scale*v_1;
+  const float v_scaled_2 = sine_scale*v_2;
+  const float v_scaled_3 = sine_scale*v_3;
+  const float sine = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
+  const float x2 = 2.0f*(v_2*v_2);
+  const float x3 = 2.0f*(v_3*v_3) - 1.0f;
+  const float x4 = 2.0f*v_2;
+  const float x5 = v_1*x4;
+  const float x6 = 2.0f*v_3;
+  const float x7 = w*x6;
+  const float x8 = v_1*x6;
+  const float x9 = w*x4;
+  const float x10 = 2.0f*(v_1*v_1);
+  const float x11 = 2.0f*v_1*w;
   const float status_value = ((!(good)) ? 4.0f : ((sine == 0.0f) ? 1.0f : ((w <= FLT_EPSILON) ? 2.0f : 0.0f)));
   /* outputs */
-  matrix[0] = ((good) ? -x5 - x6 : NAN);
-  matrix[1] = ((good) ? x8 - x10 : NAN);
-  matrix[2] = ((good) ? x11 + x12 : NAN);
-  matrix[3] = ((good) ? x10 + x8 : NAN);
-  matrix[4] = ((good) ? -x13 - x6 : NAN);
-  matrix[5] = ((good) ? 2.0f*v_2*v_3 - x14 : NAN);
-  matrix[6] = ((good) ? x11 - x12 : NAN);
-  matrix[7] = ((good) ? v_2*x9 + x14 : NAN);
-  matrix[8] = ((good) ? 1.0f - x13 - x5 : NAN);
+  matrix[0] = ((good) ? -x2 - x3 : NAN);
+  matrix[1] = ((good) ? x5 - x7 : NAN);
+  matrix[2] = ((good) ? x8 + x9 : NAN);
+  matrix[3] = ((good) ? x5 + x7 : NAN);
+  matrix[4] = ((good) ? -x10 - x3 : NAN);
+  matrix[5] = ((good) ? 2.0f*v_2*v_3 - x11 : NAN);
+  matrix[6] = ((good) ? x8 - x9 : NAN);
+  matrix[7] = ((good) ? v_2*x6 + x11 : NAN);
+  matrix[8] = ((good) ? 1.0f - x10 - x2 : NAN);
   *status = (int8_t)status_value;
 }
 
@@ -562,7 +592,7 @@ void rotations_matrix_from_rodrigues_vector_batch_f32(size_t count, const float 
     rotations_matrix_from_rodrigues_vector_f32(theta + 3 * i, matrix + 9 * i, status + i);
 }
 
-/* quaternion_from_rodrigues_vector: 8 add, 18 mul, 1 div, 2 sqrt, 7 select, 3 compare, 3 abs, 1 power_of_two_scale */
+/* quaternion_from_rodrigues_vector: 10 add, 21 mul, 2 div, 2 sqrt, 7 select, 3 compare, 6 abs, 2 power_of_two_scale */
 void rotations_quaternion_from_rodrigues_vector_f64(const double theta[3], double quaternion[4], int8_t *status) {
   /* inputs */
   const double theta_1 = theta[0];
@@ -582,7 +612,11 @@ void rotations_quaternion_from_rodrigues_vector_f64(const double theta[3], doubl
   const double v_2 = theta_scaled_2*x1;
   const double v_3 = theta_scaled_3*x1;
   const int good = size <= DBL_MAX;
-  const double sine = sqrt((v_1*v_1) + (v_2*v_2) + (v_3*v_3));
+  const double sine_scale = power_of_two_scale_f64(fabs(v_1) + fabs(v_2) + fabs(v_3));
+  const double v_scaled_1 = sine_scale*v_1;
+  const double v_scaled_2 = sine_scale*v_2;
+  const double v_scaled_3 = sine_scale*v_3;
+  const double sine = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
   const double status_value = ((!(good)) ? 4.0 : ((sine == 0.0) ? 1.0 : ((w <= DBL_EPSILON) ? 2.0 : 0.0)));
   /* outputs */
   quaternion[0] = ((good) ? w : NAN);
@@ -597,7 +631,7 @@ void rotations_quaternion_from_rodrigues_vector_batch_f64(size_t count, const do
     rotations_quaternion_from_rodrigues_vector_f64(theta + 3 * i, quaternion + 4 * i, status + i);
 }
 
-/* quaternion_from_rodrigues_vector: 8 add, 18 mul, 1 div, 2 sqrt, 7 select, 3 compare, 3 abs, 1 power_of_two_scale */
+/* quaternion_from_rodrigues_vector: 10 add, 21 mul, 2 div, 2 sqrt, 7 select, 3 compare, 6 abs, 2 power_of_two_scale */
 void rotations_quaternion_from_rodrigues_vector_f32(const float theta[3], float quaternion[4], int8_t *status) {
   /* inputs */
   const float theta_1 = theta[0];
@@ -617,7 +651,11 @@ void rotations_quaternion_from_rodrigues_vector_f32(const float theta[3], float 
   const float v_2 = theta_scaled_2*x1;
   const float v_3 = theta_scaled_3*x1;
   const int good = size <= FLT_MAX;
-  const float sine = sqrtf((v_1*v_1) + (v_2*v_2) + (v_3*v_3));
+  const float sine_scale = power_of_two_scale_f32(fabsf(v_1) + fabsf(v_2) + fabsf(v_3));
+  const float v_scaled_1 = sine_scale*v_1;
+  const float v_scaled_2 = sine_scale*v_2;
+  const float v_scaled_3 = sine_scale*v_3;
+  const float sine = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
   const float status_value = ((!(good)) ? 4.0f : ((sine == 0.0f) ? 1.0f : ((w <= FLT_EPSILON) ? 2.0f : 0.0f)));
   /* outputs */
   quaternion[0] = ((good) ? w : NAN);
@@ -632,7 +670,7 @@ void rotations_quaternion_from_rodrigues_vector_batch_f32(size_t count, const fl
     rotations_quaternion_from_rodrigues_vector_f32(theta + 3 * i, quaternion + 4 * i, status + i);
 }
 
-/* axis_angle_from_matrix: 46 add, 48 mul, 2 div, 2 sqrt, 27 select, 24 compare, 6 abs, 1 atan2 */
+/* axis_angle_from_matrix: 48 add, 51 mul, 3 div, 2 sqrt, 27 select, 24 compare, 9 abs, 1 atan2, 1 power_of_two_scale */
 void rotations_axis_angle_from_matrix_f64(const double matrix[9], double axis[3], double *angle, int8_t *status) {
   /* inputs */
   const double matrix_1_1 = matrix[0];
@@ -697,13 +735,18 @@ void rotations_axis_angle_from_matrix_f64(const double matrix[9], double axis[3]
   const double deviation = 2.0*fabs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*fabs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*fabs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + fabs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + fabs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + fabs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0);
   const double determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
   const int good = (deviation <= DBL_MAX) && (determinant > 0.0);
-  const double sine = sqrt((v_1*v_1) + (v_2*v_2) + (v_3*v_3));
-  const double x13 = ((sine > 0.0) ? 1.0/sine : 1.0);
+  const double sine_scale = power_of_two_scale_f64(fabs(v_1) + fabs(v_2) + fabs(v_3));
+  const double v_scaled_1 = sine_scale*v_1;
+  const double v_scaled_2 = sine_scale*v_2;
+  const double v_scaled_3 = sine_scale*v_3;
+  const double x13 = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
+  const double sine = x13/sine_scale;
+  const double x14 = ((sine > 0.0) ? 1.0/x13 : 1.0);
   const double status_value = ((!(good)) ? 4.0 : ((deviation > 64.0*DBL_EPSILON) ? 3.0 : ((sine == 0.0) ? 1.0 : ((w <= DBL_EPSILON) ? 2.0 : 0.0))));
   /* outputs */
-  axis[0] = ((good) ? ((sine > 0.0) ? v_1*x13 : 0.0) : NAN);
-  axis[1] = ((good) ? ((sine > 0.0) ? v_2*x13 : 0.0) : NAN);
-  axis[2] = ((good) ? ((sine > 0.0) ? v_3*x13 : 1.0) : NAN);
+  axis[0] = ((good) ? ((sine > 0.0) ? v_scaled_1*x14 : 0.0) : NAN);
+  axis[1] = ((good) ? ((sine > 0.0) ? v_scaled_2*x14 : 0.0) : NAN);
+  axis[2] = ((good) ? ((sine > 0.0) ? v_scaled_3*x14 : 1.0) : NAN);
   *angle = ((good) ? 2.0*atan2(sine, w) : NAN);
   *status = (int8_t)status_value;
 }
@@ -713,7 +756,7 @@ void rotations_axis_angle_from_matrix_batch_f64(size_t count, const double *matr
     rotations_axis_angle_from_matrix_f64(matrix + 9 * i, axis + 3 * i, angle + i, status + i);
 }
 
-/* axis_angle_from_matrix: 46 add, 48 mul, 2 div, 2 sqrt, 27 select, 24 compare, 6 abs, 1 atan2 */
+/* axis_angle_from_matrix: 48 add, 51 mul, 3 div, 2 sqrt, 27 select, 24 compare, 9 abs, 1 atan2, 1 power_of_two_scale */
 void rotations_axis_angle_from_matrix_f32(const float matrix[9], float axis[3], float *angle, int8_t *status) {
   /* inputs */
   const float matrix_1_1 = matrix[0];
@@ -778,13 +821,18 @@ void rotations_axis_angle_from_matrix_f32(const float matrix[9], float axis[3], 
   const float deviation = 2.0f*fabsf(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0f*fabsf(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0f*fabsf(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + fabsf((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0f) + fabsf((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0f) + fabsf((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0f);
   const float determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
   const int good = (deviation <= FLT_MAX) && (determinant > 0.0f);
-  const float sine = sqrtf((v_1*v_1) + (v_2*v_2) + (v_3*v_3));
-  const float x13 = ((sine > 0.0f) ? 1.0f/sine : 1.0f);
+  const float sine_scale = power_of_two_scale_f32(fabsf(v_1) + fabsf(v_2) + fabsf(v_3));
+  const float v_scaled_1 = sine_scale*v_1;
+  const float v_scaled_2 = sine_scale*v_2;
+  const float v_scaled_3 = sine_scale*v_3;
+  const float x13 = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
+  const float sine = x13/sine_scale;
+  const float x14 = ((sine > 0.0f) ? 1.0f/x13 : 1.0f);
   const float status_value = ((!(good)) ? 4.0f : ((deviation > 64.0f*FLT_EPSILON) ? 3.0f : ((sine == 0.0f) ? 1.0f : ((w <= FLT_EPSILON) ? 2.0f : 0.0f))));
   /* outputs */
-  axis[0] = ((good) ? ((sine > 0.0f) ? v_1*x13 : 0.0f) : NAN);
-  axis[1] = ((good) ? ((sine > 0.0f) ? v_2*x13 : 0.0f) : NAN);
-  axis[2] = ((good) ? ((sine > 0.0f) ? v_3*x13 : 1.0f) : NAN);
+  axis[0] = ((good) ? ((sine > 0.0f) ? v_scaled_1*x14 : 0.0f) : NAN);
+  axis[1] = ((good) ? ((sine > 0.0f) ? v_scaled_2*x14 : 0.0f) : NAN);
+  axis[2] = ((good) ? ((sine > 0.0f) ? v_scaled_3*x14 : 1.0f) : NAN);
   *angle = ((good) ? 2.0f*atan2f(sine, w) : NAN);
   *status = (int8_t)status_value;
 }
@@ -794,7 +842,7 @@ void rotations_axis_angle_from_matrix_batch_f32(size_t count, const float *matri
     rotations_axis_angle_from_matrix_f32(matrix + 9 * i, axis + 3 * i, angle + i, status + i);
 }
 
-/* rodrigues_vector_from_matrix: 46 add, 49 mul, 3 div, 2 sqrt, 23 select, 21 compare, 6 abs */
+/* rodrigues_vector_from_matrix: 48 add, 52 mul, 4 div, 2 sqrt, 23 select, 21 compare, 9 abs, 1 power_of_two_scale */
 void rotations_rodrigues_vector_from_matrix_f64(const double matrix[9], double theta[3], int8_t *status) {
   /* inputs */
   const double matrix_1_1 = matrix[0];
@@ -859,7 +907,11 @@ void rotations_rodrigues_vector_from_matrix_f64(const double matrix[9], double t
   const double deviation = 2.0*fabs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*fabs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*fabs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + fabs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + fabs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + fabs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0);
   const double determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
   const int good = (deviation <= DBL_MAX) && (determinant > 0.0);
-  const double sine = sqrt((v_1*v_1) + (v_2*v_2) + (v_3*v_3));
+  const double sine_scale = power_of_two_scale_f64(fabs(v_1) + fabs(v_2) + fabs(v_3));
+  const double v_scaled_1 = sine_scale*v_1;
+  const double v_scaled_2 = sine_scale*v_2;
+  const double v_scaled_3 = sine_scale*v_3;
+  const double sine = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
   const double x13 = 2.0*((w > 0.25*DBL_EPSILON) ? 1.0/w : 4.0/DBL_EPSILON);
   const double status_value = ((!(good)) ? 4.0 : ((deviation > 64.0*DBL_EPSILON) ? 3.0 : ((sine == 0.0) ? 1.0 : ((w <= DBL_EPSILON) ? 2.0 : 0.0))));
   /* outputs */
@@ -874,7 +926,7 @@ void rotations_rodrigues_vector_from_matrix_batch_f64(size_t count, const double
     rotations_rodrigues_vector_from_matrix_f64(matrix + 9 * i, theta + 3 * i, status + i);
 }
 
-/* rodrigues_vector_from_matrix: 46 add, 49 mul, 3 div, 2 sqrt, 23 select, 21 compare, 6 abs */
+/* rodrigues_vector_from_matrix: 48 add, 52 mul, 4 div, 2 sqrt, 23 select, 21 compare, 9 abs, 1 power_of_two_scale */
 void rotations_rodrigues_vector_from_matrix_f32(const float matrix[9], float theta[3], int8_t *status) {
   /* inputs */
   const float matrix_1_1 = matrix[0];
@@ -939,7 +991,11 @@ void rotations_rodrigues_vector_from_matrix_f32(const float matrix[9], float the
   const float deviation = 2.0f*fabsf(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0f*fabsf(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0f*fabsf(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + fabsf((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0f) + fabsf((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0f) + fabsf((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0f);
   const float determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
   const int good = (deviation <= FLT_MAX) && (determinant > 0.0f);
-  const float sine = sqrtf((v_1*v_1) + (v_2*v_2) + (v_3*v_3));
+  const float sine_scale = power_of_two_scale_f32(fabsf(v_1) + fabsf(v_2) + fabsf(v_3));
+  const float v_scaled_1 = sine_scale*v_1;
+  const float v_scaled_2 = sine_scale*v_2;
+  const float v_scaled_3 = sine_scale*v_3;
+  const float sine = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
   const float x13 = 2.0f*((w > 0.25f*FLT_EPSILON) ? 1.0f/w : 4.0f/FLT_EPSILON);
   const float status_value = ((!(good)) ? 4.0f : ((deviation > 64.0f*FLT_EPSILON) ? 3.0f : ((sine == 0.0f) ? 1.0f : ((w <= FLT_EPSILON) ? 2.0f : 0.0f))));
   /* outputs */
@@ -954,7 +1010,7 @@ void rotations_rodrigues_vector_from_matrix_batch_f32(size_t count, const float 
     rotations_rodrigues_vector_from_matrix_f32(matrix + 9 * i, theta + 3 * i, status + i);
 }
 
-/* quaternion_from_matrix: 46 add, 44 mul, 1 div, 2 sqrt, 23 select, 20 compare, 6 abs */
+/* quaternion_from_matrix: 48 add, 47 mul, 2 div, 2 sqrt, 23 select, 20 compare, 9 abs, 1 power_of_two_scale */
 void rotations_quaternion_from_matrix_f64(const double matrix[9], double quaternion[4], int8_t *status) {
   /* inputs */
   const double matrix_1_1 = matrix[0];
@@ -1019,7 +1075,11 @@ void rotations_quaternion_from_matrix_f64(const double matrix[9], double quatern
   const double deviation = 2.0*fabs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*fabs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*fabs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + fabs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + fabs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + fabs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0);
   const double determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
   const int good = (deviation <= DBL_MAX) && (determinant > 0.0);
-  const double sine = sqrt((v_1*v_1) + (v_2*v_2) + (v_3*v_3));
+  const double sine_scale = power_of_two_scale_f64(fabs(v_1) + fabs(v_2) + fabs(v_3));
+  const double v_scaled_1 = sine_scale*v_1;
+  const double v_scaled_2 = sine_scale*v_2;
+  const double v_scaled_3 = sine_scale*v_3;
+  const double sine = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
   const double status_value = ((!(good)) ? 4.0 : ((deviation > 64.0*DBL_EPSILON) ? 3.0 : ((sine == 0.0) ? 1.0 : ((w <= DBL_EPSILON) ? 2.0 : 0.0))));
   /* outputs */
   quaternion[0] = ((good) ? w : NAN);
@@ -1034,7 +1094,7 @@ void rotations_quaternion_from_matrix_batch_f64(size_t count, const double *matr
     rotations_quaternion_from_matrix_f64(matrix + 9 * i, quaternion + 4 * i, status + i);
 }
 
-/* quaternion_from_matrix: 46 add, 44 mul, 1 div, 2 sqrt, 23 select, 20 compare, 6 abs */
+/* quaternion_from_matrix: 48 add, 47 mul, 2 div, 2 sqrt, 23 select, 20 compare, 9 abs, 1 power_of_two_scale */
 void rotations_quaternion_from_matrix_f32(const float matrix[9], float quaternion[4], int8_t *status) {
   /* inputs */
   const float matrix_1_1 = matrix[0];
@@ -1099,7 +1159,11 @@ void rotations_quaternion_from_matrix_f32(const float matrix[9], float quaternio
   const float deviation = 2.0f*fabsf(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0f*fabsf(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0f*fabsf(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + fabsf((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0f) + fabsf((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0f) + fabsf((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0f);
   const float determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
   const int good = (deviation <= FLT_MAX) && (determinant > 0.0f);
-  const float sine = sqrtf((v_1*v_1) + (v_2*v_2) + (v_3*v_3));
+  const float sine_scale = power_of_two_scale_f32(fabsf(v_1) + fabsf(v_2) + fabsf(v_3));
+  const float v_scaled_1 = sine_scale*v_1;
+  const float v_scaled_2 = sine_scale*v_2;
+  const float v_scaled_3 = sine_scale*v_3;
+  const float sine = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
   const float status_value = ((!(good)) ? 4.0f : ((deviation > 64.0f*FLT_EPSILON) ? 3.0f : ((sine == 0.0f) ? 1.0f : ((w <= FLT_EPSILON) ? 2.0f : 0.0f))));
   /* outputs */
   quaternion[0] = ((good) ? w : NAN);
@@ -1114,7 +1178,7 @@ void rotations_quaternion_from_matrix_batch_f32(size_t count, const float *matri
     rotations_quaternion_from_matrix_f32(matrix + 9 * i, quaternion + 4 * i, status + i);
 }
 
-/* axis_angle_from_quaternion: 12 add, 32 mul, 2 div, 2 sqrt, 14 select, 11 compare, 5 abs, 1 atan2, 1 power_of_two_scale */
+/* axis_angle_from_quaternion: 14 add, 35 mul, 3 div, 2 sqrt, 14 select, 11 compare, 8 abs, 1 atan2, 2 power_of_two_scale */
 void rotations_axis_angle_from_quaternion_f64(const double quaternion[4], double axis[3], double *angle, int8_t *status) {
   /* inputs */
   const double quaternion_1 = quaternion[0];
@@ -1141,13 +1205,18 @@ void rotations_axis_angle_from_quaternion_f64(const double quaternion[4], double
   const double v_2 = quaternion_sign*quaternion_unit_3;
   const double v_3 = quaternion_sign*quaternion_unit_4;
   const int good = (quaternion_size <= DBL_MAX) && (quaternion_size > 0.0);
-  const double sine = sqrt((v_1*v_1) + (v_2*v_2) + (v_3*v_3));
-  const double x2 = ((sine > 0.0) ? 1.0/sine : 1.0);
+  const double sine_scale = power_of_two_scale_f64(fabs(v_1) + fabs(v_2) + fabs(v_3));
+  const double v_scaled_1 = sine_scale*v_1;
+  const double v_scaled_2 = sine_scale*v_2;
+  const double v_scaled_3 = sine_scale*v_3;
+  const double x2 = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
+  const double sine = x2/sine_scale;
+  const double x3 = ((sine > 0.0) ? 1.0/x2 : 1.0);
   const double status_value = ((!(good)) ? 4.0 : ((quaternion_deviation > 16.0*DBL_EPSILON) ? 3.0 : ((sine == 0.0) ? 1.0 : ((w <= DBL_EPSILON) ? 2.0 : 0.0))));
   /* outputs */
-  axis[0] = ((good) ? ((sine > 0.0) ? v_1*x2 : 0.0) : NAN);
-  axis[1] = ((good) ? ((sine > 0.0) ? v_2*x2 : 0.0) : NAN);
-  axis[2] = ((good) ? ((sine > 0.0) ? v_3*x2 : 1.0) : NAN);
+  axis[0] = ((good) ? ((sine > 0.0) ? v_scaled_1*x3 : 0.0) : NAN);
+  axis[1] = ((good) ? ((sine > 0.0) ? v_scaled_2*x3 : 0.0) : NAN);
+  axis[2] = ((good) ? ((sine > 0.0) ? v_scaled_3*x3 : 1.0) : NAN);
   *angle = ((good) ? 2.0*atan2(sine, w) : NAN);
   *status = (int8_t)status_value;
 }
@@ -1157,7 +1226,7 @@ void rotations_axis_angle_from_quaternion_batch_f64(size_t count, const double *
     rotations_axis_angle_from_quaternion_f64(quaternion + 4 * i, axis + 3 * i, angle + i, status + i);
 }
 
-/* axis_angle_from_quaternion: 12 add, 32 mul, 2 div, 2 sqrt, 14 select, 11 compare, 5 abs, 1 atan2, 1 power_of_two_scale */
+/* axis_angle_from_quaternion: 14 add, 35 mul, 3 div, 2 sqrt, 14 select, 11 compare, 8 abs, 1 atan2, 2 power_of_two_scale */
 void rotations_axis_angle_from_quaternion_f32(const float quaternion[4], float axis[3], float *angle, int8_t *status) {
   /* inputs */
   const float quaternion_1 = quaternion[0];
@@ -1184,13 +1253,18 @@ void rotations_axis_angle_from_quaternion_f32(const float quaternion[4], float a
   const float v_2 = quaternion_sign*quaternion_unit_3;
   const float v_3 = quaternion_sign*quaternion_unit_4;
   const int good = (quaternion_size <= FLT_MAX) && (quaternion_size > 0.0f);
-  const float sine = sqrtf((v_1*v_1) + (v_2*v_2) + (v_3*v_3));
-  const float x2 = ((sine > 0.0f) ? 1.0f/sine : 1.0f);
+  const float sine_scale = power_of_two_scale_f32(fabsf(v_1) + fabsf(v_2) + fabsf(v_3));
+  const float v_scaled_1 = sine_scale*v_1;
+  const float v_scaled_2 = sine_scale*v_2;
+  const float v_scaled_3 = sine_scale*v_3;
+  const float x2 = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
+  const float sine = x2/sine_scale;
+  const float x3 = ((sine > 0.0f) ? 1.0f/x2 : 1.0f);
   const float status_value = ((!(good)) ? 4.0f : ((quaternion_deviation > 16.0f*FLT_EPSILON) ? 3.0f : ((sine == 0.0f) ? 1.0f : ((w <= FLT_EPSILON) ? 2.0f : 0.0f))));
   /* outputs */
-  axis[0] = ((good) ? ((sine > 0.0f) ? v_1*x2 : 0.0f) : NAN);
-  axis[1] = ((good) ? ((sine > 0.0f) ? v_2*x2 : 0.0f) : NAN);
-  axis[2] = ((good) ? ((sine > 0.0f) ? v_3*x2 : 1.0f) : NAN);
+  axis[0] = ((good) ? ((sine > 0.0f) ? v_scaled_1*x3 : 0.0f) : NAN);
+  axis[1] = ((good) ? ((sine > 0.0f) ? v_scaled_2*x3 : 0.0f) : NAN);
+  axis[2] = ((good) ? ((sine > 0.0f) ? v_scaled_3*x3 : 1.0f) : NAN);
   *angle = ((good) ? 2.0f*atan2f(sine, w) : NAN);
   *status = (int8_t)status_value;
 }
@@ -1200,7 +1274,7 @@ void rotations_axis_angle_from_quaternion_batch_f32(size_t count, const float *q
     rotations_axis_angle_from_quaternion_f32(quaternion + 4 * i, axis + 3 * i, angle + i, status + i);
 }
 
-/* rodrigues_vector_from_quaternion: 12 add, 33 mul, 3 div, 2 sqrt, 10 select, 8 compare, 5 abs, 1 power_of_two_scale */
+/* rodrigues_vector_from_quaternion: 14 add, 36 mul, 4 div, 2 sqrt, 10 select, 8 compare, 8 abs, 2 power_of_two_scale */
 void rotations_rodrigues_vector_from_quaternion_f64(const double quaternion[4], double theta[3], int8_t *status) {
   /* inputs */
   const double quaternion_1 = quaternion[0];
@@ -1227,7 +1301,11 @@ void rotations_rodrigues_vector_from_quaternion_f64(const double quaternion[4], 
   const double v_2 = quaternion_sign*quaternion_unit_3;
   const double v_3 = quaternion_sign*quaternion_unit_4;
   const int good = (quaternion_size <= DBL_MAX) && (quaternion_size > 0.0);
-  const double sine = sqrt((v_1*v_1) + (v_2*v_2) + (v_3*v_3));
+  const double sine_scale = power_of_two_scale_f64(fabs(v_1) + fabs(v_2) + fabs(v_3));
+  const double v_scaled_1 = sine_scale*v_1;
+  const double v_scaled_2 = sine_scale*v_2;
+  const double v_scaled_3 = sine_scale*v_3;
+  const double sine = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
   const double x2 = 2.0*((w > 0.25*DBL_EPSILON) ? 1.0/w : 4.0/DBL_EPSILON);
   const double status_value = ((!(good)) ? 4.0 : ((quaternion_deviation > 16.0*DBL_EPSILON) ? 3.0 : ((sine == 0.0) ? 1.0 : ((w <= DBL_EPSILON) ? 2.0 : 0.0))));
   /* outputs */
@@ -1242,7 +1320,7 @@ void rotations_rodrigues_vector_from_quaternion_batch_f64(size_t count, const do
     rotations_rodrigues_vector_from_quaternion_f64(quaternion + 4 * i, theta + 3 * i, status + i);
 }
 
-/* rodrigues_vector_from_quaternion: 12 add, 33 mul, 3 div, 2 sqrt, 10 select, 8 compare, 5 abs, 1 power_of_two_scale */
+/* rodrigues_vector_from_quaternion: 14 add, 36 mul, 4 div, 2 sqrt, 10 select, 8 compare, 8 abs, 2 power_of_two_scale */
 void rotations_rodrigues_vector_from_quaternion_f32(const float quaternion[4], float theta[3], int8_t *status) {
   /* inputs */
   const float quaternion_1 = quaternion[0];
@@ -1269,7 +1347,11 @@ void rotations_rodrigues_vector_from_quaternion_f32(const float quaternion[4], f
   const float v_2 = quaternion_sign*quaternion_unit_3;
   const float v_3 = quaternion_sign*quaternion_unit_4;
   const int good = (quaternion_size <= FLT_MAX) && (quaternion_size > 0.0f);
-  const float sine = sqrtf((v_1*v_1) + (v_2*v_2) + (v_3*v_3));
+  const float sine_scale = power_of_two_scale_f32(fabsf(v_1) + fabsf(v_2) + fabsf(v_3));
+  const float v_scaled_1 = sine_scale*v_1;
+  const float v_scaled_2 = sine_scale*v_2;
+  const float v_scaled_3 = sine_scale*v_3;
+  const float sine = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
   const float x2 = 2.0f*((w > 0.25f*FLT_EPSILON) ? 1.0f/w : 4.0f/FLT_EPSILON);
   const float status_value = ((!(good)) ? 4.0f : ((quaternion_deviation > 16.0f*FLT_EPSILON) ? 3.0f : ((sine == 0.0f) ? 1.0f : ((w <= FLT_EPSILON) ? 2.0f : 0.0f))));
   /* outputs */
@@ -1284,7 +1366,7 @@ void rotations_rodrigues_vector_from_quaternion_batch_f32(size_t count, const fl
     rotations_rodrigues_vector_from_quaternion_f32(quaternion + 4 * i, theta + 3 * i, status + i);
 }
 
-/* matrix_from_quaternion: 23 add, 42 mul, 1 div, 2 sqrt, 15 select, 7 compare, 5 abs, 1 power_of_two_scale */
+/* matrix_from_quaternion: 25 add, 48 mul, 2 div, 2 sqrt, 15 select, 7 compare, 8 abs, 2 power_of_two_scale */
 void rotations_matrix_from_quaternion_f64(const double quaternion[4], double matrix[9], int8_t *status) {
   /* inputs */
   const double quaternion_1 = quaternion[0];
@@ -1311,31 +1393,32 @@ void rotations_matrix_from_quaternion_f64(const double quaternion[4], double mat
   const double v_2 = quaternion_sign*quaternion_unit_3;
   const double v_3 = quaternion_sign*quaternion_unit_4;
   const int good = (quaternion_size <= DBL_MAX) && (quaternion_size > 0.0);
-  const double x2 = (v_1*v_1);
-  const double x3 = (v_2*v_2);
-  const double x4 = (v_3*v_3);
-  const double sine = sqrt(x2 + x3 + x4);
-  const double x5 = 2.0*x3;
-  const double x6 = 2.0*x4 - 1.0;
-  const double x7 = 2.0*v_2;
-  const double x8 = v_1*x7;
-  const double x9 = 2.0*v_3;
-  const double x10 = w*x9;
-  const double x11 = v_1*x9;
-  const double x12 = w*x7;
-  const double x13 = 2.0*x2;
-  const double x14 = 2.0*v_1*w;
+  const double sine_scale = power_of_two_scale_f64(fabs(v_1) + fabs(v_2) + fabs(v_3));
+  const double v_scaled_1 = sine_scale*v_1;
+  const double v_scaled_2 = sine_scale*v_2;
+  const double v_scaled_3 = sine_scale*v_3;
+  const double sine = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
+  const double x2 = 2.0*(v_2*v_2);
+  const double x3 = 2.0*(v_3*v_3) - 1.0;
+  const double x4 = 2.0*v_2;
+  const double x5 = v_1*x4;
+  const double x6 = 2.0*v_3;
+  const double x7 = w*x6;
+  const double x8 = v_1*x6;
+  const double x9 = w*x4;
+  const double x10 = 2.0*(v_1*v_1);
+  const double x11 = 2.0*v_1*w;
   const double status_value = ((!(good)) ? 4.0 : ((quaternion_deviation > 16.0*DBL_EPSILON) ? 3.0 : ((sine == 0.0) ? 1.0 : ((w <= DBL_EPSILON) ? 2.0 : 0.0))));
   /* outputs */
-  matrix[0] = ((good) ? -x5 - x6 : NAN);
-  matrix[1] = ((good) ? x8 - x10 : NAN);
-  matrix[2] = ((good) ? x11 + x12 : NAN);
-  matrix[3] = ((good) ? x10 + x8 : NAN);
-  matrix[4] = ((good) ? -x13 - x6 : NAN);
-  matrix[5] = ((good) ? 2.0*v_2*v_3 - x14 : NAN);
-  matrix[6] = ((good) ? x11 - x12 : NAN);
-  matrix[7] = ((good) ? v_2*x9 + x14 : NAN);
-  matrix[8] = ((good) ? 1.0 - x13 - x5 : NAN);
+  matrix[0] = ((good) ? -x2 - x3 : NAN);
+  matrix[1] = ((good) ? x5 - x7 : NAN);
+  matrix[2] = ((good) ? x8 + x9 : NAN);
+  matrix[3] = ((good) ? x5 + x7 : NAN);
+  matrix[4] = ((good) ? -x10 - x3 : NAN);
+  matrix[5] = ((good) ? 2.0*v_2*v_3 - x11 : NAN);
+  matrix[6] = ((good) ? x8 - x9 : NAN);
+  matrix[7] = ((good) ? v_2*x6 + x11 : NAN);
+  matrix[8] = ((good) ? 1.0 - x10 - x2 : NAN);
   *status = (int8_t)status_value;
 }
 
@@ -1344,7 +1427,7 @@ void rotations_matrix_from_quaternion_batch_f64(size_t count, const double *quat
     rotations_matrix_from_quaternion_f64(quaternion + 4 * i, matrix + 9 * i, status + i);
 }
 
-/* matrix_from_quaternion: 23 add, 42 mul, 1 div, 2 sqrt, 15 select, 7 compare, 5 abs, 1 power_of_two_scale */
+/* matrix_from_quaternion: 25 add, 48 mul, 2 div, 2 sqrt, 15 select, 7 compare, 8 abs, 2 power_of_two_scale */
 void rotations_matrix_from_quaternion_f32(const float quaternion[4], float matrix[9], int8_t *status) {
   /* inputs */
   const float quaternion_1 = quaternion[0];
@@ -1371,31 +1454,32 @@ void rotations_matrix_from_quaternion_f32(const float quaternion[4], float matri
   const float v_2 = quaternion_sign*quaternion_unit_3;
   const float v_3 = quaternion_sign*quaternion_unit_4;
   const int good = (quaternion_size <= FLT_MAX) && (quaternion_size > 0.0f);
-  const float x2 = (v_1*v_1);
-  const float x3 = (v_2*v_2);
-  const float x4 = (v_3*v_3);
-  const float sine = sqrtf(x2 + x3 + x4);
-  const float x5 = 2.0f*x3;
-  const float x6 = 2.0f*x4 - 1.0f;
-  const float x7 = 2.0f*v_2;
-  const float x8 = v_1*x7;
-  const float x9 = 2.0f*v_3;
-  const float x10 = w*x9;
-  const float x11 = v_1*x9;
-  const float x12 = w*x7;
-  const float x13 = 2.0f*x2;
-  const float x14 = 2.0f*v_1*w;
+  const float sine_scale = power_of_two_scale_f32(fabsf(v_1) + fabsf(v_2) + fabsf(v_3));
+  const float v_scaled_1 = sine_scale*v_1;
+  const float v_scaled_2 = sine_scale*v_2;
+  const float v_scaled_3 = sine_scale*v_3;
+  const float sine = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
+  const float x2 = 2.0f*(v_2*v_2);
+  const float x3 = 2.0f*(v_3*v_3) - 1.0f;
+  const float x4 = 2.0f*v_2;
+  const float x5 = v_1*x4;
+  const float x6 = 2.0f*v_3;
+  const float x7 = w*x6;
+  const float x8 = v_1*x6;
+  const float x9 = w*x4;
+  const float x10 = 2.0f*(v_1*v_1);
+  const float x11 = 2.0f*v_1*w;
   const float status_value = ((!(good)) ? 4.0f : ((quaternion_deviation > 16.0f*FLT_EPSILON) ? 3.0f : ((sine == 0.0f) ? 1.0f : ((w <= FLT_EPSILON) ? 2.0f : 0.0f))));
   /* outputs */
-  matrix[0] = ((good) ? -x5 - x6 : NAN);
-  matrix[1] = ((good) ? x8 - x10 : NAN);
-  matrix[2] = ((good) ? x11 + x12 : NAN);
-  matrix[3] = ((good) ? x10 + x8 : NAN);
-  matrix[4] = ((good) ? -x13 - x6 : NAN);
-  matrix[5] = ((good) ? 2.0f*v_2*v_3 - x14 : NAN);
-  matrix[6] = ((good) ? x11 - x12 : NAN);
-  matrix[7] = ((good) ? v_2*x9 + x14 : NAN);
-  matrix[8] = ((good) ? 1.0f - x13 - x5 : NAN);
+  matrix[0] = ((good) ? -x2 - x3 : NAN);
+  matrix[1] = ((good) ? x5 - x7 : NAN);
+  matrix[2] = ((good) ? x8 + x9 : NAN);
+  matrix[3] = ((good) ? x5 + x7 : NAN);
+  matrix[4] = ((good) ? -x10 - x3 : NAN);
+  matrix[5] = ((good) ? 2.0f*v_2*v_3 - x11 : NAN);
+  matrix[6] = ((good) ? x8 - x9 : NAN);
+  matrix[7] = ((good) ? v_2*x6 + x11 : NAN);
+  matrix[8] = ((good) ? 1.0f - x10 - x2 : NAN);
   *status = (int8_t)status_value;
 }
 

@@ -39,7 +39,7 @@ void rotations_rotate_batch_f32(size_t count, const float *rho, const float *the
 
 /* Convert a rotation from axis and angle to rodrigues vector.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
- * Operations: 9 add, 30 mul, 3 div, 2 sqrt, 10 select, 9 compare, 5 abs, 1 cos, 1 power_of_two_scale, 1 sin
+ * Operations: 11 add, 33 mul, 4 div, 2 sqrt, 10 select, 9 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin
  * axis : array (3), 1 unit vector of the axis
  * angle : array (), rad angle of rotation
  * theta : array (3), 1 Rodrigues vector, 2 tan(angle/2) times the unit axis
@@ -52,7 +52,7 @@ void rotations_rodrigues_vector_from_axis_angle_batch_f32(size_t count, const fl
 
 /* Convert a rotation from axis and angle to matrix.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
- * Operations: 20 add, 39 mul, 1 div, 2 sqrt, 15 select, 8 compare, 5 abs, 1 cos, 1 power_of_two_scale, 1 sin
+ * Operations: 22 add, 45 mul, 2 div, 2 sqrt, 15 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin
  * axis : array (3), 1 unit vector of the axis
  * angle : array (), rad angle of rotation
  * matrix : array (3, 3), 1 rotation matrix
@@ -65,7 +65,7 @@ void rotations_matrix_from_axis_angle_batch_f32(size_t count, const float *axis,
 
 /* Convert a rotation from axis and angle to quaternion.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
- * Operations: 9 add, 25 mul, 1 div, 2 sqrt, 10 select, 8 compare, 5 abs, 1 cos, 1 power_of_two_scale, 1 sin
+ * Operations: 11 add, 28 mul, 2 div, 2 sqrt, 10 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin
  * axis : array (3), 1 unit vector of the axis
  * angle : array (), rad angle of rotation
  * quaternion : array (4), 1 unit quaternion, scalar part first and not negative
@@ -78,7 +78,7 @@ void rotations_quaternion_from_axis_angle_batch_f32(size_t count, const float *a
 
 /* Convert a rotation from rodrigues vector to axis and angle.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
- * Operations: 8 add, 22 mul, 2 div, 2 sqrt, 11 select, 7 compare, 3 abs, 1 atan2, 1 power_of_two_scale
+ * Operations: 10 add, 25 mul, 3 div, 2 sqrt, 11 select, 7 compare, 6 abs, 1 atan2, 2 power_of_two_scale
  * theta : array (3), 1 Rodrigues vector, 2 tan(angle/2) times the unit axis
  * axis : array (3), 1 unit vector of the axis
  * angle : array (), rad angle of rotation, 0 to pi
@@ -91,7 +91,7 @@ void rotations_axis_angle_from_rodrigues_vector_batch_f32(size_t count, const fl
 
 /* Convert a rotation from rodrigues vector to matrix.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
- * Operations: 19 add, 32 mul, 1 div, 2 sqrt, 12 select, 3 compare, 3 abs, 1 power_of_two_scale
+ * Operations: 21 add, 38 mul, 2 div, 2 sqrt, 12 select, 3 compare, 6 abs, 2 power_of_two_scale
  * theta : array (3), 1 Rodrigues vector, 2 tan(angle/2) times the unit axis
  * matrix : array (3, 3), 1 rotation matrix
  * status : int8 array (), codes of RotationStatus what the rotation is
@@ -103,7 +103,7 @@ void rotations_matrix_from_rodrigues_vector_batch_f32(size_t count, const float 
 
 /* Convert a rotation from rodrigues vector to quaternion.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
- * Operations: 8 add, 18 mul, 1 div, 2 sqrt, 7 select, 3 compare, 3 abs, 1 power_of_two_scale
+ * Operations: 10 add, 21 mul, 2 div, 2 sqrt, 7 select, 3 compare, 6 abs, 2 power_of_two_scale
  * theta : array (3), 1 Rodrigues vector, 2 tan(angle/2) times the unit axis
  * quaternion : array (4), 1 unit quaternion, scalar part first and not negative
  * status : int8 array (), codes of RotationStatus what the rotation is
@@ -115,7 +115,7 @@ void rotations_quaternion_from_rodrigues_vector_batch_f32(size_t count, const fl
 
 /* Convert a rotation from matrix to axis and angle.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
- * Operations: 46 add, 48 mul, 2 div, 2 sqrt, 27 select, 24 compare, 6 abs, 1 atan2
+ * Operations: 48 add, 51 mul, 3 div, 2 sqrt, 27 select, 24 compare, 9 abs, 1 atan2, 1 power_of_two_scale
  * matrix : array (3, 3), 1 rotation matrix
  * axis : array (3), 1 unit vector of the axis
  * angle : array (), rad angle of rotation, 0 to pi
@@ -128,7 +128,7 @@ void rotations_axis_angle_from_matrix_batch_f32(size_t count, const float *matri
 
 /* Convert a rotation from matrix to rodrigues vector.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
- * Operations: 46 add, 49 mul, 3 div, 2 sqrt, 23 select, 21 compare, 6 abs
+ * Operations: 48 add, 52 mul, 4 div, 2 sqrt, 23 select, 21 compare, 9 abs, 1 power_of_two_scale
  * matrix : array (3, 3), 1 rotation matrix
  * theta : array (3), 1 Rodrigues vector, 2 tan(angle/2) times the unit axis
  * status : int8 array (), codes of RotationStatus what the rotation is
@@ -140,7 +140,7 @@ void rotations_rodrigues_vector_from_matrix_batch_f32(size_t count, const float 
 
 /* Convert a rotation from matrix to quaternion.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
- * Operations: 46 add, 44 mul, 1 div, 2 sqrt, 23 select, 20 compare, 6 abs
+ * Operations: 48 add, 47 mul, 2 div, 2 sqrt, 23 select, 20 compare, 9 abs, 1 power_of_two_scale
  * matrix : array (3, 3), 1 rotation matrix
  * quaternion : array (4), 1 unit quaternion, scalar part first and not negative
  * status : int8 array (), codes of RotationStatus what the rotation is
@@ -152,7 +152,7 @@ void rotations_quaternion_from_matrix_batch_f32(size_t count, const float *matri
 
 /* Convert a rotation from quaternion to axis and angle.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
- * Operations: 12 add, 32 mul, 2 div, 2 sqrt, 14 select, 11 compare, 5 abs, 1 atan2, 1 power_of_two_scale
+ * Operations: 14 add, 35 mul, 3 div, 2 sqrt, 14 select, 11 compare, 8 abs, 1 atan2, 2 power_of_two_scale
  * quaternion : array (4), 1 unit quaternion, scalar part first
  * axis : array (3), 1 unit vector of the axis
  * angle : array (), rad angle of rotation, 0 to pi
@@ -165,7 +165,7 @@ void rotations_axis_angle_from_quaternion_batch_f32(size_t count, const float *q
 
 /* Convert a rotation from quaternion to rodrigues vector.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
- * Operations: 12 add, 33 mul, 3 div, 2 sqrt, 10 select, 8 compare, 5 abs, 1 power_of_two_scale
+ * Operations: 14 add, 36 mul, 4 div, 2 sqrt, 10 select, 8 compare, 8 abs, 2 power_of_two_scale
  * quaternion : array (4), 1 unit quaternion, scalar part first
  * theta : array (3), 1 Rodrigues vector, 2 tan(angle/2) times the unit axis
  * status : int8 array (), codes of RotationStatus what the rotation is
@@ -177,7 +177,7 @@ void rotations_rodrigues_vector_from_quaternion_batch_f32(size_t count, const fl
 
 /* Convert a rotation from quaternion to matrix.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
- * Operations: 23 add, 42 mul, 1 div, 2 sqrt, 15 select, 7 compare, 5 abs, 1 power_of_two_scale
+ * Operations: 25 add, 48 mul, 2 div, 2 sqrt, 15 select, 7 compare, 8 abs, 2 power_of_two_scale
  * quaternion : array (4), 1 unit quaternion, scalar part first
  * matrix : array (3, 3), 1 rotation matrix
  * status : int8 array (), codes of RotationStatus what the rotation is

@@ -40,6 +40,7 @@ DECLARE_ALL(axis_axis_condition)
 DECLARE_ALL(axis_axis_jacobian)
 DECLARE_ALL(axis_axis_covariance)
 DECLARE_ALL(axis_axis_residual)
+DECLARE_ALL(rodrigues_solve_axis_paper)
 DECLARE_ALL(rotations_rotate)
 DECLARE_ALL(rotations_rodrigues_vector_from_axis_angle)
 DECLARE_ALL(rotations_matrix_from_axis_angle)
@@ -87,6 +88,10 @@ NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY
 static const char types_axis_axis_residual[] = {
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+};
+static const char types_rodrigues_solve_axis_paper[] = {
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
 };
 static const char types_rotations_rotate[] = {
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
@@ -154,6 +159,8 @@ static const struct definition definitions[] = {
    ALL_LOOPS(axis_axis_covariance), types_axis_axis_covariance},
   {"axis_residual", "(3),(3),(),(3),(3)->(3),(3,6)", "Derivatives of axis_residual.", 5, 2, 7,
    ALL_LOOPS(axis_axis_residual), types_axis_axis_residual},
+  {"solve_axis_paper", "(3),(3),()->(2,3),(3)", "Rodrigues vectors that turn a point into another by a known angle, as the paper computes them.", 3, 2, 5,
+   ALL_LOOPS(rodrigues_solve_axis_paper), types_rodrigues_solve_axis_paper},
   {"rotate", "(3),(3)->(3)", "Rotate a vector by Rodrigues' formula.", 2, 1, 3,
    ALL_LOOPS(rotations_rotate), types_rotations_rotate},
   {"rodrigues_vector_from_axis_angle", "(3),()->(3),()", "Convert a rotation from axis and angle to rodrigues vector.", 2, 2, 4,

@@ -7,6 +7,7 @@ Template: numpy_init.py.j2.
 from types import SimpleNamespace
 
 from . import axis
+from . import rodrigues
 from . import rotations
 
 ALL = SimpleNamespace(
@@ -16,6 +17,7 @@ ALL = SimpleNamespace(
     axis_jacobian=axis.axis_jacobian,
     axis_covariance=axis.axis_covariance,
     axis_residual=axis.axis_residual,
+    solve_axis_paper=rodrigues.solve_axis_paper,
     rotate=rotations.rotate,
     rodrigues_vector_from_axis_angle=rotations.rodrigues_vector_from_axis_angle,
     matrix_from_axis_angle=rotations.matrix_from_axis_angle,

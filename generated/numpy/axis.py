@@ -62,6 +62,10 @@ def solve_axis(rho, rho_prime, angle, length_tolerance, *, out=None):
     )
 
 
+solve_axis.signature = "(3),(3),(),()->(2,3),()"
+solve_axis.types = ["dddd->db", "ffff->fb"]
+
+
 def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
     # 41 add, 82 mul, 2 div, 2 sqrt, 37 select, 32 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin
     size_before = 0.25*np.abs(rho_1) + 0.25*np.abs(rho_2) + 0.25*np.abs(rho_3)
@@ -188,6 +192,10 @@ def length_mismatch(rho, rho_prime, *, out=None):
     )
 
 
+length_mismatch.signature = "(3),(3)->()"
+length_mismatch.types = ["dd->d", "ff->f"]
+
+
 def _length_mismatch(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, eps, largest):
     # 18 add, 25 mul, 3 div, 2 sqrt, 3 select, 4 compare, 6 abs, 2 power_of_two_scale
     size_before = 0.25*np.abs(rho_1) + 0.25*np.abs(rho_2) + 0.25*np.abs(rho_3)
@@ -245,6 +253,10 @@ def axis_condition(rho, rho_prime, angle, *, out=None):
         (("condition", (), False),),
         out,
     )
+
+
+axis_condition.signature = "(3),(3),()->()"
+axis_condition.types = ["ddd->d", "fff->f"]
 
 
 def _axis_condition(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, eps, largest):
@@ -334,6 +346,10 @@ def axis_jacobian(rho, rho_prime, angle, length_tolerance, *, out=None):
         (("axes_jacobian", (2, 3, 7), False), ("status", (), True)),
         out,
     )
+
+
+axis_jacobian.signature = "(3),(3),(),()->(2,3,7),()"
+axis_jacobian.types = ["dddd->db", "ffff->fb"]
 
 
 def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
@@ -877,6 +893,10 @@ def axis_covariance(rho, rho_prime, angle, length_tolerance, cov_rho, cov_rho_pr
         (("covariance", (2, 3, 3), False), ("axis_status", (), True)),
         out,
     )
+
+
+axis_covariance.signature = "(3),(3),(),(),(3,3),(3,3),()->(2,3,3),()"
+axis_covariance.types = ["ddddddd->db", "fffffff->fb"]
 
 
 def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, cov_rho_1_1, cov_rho_1_2, cov_rho_1_3, cov_rho_2_1, cov_rho_2_2, cov_rho_2_3, cov_rho_3_1, cov_rho_3_2, cov_rho_3_3, cov_rho_prime_1_1, cov_rho_prime_1_2, cov_rho_prime_1_3, cov_rho_prime_2_1, cov_rho_prime_2_2, cov_rho_prime_2_3, cov_rho_prime_3_1, cov_rho_prime_3_2, cov_rho_prime_3_3, var_angle, eps, largest):
@@ -1481,6 +1501,10 @@ def axis_residual(rho, rho_prime, angle, axis, point, *, out=None):
         (("residual", (3,), False), ("residual_jacobian", (3, 6), False)),
         out,
     )
+
+
+axis_residual.signature = "(3),(3),(),(3),(3)->(3),(3,6)"
+axis_residual.types = ["ddddd->dd", "fffff->ff"]
 
 
 def _axis_residual(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, axis_1, axis_2, axis_3, point_1, point_2, point_3, eps, largest):

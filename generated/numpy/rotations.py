@@ -53,6 +53,10 @@ def rotate(rho, theta, *, out=None):
     )
 
 
+rotate.signature = "(3),(3)->(3)"
+rotate.types = ["dd->d", "ff->f"]
+
+
 def _rotate(rho_1, rho_2, rho_3, theta_1, theta_2, theta_3, eps, largest):
     # 18 add, 34 mul, 1 div, 3 abs, 1 power_of_two_scale
     factor = _power_of_two_scale(0.125*np.abs(theta_1) + 0.125*np.abs(theta_2) + 0.125*np.abs(theta_3) + 1.0)
@@ -101,8 +105,12 @@ def rodrigues_vector_from_axis_angle(axis, angle, *, out=None):
     )
 
 
+rodrigues_vector_from_axis_angle.signature = "(3),()->(3),()"
+rodrigues_vector_from_axis_angle.types = ["dd->db", "ff->fb"]
+
+
 def _rodrigues_vector_from_axis_angle(axis_1, axis_2, axis_3, angle, eps, largest):
-    # 9 add, 30 mul, 3 div, 2 sqrt, 10 select, 9 compare, 5 abs, 1 cos, 1 power_of_two_scale, 1 sin
+    # 11 add, 33 mul, 4 div, 2 sqrt, 10 select, 9 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin
     half_angle = 0.5*angle
     axis_size = 0.25*np.abs(axis_1) + 0.25*np.abs(axis_2) + 0.25*np.abs(axis_3)
     x0 = _power_of_two_scale(axis_size)
@@ -123,7 +131,11 @@ def _rodrigues_vector_from_axis_angle(axis_1, axis_2, axis_3, angle, eps, larges
     v_2 = axis_unit_2*x3
     v_3 = axis_unit_3*x3
     good = (axis_size <= largest) & (np.abs(angle) <= largest) & (axis_size > 0.0)
-    sine = np.sqrt((v_1*v_1) + (v_2*v_2) + (v_3*v_3))
+    sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
+    v_scaled_1 = sine_scale*v_1
+    v_scaled_2 = sine_scale*v_2
+    v_scaled_3 = sine_scale*v_3
+    sine = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
     x4 = 2.0*np.where(w > 0.25*eps, 1.0/w, 4.0/eps)
     theta_1 = np.where(good, v_1*x4, np.nan)
     theta_2 = np.where(good, v_2*x4, np.nan)
@@ -161,8 +173,12 @@ def matrix_from_axis_angle(axis, angle, *, out=None):
     )
 
 
+matrix_from_axis_angle.signature = "(3),()->(3,3),()"
+matrix_from_axis_angle.types = ["dd->db", "ff->fb"]
+
+
 def _matrix_from_axis_angle(axis_1, axis_2, axis_3, angle, eps, largest):
-    # 20 add, 39 mul, 1 div, 2 sqrt, 15 select, 8 compare, 5 abs, 1 cos, 1 power_of_two_scale, 1 sin
+    # 22 add, 45 mul, 2 div, 2 sqrt, 15 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin
     half_angle = 0.5*angle
     axis_size = 0.25*np.abs(axis_1) + 0.25*np.abs(axis_2) + 0.25*np.abs(axis_3)
     x0 = _power_of_two_scale(axis_size)
@@ -183,29 +199,30 @@ def _matrix_from_axis_angle(axis_1, axis_2, axis_3, angle, eps, largest):
     v_2 = axis_unit_2*x3
     v_3 = axis_unit_3*x3
     good = (axis_size <= largest) & (np.abs(angle) <= largest) & (axis_size > 0.0)
-    x4 = (v_1*v_1)
-    x5 = (v_2*v_2)
-    x6 = (v_3*v_3)
-    sine = np.sqrt(x4 + x5 + x6)
-    x7 = 2.0*x5
-    x8 = 2.0*x6 - 1.0
-    matrix_1_1 = np.where(good, -x7 - x8, np.nan)
-    x9 = 2.0*v_2
-    x10 = v_1*x9
-    x11 = 2.0*v_3
-    x12 = w*x11
-    matrix_1_2 = np.where(good, x10 - x12, np.nan)
-    x13 = v_1*x11
-    x14 = w*x9
-    matrix_1_3 = np.where(good, x13 + x14, np.nan)
-    matrix_2_1 = np.where(good, x10 + x12, np.nan)
-    x15 = 2.0*x4
-    matrix_2_2 = np.where(good, -x15 - x8, np.nan)
-    x16 = 2.0*v_1*w
-    matrix_2_3 = np.where(good, 2.0*v_2*v_3 - x16, np.nan)
-    matrix_3_1 = np.where(good, x13 - x14, np.nan)
-    matrix_3_2 = np.where(good, v_2*x11 + x16, np.nan)
-    matrix_3_3 = np.where(good, 1.0 - x15 - x7, np.nan)
+    sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
+    v_scaled_1 = sine_scale*v_1
+    v_scaled_2 = sine_scale*v_2
+    v_scaled_3 = sine_scale*v_3
+    sine = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
+    x4 = 2.0*(v_2*v_2)
+    x5 = 2.0*(v_3*v_3) - 1.0
+    matrix_1_1 = np.where(good, -x4 - x5, np.nan)
+    x6 = 2.0*v_2
+    x7 = v_1*x6
+    x8 = 2.0*v_3
+    x9 = w*x8
+    matrix_1_2 = np.where(good, x7 - x9, np.nan)
+    x10 = v_1*x8
+    x11 = w*x6
+    matrix_1_3 = np.where(good, x10 + x11, np.nan)
+    matrix_2_1 = np.where(good, x7 + x9, np.nan)
+    x12 = 2.0*(v_1*v_1)
+    matrix_2_2 = np.where(good, -x12 - x5, np.nan)
+    x13 = 2.0*v_1*w
+    matrix_2_3 = np.where(good, 2.0*v_2*v_3 - x13, np.nan)
+    matrix_3_1 = np.where(good, x10 - x11, np.nan)
+    matrix_3_2 = np.where(good, v_2*x8 + x13, np.nan)
+    matrix_3_3 = np.where(good, 1.0 - x12 - x4, np.nan)
     status = np.where(~(good), 4.0, np.where(axis_deviation > 16.0*eps, 3.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0))))
     return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, status)
 
@@ -239,8 +256,12 @@ def quaternion_from_axis_angle(axis, angle, *, out=None):
     )
 
 
+quaternion_from_axis_angle.signature = "(3),()->(4),()"
+quaternion_from_axis_angle.types = ["dd->db", "ff->fb"]
+
+
 def _quaternion_from_axis_angle(axis_1, axis_2, axis_3, angle, eps, largest):
-    # 9 add, 25 mul, 1 div, 2 sqrt, 10 select, 8 compare, 5 abs, 1 cos, 1 power_of_two_scale, 1 sin
+    # 11 add, 28 mul, 2 div, 2 sqrt, 10 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin
     half_angle = 0.5*angle
     axis_size = 0.25*np.abs(axis_1) + 0.25*np.abs(axis_2) + 0.25*np.abs(axis_3)
     x0 = _power_of_two_scale(axis_size)
@@ -261,7 +282,11 @@ def _quaternion_from_axis_angle(axis_1, axis_2, axis_3, angle, eps, largest):
     v_2 = axis_unit_2*x3
     v_3 = axis_unit_3*x3
     good = (axis_size <= largest) & (np.abs(angle) <= largest) & (axis_size > 0.0)
-    sine = np.sqrt((v_1*v_1) + (v_2*v_2) + (v_3*v_3))
+    sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
+    v_scaled_1 = sine_scale*v_1
+    v_scaled_2 = sine_scale*v_2
+    v_scaled_3 = sine_scale*v_3
+    sine = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
     quaternion_1 = np.where(good, w, np.nan)
     quaternion_2 = np.where(good, v_1, np.nan)
     quaternion_3 = np.where(good, v_2, np.nan)
@@ -299,8 +324,12 @@ def axis_angle_from_rodrigues_vector(theta, *, out=None):
     )
 
 
+axis_angle_from_rodrigues_vector.signature = "(3)->(3),(),()"
+axis_angle_from_rodrigues_vector.types = ["d->ddb", "f->ffb"]
+
+
 def _axis_angle_from_rodrigues_vector(theta_1, theta_2, theta_3, eps, largest):
-    # 8 add, 22 mul, 2 div, 2 sqrt, 11 select, 7 compare, 3 abs, 1 atan2, 1 power_of_two_scale
+    # 10 add, 25 mul, 3 div, 2 sqrt, 11 select, 7 compare, 6 abs, 1 atan2, 2 power_of_two_scale
     size = 0.125*np.abs(theta_1) + 0.125*np.abs(theta_2) + 0.125*np.abs(theta_3) + 1.0
     factor = _power_of_two_scale(size)
     x0 = 0.5*factor
@@ -314,11 +343,16 @@ def _axis_angle_from_rodrigues_vector(theta_1, theta_2, theta_3, eps, largest):
     v_2 = theta_scaled_2*x1
     v_3 = theta_scaled_3*x1
     good = size <= largest
-    sine = np.sqrt((v_1*v_1) + (v_2*v_2) + (v_3*v_3))
-    x2 = np.where(sine > 0.0, 1.0/sine, 1.0)
-    axis_1 = np.where(good, np.where(sine > 0.0, v_1*x2, 0.0), np.nan)
-    axis_2 = np.where(good, np.where(sine > 0.0, v_2*x2, 0.0), np.nan)
-    axis_3 = np.where(good, np.where(sine > 0.0, v_3*x2, 1.0), np.nan)
+    sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
+    v_scaled_1 = sine_scale*v_1
+    v_scaled_2 = sine_scale*v_2
+    v_scaled_3 = sine_scale*v_3
+    x2 = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))
+    sine = x2/sine_scale
+    x3 = np.where(sine > 0.0, 1.0/x2, 1.0)
+    axis_1 = np.where(good, np.where(sine > 0.0, v_scaled_1*x3, 0.0), np.nan)
+    axis_2 = np.where(good, np.where(sine > 0.0, v_scaled_2*x3, 0.0), np.nan)
+    axis_3 = np.where(good, np.where(sine > 0.0, v_scaled_3*x3, 1.0), np.nan)
     angle = np.where(good, 2.0*np.arctan2(sine, w), np.nan)
     status = np.where(~(good), 4.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0)))
     return (axis_1, axis_2, axis_3, angle, status)
@@ -351,8 +385,12 @@ def matrix_from_rodrigues_vector(theta, *, out=None):
     )
 
 
+matrix_from_rodrigues_vector.signature = "(3)->(3,3),()"
+matrix_from_rodrigues_vector.types = ["d->db", "f->fb"]
+
+
 def _matrix_from_rodrigues_vector(theta_1, theta_2, theta_3, eps, largest):
-    # 19 add, 32 mul, 1 div, 2 sqrt, 12 select, 3 compare, 3 abs, 1 power_of_two_scale
+    # 21 add, 38 mul, 2 div, 2 sqrt, 12 select, 3 compare, 6 abs, 2 power_of_two_scale
     size = 0.125*np.abs(theta_1) + 0.125*np.abs(theta_2) + 0.125*np.abs(theta_3) + 1.0
     factor = _power_of_two_scale(size)
     x0 = 0.5*factor
@@ -366,29 +404,30 @@ def _matrix_from_rodrigues_vector(theta_1, theta_2, theta_3, eps, largest):
     v_2 = theta_scaled_2*x1
     v_3 = theta_scaled_3*x1
     good = size <= largest
-    x2 = (v_1*v_1)
-    x3 = (v_2*v_2)
-    x4 = (v_3*v_3)
-    sine = np.sqrt(x2 + x3 + x4)
-    x5 = 2.0*x3
-    x6 = 2.0*x4 - 1.0
-    matrix_1_1 = np.where(good, -x5 - x6, np.nan)
-    x7 = 2.0*v_2
-    x8 = v_1*x7
-    x9 = 2.0*v_3
-    x10 = w*x9
-    matrix_1_2 = np.where(good, x8 - x10, np.nan)
-    x11 = v_1*x9
-    x12 = w*x7
-    matrix_1_3 = np.where(good, x11 + x12, np.nan)
-    matrix_2_1 = np.where(good, x10 + x8, np.nan)
-    x13 = 2.0*x2
-    matrix_2_2 = np.where(good, -x13 - x6, np.nan)
-    x14 = 2.0*v_1*w
-    matrix_2_3 = np.where(good, 2.0*v_2*v_3 - x14, np.nan)
-    matrix_3_1 = np.where(good, x11 - x12, np.nan)
-    matrix_3_2 = np.where(good, v_2*x9 + x14, np.nan)
-    matrix_3_3 = np.where(good, 1.0 - x13 - x5, np.nan)
+    sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
+    v_scaled_1 = sine_scale*v_1
+    v_scaled_2 = sine_scale*v_2
+    v_scaled_3 = sine_scale*v_3
+    sine = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
+    x2 = 2.0*(v_2*v_2)
+    x3 = 2.0*(v_3*v_3) - 1.0
+    matrix_1_1 = np.where(good, -x2 - x3, np.nan)
+    x4 = 2.0*v_2
+    x5 = v_1*x4
+    x6 = 2.0*v_3
+    x7 = w*x6
+    matrix_1_2 = np.where(good, x5 - x7, np.nan)
+    x8 = v_1*x6
+    x9 = w*x4
+    matrix_1_3 = np.where(good, x8 + x9, np.nan)
+    matrix_2_1 = np.where(good, x5 + x7, np.nan)
+    x10 = 2.0*(v_1*v_1)
+    matrix_2_2 = np.where(good, -x10 - x3, np.nan)
+    x11 = 2.0*v_1*w
+    matrix_2_3 = np.where(good, 2.0*v_2*v_3 - x11, np.nan)
+    matrix_3_1 = np.where(good, x8 - x9, np.nan)
+    matrix_3_2 = np.where(good, v_2*x6 + x11, np.nan)
+    matrix_3_3 = np.where(good, 1.0 - x10 - x2, np.nan)
     status = np.where(~(good), 4.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0)))
     return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, status)
 
@@ -420,8 +459,12 @@ def quaternion_from_rodrigues_vector(theta, *, out=None):
     )
 
 
+quaternion_from_rodrigues_vector.signature = "(3)->(4),()"
+quaternion_from_rodrigues_vector.types = ["d->db", "f->fb"]
+
+
 def _quaternion_from_rodrigues_vector(theta_1, theta_2, theta_3, eps, largest):
-    # 8 add, 18 mul, 1 div, 2 sqrt, 7 select, 3 compare, 3 abs, 1 power_of_two_scale
+    # 10 add, 21 mul, 2 div, 2 sqrt, 7 select, 3 compare, 6 abs, 2 power_of_two_scale
     size = 0.125*np.abs(theta_1) + 0.125*np.abs(theta_2) + 0.125*np.abs(theta_3) + 1.0
     factor = _power_of_two_scale(size)
     x0 = 0.5*factor
@@ -435,7 +478,11 @@ def _quaternion_from_rodrigues_vector(theta_1, theta_2, theta_3, eps, largest):
     v_2 = theta_scaled_2*x1
     v_3 = theta_scaled_3*x1
     good = size <= largest
-    sine = np.sqrt((v_1*v_1) + (v_2*v_2) + (v_3*v_3))
+    sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
+    v_scaled_1 = sine_scale*v_1
+    v_scaled_2 = sine_scale*v_2
+    v_scaled_3 = sine_scale*v_3
+    sine = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
     quaternion_1 = np.where(good, w, np.nan)
     quaternion_2 = np.where(good, v_1, np.nan)
     quaternion_3 = np.where(good, v_2, np.nan)
@@ -473,8 +520,12 @@ def axis_angle_from_matrix(matrix, *, out=None):
     )
 
 
+axis_angle_from_matrix.signature = "(3,3)->(3),(),()"
+axis_angle_from_matrix.types = ["d->ddb", "f->ffb"]
+
+
 def _axis_angle_from_matrix(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, eps, largest):
-    # 46 add, 48 mul, 2 div, 2 sqrt, 27 select, 24 compare, 6 abs, 1 atan2
+    # 48 add, 51 mul, 3 div, 2 sqrt, 27 select, 24 compare, 9 abs, 1 atan2, 1 power_of_two_scale
     x0 = matrix_1_1 + 1.0
     products_1_1 = matrix_2_2 + matrix_3_3 + x0
     x1 = matrix_3_2 - matrix_2_3
@@ -527,11 +578,16 @@ def _axis_angle_from_matrix(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matr
     deviation = 2.0*np.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*np.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*np.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + np.abs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + np.abs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + np.abs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0)
     determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
     good = (deviation <= largest) & (determinant > 0.0)
-    sine = np.sqrt((v_1*v_1) + (v_2*v_2) + (v_3*v_3))
-    x13 = np.where(sine > 0.0, 1.0/sine, 1.0)
-    axis_1 = np.where(good, np.where(sine > 0.0, v_1*x13, 0.0), np.nan)
-    axis_2 = np.where(good, np.where(sine > 0.0, v_2*x13, 0.0), np.nan)
-    axis_3 = np.where(good, np.where(sine > 0.0, v_3*x13, 1.0), np.nan)
+    sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
+    v_scaled_1 = sine_scale*v_1
+    v_scaled_2 = sine_scale*v_2
+    v_scaled_3 = sine_scale*v_3
+    x13 = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))
+    sine = x13/sine_scale
+    x14 = np.where(sine > 0.0, 1.0/x13, 1.0)
+    axis_1 = np.where(good, np.where(sine > 0.0, v_scaled_1*x14, 0.0), np.nan)
+    axis_2 = np.where(good, np.where(sine > 0.0, v_scaled_2*x14, 0.0), np.nan)
+    axis_3 = np.where(good, np.where(sine > 0.0, v_scaled_3*x14, 1.0), np.nan)
     angle = np.where(good, 2.0*np.arctan2(sine, w), np.nan)
     status = np.where(~(good), 4.0, np.where(deviation > 64.0*eps, 3.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0))))
     return (axis_1, axis_2, axis_3, angle, status)
@@ -564,8 +620,12 @@ def rodrigues_vector_from_matrix(matrix, *, out=None):
     )
 
 
+rodrigues_vector_from_matrix.signature = "(3,3)->(3),()"
+rodrigues_vector_from_matrix.types = ["d->db", "f->fb"]
+
+
 def _rodrigues_vector_from_matrix(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, eps, largest):
-    # 46 add, 49 mul, 3 div, 2 sqrt, 23 select, 21 compare, 6 abs
+    # 48 add, 52 mul, 4 div, 2 sqrt, 23 select, 21 compare, 9 abs, 1 power_of_two_scale
     x0 = matrix_1_1 + 1.0
     products_1_1 = matrix_2_2 + matrix_3_3 + x0
     x1 = matrix_3_2 - matrix_2_3
@@ -618,7 +678,11 @@ def _rodrigues_vector_from_matrix(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1
     deviation = 2.0*np.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*np.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*np.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + np.abs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + np.abs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + np.abs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0)
     determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
     good = (deviation <= largest) & (determinant > 0.0)
-    sine = np.sqrt((v_1*v_1) + (v_2*v_2) + (v_3*v_3))
+    sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
+    v_scaled_1 = sine_scale*v_1
+    v_scaled_2 = sine_scale*v_2
+    v_scaled_3 = sine_scale*v_3
+    sine = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
     x13 = 2.0*np.where(w > 0.25*eps, 1.0/w, 4.0/eps)
     theta_1 = np.where(good, v_1*x13, np.nan)
     theta_2 = np.where(good, v_2*x13, np.nan)
@@ -654,8 +718,12 @@ def quaternion_from_matrix(matrix, *, out=None):
     )
 
 
+quaternion_from_matrix.signature = "(3,3)->(4),()"
+quaternion_from_matrix.types = ["d->db", "f->fb"]
+
+
 def _quaternion_from_matrix(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, eps, largest):
-    # 46 add, 44 mul, 1 div, 2 sqrt, 23 select, 20 compare, 6 abs
+    # 48 add, 47 mul, 2 div, 2 sqrt, 23 select, 20 compare, 9 abs, 1 power_of_two_scale
     x0 = matrix_1_1 + 1.0
     products_1_1 = matrix_2_2 + matrix_3_3 + x0
     x1 = matrix_3_2 - matrix_2_3
@@ -708,7 +776,11 @@ def _quaternion_from_matrix(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matr
     deviation = 2.0*np.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*np.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*np.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + np.abs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + np.abs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + np.abs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0)
     determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
     good = (deviation <= largest) & (determinant > 0.0)
-    sine = np.sqrt((v_1*v_1) + (v_2*v_2) + (v_3*v_3))
+    sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
+    v_scaled_1 = sine_scale*v_1
+    v_scaled_2 = sine_scale*v_2
+    v_scaled_3 = sine_scale*v_3
+    sine = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
     quaternion_1 = np.where(good, w, np.nan)
     quaternion_2 = np.where(good, v_1, np.nan)
     quaternion_3 = np.where(good, v_2, np.nan)
@@ -746,8 +818,12 @@ def axis_angle_from_quaternion(quaternion, *, out=None):
     )
 
 
+axis_angle_from_quaternion.signature = "(4)->(3),(),()"
+axis_angle_from_quaternion.types = ["d->ddb", "f->ffb"]
+
+
 def _axis_angle_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quaternion_4, eps, largest):
-    # 12 add, 32 mul, 2 div, 2 sqrt, 14 select, 11 compare, 5 abs, 1 atan2, 1 power_of_two_scale
+    # 14 add, 35 mul, 3 div, 2 sqrt, 14 select, 11 compare, 8 abs, 1 atan2, 2 power_of_two_scale
     quaternion_size = 0.25*np.abs(quaternion_1) + 0.25*np.abs(quaternion_2) + 0.25*np.abs(quaternion_3) + 0.25*np.abs(quaternion_4)
     x0 = _power_of_two_scale(quaternion_size)
     quaternion_scaled_1 = quaternion_1*x0
@@ -767,11 +843,16 @@ def _axis_angle_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quater
     v_2 = quaternion_sign*quaternion_unit_3
     v_3 = quaternion_sign*quaternion_unit_4
     good = (quaternion_size <= largest) & (quaternion_size > 0.0)
-    sine = np.sqrt((v_1*v_1) + (v_2*v_2) + (v_3*v_3))
-    x2 = np.where(sine > 0.0, 1.0/sine, 1.0)
-    axis_1 = np.where(good, np.where(sine > 0.0, v_1*x2, 0.0), np.nan)
-    axis_2 = np.where(good, np.where(sine > 0.0, v_2*x2, 0.0), np.nan)
-    axis_3 = np.where(good, np.where(sine > 0.0, v_3*x2, 1.0), np.nan)
+    sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
+    v_scaled_1 = sine_scale*v_1
+    v_scaled_2 = sine_scale*v_2
+    v_scaled_3 = sine_scale*v_3
+    x2 = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))
+    sine = x2/sine_scale
+    x3 = np.where(sine > 0.0, 1.0/x2, 1.0)
+    axis_1 = np.where(good, np.where(sine > 0.0, v_scaled_1*x3, 0.0), np.nan)
+    axis_2 = np.where(good, np.where(sine > 0.0, v_scaled_2*x3, 0.0), np.nan)
+    axis_3 = np.where(good, np.where(sine > 0.0, v_scaled_3*x3, 1.0), np.nan)
     angle = np.where(good, 2.0*np.arctan2(sine, w), np.nan)
     status = np.where(~(good), 4.0, np.where(quaternion_deviation > 16.0*eps, 3.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0))))
     return (axis_1, axis_2, axis_3, angle, status)
@@ -804,8 +885,12 @@ def rodrigues_vector_from_quaternion(quaternion, *, out=None):
     )
 
 
+rodrigues_vector_from_quaternion.signature = "(4)->(3),()"
+rodrigues_vector_from_quaternion.types = ["d->db", "f->fb"]
+
+
 def _rodrigues_vector_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quaternion_4, eps, largest):
-    # 12 add, 33 mul, 3 div, 2 sqrt, 10 select, 8 compare, 5 abs, 1 power_of_two_scale
+    # 14 add, 36 mul, 4 div, 2 sqrt, 10 select, 8 compare, 8 abs, 2 power_of_two_scale
     quaternion_size = 0.25*np.abs(quaternion_1) + 0.25*np.abs(quaternion_2) + 0.25*np.abs(quaternion_3) + 0.25*np.abs(quaternion_4)
     x0 = _power_of_two_scale(quaternion_size)
     quaternion_scaled_1 = quaternion_1*x0
@@ -825,7 +910,11 @@ def _rodrigues_vector_from_quaternion(quaternion_1, quaternion_2, quaternion_3, 
     v_2 = quaternion_sign*quaternion_unit_3
     v_3 = quaternion_sign*quaternion_unit_4
     good = (quaternion_size <= largest) & (quaternion_size > 0.0)
-    sine = np.sqrt((v_1*v_1) + (v_2*v_2) + (v_3*v_3))
+    sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
+    v_scaled_1 = sine_scale*v_1
+    v_scaled_2 = sine_scale*v_2
+    v_scaled_3 = sine_scale*v_3
+    sine = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
     x2 = 2.0*np.where(w > 0.25*eps, 1.0/w, 4.0/eps)
     theta_1 = np.where(good, v_1*x2, np.nan)
     theta_2 = np.where(good, v_2*x2, np.nan)
@@ -861,8 +950,12 @@ def matrix_from_quaternion(quaternion, *, out=None):
     )
 
 
+matrix_from_quaternion.signature = "(4)->(3,3),()"
+matrix_from_quaternion.types = ["d->db", "f->fb"]
+
+
 def _matrix_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quaternion_4, eps, largest):
-    # 23 add, 42 mul, 1 div, 2 sqrt, 15 select, 7 compare, 5 abs, 1 power_of_two_scale
+    # 25 add, 48 mul, 2 div, 2 sqrt, 15 select, 7 compare, 8 abs, 2 power_of_two_scale
     quaternion_size = 0.25*np.abs(quaternion_1) + 0.25*np.abs(quaternion_2) + 0.25*np.abs(quaternion_3) + 0.25*np.abs(quaternion_4)
     x0 = _power_of_two_scale(quaternion_size)
     quaternion_scaled_1 = quaternion_1*x0
@@ -882,29 +975,30 @@ def _matrix_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quaternion
     v_2 = quaternion_sign*quaternion_unit_3
     v_3 = quaternion_sign*quaternion_unit_4
     good = (quaternion_size <= largest) & (quaternion_size > 0.0)
-    x2 = (v_1*v_1)
-    x3 = (v_2*v_2)
-    x4 = (v_3*v_3)
-    sine = np.sqrt(x2 + x3 + x4)
-    x5 = 2.0*x3
-    x6 = 2.0*x4 - 1.0
-    matrix_1_1 = np.where(good, -x5 - x6, np.nan)
-    x7 = 2.0*v_2
-    x8 = v_1*x7
-    x9 = 2.0*v_3
-    x10 = w*x9
-    matrix_1_2 = np.where(good, x8 - x10, np.nan)
-    x11 = v_1*x9
-    x12 = w*x7
-    matrix_1_3 = np.where(good, x11 + x12, np.nan)
-    matrix_2_1 = np.where(good, x10 + x8, np.nan)
-    x13 = 2.0*x2
-    matrix_2_2 = np.where(good, -x13 - x6, np.nan)
-    x14 = 2.0*v_1*w
-    matrix_2_3 = np.where(good, 2.0*v_2*v_3 - x14, np.nan)
-    matrix_3_1 = np.where(good, x11 - x12, np.nan)
-    matrix_3_2 = np.where(good, v_2*x9 + x14, np.nan)
-    matrix_3_3 = np.where(good, 1.0 - x13 - x5, np.nan)
+    sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
+    v_scaled_1 = sine_scale*v_1
+    v_scaled_2 = sine_scale*v_2
+    v_scaled_3 = sine_scale*v_3
+    sine = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
+    x2 = 2.0*(v_2*v_2)
+    x3 = 2.0*(v_3*v_3) - 1.0
+    matrix_1_1 = np.where(good, -x2 - x3, np.nan)
+    x4 = 2.0*v_2
+    x5 = v_1*x4
+    x6 = 2.0*v_3
+    x7 = w*x6
+    matrix_1_2 = np.where(good, x5 - x7, np.nan)
+    x8 = v_1*x6
+    x9 = w*x4
+    matrix_1_3 = np.where(good, x8 + x9, np.nan)
+    matrix_2_1 = np.where(good, x5 + x7, np.nan)
+    x10 = 2.0*(v_1*v_1)
+    matrix_2_2 = np.where(good, -x10 - x3, np.nan)
+    x11 = 2.0*v_1*w
+    matrix_2_3 = np.where(good, 2.0*v_2*v_3 - x11, np.nan)
+    matrix_3_1 = np.where(good, x8 - x9, np.nan)
+    matrix_3_2 = np.where(good, v_2*x6 + x11, np.nan)
+    matrix_3_3 = np.where(good, 1.0 - x10 - x2, np.nan)
     status = np.where(~(good), 4.0, np.where(quaternion_deviation > 16.0*eps, 3.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0))))
     return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, status)
 

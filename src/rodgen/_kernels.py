@@ -8,27 +8,48 @@ from __future__ import annotations
 
 import os
 import warnings
+from functools import wraps
+from types import SimpleNamespace
 from typing import Any
 
 __all__ = ["backend", "kernels"]
 
 
 def _load() -> tuple[str, Any]:
+    reason = None
     if os.environ.get("RODGEN_CPU") != "numpy":
         try:
             from rodgen import _gufuncs  # type: ignore[attr-defined]
 
             return _gufuncs.instruction_set, _gufuncs
         except ImportError as error:
-            warnings.warn(
-                f"rodgen has no compiled kernels and runs on NumPy, which is slower ({error}); "
-                "install a C compiler and rodgen again",
-                RuntimeWarning,
-                stacklevel=2,
-            )
+            reason = str(error)
     from rodgen.generated import numpy as generated
 
-    return "numpy", generated.ALL
+    return "numpy", generated.ALL if reason is None else _telling_once(generated.ALL, reason)
+
+
+def _telling_once(functions: SimpleNamespace, reason: str) -> SimpleNamespace:
+    """Let the first call of any function say that it is the slower one: a notice at import could not be caught."""
+    told = False
+
+    def telling(function: Any) -> Any:
+        @wraps(function)
+        def call(*arguments: Any, **options: Any) -> Any:
+            nonlocal told
+            if not told:
+                told = True
+                warnings.warn(
+                    f"rodgen runs on NumPy, which is slower: it has no compiled kernels ({reason}); "
+                    "install a C compiler and then rodgen again",
+                    RuntimeWarning,
+                    stacklevel=4,
+                )
+            return function(*arguments, **options)
+
+        return call
+
+    return SimpleNamespace(**{name: telling(function) for name, function in vars(functions).items()})
 
 
 backend, kernels = _load()

@@ -41,11 +41,8 @@ def jacobian(
     """
     from rodgen.codegen.kernel import Assignment, KernelError, Port, finish, port_symbols
 
-    variables = [
-        s
-        for n in (wrt if wrt is not None else [p.name for p in kernel.inputs])
-        for s in kernel.port(n).symbols
-    ]
+    inputs = [p.name for p in kernel.inputs] if wrt is None else list(wrt)
+    variables = [s for n in inputs for s in kernel.port(n).symbols]
     differentiated = [
         kernel.port(n)
         for n in (outputs if outputs is not None else [p.name for p in kernel.outputs if not p.is_status])

@@ -128,7 +128,7 @@ def render_extension(modules: Sequence[KernelModule]) -> dict[str, str]:
         names=names, do_not_edit=DO_NOT_EDIT, template="numpy_init.py.j2"
     )
     files["gufunc/vector.h"] = _ENVIRONMENT.get_template("vector.h.j2").render(
-        do_not_edit=DO_NOT_EDIT, template="vector.h.j2", scale_functions=_scale_functions()
+        do_not_edit=DO_NOT_EDIT, template="vector.h.j2", scale_functions=_scale_functions(), block=BLOCK
     )
     return files
 
@@ -205,6 +205,7 @@ def _render(template: str, module: KernelModule, kernels: list[dict[str, Any]]) 
         exported=_list_of_names([*(e["name"] for e in module.enums), *(k.name for k in module.kernels)]),
         do_not_edit=DO_NOT_EDIT,
         template=template,
+        block=BLOCK,
         uses_scale="power_of_two_scale" in functions,
         uses_sign="sign" in functions,
         scale_functions=_scale_functions(),
@@ -266,6 +267,8 @@ def _numpy_kernels(module: KernelModule) -> list[dict[str, Any]]:
             "output_ports": _tuple(
                 (f'("{p.name}", {p.shape}, {p.is_status})' for p in kernel.outputs), parentheses=True
             ),
+            "gufunc_signature": _gufunc_signature(kernel),
+            "types": _list_of_names([_type_codes(kernel, code) for code in "df"]),
             "components": ", ".join(s.name for p in kernel.inputs for s in p.symbols),
             "operations": _operations(kernel),
             "lines": _assignment_lines(kernel, printer, "{name} = {value}"),
@@ -405,8 +408,6 @@ def _gufunc(kernel: Kernel, module: KernelModule) -> dict[str, Any]:
         "outputs": [_gufunc_port(p) for p in kernel.outputs],
         "input_count": len(inputs),
         "output_count": len(outputs),
-        "largest_output": max(p.size for p in kernel.outputs),
-        "block": BLOCK,
         "vectorised": vectorised,
         "operations": _operations(kernel),
         "trigonometric": sorted(
@@ -425,10 +426,12 @@ def _gufunc(kernel: Kernel, module: KernelModule) -> dict[str, Any]:
 
 
 def _vector_body(kernel: Kernel, suffix: str) -> dict[str, Any]:
+    symbols = [s for p in kernel.inputs for s in p.symbols]
+    used = _read_symbols(kernel)
     body: dict[str, Any] = {
         "suffix": suffix,
         "operations": _operations(kernel),
-        "input_names": [s.name for p in kernel.inputs for s in p.symbols],
+        "inputs": [(n, s.name) for n, s in enumerate(symbols) if s in used],
         "output_names": [s.name for p in kernel.outputs for s in p.symbols if p.name != "is_usual"],
         "trigonometric": sorted(str(a.name) for a in _trigonometric_arguments(kernel)),
     }
@@ -450,6 +453,10 @@ def _gufunc_signature(kernel: Kernel) -> str:
         return "(" + ",".join(map(str, port.shape)) + ")"
 
     return ",".join(map(core, kernel.inputs)) + "->" + ",".join(map(core, kernel.outputs))
+
+
+def _type_codes(kernel: Kernel, real: str) -> str:
+    return real * len(kernel.inputs) + "->" + "".join("b" if p.is_status else real for p in kernel.outputs)
 
 
 def _trigonometric_arguments(kernel: Kernel) -> set[Any]:
