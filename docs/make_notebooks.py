@@ -1,0 +1,60 @@
+"""Execute rodgen's own derivations as notebooks, and write them into build/notebooks as .ipynb and .html.
+
+The pages bring MathJax along, so that their formulas are typeset without a network, too.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import nbformat
+from nbconvert import HTMLExporter
+
+from rodgen._scripts import packaged_derivations, run_notebook
+
+OUTPUT = Path(__file__).resolve().parent.parent / "build/notebooks"
+MATHJAX = "jupyter-server-mathjax==0.2.6"
+# The fonts that this package has; MathJax looks for others unless it is told.
+FONTS = '"HTML-CSS": { availableFonts: [], preferredFont: null, webFont: "STIX-Web", imageFont: null },'
+
+
+def bring_mathjax() -> str | None:
+    """Put MathJax beside the pages; return its address from them, None when it cannot be had."""
+    folder = OUTPUT / "mathjax"
+    if not folder.is_dir():
+        package = OUTPUT / "package"
+        pip = [sys.executable, "-m", "pip", "install", "-qqq", "--no-deps", "--target", str(package), MATHJAX]
+        if subprocess.run(pip).returncode:
+            print("MathJax cannot be installed: formulas in the .html files need a network to be read")
+            return None
+        shutil.move(package / "jupyter_server_mathjax/static", folder)
+        shutil.rmtree(package)
+    return "mathjax/MathJax.js?config=TeX-AMS-MML_HTMLorMML-full,Safe"
+
+
+def main() -> None:
+    OUTPUT.mkdir(parents=True, exist_ok=True)
+    mathjax = bring_mathjax()
+    exporter = HTMLExporter(exclude_input_prompt=True, exclude_output_prompt=True)
+    if mathjax:
+        exporter.mathjax_url = mathjax
+    for name in packaged_derivations():
+        start = time.perf_counter()
+        notebook = OUTPUT / f"{name}.ipynb"
+        run_notebook(name, notebook)
+        title = f"{name} - rodgen"
+        page, _ = exporter.from_notebook_node(
+            nbformat.read(notebook, as_version=4), resources={"metadata": {"name": title}}
+        )
+        if mathjax:
+            page = page.replace("tex2jax: {", f"{FONTS}\n                tex2jax: {{", 1)
+        notebook.with_suffix(".html").write_text(page, encoding="utf-8")
+        print(f"build/notebooks/{name}.ipynb and .html ({time.perf_counter() - start:.0f} s)", flush=True)
+
+
+if __name__ == "__main__":
+    main()
