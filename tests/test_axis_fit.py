@@ -163,6 +163,13 @@ def test_jacobian_is_the_slope_of_the_residual() -> None:
         assert by_point @ u == pytest.approx(ahead / (2 * h), abs=1e-8)
 
 
+def test_the_derivation_is_proved() -> None:
+    from rodgen.derivation import axis_fit
+
+    assert axis_fit.derivation.open == []
+    assert {entry.verdict for entry in axis_fit.derivation} == {"proved"}
+
+
 @pytest.mark.parametrize("point", [None, POINT])
 def test_sum_of_squares_is_a_quadratic_in_the_axis(point: np.ndarray | None) -> None:
     """With a free point at its best for each axis, too: what makes the fit global without iteration."""
