@@ -273,6 +273,9 @@ def _headline(result: dict) -> list[str]:
         if loose is not peer:
             text += f"; of the † rows, {loose['name']} takes "
             text += f"{_number(loose['sizes'][n]['ratio'])} times as long"
+        yardsticks = [row for row in result["rows"] if row["family"] == YARDSTICK and n in row["sizes"]]
+        for row in yardsticks:
+            text += f"; {_mark(row)} takes {_number(row['sizes'][n]['ratio'])} times as long"
         if "fraction of the limit" in own["sizes"][n]:
             text += f"; {own['sizes'][n]['fraction of the limit']:.0%} of what the measured bandwidth allows"
         lines.append(text + ".")
