@@ -13,18 +13,18 @@
 # %% [markdown]
 # # One axis from many pairs: the likelihood is a quadratic on the sphere
 #
-# Points of a body are seen at $\vec\rho_i$ before and at $\vec\rho\,'_i$ after rotations by the known angles $\chi_i$
-# about one axis: the unit vector $\vec e$ through the point $\vec p$. Both readings of a pair carry noise, equal
-# and independent in every coordinate. What is the most likely axis?
+# Points of a body are seen at $\vec\rho_i$ before and at $\vec\rho\,'_i$ after rotations by the known
+# angles $\chi_i$ about one axis: the unit vector $\vec e$ through the point $\vec p$. Both readings of a
+# pair carry noise, equal and independent in every coordinate. What is the most likely axis?
 #
-# A pair misses the axis by $\vec d_i=\vec\rho\,'_i-\vec p-R(\vec e,\chi_i)(\vec\rho_i-\vec p)$. A rotation turns
-# isotropic noise into isotropic noise, so $\vec d_i$ has the covariance $2\sigma^2 I$ for every axis, and the
-# most likely axis minimises $\frac12\sum w_i|\vec d_i|^2$ with $w_i\sim1/\sigma_i^2$.
+# A pair misses the axis by $\vec d_i=\vec\rho\,'_i-\vec p-R(\vec e,\chi_i)(\vec\rho_i-\vec p)$. A
+# rotation turns isotropic noise into isotropic noise, so $\vec d_i$ has the covariance $2\sigma^2 I$ for
+# every axis, and the most likely axis minimises $\frac12\sum w_i|\vec d_i|^2$ with $w_i\sim1/\sigma_i^2$.
 #
-# This looks like a nonlinear problem for four parameters. It is not. For a known point the sum is a quadratic in
-# $\vec e$; a free point drops out in closed form, **and what remains is a quadratic in $\vec e$ again**. Its minimum
-# on the unit sphere is one symmetric eigenproblem and one root: nothing to start from, no local minimum to fall
-# into. `rodgen.fit_axis` works that way.
+# This looks like a nonlinear problem for four parameters. It is not. For a known point the sum is a
+# quadratic in $\vec e$; a free point drops out in closed form, **and what remains is a quadratic in $\vec
+# e$ again**. Its minimum on the unit sphere is one symmetric eigenproblem and one root: nothing to start
+# from, no local minimum to fall into. `rodgen.fit_axis` works that way.
 
 # %%
 import sympy as sp
@@ -92,7 +92,7 @@ d.check(
 d.check(
     "no-cancellation",
     equal(cross(x, y), cross(x, r)),
-    text="The form that is summed: at small angles the two points nearly agree, and their difference is exact.",
+    text="The form that is summed: at small angles the points nearly agree, and their difference is exact.",
 ).prove()
 
 # %% [markdown]
@@ -120,9 +120,9 @@ d.check(
 ).prove(modulo=unit)
 
 # %% [markdown]
-# Summed with weights, the point adds $-\vec q\cdot\vec g+\frac D2(|\vec q|^2-(\vec e\cdot\vec q)^2)$ to the half
-# squares, with $\vec g=\vec M-(\vec e\cdot\vec M)\vec e+\vec e\times\vec S$. It is least for $\vec q=\vec g/D$, and
-# for every point that lies along the axis from there.
+# Summed with weights, the point adds $-\vec q\cdot\vec g+\frac D2(|\vec q|^2-(\vec e\cdot\vec q)^2)$ to
+# the half squares, with $\vec g=\vec M-(\vec e\cdot\vec M)\vec e+\vec e\times\vec S$. It is least for
+# $\vec q=\vec g/D$, and for every point that lies along the axis from there.
 
 # %%
 g = M - dot(e, M) * e + cross(e, S)
@@ -155,10 +155,10 @@ d.check(
 #
 # ## On the sphere
 #
-# A stationary axis obeys $2A\vec e+\vec b=2\mu\vec e$, so
-# $2\mu=2\,\vec e\cdot A\vec e+\vec b\cdot\vec e$. Let the axis turn by $\varphi$ towards $\vec u\perp\vec e$. The curvature of the sum there, $2(\mu-\vec u\cdot A\vec u)$, is
-# the information on that turn; it is free of the bias that squares of noisy readings have, for it holds
-# products of $\vec x$ with $\vec y$ only.
+# A stationary axis obeys $2A\vec e+\vec b=2\mu\vec e$, so $2\mu=2\,\vec e\cdot A\vec e+\vec b\cdot\vec e$.
+# Let the axis turn by $\varphi$ towards $\vec u\perp\vec e$. The curvature of the sum there,
+# $2(\mu-\vec u\cdot A\vec u)$, is the information on that turn; it is free of the bias that squares of
+# noisy readings have, for it holds products of $\vec x$ with $\vec y$ only.
 
 # %%
 u = d.vector("u", r"\vec u", "unit vector square to the axis", "1")
@@ -177,12 +177,13 @@ d.check(
 # %% [markdown]
 # ## How uncertain the axis is
 #
-# The score of the axis along $\vec u$ is $-\sum w\,(\partial_uR\,\vec x)\cdot\vec d$.
-# The noise $\vec n$ of $\vec x$ is in both factors, once as $\partial_uR\,\vec n$ and once as $-R\vec n$. These two are square to each other: no bias. What is
-# left of second order is $(\partial_uR\,\vec n)\cdot\vec n'$ with the noise of $\vec y$; its variance is
-# $\sigma^4\,\|\partial_uR\|^2=4\kappa\,\sigma^4$. With $w=1/(2\sigma^2)$ it adds $\kappa$ to the variance of the
-# score, and the covariance becomes $H^{-1}(H+\sum\kappa\,I)H^{-1}$. The addition matters where the points lie
-# within some $\sigma$ of the axis. Without it pairs of pure noise would claim an axis.
+# The score of the axis along $\vec u$ is $-\sum w\,(\partial_uR\,\vec x)\cdot\vec d$. The noise $\vec n$
+# of $\vec x$ is in both factors, once as $\partial_uR\,\vec n$ and once as $-R\vec n$. These two are
+# square to each other: no bias. What is left of second order is $(\partial_uR\,\vec n)\cdot\vec n'$ with
+# the noise of $\vec y$; its variance is $\sigma^4\,\|\partial_uR\|^2=4\kappa\,\sigma^4$. With
+# $w=1/(2\sigma^2)$ it adds $\kappa$ to the variance of the score, and the covariance becomes
+# $H^{-1}(H+\sum\kappa\,I)H^{-1}$. The addition matters where the points lie within some $\sigma$ of the
+# axis. Without it pairs of pure noise would claim an axis.
 
 # %%
 n = d.vector("n", r"\vec n", "noise of the point before the rotation", "length")

@@ -7,9 +7,10 @@ the error of the axis, meets the noise of ρ′. Hence
     cov = 2v H⁻¹ + 4v² H⁻¹ (Σ (1 - cos χ) I) H⁻¹.
 
 The second term matters only where the points lie within some σ of the axis; without it pairs of pure noise
-would claim an axis (proved in ``derivation/axis_fit.py``). H holds products ρ ρ′ᵀ of two independent readings and so is free of the bias that
-the Gauss-Newton matrix, with ρ ρᵀ, has there. A robust loss changes H by its mean slope and the score's
-variance by its mean square, as usual for M-estimates (P. J. Huber, Robust Statistics, 1981, section 7.6).
+would claim an axis (proved in ``derivation/axis_fit.py``). H holds products ρ ρ′ᵀ of two independent
+readings and so is free of the bias that the Gauss-Newton matrix, with ρ ρᵀ, has there. A robust loss
+changes H by its mean slope and the score's variance by its mean square, as usual for M-estimates (P. J.
+Huber, Robust Statistics, 1981, section 7.6).
 """
 
 from __future__ import annotations

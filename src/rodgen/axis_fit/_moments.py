@@ -15,8 +15,8 @@ and putting it back leaves a quadratic in e again:
 
 So the maximum-likelihood axis is the maximum of a quadratic on the sphere in both cases, with nothing to
 iterate and no local minimum to fall into (:mod:`rodgen.axis_fit._sphere`); ``derivation/axis_fit.py`` proves it.
-The sums are taken about the
-centre that makes M vanish: then A′ and b′ do not suffer from points far from the origin.
+The sums are taken about the centre that makes M vanish: then A′ and b′ do not suffer from points far from
+the origin.
 """
 
 from __future__ import annotations
