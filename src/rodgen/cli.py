@@ -25,6 +25,16 @@ __all__ = ["main"]
 
 OK, FAILED, BAD_INPUT, INTERRUPTED, READER_GONE = 0, 1, 2, 130, 141
 
+# Modules that only some commands need, and the extra that brings them.
+_EXTRAS = {
+    "sympy": "derive",
+    "jinja2": "derive",
+    "pint": "tables",
+    "pyarrow": "tables",
+    "tqdm": "tables",
+    "matplotlib": "plot",
+}
+
 _EXIT_CODES = """\
 exit codes:
   0  done
@@ -110,6 +120,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return READER_GONE
     except KeyboardInterrupt:
         return INTERRUPTED
+    except ModuleNotFoundError as error:
+        extra = _EXTRAS.get((error.name or "").partition(".")[0])
+        if extra is None:
+            raise
+        found, expected = f"no module {error.name!r}", f"it: pip install 'rodgen[{extra}]'"
+        return _complain(InputFileError("command line", given[0], found, expected))
     except RodgenError as error:
         from rodgen._scripts import UnprovedError
 
