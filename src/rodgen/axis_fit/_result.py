@@ -71,7 +71,7 @@ class AxisFit:
         Pairs so far off that in one good data set of this size out of a hundred the worst is; with
         ``loss="linear"`` they are named but still count.
     centroid : (3,) array
-        Mean of all points of the pairs that are not outliers.
+        Mean of all points of the pairs that are not outliers, by what each pair counted.
     condition : float
         Ratio of the largest to the smallest uncertainty that unit noise gives direction (times the root mean
         square arm) and point; 1 is best, infinite where something is not determined.
