@@ -6,8 +6,11 @@ invented example in this folder elsewhere.
 
 from __future__ import annotations
 
+import contextlib
 import csv
+import io
 import os
+import textwrap
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -47,15 +50,16 @@ class Moves:
 def derive_and_generate() -> None:
     print("1. Derive: every statement is proved exactly, or refuted by an exact counterexample")
     start = time.perf_counter()
-    derivations = [load_derivation(name) for name in packaged_derivations()]
+    with contextlib.redirect_stdout(io.StringIO()):  # what they show is for the notebooks
+        derivations = [load_derivation(name) for name in packaged_derivations()]
     seconds = time.perf_counter() - start
     for derivation in derivations:
         count = {verdict: sum(e.verdict == verdict for e in derivation) for verdict in ("proved", "refuted")}
         print(f"   {derivation.name:10} {count['proved']:3} proved, {count['refuted']:2} refuted")
         for entry in derivation:
             if entry.refutation:
-                reason = " ".join(entry.refutation.because.split())
-                print(f"     {entry.refutation.label:4} {entry.place}: {reason}")
+                line = f"{entry.refutation.label:4} {entry.place}: {entry.refutation.because}"
+                print(f"     {textwrap.shorten(line, 108, placeholder=' ...')}")
     print(f"   all in {seconds:.1f} s; in full: rodgen derive NAME, rodgen errata\n")
 
     print("2. Generate: NumPy, C and NumPy extension from the derivations")
