@@ -240,6 +240,7 @@ def _draw_residuals(panel: Any, pairs: Pairs, fit: AxisFit, after: Floats, u: Fl
     panel.axhline(0, color="black", lw=0.8)
     limit = 1.3 * max(worst, 2.2 * noise if noise > 0 else 0.0)
     panel.set_ylim(-limit, limit)
+    panel.locator_params(axis="x", integer=True)
     panel.set_xlabel("pair, in the order of the file (from 0)")
     panel.set_ylabel(f"residual [{pairs.unit}]")
     panel.set_title("What the fit leaves", fontsize=10)
