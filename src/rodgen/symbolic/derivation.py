@@ -537,7 +537,9 @@ class Derivation:
 
     def _repr_markdown_(self) -> str:
         lines = ["| in the code | in the source | quantity | unit |", "| --- | --- | --- | --- |"]
-        lines += [f"| `{r.name}` | ${r.latex}$ | {r.quantity} | {r.unit} |" for r in self.symbols]
+        for row in self.symbols:  # a bar would end the cell
+            latex, quantity = row.latex.replace("|", r"\vert "), row.quantity.replace("|", "&#124;")
+            lines.append(f"| `{row.name}` | ${latex}$ | {quantity} | {row.unit} |")
         return "\n".join(lines)
 
 
