@@ -1,0 +1,85 @@
+"""Fixtures that several test modules share: the emitted C, compiled once a session, and the installed gufuncs."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import shutil
+import subprocess
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+import rodgen.generated
+
+C_FOLDER = Path(rodgen.generated.__file__).parent / "c"
+C_MODULES = sorted(path.stem for path in C_FOLDER.glob("*.c"))
+C_WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror"]
+LEVELS = ("baseline", "avx2", "avx512")
+
+
+@pytest.fixture(scope="session")
+def compiler() -> str:
+    """The C compiler; tests that need one are skipped where there is none."""
+    found = shutil.which(os.environ.get("CC", "cc"))
+    if found is None:
+        pytest.skip("no C compiler; set CC to one")
+    return found
+
+
+def compile_shared(compiler: str, sources: list[Path], library: Path, *flags: str) -> Path:
+    """Compile into a shared library; an error shows the compiler's words."""
+    unfinished = library.with_name(f"{library.name}.{os.getpid()}")
+    command = [
+        compiler,
+        *C_WARNINGS,
+        *flags,
+        "-fPIC",
+        "-shared",
+        *map(str, sources),
+        "-o",
+        str(unfinished),
+        "-lm",
+    ]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    assert result.stderr == ""
+    os.replace(unfinished, library)  # another test process may make the same one
+    return library
+
+
+@pytest.fixture(scope="session")
+def emitted_c(compiler: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The emitted C alone as a shared library: no Python, no NumPy, no flag but those of a careful user."""
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent  # one library for all workers
+    library = folder / "emitted_c.so"
+    if not library.exists():
+        compile_shared(compiler, [C_FOLDER / f"{name}.c" for name in C_MODULES], library, "-O2")
+    return library
+
+
+@pytest.fixture(scope="session")
+def gufuncs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, ModuleType]:
+    """The installed extension once for each instruction set that this processor has, by its name.
+
+    The extension chooses when it is imported, and Python imports a file once; so each is a copy.
+    """
+    spec = importlib.util.find_spec("rodgen._gufuncs")
+    if spec is None or spec.origin is None:
+        return {}
+    modules = {}
+    with pytest.MonkeyPatch.context() as patch:
+        for level in LEVELS:
+            copy = tmp_path_factory.mktemp(level) / Path(spec.origin).name
+            shutil.copy(spec.origin, copy)
+            patch.setenv("RODGEN_CPU", level)
+            copied = importlib.util.spec_from_file_location("_gufuncs", copy)
+            assert copied is not None
+            assert copied.loader is not None
+            module = importlib.util.module_from_spec(copied)
+            copied.loader.exec_module(module)
+            if module.instruction_set == level:  # a processor that has less gives less
+                modules[level] = module
+    return modules

@@ -1,0 +1,263 @@
+"""Inputs for every kernel, hard ones among them, and what each kernel gives for them with 50 digits.
+
+The reference is the kernel's own expression trees (`Kernel.evaluate`). How far a target may be from it is asked of the
+reference, too: it is evaluated again at inputs that are moved by a rounding unit, in a few directions. A target may
+be off by `UNITS` times what that changes, and may take the other side of a case distinction where a rounding unit does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import mpmath
+import numpy as np
+from rodgen.derivation import axis, rotations
+from scipy.spatial.transform import Rotation
+
+from rodgen.codegen import Kernel
+
+MODULES = {"axis": axis.derivation, "rotations": rotations.derivation}
+KERNELS: dict[str, Kernel] = {k.name: k for d in MODULES.values() for k in d.kernels.values()}
+MODULE_OF = {name: module for module, d in MODULES.items() for name in d.kernels}
+
+UNITS = 16
+"""Rounding units in each input that a result may be off by. The longest chain of dependent roundings in a kernel is
+some 60 long; their errors, of either sign, add up like the square root of that, and the few directions that are
+tried find about half of the largest change."""
+DIRECTIONS = 6
+
+
+def unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def pairs() -> dict[str, np.ndarray]:
+    """Points and angles: ordinary ones, and ones near or at every case distinction of the solver."""
+    rng = np.random.default_rng(1)
+    rho, rho_prime, angle = [], [], []
+
+    def add(before: object, after: object, chi: float) -> None:
+        rho.append(before)
+        rho_prime.append(after)
+        angle.append(chi)
+
+    def turned(before: np.ndarray, e: np.ndarray, chi: float) -> np.ndarray:
+        return Rotation.from_rotvec(np.multiply(e, chi)).apply(before)
+
+    for chi in (0.3, -0.3, 1.0, 2.0, 3.0, -3.0, 4.0, 7.0, -50.0, 1e3):
+        e, x = unit(rng.normal(size=3)), 3 * rng.normal(size=3)
+        add(x, turned(x, e, chi), chi)
+    for chi in (
+        1e-3,
+        1e-8,
+        1e-12,
+        np.pi - 1e-8,
+        np.pi,
+        -np.pi,
+        2 * np.pi + 1e-6,
+    ):  # angles near 0 and half turns
+        e, x = unit(rng.normal(size=3)), rng.normal(size=3)
+        add(x, turned(x, e, chi), chi)
+    for power in (120, -120, 30, -30, 250, -250):  # lengths
+        e, x = unit(rng.normal(size=3)), rng.normal(size=3)
+        add(x * 10.0**power, turned(x, e, 1.1) * 10.0**power, 1.1)
+    for tilt in (1e-2, 1e-5):  # near the tangent case
+        e = unit(rng.normal(size=3))
+        x = unit(np.cross(e, rng.normal(size=3))) + tilt * e
+        add(x, turned(x, e, 1.3), 1.3)
+    for tilt in (1e-3, 1e-9, 0.0):  # near the axis, and on it
+        e = unit(rng.normal(size=3))
+        x = e + tilt * rng.normal(size=3)
+        add(x, turned(x, e, 1.3) if tilt else x, 1.3)
+    for factor in (1 + 1e-9, 1 + 1e-6, 1.1, 1e-3):  # lengths that differ
+        e, x = unit(rng.normal(size=3)), rng.normal(size=3)
+        add(x, factor * turned(x, e, 0.7), 0.7)
+    x = np.array([1.0, 2.0, -2.0])
+    add(x, -x, np.pi)  # every axis perpendicular
+    add(x, x, 0.0)  # every axis
+    add(x, x, 1e-300)
+    add([0, 0, 0], [0, 0, 0], 1.0)
+    add([0, 0, 1], [0, 1, 0], 1.0)  # the angle is too small
+    add(x, x[::-1], 0.5)
+    add(x, x[::-1], 0.0)
+    add([0, 0, 0], x, 1.0)
+    add(x, [0, 0, 0], 1.0)
+    add([np.nan, 0, 0], x, 1.0)
+    add(x, [0, np.inf, 0], 1.0)
+    add(x, x, np.nan)
+    add(x, x, -np.inf)
+    return {"rho": np.array(rho), "rho_prime": np.array(rho_prime), "angle": np.array(angle)}
+
+
+def rotation_inputs() -> Rotation:
+    rng = np.random.default_rng(2)
+    angles = np.array([0.3, 1.0, 2.0, 3.0, 1e-3, 1e-8, np.pi - 1e-8, 2.5, 1.5, 0.7, 2.2, 1.9])
+    vectors = unit(rng.normal(size=(len(angles), 3)))
+    vectors[-3:] = np.eye(3)
+    return Rotation.from_rotvec(vectors * angles[:, None])
+
+
+def inputs_of(kernel: Kernel) -> dict[str, np.ndarray]:
+    """Arrays (n, ...) for every input."""
+    names = {p.name for p in kernel.inputs}
+    rng = np.random.default_rng(3)
+    if "rho_prime" in names:
+        values = pairs()
+        n = len(values["angle"])
+        values["length_tolerance"] = np.full(n, 1e-8)
+        values["axis"] = unit(rng.normal(size=(n, 3)))
+        values["point"] = rng.normal(size=(n, 3))
+        for name in ("cov_rho", "cov_rho_prime"):
+            root = rng.normal(size=(n, 3, 3))
+            size = np.nan_to_num(np.abs(values["rho"]).max(axis=1))[
+                :, None, None
+            ]  # in proportion to the point
+            values[name] = np.clip(1e-3 * root, -1, 1) * np.clip(size, 1e-150, 1e150)
+            values[name] = values[name] @ values[name].swapaxes(1, 2)
+        values["var_angle"] = np.full(n, 1e-8)
+    elif "matrix" in names:
+        good = rotation_inputs().as_matrix()
+        bad = [
+            np.eye(3),
+            np.diag([1.0, -1, -1]),
+            np.diag([1.0, 1, -1]),
+            np.full((3, 3), np.nan),
+            np.zeros((3, 3)),
+        ]
+        values = {"matrix": np.concatenate([good, bad, 1.001 * good[:2], good[:1] + np.diag([np.inf, 0, 0])])}
+    elif "quaternion" in names:
+        good = rotation_inputs().as_quat(scalar_first=True)
+        bad = [[1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 0], [np.nan, 0, 0, 1], [np.inf, 0, 0, 1], [-2, 0, 1, 0]]
+        values = {"quaternion": np.concatenate([good, -good[:4], 1e150 * good[:1], 1e-150 * good[:1], bad])}
+    else:
+        turns = rotation_inputs()
+        vectors = turns.as_rotvec()
+        angles = np.linalg.norm(vectors, axis=1)
+        theta = unit(vectors) * 2 * np.tan(angles / 2)[:, None]
+        extra = np.array(
+            [[0, 0, 0], [1e16, 0, 0], [0, 1e300, 1], [1e-300, 0, 0], [np.nan, 0, 0], [0, 0, np.inf]]
+        )
+        axes = np.concatenate(
+            [unit(vectors), [[0, 0, 2], [0, 0, 0], [0, 1, 0], [1, 0, 0], [0, np.nan, 1], [1, 0, 0]]]
+        )
+        values = {
+            "theta": np.concatenate([theta, extra]),
+            "axis": axes,
+            "angle": np.concatenate([angles, [1.0, 1.0, 0.0, -np.pi, 1.0, np.inf]]),
+        }
+        values["rho"] = rng.normal(size=(len(values["theta"]), 3))
+    return {p.name: values[p.name] for p in kernel.inputs}
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What a kernel gives for its inputs, output by output.
+
+    Values, how far off a target may be (NaN where nothing is said), and which codes it may give.
+    """
+
+    inputs: tuple[np.ndarray, ...]
+    values: tuple[np.ndarray, ...]
+    tolerances: tuple[np.ndarray, ...]
+    codes: tuple[tuple[frozenset[int], ...], ...]
+
+    def check(self, results: tuple[np.ndarray, ...], rows: object = None) -> None:
+        """Assert that `results` are right; `rows` tells of which input each element is."""
+        rows = np.arange(len(self.inputs[0])) if rows is None else np.asarray(rows)
+        assert len(results) == len(self.values)
+        for result, value, tolerance, codes in zip(
+            results, self.values, self.tolerances, self.codes, strict=True
+        ):
+            assert result.shape == rows.shape + value.shape[1:]
+            if result.dtype == np.int8:
+                wrong = [
+                    (int(r), int(c))
+                    for r, c in zip(rows.ravel(), result.ravel(), strict=True)
+                    if c not in codes[r]
+                ]
+                assert wrong == []
+                continue
+            expected, allowed = value[rows], tolerance[rows]
+            determined = ~np.isnan(allowed)
+            same = np.isnan(result) == np.isnan(expected)
+            with np.errstate(invalid="ignore"):
+                close = np.abs(result - expected) <= allowed.reshape(rows.shape + (1,) * (value.ndim - 1))
+            close |= np.isnan(result) | (result == expected)
+            good = (same & close).all(axis=tuple(range(rows.ndim, result.ndim))) | ~determined
+            assert good.all(), (rows[~good], result[~good], expected[~good], allowed[~good])
+
+
+@cache
+def expected(name: str, bits: int) -> Expected:
+    """Evaluate a kernel at its inputs, rounded to numbers of `bits` bits."""
+    kernel = KERNELS[name]
+    real = np.dtype(f"f{bits // 8}")
+    limits = np.finfo(real)
+    with np.errstate(over="ignore"):
+        inputs = tuple(a.astype(real) for a in inputs_of(kernel).values())
+    rng = np.random.default_rng(4)
+    options = {"digits": 50, "eps": float(limits.eps), "largest": float(limits.max)}
+
+    def evaluate(row: tuple[np.ndarray, ...]) -> list[np.ndarray]:
+        results = kernel.evaluate(dict(zip((p.name for p in kernel.inputs), row, strict=True)), **options)
+        return [np.asarray(results[p.name]) for p in kernel.outputs]
+
+    values: list[list[np.ndarray]] = [[] for _ in kernel.outputs]
+    tolerances: list[list[float]] = [[] for _ in kernel.outputs]
+    codes: list[list[frozenset[int]]] = [[] for _ in kernel.outputs]
+
+    def moved(row: tuple[np.ndarray, ...], units: int) -> list[list[np.ndarray]]:
+        step = units * float(limits.eps)
+        return [evaluate(tuple(_moved(x, step, rng) for x in row)) for _ in range(DIRECTIONS)]
+
+    for row in zip(*inputs, strict=True):
+        exact = evaluate(row)
+        by_one = moved(row, 1)
+        by_all = moved(row, UNITS) if any(np.isinf(x.astype(float)).any() for x in exact) else []
+        for n, port in enumerate(kernel.outputs):
+            near = [m[n] for m in by_one]
+            if port.is_status:
+                values[n].append(exact[n].astype(np.int8))
+                tolerances[n].append(0.0)
+                codes[n].append(frozenset(int(x) for x in (exact[n], *near)))
+                continue
+            value = exact[n].astype(float)
+            values[n].append(value)
+            codes[n].append(frozenset())
+            tolerances[n].append(_allowed(exact[n], near, [m[n] for m in by_all], limits))
+    return Expected(
+        inputs, tuple(map(np.array, values)), tuple(map(np.array, tolerances)), tuple(map(tuple, codes))
+    )
+
+
+def _moved(x: np.ndarray, eps: float, rng: np.random.Generator) -> np.ndarray:
+    """Move every component by a rounding unit of the largest one, with many digits."""
+    x = np.asarray(x)
+    size = np.abs(x).max()
+    signs = rng.choice([-1, 1], size=x.shape)
+    step = mpmath.mpf(float(size)) * eps if np.isfinite(size) else mpmath.mpf(0)
+    result = np.empty(x.shape, dtype=object)
+    for index in np.ndindex(x.shape):
+        with mpmath.workdps(50):
+            result[index] = mpmath.mpf(float(x[index])) + int(signs[index]) * step
+    return result
+
+
+def _allowed(exact: np.ndarray, near: list[np.ndarray], farther: list[np.ndarray], limits: np.finfo) -> float:
+    """Return UNITS times the change; NaN where rounding decides whether there is a value, or it is too large."""
+    kinds = {tuple(bool(mpmath.isfinite(x)) for x in a.ravel()) for a in (exact, *near, *farther)}
+    finite = [x for x in exact.ravel() if mpmath.isfinite(x)]
+    size = max(map(abs, finite), default=0)
+    if len(kinds) > 1 or size > float(limits.max) * float(limits.eps):
+        return float("nan")
+    change = max(
+        (
+            abs(x - y)
+            for a in near
+            for x, y in zip(exact.ravel(), a.ravel(), strict=True)
+            if mpmath.isfinite(x)
+        ),
+        default=0,
+    )
+    return float(UNITS * (change + size * float(limits.eps) / 2 + float(limits.smallest_subnormal)))

@@ -1,0 +1,343 @@
+"""Every kernel, on every target, against its expression trees: one test body, one subclass a target.
+
+The targets are the generated NumPy module, the gufuncs of each instruction set, and the emitted C alone, compiled as a
+careful user would and called through ctypes.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import C_FOLDER
+from kernel_reference import KERNELS, MODULE_OF, expected
+from rodgen.generated import numpy as generated_numpy
+
+from rodgen.codegen import Kernel
+
+Results = tuple[np.ndarray, ...]
+every_kernel = pytest.mark.parametrize("name", sorted(KERNELS))
+both_types = pytest.mark.parametrize("bits", [64, 32])
+
+
+def stream_from_bytes() -> int:
+    """The threshold as it stands in the generated header."""
+    header = (C_FOLDER.parent / "gufunc" / "vector.h").read_text()
+    number, shift = re.findall(r"#define STREAM_FROM_BYTES \((\d+) << (\d+)\)", header)[0]
+    return int(number) << int(shift)
+
+
+def as_tuple(results: Any) -> Results:
+    return results if isinstance(results, tuple) else (results,)
+
+
+class KernelTests:
+    """What holds true of a kernel on any target."""
+
+    def call(self, name: str, *arguments: np.ndarray) -> Results:
+        """Evaluate a batch along the first axis."""
+        raise NotImplementedError
+
+    def call_one(self, name: str, *arguments: np.ndarray) -> Results:
+        """Evaluate one element."""
+        raise NotImplementedError
+
+    @every_kernel
+    @both_types
+    def test_batch_agrees_with_the_expression_trees(self, name: str, bits: int) -> None:
+        reference = expected(name, bits)
+        reference.check(self.call(name, *reference.inputs))
+
+    @every_kernel
+    @both_types
+    def test_single_elements_agree_with_the_expression_trees(self, name: str, bits: int) -> None:
+        reference = expected(name, bits)
+        for row in range(len(reference.inputs[0])):
+            results = self.call_one(name, *(a[row] for a in reference.inputs))
+            reference.check(tuple(np.asarray(r)[None] for r in results), [row])
+
+    @every_kernel
+    @both_types
+    def test_batches_of_any_size(self, name: str, bits: int) -> None:
+        """Sizes around the blocks: 16 elements in the gufuncs, 2048 in NumPy."""
+        reference = expected(name, bits)
+        for count in (0, 1, 2, 15, 16, 17, 31, 33, 1000, 2049):
+            rows = np.random.default_rng(count).integers(len(reference.inputs[0]), size=count)
+            reference.check(self.call(name, *(a[rows] for a in reference.inputs)), rows)
+
+
+class ArrayTests(KernelTests):
+    """What NumPy arrays have that a C pointer has not: shapes, strides, types, `out`."""
+
+    def function(self, name: str) -> Callable[..., Any]:
+        raise NotImplementedError
+
+    def call(self, name: str, *arguments: np.ndarray) -> Results:
+        return as_tuple(self.function(name)(*arguments))
+
+    def call_one(self, name: str, *arguments: np.ndarray) -> Results:
+        return self.call(name, *arguments)
+
+    def check_same(self, name: str, arguments: Sequence[Any], rows: np.ndarray, bits: int = 64) -> None:
+        expected(name, bits).check(self.call(name, *arguments), rows)
+
+    @every_kernel
+    @both_types
+    def test_result_types(self, name: str, bits: int) -> None:
+        results = self.call(name, *expected(name, bits).inputs)
+        types = [
+            np.dtype(np.int8) if p.is_status else np.dtype(f"f{bits // 8}") for p in KERNELS[name].outputs
+        ]
+        assert [r.dtype for r in results] == types
+
+    @every_kernel
+    def test_broadcasting(self, name: str) -> None:
+        """Each argument in turn stays one element while the others are a table; and all against each other."""
+        inputs = expected(name, 64).inputs
+        n = len(inputs[0])
+        alone = self.call(name, *(a[:1] for a in inputs))
+        for position in range(len(inputs)):
+            arguments = [
+                a[0] if k == position else np.broadcast_to(a[0], (2, 3, *a.shape[1:]))
+                for k, a in enumerate(inputs)
+            ]
+            for result, one in zip(self.call(name, *arguments), alone, strict=True):
+                shape = (2, 3) if len(inputs) > 1 else ()
+                np.testing.assert_allclose(
+                    result, np.broadcast_to(one[0], shape + one.shape[1:]), rtol=1e-13, atol=1e-13
+                )
+        rows = np.arange(n).reshape(n, 1)
+        crossed = [a[:, None] if k % 2 else a[None, :, ...] for k, a in enumerate(inputs)]
+        results = self.call(name, *crossed)
+        diagonal = tuple(
+            np.asarray(r)[np.arange(n), np.arange(n)] if len(inputs) > 1 else r[0] for r in results
+        )
+        expected(name, 64).check(diagonal, rows[:, 0])
+
+    @every_kernel
+    @both_types
+    @pytest.mark.parametrize(
+        "layout", ["every second", "backwards", "fortran", "unaligned", "read-only", "core strides"]
+    )
+    def test_memory_layouts(self, name: str, bits: int, layout: str) -> None:
+        inputs = expected(name, bits).inputs
+        rows = np.arange(len(inputs[0]))
+        arguments = []
+        for a in inputs:
+            if layout == "every second":
+                wide = np.full((2 * len(a), *a.shape[1:]), np.nan, a.dtype)
+                wide[::2] = a
+                b = wide[::2]
+            elif layout == "backwards":
+                b = a[::-1].copy()[::-1]
+            elif layout == "fortran":
+                b = np.asfortranarray(a)
+            elif layout == "unaligned":
+                raw = np.zeros(a.nbytes + 1, np.uint8)
+                b = raw[1:].view(a.dtype).reshape(a.shape)
+                b[...] = a
+                assert not b.flags.aligned
+            elif layout == "read-only":
+                b = a.copy()
+                b.flags.writeable = False
+            else:
+                wide = np.full((*a.shape, 2), np.nan, a.dtype)
+                wide[..., 1] = a
+                b = wide[..., 1]
+            arguments.append(b)
+        self.check_same(name, arguments, rows, bits)
+
+    @every_kernel
+    @both_types
+    @pytest.mark.parametrize("layout", ["packed", "every second", "fortran", "unaligned", "backwards"])
+    def test_out(self, name: str, bits: int, layout: str) -> None:
+        reference = expected(name, bits)
+        inputs = reference.inputs
+        n = len(inputs[0])
+        targets, guards = [], []
+        for result in self.call(name, *inputs):
+            if layout == "every second":
+                wide = np.full((2 * n, *result.shape[1:]), 99, result.dtype)
+                target = wide[::2]
+                guards.append(wide[1::2])
+            elif layout == "fortran":
+                target = np.full(result.shape, 99, result.dtype, order="F")
+            elif layout == "unaligned":
+                target = np.zeros(result.nbytes + 1, np.uint8)[1:].view(result.dtype).reshape(result.shape)
+            elif layout == "backwards":
+                target = np.full(result.shape, 99, result.dtype)[::-1]
+            else:
+                target = np.full(result.shape, 99, result.dtype)
+            targets.append(target)
+        out = tuple(targets) if len(targets) > 1 else targets[0]
+        returned = as_tuple(self.function(name)(*inputs, out=out))
+        assert all(r is t for r, t in zip(returned, targets, strict=True))
+        reference.check(tuple(targets))
+        assert all((guard == 99).all() for guard in guards)  # nothing is written beside the target
+
+    @every_kernel
+    def test_output_over_an_input(self, name: str) -> None:
+        """Memory that is read and written in one call gives what separate memory gives."""
+        kernel, reference = KERNELS[name], expected(name, 64)
+        for source, port_in in enumerate(kernel.inputs):
+            for target, port_out in enumerate(kernel.outputs):
+                if port_in.shape != port_out.shape or port_out.is_status:
+                    continue
+                inputs = [a.copy() for a in reference.inputs]
+                out: list[Any] = [None] * len(kernel.outputs)
+                out[target] = inputs[source]
+                results = as_tuple(self.function(name)(*inputs, out=tuple(out) if len(out) > 1 else out[0]))
+                assert results[target] is inputs[source]
+                reference.check(results)
+
+    def test_output_shifted_against_an_input(self) -> None:
+        """Overlap that is not element on element: each result still comes from what was there before."""
+        rng = np.random.default_rng(0)
+        memory = rng.normal(size=(101, 3))
+        theta = rng.normal(size=(100, 3))
+        before = memory.copy()
+        (wanted,) = self.call("rotate", before[:-1], theta)
+        self.function("rotate")(memory[:-1], theta, out=memory[1:])
+        np.testing.assert_array_equal(memory[1:], wanted)
+        np.testing.assert_array_equal(memory[0], before[0])
+
+    @every_kernel
+    def test_lists_and_integers_are_numbers(self, name: str) -> None:
+        kernel = KERNELS[name]
+        whole = [np.ones(p.shape, int) + np.arange(p.size).reshape(p.shape) for p in kernel.inputs]
+        wanted = self.call(name, *(a.astype(float) for a in whole))
+        for arguments in (
+            whole,
+            [a.tolist() for a in whole],
+            [a.astype(np.int8).astype(np.int32) for a in whole],
+        ):
+            for result, value in zip(self.call(name, *arguments), wanted, strict=True):
+                assert result.dtype == value.dtype
+                np.testing.assert_array_equal(result, value)
+
+    @every_kernel
+    def test_complex_numbers_are_refused(self, name: str) -> None:
+        with pytest.raises(TypeError):
+            self.call(name, *(a + 0j for a in expected(name, 64).inputs))
+
+    @every_kernel
+    def test_wrong_last_axis_is_refused(self, name: str) -> None:
+        inputs = expected(name, 64).inputs
+        for position, port in enumerate(KERNELS[name].inputs):
+            if port.shape:
+                wrong = [
+                    np.concatenate([a, a[..., :1]], axis=-1) if k == position else a
+                    for k, a in enumerate(inputs)
+                ]
+                with pytest.raises(ValueError, match=r"shape|dimension"):
+                    self.call(name, *wrong)
+
+    def test_shapes_that_do_not_broadcast_are_refused(self) -> None:
+        with pytest.raises(ValueError, match="broadcast"):
+            self.call("rotate", np.ones((2, 3)), np.ones((5, 3)))
+
+    @pytest.mark.parametrize("name", ["solve_axis", "rotate", "length_mismatch"])
+    @both_types
+    @pytest.mark.parametrize("offset", [-1, 0, 1])
+    def test_sizes_around_the_streaming_threshold(self, name: str, bits: int, offset: int) -> None:
+        """From some size of the output on, gufuncs write past the caches, in whole lines where they can."""
+        reference = expected(name, bits)
+        largest = max(p.size for p in KERNELS[name].outputs) * bits // 8
+        count = stream_from_bytes() // largest + offset
+        rows = np.random.default_rng(5).integers(len(reference.inputs[0]), size=count)
+        arguments = [a[rows] for a in reference.inputs]
+        reference.check(self.call(name, *arguments), rows)
+        shifted = []  # a target that starts inside a line, on an odd element
+        for result in self.call(name, *(a[:1] for a in arguments)):
+            memory = np.empty((count + 1, *result.shape[1:]), result.dtype)
+            shifted.append(memory[1:])
+        self.function(name)(*arguments, out=tuple(shifted) if len(shifted) > 1 else shifted[0])
+        reference.check(tuple(shifted), rows)
+
+
+class TestNumPy(ArrayTests):
+    def function(self, name: str) -> Callable[..., Any]:
+        return getattr(generated_numpy.ALL, name)
+
+
+class GufuncTests(ArrayTests):
+    level: str
+
+    @pytest.fixture(autouse=True)
+    def _module(self, gufuncs: dict[str, ModuleType]) -> None:
+        if self.level not in gufuncs:
+            pytest.skip(
+                f"this processor or build has no {self.level}; it has {', '.join(gufuncs) or 'no extension'}"
+            )
+        self.module = gufuncs[self.level]
+
+    def function(self, name: str) -> Callable[..., Any]:
+        return getattr(self.module, name)
+
+    @every_kernel
+    def test_signature_is_that_of_the_kernel(self, name: str) -> None:
+        kernel = KERNELS[name]
+        signature = self.function(name).signature
+        inputs, outputs = (s.count("(") for s in signature.split("->"))
+        assert (inputs, outputs) == (len(kernel.inputs), len(kernel.outputs))
+
+    @every_kernel
+    def test_no_warning_for_values_that_are_not_taken(self, name: str) -> None:
+        """A select evaluates both values; what the other one divides by is no concern of the user's."""
+        with np.errstate(all="raise"):
+            self.call(name, *expected(name, 64).inputs)
+
+
+class TestBaseline(GufuncTests):
+    level = "baseline"
+
+
+class TestAVX2(GufuncTests):
+    level = "avx2"
+
+
+class TestAVX512(GufuncTests):
+    level = "avx512"
+
+
+class TestEmittedC(KernelTests):
+    """The C alone: scalar functions and batches."""
+
+    @pytest.fixture(autouse=True)
+    def _library(self, emitted_c: Path) -> None:
+        self.library = ctypes.CDLL(str(emitted_c))
+
+    def function(self, kernel: Kernel, bits: int, batch: bool) -> Any:
+        middle = "_batch" if batch else ""
+        return getattr(self.library, f"{MODULE_OF[kernel.name]}_{kernel.name}{middle}_f{bits}")
+
+    def call(self, name: str, *arguments: np.ndarray) -> Results:
+        kernel, real = KERNELS[name], arguments[0].dtype
+        count = len(arguments[0])
+        inputs = [np.ascontiguousarray(a) for a in arguments]
+        outputs = [np.zeros((count, *p.shape), np.int8 if p.is_status else real) for p in kernel.outputs]
+        pointers = [ctypes.c_void_p(a.ctypes.data) for a in (*inputs, *outputs)]
+        function = self.function(kernel, 8 * real.itemsize, batch=True)
+        function.restype = None
+        function(ctypes.c_size_t(count), *pointers)
+        return tuple(outputs)
+
+    def call_one(self, name: str, *arguments: np.ndarray) -> Results:
+        kernel, real = KERNELS[name], arguments[0].dtype
+        number = ctypes.c_float if real == np.float32 else ctypes.c_double
+        inputs = [np.ascontiguousarray(a) for a in arguments]
+        outputs = [np.zeros(p.shape, np.int8 if p.is_status else real) for p in kernel.outputs]
+        values = [
+            number(a.item()) if p.shape == () else ctypes.c_void_p(a.ctypes.data)
+            for a, p in zip(inputs, kernel.inputs, strict=True)
+        ]
+        function = self.function(kernel, 8 * real.itemsize, batch=False)
+        function.restype = None
+        function(*values, *(ctypes.c_void_p(a.ctypes.data) for a in outputs))
+        return tuple(outputs)
