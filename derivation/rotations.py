@@ -220,7 +220,10 @@ def to_quaternion(k, w, v, length):
 
 
 def to_axis_angle(k, w, v, length):
-    unit = select(length > 0, v / select(length > 0, length, 1), sp.Matrix([0, 0, 1]))
+    scaled = sp.Matrix(sp.symbols("v_scaled_1 v_scaled_2 v_scaled_3", real=True))
+    unit = select(
+        length > 0, scaled / select(length > 0, sp.sqrt(scaled.dot(scaled)), 1), sp.Matrix([0, 0, 1])
+    )
     return {
         "axis": (unit, "1", "unit vector of the axis"),
         "angle": (2 * sp.atan2(length, w), "rad", "angle of rotation, 0 to pi"),
@@ -265,7 +268,10 @@ def conversion(target, source):
     )
     w, v, good, abnormal = FROM[source](k)
     good = k.let("good", good)
-    length = k.let("sine", sp.sqrt(v.dot(v)))
+    # scaled, because the square of a small turn vanishes below 1e-154
+    scale = k.let("sine_scale", power_of_two_scale(sum((abs(x) for x in v), sp.S.Zero)))
+    v_scaled = k.let("v_scaled", v * scale)
+    length = k.let("sine", sp.sqrt(v_scaled.dot(v_scaled)) / scale)
     for name, (value, unit, doc) in TO[target](k, w, v, length).items():
         nan = sp.nan if not isinstance(value, sp.MatrixBase) else sp.ones(*value.shape) * sp.nan
         k.output(name, select(good, value, nan), unit=unit, doc=doc)

@@ -27,10 +27,13 @@ Real: TypeAlias = Any
 """An mpf, or a bool for a condition."""
 
 
-def _scale(x: Real) -> Real:
-    if x == 0 or not mpmath.isfinite(x):
-        return mpmath.mpf(1)
-    return mpmath.mpf(2) ** (1 - mpmath.frexp(x)[1])
+def _scale(x: Real, largest: Real) -> Real:
+    """Return the scale that every target takes: a normal number whatever x is, even infinite or NaN; 1 for 0."""
+    top = mpmath.frexp(largest)[1] - 2
+    exponent = top
+    if mpmath.isfinite(x):
+        exponent = min(max(mpmath.frexp(x)[1] - 1, -top), top) if x != 0 else 0
+    return mpmath.mpf(2) ** -exponent
 
 
 def _quotient(above: Real, below: Real) -> Real:
@@ -58,7 +61,6 @@ def _real(function: Callable[[Real], Real]) -> Callable[[Real], Real]:
 _FUNCTIONS: dict[type, Callable[..., Real]] = {
     sp.Abs: abs,
     sp.sign: mpmath.sign,
-    power_of_two_scale: _scale,
     **{f: _periodic(getattr(mpmath, f.__name__)) for f in (sp.sin, sp.cos, sp.tan)},
     **{f: _real(getattr(mpmath, f.__name__)) for f in (sp.asin, sp.acos, sp.log)},
     **{f: getattr(mpmath, f.__name__) for f in (sp.atan, sp.atan2, sp.sinh, sp.cosh, sp.tanh, sp.exp)},
@@ -114,7 +116,9 @@ def _value(tree: sp.Basic, environment: Mapping[sp.Symbol, Real]) -> Real:
     if isinstance(tree, sp.NumberSymbol):
         return mpmath.mpf(getattr(mpmath, str(tree).lower()))
     arguments = [_value(a, environment) for a in tree.args]
-    if any(mpmath.isnan(x) for x in arguments) and not isinstance(tree, power_of_two_scale):
+    if isinstance(tree, power_of_two_scale):
+        return _scale(arguments[0], environment[LARGEST])
+    if any(mpmath.isnan(x) for x in arguments):
         return mpmath.nan
     return _FUNCTIONS[type(tree)](*arguments)
 
