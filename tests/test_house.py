@@ -1,0 +1,88 @@
+"""The house: every public function says what it takes and gives, imports stay light, the version is told once."""
+
+from __future__ import annotations
+
+import inspect
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import rodgen
+
+ROOT = Path(__file__).parent.parent
+FUNCTIONS = [name for name in rodgen.__all__ if inspect.isfunction(getattr(rodgen, name))]
+
+
+def test_all_lists_what_there_is() -> None:
+    assert len(set(rodgen.__all__)) == len(rodgen.__all__)
+    assert {"solve_axis", "rotate", "fit_axis", "axis_covariance"} <= set(FUNCTIONS)
+    assert all(hasattr(rodgen, name) for name in rodgen.__all__)
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_docstring_tells_parameters_and_what_comes_back(name: str) -> None:
+    function = getattr(rodgen, name)
+    text = inspect.getdoc(function)
+    parameters = text.partition("Parameters\n----------\n")[2].partition("\n\n")[0]
+    told = {
+        word.strip()
+        for line in re.findall(r"^(\w[\w, ]*?)(?: :|$)", parameters, re.MULTILINE)
+        for word in line.split(",")
+    }
+    assert told == set(inspect.signature(function).parameters)
+    assert "Returns\n-------\n" in text
+
+
+def test_changelog_has_this_version() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    headings = re.findall(
+        r"^## \[([\d.]+)\]", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE
+    )
+    assert headings[0] == project["version"] == rodgen.__version__
+
+
+def run_without(modules: set[str], code: str) -> subprocess.CompletedProcess[str]:
+    """Run code in a Python that does not have some modules."""
+    hide = f"import sys\nfor name in {sorted(modules)!r}: sys.modules[name] = None\n"
+    return subprocess.run([sys.executable, "-c", hide + code], capture_output=True, text=True, check=False)
+
+
+def test_functions_need_numpy_alone() -> None:
+    extras = {"sympy", "mpmath", "jinja2", "pint", "pyarrow", "tqdm", "matplotlib", "scipy", "dask"}
+    code = (
+        "import numpy, rodgen\n"
+        "before, after = numpy.eye(3), numpy.eye(3)[[1, 0, 2]] * [[1], [-1], [1]]\n"
+        "assert rodgen.solve_axis(before, after, numpy.pi / 2)[1].tolist() == [1, 1, 3]\n"
+        "assert rodgen.rotate(before, [0, 0, 2]).shape == (3, 3)\n"
+        "assert rodgen.fit_axis(before, after, numpy.pi / 2, point=(0, 0, 0)).pairs == 3\n"
+    )
+    done = run_without(extras, code)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("module", "extra", "command"),
+    [("pyarrow", "tables", ["solve", "pairs.csv"]), ("sympy", "derive", ["derive", "axis"])],
+)
+def test_command_says_which_extra_it_needs(module: str, extra: str, command: list[str]) -> None:
+    done = run_without({module}, f"from rodgen import cli\nsys.exit(cli.main({command!r}))")
+    assert done.returncode == 2
+    assert f"pip install 'rodgen[{extra}]'" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_numpy_takes_over_without_the_extension_with_one_notice() -> None:
+    code = "import rodgen\nfor _ in range(3): print(rodgen.solve_axis([3, 4, 12.0], [12, -3, 4.0], 2.2)[1])"
+    done = run_without({"rodgen._gufuncs"}, code)
+    assert (done.returncode, done.stdout) == (0, "0\n" * 3)
+    assert done.stderr.count("RuntimeWarning") == 1
+    assert "install a C compiler" in done.stderr
+
+
+def test_ci_script_can_be_run() -> None:
+    assert os.access(ROOT / ".ci/run", os.X_OK)
