@@ -10,6 +10,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+
 import rodgen.generated
 
 C_FOLDER = Path(rodgen.generated.__file__).parent / "c"

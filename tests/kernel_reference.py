@@ -12,10 +12,10 @@ from functools import cache
 
 import mpmath
 import numpy as np
-from rodgen.derivation import axis, rotations
 from scipy.spatial.transform import Rotation
 
 from rodgen.codegen import Kernel
+from rodgen.derivation import axis, rotations
 
 MODULES = {"axis": axis.derivation, "rotations": rotations.derivation}
 KERNELS: dict[str, Kernel] = {k.name: k for d in MODULES.values() for k in d.kernels.values()}

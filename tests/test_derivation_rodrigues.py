@@ -14,9 +14,9 @@ import mpmath
 import numpy as np
 import pytest
 import sympy as sp
-from rodgen.derivation import rodrigues as paper
 from scipy.spatial.transform import Rotation
 
+from rodgen.derivation import rodrigues as paper
 from rodgen.symbolic import errata
 
 derivation = paper.derivation

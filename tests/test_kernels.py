@@ -17,9 +17,9 @@ import numpy as np
 import pytest
 from conftest import C_FOLDER
 from kernel_reference import KERNELS, MODULE_OF, expected
-from rodgen.generated import numpy as generated_numpy
 
 from rodgen.codegen import Kernel
+from rodgen.generated import numpy as generated_numpy
 
 Results = tuple[np.ndarray, ...]
 every_kernel = pytest.mark.parametrize("name", sorted(KERNELS))
