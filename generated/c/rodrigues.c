@@ -48,12 +48,11 @@ void rodrigues_solve_axis_paper_f64(const double rho[3], const double rho_prime[
   const double L1 = 2.0*a1*b1*rho_23 + 2.0*a2*b2*rho_13 - a1*x7 - a2*x8 - x9*(a1*b2 + a2*b1);
   const double L0 = (a1*a1)*rho_23 + (a2*a2)*rho_13 - a1*a2*x9;
   const double printed_root = sqrt((L1*L1) - 4.0*L2*(L0 + known));
-  const double x10 = -printed_root;
-  const double root = ((pivot < 0.0) ? x10 : printed_root);
+  const double root = ((pivot < 0.0) ? -printed_root : printed_root);
   const double x11 = 0.5/L2;
   const double theta3_plus = x11*(root - L1);
   const double theta3_minus = x11*(L1 + root);
-  const double theta3_printed = x11*(-L1 - x10);
+  const double theta3_printed = x11*(printed_root - L1);
   /* outputs */
   theta[0] = a1 + b1*theta3_plus;
   theta[1] = a2 + b2*theta3_plus;
@@ -111,12 +110,11 @@ void rodrigues_solve_axis_paper_f32(const float rho[3], const float rho_prime[3]
   const float L1 = 2.0f*a1*b1*rho_23 + 2.0f*a2*b2*rho_13 - a1*x7 - a2*x8 - x9*(a1*b2 + a2*b1);
   const float L0 = (a1*a1)*rho_23 + (a2*a2)*rho_13 - a1*a2*x9;
   const float printed_root = sqrtf((L1*L1) - 4.0f*L2*(L0 + known));
-  const float x10 = -printed_root;
-  const float root = ((pivot < 0.0f) ? x10 : printed_root);
+  const float root = ((pivot < 0.0f) ? -printed_root : printed_root);
   const float x11 = 0.5f/L2;
   const float theta3_plus = x11*(root - L1);
   const float theta3_minus = x11*(L1 + root);
-  const float theta3_printed = x11*(-L1 - x10);
+  const float theta3_printed = x11*(printed_root - L1);
   /* outputs */
   theta[0] = a1 + b1*theta3_plus;
   theta[1] = a2 + b2*theta3_plus;

@@ -8,25 +8,27 @@
 #include <float.h>
 #include <math.h>
 #include <string.h>
-/* Power of two that scales x into [1, 2), from the exponent bits; clipped to normal numbers. */
+/* Power of two that scales x >= 0 into [1, 2), from the exponent bits; clipped to normal numbers, 1 for 0. */
 static inline double power_of_two_scale_f64(double x) {
   uint64_t bits;
   memcpy(&bits, &x, sizeof bits);
   uint64_t exponent = (bits >> 52) & 0x7FFu;
   exponent = exponent < 1u ? 1u : exponent;
   exponent = exponent > 2045u ? 2045u : exponent;
+  exponent = bits == 0u ? 1023u : exponent;
   bits = (2046u - exponent) << 52;
   memcpy(&x, &bits, sizeof bits);
   return x;
 }
 
-/* Power of two that scales x into [1, 2), from the exponent bits; clipped to normal numbers. */
+/* Power of two that scales x >= 0 into [1, 2), from the exponent bits; clipped to normal numbers, 1 for 0. */
 static inline float power_of_two_scale_f32(float x) {
   uint32_t bits;
   memcpy(&bits, &x, sizeof bits);
   uint32_t exponent = (bits >> 23) & 0xFFu;
   exponent = exponent < 1u ? 1u : exponent;
   exponent = exponent > 253u ? 253u : exponent;
+  exponent = bits == 0u ? 127u : exponent;
   bits = (254u - exponent) << 23;
   memcpy(&x, &bits, sizeof bits);
   return x;
@@ -692,9 +694,7 @@ void rotations_axis_angle_from_matrix_f64(const double matrix[9], double axis[3]
   const double x3 = matrix_2_1 - matrix_1_2;
   const double products_1_4 = x3;
   const double products_2_1 = x1;
-  const double x4 = -matrix_2_2;
-  const double x5 = -matrix_3_3;
-  const double products_2_2 = x0 + x4 + x5;
+  const double products_2_2 = x0 - matrix_2_2 - matrix_3_3;
   const double x6 = matrix_1_2 + matrix_2_1;
   const double products_2_3 = x6;
   const double x7 = matrix_1_3 + matrix_3_1;
@@ -702,13 +702,13 @@ void rotations_axis_angle_from_matrix_f64(const double matrix[9], double axis[3]
   const double products_3_1 = x2;
   const double products_3_2 = x6;
   const double x8 = matrix_1_1 - 1.0;
-  const double products_3_3 = -matrix_3_3 - x4 - x8;
+  const double products_3_3 = matrix_2_2 - matrix_3_3 - x8;
   const double x9 = matrix_2_3 + matrix_3_2;
   const double products_3_4 = x9;
   const double products_4_1 = x3;
   const double products_4_2 = x7;
   const double products_4_3 = x9;
-  const double products_4_4 = -matrix_2_2 - x5 - x8;
+  const double products_4_4 = matrix_3_3 - matrix_2_2 - x8;
   const double column_a_1 = ((products_1_1 < products_2_2) ? products_1_2 : products_1_1);
   const double column_a_2 = ((products_1_1 < products_2_2) ? products_2_2 : products_2_1);
   const double column_a_3 = ((products_1_1 < products_2_2) ? products_3_2 : products_3_1);
@@ -778,9 +778,7 @@ void rotations_axis_angle_from_matrix_f32(const float matrix[9], float axis[3], 
   const float x3 = matrix_2_1 - matrix_1_2;
   const float products_1_4 = x3;
   const float products_2_1 = x1;
-  const float x4 = -matrix_2_2;
-  const float x5 = -matrix_3_3;
-  const float products_2_2 = x0 + x4 + x5;
+  const float products_2_2 = x0 - matrix_2_2 - matrix_3_3;
   const float x6 = matrix_1_2 + matrix_2_1;
   const float products_2_3 = x6;
   const float x7 = matrix_1_3 + matrix_3_1;
@@ -788,13 +786,13 @@ void rotations_axis_angle_from_matrix_f32(const float matrix[9], float axis[3], 
   const float products_3_1 = x2;
   const float products_3_2 = x6;
   const float x8 = matrix_1_1 - 1.0f;
-  const float products_3_3 = -matrix_3_3 - x4 - x8;
+  const float products_3_3 = matrix_2_2 - matrix_3_3 - x8;
   const float x9 = matrix_2_3 + matrix_3_2;
   const float products_3_4 = x9;
   const float products_4_1 = x3;
   const float products_4_2 = x7;
   const float products_4_3 = x9;
-  const float products_4_4 = -matrix_2_2 - x5 - x8;
+  const float products_4_4 = matrix_3_3 - matrix_2_2 - x8;
   const float column_a_1 = ((products_1_1 < products_2_2) ? products_1_2 : products_1_1);
   const float column_a_2 = ((products_1_1 < products_2_2) ? products_2_2 : products_2_1);
   const float column_a_3 = ((products_1_1 < products_2_2) ? products_3_2 : products_3_1);
@@ -864,9 +862,7 @@ void rotations_rodrigues_vector_from_matrix_f64(const double matrix[9], double t
   const double x3 = matrix_2_1 - matrix_1_2;
   const double products_1_4 = x3;
   const double products_2_1 = x1;
-  const double x4 = -matrix_2_2;
-  const double x5 = -matrix_3_3;
-  const double products_2_2 = x0 + x4 + x5;
+  const double products_2_2 = x0 - matrix_2_2 - matrix_3_3;
   const double x6 = matrix_1_2 + matrix_2_1;
   const double products_2_3 = x6;
   const double x7 = matrix_1_3 + matrix_3_1;
@@ -874,13 +870,13 @@ void rotations_rodrigues_vector_from_matrix_f64(const double matrix[9], double t
   const double products_3_1 = x2;
   const double products_3_2 = x6;
   const double x8 = matrix_1_1 - 1.0;
-  const double products_3_3 = -matrix_3_3 - x4 - x8;
+  const double products_3_3 = matrix_2_2 - matrix_3_3 - x8;
   const double x9 = matrix_2_3 + matrix_3_2;
   const double products_3_4 = x9;
   const double products_4_1 = x3;
   const double products_4_2 = x7;
   const double products_4_3 = x9;
-  const double products_4_4 = -matrix_2_2 - x5 - x8;
+  const double products_4_4 = matrix_3_3 - matrix_2_2 - x8;
   const double column_a_1 = ((products_1_1 < products_2_2) ? products_1_2 : products_1_1);
   const double column_a_2 = ((products_1_1 < products_2_2) ? products_2_2 : products_2_1);
   const double column_a_3 = ((products_1_1 < products_2_2) ? products_3_2 : products_3_1);
@@ -948,9 +944,7 @@ void rotations_rodrigues_vector_from_matrix_f32(const float matrix[9], float the
   const float x3 = matrix_2_1 - matrix_1_2;
   const float products_1_4 = x3;
   const float products_2_1 = x1;
-  const float x4 = -matrix_2_2;
-  const float x5 = -matrix_3_3;
-  const float products_2_2 = x0 + x4 + x5;
+  const float products_2_2 = x0 - matrix_2_2 - matrix_3_3;
   const float x6 = matrix_1_2 + matrix_2_1;
   const float products_2_3 = x6;
   const float x7 = matrix_1_3 + matrix_3_1;
@@ -958,13 +952,13 @@ void rotations_rodrigues_vector_from_matrix_f32(const float matrix[9], float the
   const float products_3_1 = x2;
   const float products_3_2 = x6;
   const float x8 = matrix_1_1 - 1.0f;
-  const float products_3_3 = -matrix_3_3 - x4 - x8;
+  const float products_3_3 = matrix_2_2 - matrix_3_3 - x8;
   const float x9 = matrix_2_3 + matrix_3_2;
   const float products_3_4 = x9;
   const float products_4_1 = x3;
   const float products_4_2 = x7;
   const float products_4_3 = x9;
-  const float products_4_4 = -matrix_2_2 - x5 - x8;
+  const float products_4_4 = matrix_3_3 - matrix_2_2 - x8;
   const float column_a_1 = ((products_1_1 < products_2_2) ? products_1_2 : products_1_1);
   const float column_a_2 = ((products_1_1 < products_2_2) ? products_2_2 : products_2_1);
   const float column_a_3 = ((products_1_1 < products_2_2) ? products_3_2 : products_3_1);
@@ -1032,9 +1026,7 @@ void rotations_quaternion_from_matrix_f64(const double matrix[9], double quatern
   const double x3 = matrix_2_1 - matrix_1_2;
   const double products_1_4 = x3;
   const double products_2_1 = x1;
-  const double x4 = -matrix_2_2;
-  const double x5 = -matrix_3_3;
-  const double products_2_2 = x0 + x4 + x5;
+  const double products_2_2 = x0 - matrix_2_2 - matrix_3_3;
   const double x6 = matrix_1_2 + matrix_2_1;
   const double products_2_3 = x6;
   const double x7 = matrix_1_3 + matrix_3_1;
@@ -1042,13 +1034,13 @@ void rotations_quaternion_from_matrix_f64(const double matrix[9], double quatern
   const double products_3_1 = x2;
   const double products_3_2 = x6;
   const double x8 = matrix_1_1 - 1.0;
-  const double products_3_3 = -matrix_3_3 - x4 - x8;
+  const double products_3_3 = matrix_2_2 - matrix_3_3 - x8;
   const double x9 = matrix_2_3 + matrix_3_2;
   const double products_3_4 = x9;
   const double products_4_1 = x3;
   const double products_4_2 = x7;
   const double products_4_3 = x9;
-  const double products_4_4 = -matrix_2_2 - x5 - x8;
+  const double products_4_4 = matrix_3_3 - matrix_2_2 - x8;
   const double column_a_1 = ((products_1_1 < products_2_2) ? products_1_2 : products_1_1);
   const double column_a_2 = ((products_1_1 < products_2_2) ? products_2_2 : products_2_1);
   const double column_a_3 = ((products_1_1 < products_2_2) ? products_3_2 : products_3_1);
@@ -1116,9 +1108,7 @@ void rotations_quaternion_from_matrix_f32(const float matrix[9], float quaternio
   const float x3 = matrix_2_1 - matrix_1_2;
   const float products_1_4 = x3;
   const float products_2_1 = x1;
-  const float x4 = -matrix_2_2;
-  const float x5 = -matrix_3_3;
-  const float products_2_2 = x0 + x4 + x5;
+  const float products_2_2 = x0 - matrix_2_2 - matrix_3_3;
   const float x6 = matrix_1_2 + matrix_2_1;
   const float products_2_3 = x6;
   const float x7 = matrix_1_3 + matrix_3_1;
@@ -1126,13 +1116,13 @@ void rotations_quaternion_from_matrix_f32(const float matrix[9], float quaternio
   const float products_3_1 = x2;
   const float products_3_2 = x6;
   const float x8 = matrix_1_1 - 1.0f;
-  const float products_3_3 = -matrix_3_3 - x4 - x8;
+  const float products_3_3 = matrix_2_2 - matrix_3_3 - x8;
   const float x9 = matrix_2_3 + matrix_3_2;
   const float products_3_4 = x9;
   const float products_4_1 = x3;
   const float products_4_2 = x7;
   const float products_4_3 = x9;
-  const float products_4_4 = -matrix_2_2 - x5 - x8;
+  const float products_4_4 = matrix_3_3 - matrix_2_2 - x8;
   const float column_a_1 = ((products_1_1 < products_2_2) ? products_1_2 : products_1_1);
   const float column_a_2 = ((products_1_1 < products_2_2) ? products_2_2 : products_2_1);
   const float column_a_3 = ((products_1_1 < products_2_2) ? products_3_2 : products_3_1);

@@ -93,25 +93,27 @@ static inline float vector_cos_f32(float x) { return (float)vector_sin_shifted((
 static inline double sign_f64(double x) { return (double)(x > 0.0) - (double)(x < 0.0); }
 static inline float sign_f32(float x) { return (float)(x > 0.0f) - (float)(x < 0.0f); }
 
-/* Power of two that scales x into [1, 2), from the exponent bits; clipped to normal numbers. */
+/* Power of two that scales x >= 0 into [1, 2), from the exponent bits; clipped to normal numbers, 1 for 0. */
 static inline double power_of_two_scale_f64(double x) {
   uint64_t bits;
   memcpy(&bits, &x, sizeof bits);
   uint64_t exponent = (bits >> 52) & 0x7FFu;
   exponent = exponent < 1u ? 1u : exponent;
   exponent = exponent > 2045u ? 2045u : exponent;
+  exponent = bits == 0u ? 1023u : exponent;
   bits = (2046u - exponent) << 52;
   memcpy(&x, &bits, sizeof bits);
   return x;
 }
 
-/* Power of two that scales x into [1, 2), from the exponent bits; clipped to normal numbers. */
+/* Power of two that scales x >= 0 into [1, 2), from the exponent bits; clipped to normal numbers, 1 for 0. */
 static inline float power_of_two_scale_f32(float x) {
   uint32_t bits;
   memcpy(&bits, &x, sizeof bits);
   uint32_t exponent = (bits >> 23) & 0xFFu;
   exponent = exponent < 1u ? 1u : exponent;
   exponent = exponent > 253u ? 253u : exponent;
+  exponent = bits == 0u ? 127u : exponent;
   bits = (254u - exponent) << 23;
   memcpy(&x, &bits, sizeof bits);
   return x;

@@ -7,12 +7,14 @@ Template: numpy.py.j2. Source: Stebulyanin and Pimushkin, "Solution of the Rodri
 from __future__ import annotations
 from enum import IntEnum
 
+import math
+
 import numpy as np
 
 __all__ = ["AxisStatus", "solve_axis", "length_mismatch", "axis_condition", "axis_jacobian", "axis_covariance", "axis_residual"]
 
 # Elements evaluated at a time: few enough for the intermediates to stay in the cache.
-BLOCK = 2048
+BLOCK = 8192
 
 
 class AxisStatus(IntEnum):
@@ -53,7 +55,7 @@ def solve_axis(rho, rho_prime, angle, length_tolerance, *, out=None):
         what the axes are
     """
     return _evaluate(
-        _solve_axis,
+        _solve_axis, _solve_axis_usual,
         "solve_axis",
         (rho, rho_prime, angle, length_tolerance),
         (("rho", (3,)), ("rho_prime", (3,)), ("angle", ()), ("length_tolerance", ())),
@@ -74,12 +76,15 @@ def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angl
     scale_after = _power_of_two_scale(size_after)
     comparable = (scale_after < 8.0*scale_before) & (scale_before < 8.0*scale_after)
     scale = np.where(comparable, scale_before, scale_after)
+    del scale_after
     u_1 = rho_1*scale_before
     u_2 = rho_2*scale_before
     u_3 = rho_3*scale_before
+    del scale_before
     v_1 = rho_prime_1*scale
     v_2 = rho_prime_2*scale
     v_3 = rho_prime_3*scale
+    del scale
     difference_1 = v_1 - u_1
     difference_2 = v_2 - u_2
     difference_3 = v_3 - u_3
@@ -90,18 +95,29 @@ def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angl
     length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3)
     length_product = np.sqrt(length_prime_squared*length_squared)
     excess_divisor = length_prime_squared + length_product
+    del length_prime_squared, length_product
     nonzero = excess_divisor > 0.0
     gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
     excess = gain*np.where(nonzero, 1.0/excess_divisor, 1.0)
+    del excess_divisor, gain, nonzero
     x0 = excess*v_1
+    del v_1
     m_1 = total_1 - x0
+    del total_1
     x1 = excess*v_2
+    del v_2
     m_2 = total_2 - x1
+    del total_2
     x2 = excess*v_3
+    del v_3
     m_3 = total_3 - x2
+    del total_3
     r_1 = difference_1 - x0
+    del difference_1, x0
     r_2 = difference_2 - x1
+    del difference_2, x1
     r_3 = difference_3 - x2
+    del difference_3, x2
     half_angle = 0.5*angle
     sine = np.sin(half_angle)
     cosine = np.cos(half_angle)
@@ -110,59 +126,181 @@ def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angl
     turn_scale = _power_of_two_scale(np.where(sine_size > x3, sine_size, x3))
     S = sine_size*turn_scale
     C = turn_scale*np.where(sine < 0.0, -cosine, cosine)
+    del sine
     m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3)
     r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3)
     x4 = (S*S)
     along_m = m_squared*x4
     along_n = (C*C)*r_squared
     root_squared = along_m - along_n
+    del along_n
     w_1 = m_2*r_3 - m_3*r_2
     w_2 = m_3*r_1 - m_1*r_3
+    del r_3
     w_3 = m_1*r_2 - m_2*r_1
+    del r_1, r_2
     x5 = np.abs(half_angle)
+    del half_angle
     x6 = 8.0*eps
     rounding = S*length_squared*x6*(x5 + 1.0)*np.abs(C)
     x7 = 0.5*along_m
+    del along_m
     band = np.where(rounding < x7, rounding, x7)
+    del rounding, x7
     two = root_squared > band
     area_squared = m_squared*r_squared
     plane = area_squared > 0.0
     across_1 = np.where(np.abs(u_1) < np.abs(u_3), 0.0, -u_2)
     across_2 = np.where(np.abs(u_1) < np.abs(u_3), -u_3, u_1)
     across_3 = np.where(np.abs(u_1) < np.abs(u_3), u_2, 0.0)
+    del u_1, u_2, u_3
     under_root = np.where(two, root_squared, np.where(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3)))
+    del area_squared
     root = np.sqrt(under_root)
+    del under_root
     divisor = np.where(two, S*m_squared, np.where(root > 0.0, root, 1.0))
+    del S
     inverse = 1.0/divisor
+    del divisor
     w_factor = inverse*np.where(two, C, np.where(C < 0.0, -1.0, 1.0))
+    del C
     m_factor = np.where(two, inverse*root, 0.0)
     base_1 = np.where((plane) | (two), w_1*w_factor, np.where(root > 0.0, across_1*inverse, 0.0))
+    del across_1, w_1
     base_2 = np.where((plane) | (two), w_2*w_factor, np.where(root > 0.0, across_2*inverse, 0.0))
+    del across_2, w_2
     base_3 = np.where((plane) | (two), w_3*w_factor, np.where(root > 0.0, across_3*inverse, 1.0))
+    del across_3, inverse, plane, root, w_3, w_factor
     offset_1 = m_1*m_factor
+    del m_1
     offset_2 = m_2*m_factor
+    del m_2
     offset_3 = m_3*m_factor
+    del m_3, m_factor
     valid = (size_after <= largest) & (size_before <= largest) & (np.abs(angle) <= largest)
     axes_1_1 = np.where(valid, base_1 + offset_1, np.nan)
     axes_1_2 = np.where(valid, base_2 + offset_2, np.nan)
     axes_1_3 = np.where(valid, base_3 + offset_3, np.nan)
     axes_2_1 = np.where(valid, base_1 - offset_1, np.nan)
+    del base_1, offset_1
     axes_2_2 = np.where(valid, base_2 - offset_2, np.nan)
+    del base_2, offset_2
     axes_2_3 = np.where(valid, base_3 - offset_3, np.nan)
+    del base_3, offset_3
     both_zero = (size_after == 0.0) & (size_before == 0.0)
     one_zero = (size_after == 0.0) | (size_before == 0.0)
+    del size_after, size_before
     x8 = length_squared*x3
+    del length_squared, x3
     coincident = 16.0*x8
     x9 = eps*x5
+    del x5
     no_turn = (sine_size <= (eps*eps*eps*eps)) | (sine_size <= x9)
+    del sine_size
     every = (no_turn) & (r_squared <= coincident)
     opposite = (m_squared <= coincident) & (np.abs(cosine) <= x9)
+    del coincident, cosine, m_squared, x9
     too_small = (no_turn) | (root_squared < -4.0*band)
+    del band, no_turn, root_squared
     parallel = r_squared*(turn_scale*turn_scale) <= 64.0*x4*x8
+    del r_squared, turn_scale, x4, x8
     least_tolerance = np.where(length_tolerance > x6, length_tolerance, x6)
+    del x6
     lengths_agree = (comparable) & (np.abs(excess) <= least_tolerance*(1.0 - excess))
+    del comparable, excess, least_tolerance
     status = np.where(~(valid), 7.0, np.where(both_zero, 5.0, np.where(one_zero, 2.0, np.where(~(lengths_agree), 6.0, np.where(every, 5.0, np.where(opposite, 4.0, np.where(too_small, 2.0, np.where(~(two), 1.0, np.where(parallel, 3.0, 0.0)))))))))
+    del both_zero, every, lengths_agree, one_zero, opposite, parallel, too_small, two, valid
     return (axes_1_1, axes_1_2, axes_1_3, axes_2_1, axes_2_2, axes_2_3, status)
+
+
+def _solve_axis_usual(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
+    # 32 add, 49 mul, 2 div, 2 sqrt, 2 select, 9 compare, 3 abs, 1 cos, 1 power_of_two_scale, 1 sin
+    difference_1 = rho_prime_1 - rho_1
+    difference_2 = rho_prime_2 - rho_2
+    difference_3 = rho_prime_3 - rho_3
+    total_1 = rho_1 + rho_prime_1
+    total_2 = rho_2 + rho_prime_2
+    total_3 = rho_3 + rho_prime_3
+    length_squared = (rho_1*rho_1) + (rho_2*rho_2) + (rho_3*rho_3)
+    gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
+    x3 = _power_of_two_scale(length_squared)
+    x5 = 0.5*length_squared*x3
+    x6 = 35.0/24.0 - x5
+    excess = gain*x3*x6*(1.0 - x5*x6)
+    del x3, x5, x6
+    x0 = excess*rho_prime_1
+    m_1 = total_1 - x0
+    del total_1
+    x1 = excess*rho_prime_2
+    m_2 = total_2 - x1
+    del total_2
+    x2 = excess*rho_prime_3
+    del excess
+    m_3 = total_3 - x2
+    del total_3
+    r_1 = difference_1 - x0
+    del difference_1, x0
+    r_2 = difference_2 - x1
+    del difference_2, x1
+    r_3 = difference_3 - x2
+    del difference_3, x2
+    half_angle = 0.5*angle
+    sine = np.sin(half_angle)
+    cosine = np.cos(half_angle)
+    sine_size = np.abs(sine)
+    C = np.where(sine < 0.0, -cosine, cosine)
+    del cosine, sine
+    m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3)
+    r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3)
+    x4 = (sine_size*sine_size)
+    along_m = m_squared*x4
+    del x4
+    along_n = (C*C)*r_squared
+    del r_squared
+    root_squared = along_m - along_n
+    del along_n
+    w_1 = m_2*r_3 - m_3*r_2
+    w_2 = m_3*r_1 - m_1*r_3
+    del r_3
+    w_3 = m_1*r_2 - m_2*r_1
+    del r_1, r_2
+    root = np.sqrt(root_squared)
+    x10 = m_squared*sine_size
+    del m_squared
+    divisor = x10
+    inverse = 1.0/divisor
+    del divisor
+    w_factor = C*inverse
+    del C
+    m_factor = inverse*root
+    del inverse, root
+    base_1 = w_1*w_factor
+    del w_1
+    base_2 = w_2*w_factor
+    del w_2
+    base_3 = w_3*w_factor
+    del w_3, w_factor
+    offset_1 = m_1*m_factor
+    del m_1
+    offset_2 = m_2*m_factor
+    del m_2
+    offset_3 = m_3*m_factor
+    del m_3, m_factor
+    axes_1_1 = base_1 + offset_1
+    axes_1_2 = base_2 + offset_2
+    axes_1_3 = base_3 + offset_3
+    axes_2_1 = base_1 - offset_1
+    del base_1, offset_1
+    axes_2_2 = base_2 - offset_2
+    del base_2, offset_2
+    axes_2_3 = base_3 - offset_3
+    del base_3, offset_3
+    status = 0.0
+    x11 = 512.0*eps
+    x12 = (eps*eps)
+    is_usual = (np.abs(gain) <= length_squared*np.where(length_tolerance < x11, length_tolerance, x11)) & (length_squared > x12) & (root_squared > 4096.0*eps*length_squared*sine_size) & (x10 > 16.0*np.sqrt(eps)*length_squared) & (length_squared < 1.0/x12) & (root_squared < along_m) & (np.abs(half_angle) < 256.0)
+    del along_m, gain, half_angle, length_squared, root_squared, sine_size, x10, x11, x12
+    return (axes_1_1, axes_1_2, axes_1_3, axes_2_1, axes_2_2, axes_2_3, status, is_usual)
 
 
 def length_mismatch(rho, rho_prime, *, out=None):
@@ -183,7 +321,7 @@ def length_mismatch(rho, rho_prime, *, out=None):
         |rho_prime| / |rho| - 1
     """
     return _evaluate(
-        _length_mismatch,
+        _length_mismatch, None,
         "length_mismatch",
         (rho, rho_prime),
         (("rho", (3,)), ("rho_prime", (3,))),
@@ -201,9 +339,12 @@ def _length_mismatch(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     size_before = 0.25*np.abs(rho_1) + 0.25*np.abs(rho_2) + 0.25*np.abs(rho_3)
     size_after = 0.25*np.abs(rho_prime_1) + 0.25*np.abs(rho_prime_2) + 0.25*np.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
+    del size_before
     scale_after = _power_of_two_scale(size_after)
+    del size_after
     comparable = (scale_after < 8.0*scale_before) & (scale_before < 8.0*scale_after)
     scale = np.where(comparable, scale_before, scale_after)
+    del scale_after
     u_1 = rho_1*scale_before
     u_2 = rho_2*scale_before
     u_3 = rho_3*scale_before
@@ -217,10 +358,13 @@ def _length_mismatch(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     total_2 = u_2 + v_2
     total_3 = u_3 + v_3
     length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3)
+    del u_1, u_2, u_3
     other_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3)
+    del v_1, v_2, v_3
     length_product = np.sqrt(length_squared*other_squared)
     ratio = np.sqrt(other_squared/length_squared)
     mismatch = np.where((length_squared == 0.0) & (other_squared == 0.0), 0.0, np.where(comparable, (difference_1*total_1 + difference_2*total_2 + difference_3*total_3)/(length_product + length_squared), ratio*scale_before/scale - 1.0))
+    del comparable, difference_1, difference_2, difference_3, length_product, length_squared, other_squared, ratio, scale, scale_before, total_1, total_2, total_3
     return (mismatch,)
 
 
@@ -246,7 +390,7 @@ def axis_condition(rho, rho_prime, angle, *, out=None):
         condition number
     """
     return _evaluate(
-        _axis_condition,
+        _axis_condition, None,
         "axis_condition",
         (rho, rho_prime, angle),
         (("rho", (3,)), ("rho_prime", (3,)), ("angle", ())),
@@ -264,15 +408,20 @@ def _axis_condition(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, 
     size_before = 0.25*np.abs(rho_1) + 0.25*np.abs(rho_2) + 0.25*np.abs(rho_3)
     size_after = 0.25*np.abs(rho_prime_1) + 0.25*np.abs(rho_prime_2) + 0.25*np.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
+    del size_before
     scale_after = _power_of_two_scale(size_after)
+    del size_after
     comparable = (scale_after < 8.0*scale_before) & (scale_before < 8.0*scale_after)
     scale = np.where(comparable, scale_before, scale_after)
+    del comparable, scale_after
     u_1 = rho_1*scale_before
     u_2 = rho_2*scale_before
     u_3 = rho_3*scale_before
+    del scale_before
     v_1 = rho_prime_1*scale
     v_2 = rho_prime_2*scale
     v_3 = rho_prime_3*scale
+    del scale
     difference_1 = v_1 - u_1
     difference_2 = v_2 - u_2
     difference_3 = v_3 - u_3
@@ -280,36 +429,59 @@ def _axis_condition(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, 
     total_2 = u_2 + v_2
     total_3 = u_3 + v_3
     length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3)
+    del u_1, u_2, u_3
     length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3)
     length_product = np.sqrt(length_prime_squared*length_squared)
     excess_divisor = length_prime_squared + length_product
+    del length_prime_squared, length_product
     nonzero = excess_divisor > 0.0
     gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
     excess = gain*np.where(nonzero, 1.0/excess_divisor, 1.0)
+    del excess_divisor, gain, nonzero
     x0 = excess*v_1
+    del v_1
     m_1 = total_1 - x0
+    del total_1
     x1 = excess*v_2
+    del v_2
     m_2 = total_2 - x1
+    del total_2
     x2 = excess*v_3
+    del excess, v_3
     m_3 = total_3 - x2
+    del total_3
     r_1 = difference_1 - x0
+    del difference_1, x0
     r_2 = difference_2 - x1
+    del difference_2, x1
     r_3 = difference_3 - x2
+    del difference_3, x2
     half_angle = 0.5*angle
     sine = np.sin(half_angle)
     cosine = np.cos(half_angle)
+    del half_angle
     sine_size = np.abs(sine)
     x3 = (eps*eps)
     turn_scale = _power_of_two_scale(np.where(sine_size > x3, sine_size, x3))
+    del x3
     S = sine_size*turn_scale
+    del sine_size
     C = turn_scale*np.where(sine < 0.0, -cosine, cosine)
+    del cosine, sine
     m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3)
+    del m_1, m_2, m_3
     r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3)
+    del r_1, r_2, r_3
     along_m = (S*S)*m_squared
+    del S, m_squared
     along_n = (C*C)*r_squared
+    del C, r_squared
     root_squared = along_m - along_n
+    del along_m, along_n
     under_root = np.where(root_squared > 0.0, root_squared, 0.0)
+    del root_squared
     condition = np.sqrt(length_squared)*turn_scale/np.sqrt(under_root)
+    del length_squared, turn_scale, under_root
     return (condition,)
 
 
@@ -339,7 +511,7 @@ def axis_jacobian(rho, rho_prime, angle, length_tolerance, *, out=None):
         what the axes are
     """
     return _evaluate(
-        _axis_jacobian,
+        _axis_jacobian, None,
         "axis_jacobian",
         (rho, rho_prime, angle, length_tolerance),
         (("rho", (3,)), ("rho_prime", (3,)), ("angle", ()), ("length_tolerance", ())),
@@ -360,6 +532,7 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     scale_after = _power_of_two_scale(size_after)
     comparable = (scale_after < 8.0*scale_before) & (scale_before < 8.0*scale_after)
     scale = np.where(comparable, scale_before, scale_after)
+    del scale_after
     u_1 = rho_1*scale_before
     u_2 = rho_2*scale_before
     u_3 = rho_3*scale_before
@@ -367,12 +540,11 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     v_2 = rho_prime_2*scale
     v_3 = rho_prime_3*scale
     difference_1 = v_1 - u_1
-    x10 = -scale_before
-    d_difference_1_d_rho_1 = x10
+    d_difference_1_d_rho_1 = -scale_before
     difference_2 = v_2 - u_2
-    d_difference_2_d_rho_2 = x10
+    d_difference_2_d_rho_2 = -scale_before
     difference_3 = v_3 - u_3
-    d_difference_3_d_rho_3 = x10
+    d_difference_3_d_rho_3 = -scale_before
     total_1 = u_1 + v_1
     total_2 = u_2 + v_2
     total_3 = u_3 + v_3
@@ -381,26 +553,38 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_length_squared_d_rho_1 = u_1*x11
     d_length_squared_d_rho_2 = u_2*x11
     d_length_squared_d_rho_3 = u_3*x11
+    del x11
     length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3)
     x12 = 2.0*scale
     d_length_prime_squared_d_rho_prime_1 = v_1*x12
     d_length_prime_squared_d_rho_prime_2 = v_2*x12
     d_length_prime_squared_d_rho_prime_3 = v_3*x12
+    del x12
     x13 = np.sqrt(length_prime_squared*length_squared)
     length_product = x13
     x14 = 0.5*x13
+    del x13
     x15 = x14/length_squared
     d_length_product_d_rho_1 = d_length_squared_d_rho_1*x15
+    del d_length_squared_d_rho_1
     d_length_product_d_rho_2 = d_length_squared_d_rho_2*x15
+    del d_length_squared_d_rho_2
     d_length_product_d_rho_3 = d_length_squared_d_rho_3*x15
+    del d_length_squared_d_rho_3, x15
     x16 = x14/length_prime_squared
+    del x14
     d_length_product_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1*x16
     d_length_product_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2*x16
     d_length_product_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3*x16
+    del x16
     excess_divisor = length_prime_squared + length_product
+    del length_prime_squared, length_product
     d_excess_divisor_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1 + d_length_product_d_rho_prime_1
+    del d_length_prime_squared_d_rho_prime_1, d_length_product_d_rho_prime_1
     d_excess_divisor_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2 + d_length_product_d_rho_prime_2
+    del d_length_prime_squared_d_rho_prime_2, d_length_product_d_rho_prime_2
     d_excess_divisor_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3 + d_length_product_d_rho_prime_3
+    del d_length_prime_squared_d_rho_prime_3, d_length_product_d_rho_prime_3
     nonzero = excess_divisor > 0.0
     gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
     d_gain_d_rho_1 = d_difference_1_d_rho_1*total_1 + difference_1*scale_before
@@ -411,19 +595,32 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_gain_d_rho_prime_3 = difference_3*scale + scale*total_3
     select_0 = np.where(nonzero, 1.0/excess_divisor, 1.0)
     x17 = 1.0/(excess_divisor*excess_divisor)
+    del excess_divisor
     d_select_0_d_rho_1 = np.where(nonzero, -d_length_product_d_rho_1*x17, 0.0)
+    del d_length_product_d_rho_1
     d_select_0_d_rho_2 = np.where(nonzero, -d_length_product_d_rho_2*x17, 0.0)
+    del d_length_product_d_rho_2
     d_select_0_d_rho_3 = np.where(nonzero, -d_length_product_d_rho_3*x17, 0.0)
+    del d_length_product_d_rho_3
     d_select_0_d_rho_prime_1 = np.where(nonzero, -d_excess_divisor_d_rho_prime_1*x17, 0.0)
+    del d_excess_divisor_d_rho_prime_1
     d_select_0_d_rho_prime_2 = np.where(nonzero, -d_excess_divisor_d_rho_prime_2*x17, 0.0)
+    del d_excess_divisor_d_rho_prime_2
     d_select_0_d_rho_prime_3 = np.where(nonzero, -d_excess_divisor_d_rho_prime_3*x17, 0.0)
+    del d_excess_divisor_d_rho_prime_3, nonzero, x17
     excess = gain*select_0
     d_excess_d_rho_1 = d_gain_d_rho_1*select_0 + d_select_0_d_rho_1*gain
+    del d_gain_d_rho_1, d_select_0_d_rho_1
     d_excess_d_rho_2 = d_gain_d_rho_2*select_0 + d_select_0_d_rho_2*gain
+    del d_gain_d_rho_2, d_select_0_d_rho_2
     d_excess_d_rho_3 = d_gain_d_rho_3*select_0 + d_select_0_d_rho_3*gain
+    del d_gain_d_rho_3, d_select_0_d_rho_3
     d_excess_d_rho_prime_1 = d_gain_d_rho_prime_1*select_0 + d_select_0_d_rho_prime_1*gain
+    del d_gain_d_rho_prime_1, d_select_0_d_rho_prime_1
     d_excess_d_rho_prime_2 = d_gain_d_rho_prime_2*select_0 + d_select_0_d_rho_prime_2*gain
+    del d_gain_d_rho_prime_2, d_select_0_d_rho_prime_2
     d_excess_d_rho_prime_3 = d_gain_d_rho_prime_3*select_0 + d_select_0_d_rho_prime_3*gain
+    del d_gain_d_rho_prime_3, d_select_0_d_rho_prime_3, gain, select_0
     x0 = excess*v_1
     d_x0_d_rho_1 = d_excess_d_rho_1*v_1
     d_x0_d_rho_2 = d_excess_d_rho_2*v_1
@@ -432,20 +629,17 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_x0_d_rho_prime_1 = d_excess_d_rho_prime_1*v_1 + x18
     d_x0_d_rho_prime_2 = d_excess_d_rho_prime_2*v_1
     d_x0_d_rho_prime_3 = d_excess_d_rho_prime_3*v_1
-    x19 = -x0
-    m_1 = total_1 + x19
-    d_m_1_d_rho_1 = -d_x0_d_rho_1 - x10
-    x20 = -d_x0_d_rho_2
-    d_m_1_d_rho_2 = x20
-    x21 = -d_x0_d_rho_3
-    d_m_1_d_rho_3 = x21
-    x22 = -scale
-    x23 = -d_x0_d_rho_prime_1 - x22
+    del v_1
+    m_1 = total_1 - x0
+    del total_1
+    d_m_1_d_rho_1 = scale_before - d_x0_d_rho_1
+    d_m_1_d_rho_2 = -d_x0_d_rho_2
+    d_m_1_d_rho_3 = -d_x0_d_rho_3
+    x23 = scale - d_x0_d_rho_prime_1
+    del d_x0_d_rho_prime_1
     d_m_1_d_rho_prime_1 = x23
-    x24 = -d_x0_d_rho_prime_2
-    d_m_1_d_rho_prime_2 = x24
-    x25 = -d_x0_d_rho_prime_3
-    d_m_1_d_rho_prime_3 = x25
+    d_m_1_d_rho_prime_2 = -d_x0_d_rho_prime_2
+    d_m_1_d_rho_prime_3 = -d_x0_d_rho_prime_3
     x1 = excess*v_2
     d_x1_d_rho_1 = d_excess_d_rho_1*v_2
     d_x1_d_rho_2 = d_excess_d_rho_2*v_2
@@ -453,78 +647,108 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_x1_d_rho_prime_1 = d_excess_d_rho_prime_1*v_2
     d_x1_d_rho_prime_2 = d_excess_d_rho_prime_2*v_2 + x18
     d_x1_d_rho_prime_3 = d_excess_d_rho_prime_3*v_2
-    x26 = -x1
-    m_2 = total_2 + x26
-    x27 = -d_x1_d_rho_1
-    d_m_2_d_rho_1 = x27
-    d_m_2_d_rho_2 = -d_x1_d_rho_2 - x10
-    x28 = -d_x1_d_rho_3
-    d_m_2_d_rho_3 = x28
-    x29 = -d_x1_d_rho_prime_1
-    d_m_2_d_rho_prime_1 = x29
-    x30 = -d_x1_d_rho_prime_2 - x22
+    del v_2
+    m_2 = total_2 - x1
+    del total_2
+    d_m_2_d_rho_1 = -d_x1_d_rho_1
+    d_m_2_d_rho_2 = scale_before - d_x1_d_rho_2
+    d_m_2_d_rho_3 = -d_x1_d_rho_3
+    d_m_2_d_rho_prime_1 = -d_x1_d_rho_prime_1
+    x30 = scale - d_x1_d_rho_prime_2
+    del d_x1_d_rho_prime_2
     d_m_2_d_rho_prime_2 = x30
-    x31 = -d_x1_d_rho_prime_3
-    d_m_2_d_rho_prime_3 = x31
+    d_m_2_d_rho_prime_3 = -d_x1_d_rho_prime_3
     x2 = excess*v_3
     d_x2_d_rho_1 = d_excess_d_rho_1*v_3
+    del d_excess_d_rho_1
     d_x2_d_rho_2 = d_excess_d_rho_2*v_3
+    del d_excess_d_rho_2
     d_x2_d_rho_3 = d_excess_d_rho_3*v_3
+    del d_excess_d_rho_3
     d_x2_d_rho_prime_1 = d_excess_d_rho_prime_1*v_3
+    del d_excess_d_rho_prime_1
     d_x2_d_rho_prime_2 = d_excess_d_rho_prime_2*v_3
+    del d_excess_d_rho_prime_2
     d_x2_d_rho_prime_3 = d_excess_d_rho_prime_3*v_3 + x18
-    x32 = -x2
-    m_3 = total_3 + x32
-    x33 = -d_x2_d_rho_1
-    d_m_3_d_rho_1 = x33
-    x34 = -d_x2_d_rho_2
-    d_m_3_d_rho_2 = x34
-    d_m_3_d_rho_3 = -d_x2_d_rho_3 - x10
-    x35 = -d_x2_d_rho_prime_1
-    d_m_3_d_rho_prime_1 = x35
-    x36 = -d_x2_d_rho_prime_2
-    d_m_3_d_rho_prime_2 = x36
-    x37 = -d_x2_d_rho_prime_3 - x22
+    del d_excess_d_rho_prime_3, v_3, x18
+    m_3 = total_3 - x2
+    del total_3
+    d_m_3_d_rho_1 = -d_x2_d_rho_1
+    d_m_3_d_rho_2 = -d_x2_d_rho_2
+    d_m_3_d_rho_3 = scale_before - d_x2_d_rho_3
+    d_m_3_d_rho_prime_1 = -d_x2_d_rho_prime_1
+    d_m_3_d_rho_prime_2 = -d_x2_d_rho_prime_2
+    x37 = scale - d_x2_d_rho_prime_3
+    del d_x2_d_rho_prime_3, scale
     d_m_3_d_rho_prime_3 = x37
-    r_1 = difference_1 + x19
+    r_1 = difference_1 - x0
+    del difference_1, x0
     d_r_1_d_rho_1 = d_difference_1_d_rho_1 - d_x0_d_rho_1
-    d_r_1_d_rho_2 = x20
-    d_r_1_d_rho_3 = x21
+    del d_difference_1_d_rho_1, d_x0_d_rho_1
+    d_r_1_d_rho_2 = -d_x0_d_rho_2
+    del d_x0_d_rho_2
+    d_r_1_d_rho_3 = -d_x0_d_rho_3
+    del d_x0_d_rho_3
     d_r_1_d_rho_prime_1 = x23
-    d_r_1_d_rho_prime_2 = x24
-    d_r_1_d_rho_prime_3 = x25
-    r_2 = difference_2 + x26
-    d_r_2_d_rho_1 = x27
+    del x23
+    d_r_1_d_rho_prime_2 = -d_x0_d_rho_prime_2
+    del d_x0_d_rho_prime_2
+    d_r_1_d_rho_prime_3 = -d_x0_d_rho_prime_3
+    del d_x0_d_rho_prime_3
+    r_2 = difference_2 - x1
+    del difference_2, x1
+    d_r_2_d_rho_1 = -d_x1_d_rho_1
+    del d_x1_d_rho_1
     d_r_2_d_rho_2 = d_difference_2_d_rho_2 - d_x1_d_rho_2
-    d_r_2_d_rho_3 = x28
-    d_r_2_d_rho_prime_1 = x29
+    del d_difference_2_d_rho_2, d_x1_d_rho_2
+    d_r_2_d_rho_3 = -d_x1_d_rho_3
+    del d_x1_d_rho_3
+    d_r_2_d_rho_prime_1 = -d_x1_d_rho_prime_1
+    del d_x1_d_rho_prime_1
     d_r_2_d_rho_prime_2 = x30
-    d_r_2_d_rho_prime_3 = x31
-    r_3 = difference_3 + x32
-    d_r_3_d_rho_1 = x33
-    d_r_3_d_rho_2 = x34
+    del x30
+    d_r_2_d_rho_prime_3 = -d_x1_d_rho_prime_3
+    del d_x1_d_rho_prime_3
+    r_3 = difference_3 - x2
+    del difference_3, x2
+    d_r_3_d_rho_1 = -d_x2_d_rho_1
+    del d_x2_d_rho_1
+    d_r_3_d_rho_2 = -d_x2_d_rho_2
+    del d_x2_d_rho_2
     d_r_3_d_rho_3 = d_difference_3_d_rho_3 - d_x2_d_rho_3
-    d_r_3_d_rho_prime_1 = x35
-    d_r_3_d_rho_prime_2 = x36
+    del d_difference_3_d_rho_3, d_x2_d_rho_3
+    d_r_3_d_rho_prime_1 = -d_x2_d_rho_prime_1
+    del d_x2_d_rho_prime_1
+    d_r_3_d_rho_prime_2 = -d_x2_d_rho_prime_2
+    del d_x2_d_rho_prime_2
     d_r_3_d_rho_prime_3 = x37
+    del x37
     half_angle = 0.5*angle
     x38 = np.sin(half_angle)
     sine = x38
     x39 = np.cos(half_angle)
     d_sine_d_angle = 0.5*x39
     cosine = x39
+    del x39
     d_cosine_d_angle = -0.5*x38
+    del x38
     sine_size = np.abs(sine)
     d_sine_size_d_angle = d_sine_d_angle*np.sign(sine)
+    del d_sine_d_angle
     x3 = (eps*eps)
     select_1 = np.where(sine_size > x3, sine_size, x3)
     turn_scale = _power_of_two_scale(select_1)
+    del select_1
     S = sine_size*turn_scale
     d_S_d_angle = d_sine_size_d_angle*turn_scale
+    del d_sine_size_d_angle
     select_2 = np.where(sine < 0.0, -cosine, cosine)
     d_select_2_d_angle = np.where(sine < 0.0, -d_cosine_d_angle, d_cosine_d_angle)
+    del d_cosine_d_angle, sine
     C = select_2*turn_scale
+    del select_2
     d_C_d_angle = d_select_2_d_angle*turn_scale
+    del d_select_2_d_angle
     m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3)
     x40 = 2.0*m_1
     x41 = 2.0*m_2
@@ -535,6 +759,7 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_m_squared_d_rho_prime_1 = d_m_1_d_rho_prime_1*x40 + d_m_2_d_rho_prime_1*x41 + d_m_3_d_rho_prime_1*x42
     d_m_squared_d_rho_prime_2 = d_m_1_d_rho_prime_2*x40 + d_m_2_d_rho_prime_2*x41 + d_m_3_d_rho_prime_2*x42
     d_m_squared_d_rho_prime_3 = d_m_1_d_rho_prime_3*x40 + d_m_2_d_rho_prime_3*x41 + d_m_3_d_rho_prime_3*x42
+    del x40, x41, x42
     r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3)
     x43 = 2.0*r_1
     x44 = 2.0*r_2
@@ -545,6 +770,7 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_r_squared_d_rho_prime_1 = d_r_1_d_rho_prime_1*x43 + d_r_2_d_rho_prime_1*x44 + d_r_3_d_rho_prime_1*x45
     d_r_squared_d_rho_prime_2 = d_r_1_d_rho_prime_2*x43 + d_r_2_d_rho_prime_2*x44 + d_r_3_d_rho_prime_2*x45
     d_r_squared_d_rho_prime_3 = d_r_1_d_rho_prime_3*x43 + d_r_2_d_rho_prime_3*x44 + d_r_3_d_rho_prime_3*x45
+    del x43, x44, x45
     x4 = (S*S)
     d_x4_d_angle = 2.0*S*d_S_d_angle
     along_m = m_squared*x4
@@ -555,6 +781,7 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_along_m_d_rho_prime_2 = d_m_squared_d_rho_prime_2*x4
     d_along_m_d_rho_prime_3 = d_m_squared_d_rho_prime_3*x4
     d_along_m_d_angle = d_x4_d_angle*m_squared
+    del d_x4_d_angle
     x46 = (C*C)
     along_n = r_squared*x46
     d_along_n_d_rho_1 = d_r_squared_d_rho_1*x46
@@ -563,15 +790,24 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_along_n_d_rho_prime_1 = d_r_squared_d_rho_prime_1*x46
     d_along_n_d_rho_prime_2 = d_r_squared_d_rho_prime_2*x46
     d_along_n_d_rho_prime_3 = d_r_squared_d_rho_prime_3*x46
+    del x46
     d_along_n_d_angle = 2.0*C*d_C_d_angle*r_squared
     root_squared = along_m - along_n
+    del along_n
     d_root_squared_d_rho_1 = d_along_m_d_rho_1 - d_along_n_d_rho_1
+    del d_along_m_d_rho_1, d_along_n_d_rho_1
     d_root_squared_d_rho_2 = d_along_m_d_rho_2 - d_along_n_d_rho_2
+    del d_along_m_d_rho_2, d_along_n_d_rho_2
     d_root_squared_d_rho_3 = d_along_m_d_rho_3 - d_along_n_d_rho_3
+    del d_along_m_d_rho_3, d_along_n_d_rho_3
     d_root_squared_d_rho_prime_1 = d_along_m_d_rho_prime_1 - d_along_n_d_rho_prime_1
+    del d_along_m_d_rho_prime_1, d_along_n_d_rho_prime_1
     d_root_squared_d_rho_prime_2 = d_along_m_d_rho_prime_2 - d_along_n_d_rho_prime_2
+    del d_along_m_d_rho_prime_2, d_along_n_d_rho_prime_2
     d_root_squared_d_rho_prime_3 = d_along_m_d_rho_prime_3 - d_along_n_d_rho_prime_3
+    del d_along_m_d_rho_prime_3, d_along_n_d_rho_prime_3
     d_root_squared_d_angle = d_along_m_d_angle - d_along_n_d_angle
+    del d_along_m_d_angle, d_along_n_d_angle
     w_1 = m_2*r_3 - m_3*r_2
     d_w_1_d_rho_1 = d_m_2_d_rho_1*r_3 + d_r_3_d_rho_1*m_2 - d_m_3_d_rho_1*r_2 - d_r_2_d_rho_1*m_3
     d_w_1_d_rho_2 = d_m_2_d_rho_2*r_3 + d_r_3_d_rho_2*m_2 - d_m_3_d_rho_2*r_2 - d_r_2_d_rho_2*m_3
@@ -581,65 +817,112 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_w_1_d_rho_prime_3 = d_m_2_d_rho_prime_3*r_3 + d_r_3_d_rho_prime_3*m_2 - d_m_3_d_rho_prime_3*r_2 - d_r_2_d_rho_prime_3*m_3
     w_2 = m_3*r_1 - m_1*r_3
     d_w_2_d_rho_1 = d_m_3_d_rho_1*r_1 + d_r_1_d_rho_1*m_3 - d_m_1_d_rho_1*r_3 - d_r_3_d_rho_1*m_1
+    del d_r_3_d_rho_1
     d_w_2_d_rho_2 = d_m_3_d_rho_2*r_1 + d_r_1_d_rho_2*m_3 - d_m_1_d_rho_2*r_3 - d_r_3_d_rho_2*m_1
+    del d_r_3_d_rho_2
     d_w_2_d_rho_3 = d_m_3_d_rho_3*r_1 + d_r_1_d_rho_3*m_3 - d_m_1_d_rho_3*r_3 - d_r_3_d_rho_3*m_1
+    del d_r_3_d_rho_3
     d_w_2_d_rho_prime_1 = d_m_3_d_rho_prime_1*r_1 + d_r_1_d_rho_prime_1*m_3 - d_m_1_d_rho_prime_1*r_3 - d_r_3_d_rho_prime_1*m_1
+    del d_r_3_d_rho_prime_1
     d_w_2_d_rho_prime_2 = d_m_3_d_rho_prime_2*r_1 + d_r_1_d_rho_prime_2*m_3 - d_m_1_d_rho_prime_2*r_3 - d_r_3_d_rho_prime_2*m_1
+    del d_r_3_d_rho_prime_2
     d_w_2_d_rho_prime_3 = d_m_3_d_rho_prime_3*r_1 + d_r_1_d_rho_prime_3*m_3 - d_m_1_d_rho_prime_3*r_3 - d_r_3_d_rho_prime_3*m_1
+    del d_r_3_d_rho_prime_3, r_3
     w_3 = m_1*r_2 - m_2*r_1
     d_w_3_d_rho_1 = d_m_1_d_rho_1*r_2 + d_r_2_d_rho_1*m_1 - d_m_2_d_rho_1*r_1 - d_r_1_d_rho_1*m_2
+    del d_r_1_d_rho_1, d_r_2_d_rho_1
     d_w_3_d_rho_2 = d_m_1_d_rho_2*r_2 + d_r_2_d_rho_2*m_1 - d_m_2_d_rho_2*r_1 - d_r_1_d_rho_2*m_2
+    del d_r_1_d_rho_2, d_r_2_d_rho_2
     d_w_3_d_rho_3 = d_m_1_d_rho_3*r_2 + d_r_2_d_rho_3*m_1 - d_m_2_d_rho_3*r_1 - d_r_1_d_rho_3*m_2
+    del d_r_1_d_rho_3, d_r_2_d_rho_3
     d_w_3_d_rho_prime_1 = d_m_1_d_rho_prime_1*r_2 + d_r_2_d_rho_prime_1*m_1 - d_m_2_d_rho_prime_1*r_1 - d_r_1_d_rho_prime_1*m_2
+    del d_r_1_d_rho_prime_1, d_r_2_d_rho_prime_1
     d_w_3_d_rho_prime_2 = d_m_1_d_rho_prime_2*r_2 + d_r_2_d_rho_prime_2*m_1 - d_m_2_d_rho_prime_2*r_1 - d_r_1_d_rho_prime_2*m_2
+    del d_r_1_d_rho_prime_2, d_r_2_d_rho_prime_2
     d_w_3_d_rho_prime_3 = d_m_1_d_rho_prime_3*r_2 + d_r_2_d_rho_prime_3*m_1 - d_m_2_d_rho_prime_3*r_1 - d_r_1_d_rho_prime_3*m_2
+    del d_r_1_d_rho_prime_3, d_r_2_d_rho_prime_3, r_1, r_2
     x5 = np.abs(half_angle)
+    del half_angle
     x6 = 8.0*eps
     rounding = S*length_squared*x6*(x5 + 1.0)*np.abs(C)
     x7 = 0.5*along_m
+    del along_m
     band = np.where(rounding < x7, rounding, x7)
+    del rounding, x7
     two = root_squared > band
     area_squared = m_squared*r_squared
     d_area_squared_d_rho_1 = d_m_squared_d_rho_1*r_squared + d_r_squared_d_rho_1*m_squared
+    del d_r_squared_d_rho_1
     d_area_squared_d_rho_2 = d_m_squared_d_rho_2*r_squared + d_r_squared_d_rho_2*m_squared
+    del d_r_squared_d_rho_2
     d_area_squared_d_rho_3 = d_m_squared_d_rho_3*r_squared + d_r_squared_d_rho_3*m_squared
+    del d_r_squared_d_rho_3
     d_area_squared_d_rho_prime_1 = d_m_squared_d_rho_prime_1*r_squared + d_r_squared_d_rho_prime_1*m_squared
+    del d_r_squared_d_rho_prime_1
     d_area_squared_d_rho_prime_2 = d_m_squared_d_rho_prime_2*r_squared + d_r_squared_d_rho_prime_2*m_squared
+    del d_r_squared_d_rho_prime_2
     d_area_squared_d_rho_prime_3 = d_m_squared_d_rho_prime_3*r_squared + d_r_squared_d_rho_prime_3*m_squared
+    del d_r_squared_d_rho_prime_3
     plane = area_squared > 0.0
     across_1 = np.where(np.abs(u_1) < np.abs(u_3), 0.0, -u_2)
-    d_across_1_d_rho_2 = np.where(np.abs(u_1) < np.abs(u_3), 0.0, x10)
+    d_across_1_d_rho_2 = np.where(np.abs(u_1) < np.abs(u_3), 0.0, -scale_before)
     across_2 = np.where(np.abs(u_1) < np.abs(u_3), -u_3, u_1)
     d_across_2_d_rho_1 = np.where(np.abs(u_1) < np.abs(u_3), 0.0, scale_before)
-    d_across_2_d_rho_3 = np.where(np.abs(u_1) < np.abs(u_3), x10, 0.0)
+    d_across_2_d_rho_3 = np.where(np.abs(u_1) < np.abs(u_3), -scale_before, 0.0)
     across_3 = np.where(np.abs(u_1) < np.abs(u_3), u_2, 0.0)
+    del u_2
     d_across_3_d_rho_2 = np.where(np.abs(u_1) < np.abs(u_3), scale_before, 0.0)
+    del scale_before, u_1, u_3
     select_3 = np.where(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3))
+    del area_squared
     x47 = 2.0*across_2
     d_select_3_d_rho_1 = np.where(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x47)
+    del d_area_squared_d_rho_1
     d_select_3_d_rho_2 = np.where(plane, d_area_squared_d_rho_2, 2.0*across_1*d_across_1_d_rho_2 + 2.0*across_3*d_across_3_d_rho_2)
+    del d_area_squared_d_rho_2
     d_select_3_d_rho_3 = np.where(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x47)
+    del d_area_squared_d_rho_3, x47
     d_select_3_d_rho_prime_1 = np.where(plane, d_area_squared_d_rho_prime_1, 0.0)
+    del d_area_squared_d_rho_prime_1
     d_select_3_d_rho_prime_2 = np.where(plane, d_area_squared_d_rho_prime_2, 0.0)
+    del d_area_squared_d_rho_prime_2
     d_select_3_d_rho_prime_3 = np.where(plane, d_area_squared_d_rho_prime_3, 0.0)
+    del d_area_squared_d_rho_prime_3
     under_root = np.where(two, root_squared, select_3)
+    del select_3
     d_under_root_d_rho_1 = np.where(two, d_root_squared_d_rho_1, d_select_3_d_rho_1)
+    del d_root_squared_d_rho_1, d_select_3_d_rho_1
     d_under_root_d_rho_2 = np.where(two, d_root_squared_d_rho_2, d_select_3_d_rho_2)
+    del d_root_squared_d_rho_2, d_select_3_d_rho_2
     d_under_root_d_rho_3 = np.where(two, d_root_squared_d_rho_3, d_select_3_d_rho_3)
+    del d_root_squared_d_rho_3, d_select_3_d_rho_3
     d_under_root_d_rho_prime_1 = np.where(two, d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1)
+    del d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1
     d_under_root_d_rho_prime_2 = np.where(two, d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2)
+    del d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2
     d_under_root_d_rho_prime_3 = np.where(two, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3)
+    del d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3
     d_under_root_d_angle = np.where(two, d_root_squared_d_angle, 0.0)
+    del d_root_squared_d_angle
     x48 = np.sqrt(under_root)
+    del under_root
     root = x48
     x49 = 0.5/x48
+    del x48
     d_root_d_rho_1 = d_under_root_d_rho_1*x49
+    del d_under_root_d_rho_1
     d_root_d_rho_2 = d_under_root_d_rho_2*x49
+    del d_under_root_d_rho_2
     d_root_d_rho_3 = d_under_root_d_rho_3*x49
+    del d_under_root_d_rho_3
     d_root_d_rho_prime_1 = d_under_root_d_rho_prime_1*x49
+    del d_under_root_d_rho_prime_1
     d_root_d_rho_prime_2 = d_under_root_d_rho_prime_2*x49
+    del d_under_root_d_rho_prime_2
     d_root_d_rho_prime_3 = d_under_root_d_rho_prime_3*x49
+    del d_under_root_d_rho_prime_3
     d_root_d_angle = d_under_root_d_angle*x49
+    del d_under_root_d_angle, x49
     select_4 = np.where(root > 0.0, root, 1.0)
     d_select_4_d_rho_1 = np.where(root > 0.0, d_root_d_rho_1, 0.0)
     d_select_4_d_rho_2 = np.where(root > 0.0, d_root_d_rho_2, 0.0)
@@ -649,25 +932,43 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_select_4_d_rho_prime_3 = np.where(root > 0.0, d_root_d_rho_prime_3, 0.0)
     d_select_4_d_angle = np.where(root > 0.0, d_root_d_angle, 0.0)
     divisor = np.where(two, S*m_squared, select_4)
+    del select_4
     d_divisor_d_rho_1 = np.where(two, S*d_m_squared_d_rho_1, d_select_4_d_rho_1)
+    del d_m_squared_d_rho_1, d_select_4_d_rho_1
     d_divisor_d_rho_2 = np.where(two, S*d_m_squared_d_rho_2, d_select_4_d_rho_2)
+    del d_m_squared_d_rho_2, d_select_4_d_rho_2
     d_divisor_d_rho_3 = np.where(two, S*d_m_squared_d_rho_3, d_select_4_d_rho_3)
+    del d_m_squared_d_rho_3, d_select_4_d_rho_3
     d_divisor_d_rho_prime_1 = np.where(two, S*d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1)
+    del d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1
     d_divisor_d_rho_prime_2 = np.where(two, S*d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2)
+    del d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2
     d_divisor_d_rho_prime_3 = np.where(two, S*d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3)
+    del S, d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3
     d_divisor_d_angle = np.where(two, d_S_d_angle*m_squared, d_select_4_d_angle)
+    del d_S_d_angle, d_select_4_d_angle
     inverse = 1.0/divisor
     x50 = 1.0/(divisor*divisor)
+    del divisor
     d_inverse_d_rho_1 = -d_divisor_d_rho_1*x50
+    del d_divisor_d_rho_1
     d_inverse_d_rho_2 = -d_divisor_d_rho_2*x50
+    del d_divisor_d_rho_2
     d_inverse_d_rho_3 = -d_divisor_d_rho_3*x50
+    del d_divisor_d_rho_3
     d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x50
+    del d_divisor_d_rho_prime_1
     d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x50
+    del d_divisor_d_rho_prime_2
     d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x50
+    del d_divisor_d_rho_prime_3
     d_inverse_d_angle = -d_divisor_d_angle*x50
+    del d_divisor_d_angle, x50
     select_5 = np.where(C < 0.0, -1.0, 1.0)
     select_6 = np.where(two, C, select_5)
+    del C, select_5
     d_select_6_d_angle = np.where(two, d_C_d_angle, 0.0)
+    del d_C_d_angle
     w_factor = inverse*select_6
     d_w_factor_d_rho_1 = d_inverse_d_rho_1*select_6
     d_w_factor_d_rho_2 = d_inverse_d_rho_2*select_6
@@ -676,77 +977,139 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_w_factor_d_rho_prime_2 = d_inverse_d_rho_prime_2*select_6
     d_w_factor_d_rho_prime_3 = d_inverse_d_rho_prime_3*select_6
     d_w_factor_d_angle = d_inverse_d_angle*select_6 + d_select_6_d_angle*inverse
+    del d_select_6_d_angle, select_6
     m_factor = np.where(two, inverse*root, 0.0)
     d_m_factor_d_rho_1 = np.where(two, d_inverse_d_rho_1*root + d_root_d_rho_1*inverse, 0.0)
+    del d_root_d_rho_1
     d_m_factor_d_rho_2 = np.where(two, d_inverse_d_rho_2*root + d_root_d_rho_2*inverse, 0.0)
+    del d_root_d_rho_2
     d_m_factor_d_rho_3 = np.where(two, d_inverse_d_rho_3*root + d_root_d_rho_3*inverse, 0.0)
+    del d_root_d_rho_3
     d_m_factor_d_rho_prime_1 = np.where(two, d_inverse_d_rho_prime_1*root + d_root_d_rho_prime_1*inverse, 0.0)
+    del d_root_d_rho_prime_1
     d_m_factor_d_rho_prime_2 = np.where(two, d_inverse_d_rho_prime_2*root + d_root_d_rho_prime_2*inverse, 0.0)
+    del d_root_d_rho_prime_2
     d_m_factor_d_rho_prime_3 = np.where(two, d_inverse_d_rho_prime_3*root + d_root_d_rho_prime_3*inverse, 0.0)
+    del d_root_d_rho_prime_3
     d_m_factor_d_angle = np.where(two, d_inverse_d_angle*root + d_root_d_angle*inverse, 0.0)
+    del d_root_d_angle
     d_select_7_d_rho_1 = np.where(root > 0.0, across_1*d_inverse_d_rho_1, 0.0)
     d_select_7_d_rho_2 = np.where(root > 0.0, across_1*d_inverse_d_rho_2 + d_across_1_d_rho_2*inverse, 0.0)
+    del d_across_1_d_rho_2
     d_select_7_d_rho_3 = np.where(root > 0.0, across_1*d_inverse_d_rho_3, 0.0)
     d_select_7_d_rho_prime_1 = np.where(root > 0.0, across_1*d_inverse_d_rho_prime_1, 0.0)
     d_select_7_d_rho_prime_2 = np.where(root > 0.0, across_1*d_inverse_d_rho_prime_2, 0.0)
     d_select_7_d_rho_prime_3 = np.where(root > 0.0, across_1*d_inverse_d_rho_prime_3, 0.0)
     d_select_7_d_angle = np.where(root > 0.0, across_1*d_inverse_d_angle, 0.0)
+    del across_1
     d_base_1_d_rho_1 = np.where((plane) | (two), d_w_1_d_rho_1*w_factor + d_w_factor_d_rho_1*w_1, d_select_7_d_rho_1)
+    del d_select_7_d_rho_1, d_w_1_d_rho_1
     d_base_1_d_rho_2 = np.where((plane) | (two), d_w_1_d_rho_2*w_factor + d_w_factor_d_rho_2*w_1, d_select_7_d_rho_2)
+    del d_select_7_d_rho_2, d_w_1_d_rho_2
     d_base_1_d_rho_3 = np.where((plane) | (two), d_w_1_d_rho_3*w_factor + d_w_factor_d_rho_3*w_1, d_select_7_d_rho_3)
+    del d_select_7_d_rho_3, d_w_1_d_rho_3
     d_base_1_d_rho_prime_1 = np.where((plane) | (two), d_w_1_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_1, d_select_7_d_rho_prime_1)
+    del d_select_7_d_rho_prime_1, d_w_1_d_rho_prime_1
     d_base_1_d_rho_prime_2 = np.where((plane) | (two), d_w_1_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_1, d_select_7_d_rho_prime_2)
+    del d_select_7_d_rho_prime_2, d_w_1_d_rho_prime_2
     d_base_1_d_rho_prime_3 = np.where((plane) | (two), d_w_1_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_1, d_select_7_d_rho_prime_3)
+    del d_select_7_d_rho_prime_3, d_w_1_d_rho_prime_3
     d_base_1_d_angle = np.where((plane) | (two), d_w_factor_d_angle*w_1, d_select_7_d_angle)
+    del d_select_7_d_angle, w_1
     d_select_8_d_rho_1 = np.where(root > 0.0, across_2*d_inverse_d_rho_1 + d_across_2_d_rho_1*inverse, 0.0)
+    del d_across_2_d_rho_1
     d_select_8_d_rho_2 = np.where(root > 0.0, across_2*d_inverse_d_rho_2, 0.0)
     d_select_8_d_rho_3 = np.where(root > 0.0, across_2*d_inverse_d_rho_3 + d_across_2_d_rho_3*inverse, 0.0)
+    del d_across_2_d_rho_3
     d_select_8_d_rho_prime_1 = np.where(root > 0.0, across_2*d_inverse_d_rho_prime_1, 0.0)
     d_select_8_d_rho_prime_2 = np.where(root > 0.0, across_2*d_inverse_d_rho_prime_2, 0.0)
     d_select_8_d_rho_prime_3 = np.where(root > 0.0, across_2*d_inverse_d_rho_prime_3, 0.0)
     d_select_8_d_angle = np.where(root > 0.0, across_2*d_inverse_d_angle, 0.0)
+    del across_2
     d_base_2_d_rho_1 = np.where((plane) | (two), d_w_2_d_rho_1*w_factor + d_w_factor_d_rho_1*w_2, d_select_8_d_rho_1)
+    del d_select_8_d_rho_1, d_w_2_d_rho_1
     d_base_2_d_rho_2 = np.where((plane) | (two), d_w_2_d_rho_2*w_factor + d_w_factor_d_rho_2*w_2, d_select_8_d_rho_2)
+    del d_select_8_d_rho_2, d_w_2_d_rho_2
     d_base_2_d_rho_3 = np.where((plane) | (two), d_w_2_d_rho_3*w_factor + d_w_factor_d_rho_3*w_2, d_select_8_d_rho_3)
+    del d_select_8_d_rho_3, d_w_2_d_rho_3
     d_base_2_d_rho_prime_1 = np.where((plane) | (two), d_w_2_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_2, d_select_8_d_rho_prime_1)
+    del d_select_8_d_rho_prime_1, d_w_2_d_rho_prime_1
     d_base_2_d_rho_prime_2 = np.where((plane) | (two), d_w_2_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_2, d_select_8_d_rho_prime_2)
+    del d_select_8_d_rho_prime_2, d_w_2_d_rho_prime_2
     d_base_2_d_rho_prime_3 = np.where((plane) | (two), d_w_2_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_2, d_select_8_d_rho_prime_3)
+    del d_select_8_d_rho_prime_3, d_w_2_d_rho_prime_3
     d_base_2_d_angle = np.where((plane) | (two), d_w_factor_d_angle*w_2, d_select_8_d_angle)
+    del d_select_8_d_angle, w_2
     d_select_9_d_rho_1 = np.where(root > 0.0, across_3*d_inverse_d_rho_1, 0.0)
+    del d_inverse_d_rho_1
     d_select_9_d_rho_2 = np.where(root > 0.0, across_3*d_inverse_d_rho_2 + d_across_3_d_rho_2*inverse, 0.0)
+    del d_across_3_d_rho_2, d_inverse_d_rho_2, inverse
     d_select_9_d_rho_3 = np.where(root > 0.0, across_3*d_inverse_d_rho_3, 0.0)
+    del d_inverse_d_rho_3
     d_select_9_d_rho_prime_1 = np.where(root > 0.0, across_3*d_inverse_d_rho_prime_1, 0.0)
+    del d_inverse_d_rho_prime_1
     d_select_9_d_rho_prime_2 = np.where(root > 0.0, across_3*d_inverse_d_rho_prime_2, 0.0)
+    del d_inverse_d_rho_prime_2
     d_select_9_d_rho_prime_3 = np.where(root > 0.0, across_3*d_inverse_d_rho_prime_3, 0.0)
+    del d_inverse_d_rho_prime_3
     d_select_9_d_angle = np.where(root > 0.0, across_3*d_inverse_d_angle, 0.0)
+    del across_3, d_inverse_d_angle, root
     d_base_3_d_rho_1 = np.where((plane) | (two), d_w_3_d_rho_1*w_factor + d_w_factor_d_rho_1*w_3, d_select_9_d_rho_1)
+    del d_select_9_d_rho_1, d_w_3_d_rho_1, d_w_factor_d_rho_1
     d_base_3_d_rho_2 = np.where((plane) | (two), d_w_3_d_rho_2*w_factor + d_w_factor_d_rho_2*w_3, d_select_9_d_rho_2)
+    del d_select_9_d_rho_2, d_w_3_d_rho_2, d_w_factor_d_rho_2
     d_base_3_d_rho_3 = np.where((plane) | (two), d_w_3_d_rho_3*w_factor + d_w_factor_d_rho_3*w_3, d_select_9_d_rho_3)
+    del d_select_9_d_rho_3, d_w_3_d_rho_3, d_w_factor_d_rho_3
     d_base_3_d_rho_prime_1 = np.where((plane) | (two), d_w_3_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_3, d_select_9_d_rho_prime_1)
+    del d_select_9_d_rho_prime_1, d_w_3_d_rho_prime_1, d_w_factor_d_rho_prime_1
     d_base_3_d_rho_prime_2 = np.where((plane) | (two), d_w_3_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_3, d_select_9_d_rho_prime_2)
+    del d_select_9_d_rho_prime_2, d_w_3_d_rho_prime_2, d_w_factor_d_rho_prime_2
     d_base_3_d_rho_prime_3 = np.where((plane) | (two), d_w_3_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_3, d_select_9_d_rho_prime_3)
+    del d_select_9_d_rho_prime_3, d_w_3_d_rho_prime_3, d_w_factor_d_rho_prime_3, w_factor
     d_base_3_d_angle = np.where((plane) | (two), d_w_factor_d_angle*w_3, d_select_9_d_angle)
+    del d_select_9_d_angle, d_w_factor_d_angle, plane, w_3
     d_offset_1_d_rho_1 = d_m_1_d_rho_1*m_factor + d_m_factor_d_rho_1*m_1
+    del d_m_1_d_rho_1
     d_offset_1_d_rho_2 = d_m_1_d_rho_2*m_factor + d_m_factor_d_rho_2*m_1
+    del d_m_1_d_rho_2
     d_offset_1_d_rho_3 = d_m_1_d_rho_3*m_factor + d_m_factor_d_rho_3*m_1
+    del d_m_1_d_rho_3
     d_offset_1_d_rho_prime_1 = d_m_1_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_1
+    del d_m_1_d_rho_prime_1
     d_offset_1_d_rho_prime_2 = d_m_1_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_1
+    del d_m_1_d_rho_prime_2
     d_offset_1_d_rho_prime_3 = d_m_1_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_1
+    del d_m_1_d_rho_prime_3
     d_offset_1_d_angle = d_m_factor_d_angle*m_1
+    del m_1
     d_offset_2_d_rho_1 = d_m_2_d_rho_1*m_factor + d_m_factor_d_rho_1*m_2
+    del d_m_2_d_rho_1
     d_offset_2_d_rho_2 = d_m_2_d_rho_2*m_factor + d_m_factor_d_rho_2*m_2
+    del d_m_2_d_rho_2
     d_offset_2_d_rho_3 = d_m_2_d_rho_3*m_factor + d_m_factor_d_rho_3*m_2
+    del d_m_2_d_rho_3
     d_offset_2_d_rho_prime_1 = d_m_2_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_2
+    del d_m_2_d_rho_prime_1
     d_offset_2_d_rho_prime_2 = d_m_2_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_2
+    del d_m_2_d_rho_prime_2
     d_offset_2_d_rho_prime_3 = d_m_2_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_2
+    del d_m_2_d_rho_prime_3
     d_offset_2_d_angle = d_m_factor_d_angle*m_2
+    del m_2
     d_offset_3_d_rho_1 = d_m_3_d_rho_1*m_factor + d_m_factor_d_rho_1*m_3
+    del d_m_3_d_rho_1, d_m_factor_d_rho_1
     d_offset_3_d_rho_2 = d_m_3_d_rho_2*m_factor + d_m_factor_d_rho_2*m_3
+    del d_m_3_d_rho_2, d_m_factor_d_rho_2
     d_offset_3_d_rho_3 = d_m_3_d_rho_3*m_factor + d_m_factor_d_rho_3*m_3
+    del d_m_3_d_rho_3, d_m_factor_d_rho_3
     d_offset_3_d_rho_prime_1 = d_m_3_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_3
+    del d_m_3_d_rho_prime_1, d_m_factor_d_rho_prime_1
     d_offset_3_d_rho_prime_2 = d_m_3_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_3
+    del d_m_3_d_rho_prime_2, d_m_factor_d_rho_prime_2
     d_offset_3_d_rho_prime_3 = d_m_3_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_3
+    del d_m_3_d_rho_prime_3, d_m_factor_d_rho_prime_3, m_factor
     d_offset_3_d_angle = d_m_factor_d_angle*m_3
+    del d_m_factor_d_angle, m_3
     valid = (size_after <= largest) & (size_before <= largest) & (np.abs(angle) <= largest)
     d_axes_1_1_d_rho_1 = np.where(valid, d_base_1_d_rho_1 + d_offset_1_d_rho_1, np.nan)
     d_axes_1_1_d_rho_2 = np.where(valid, d_base_1_d_rho_2 + d_offset_1_d_rho_2, np.nan)
@@ -770,89 +1133,170 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_axes_1_3_d_rho_prime_3 = np.where(valid, d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3, np.nan)
     d_axes_1_3_d_angle = np.where(valid, d_base_3_d_angle + d_offset_3_d_angle, np.nan)
     d_axes_2_1_d_rho_1 = np.where(valid, d_base_1_d_rho_1 - d_offset_1_d_rho_1, np.nan)
+    del d_base_1_d_rho_1, d_offset_1_d_rho_1
     d_axes_2_1_d_rho_2 = np.where(valid, d_base_1_d_rho_2 - d_offset_1_d_rho_2, np.nan)
+    del d_base_1_d_rho_2, d_offset_1_d_rho_2
     d_axes_2_1_d_rho_3 = np.where(valid, d_base_1_d_rho_3 - d_offset_1_d_rho_3, np.nan)
+    del d_base_1_d_rho_3, d_offset_1_d_rho_3
     d_axes_2_1_d_rho_prime_1 = np.where(valid, d_base_1_d_rho_prime_1 - d_offset_1_d_rho_prime_1, np.nan)
+    del d_base_1_d_rho_prime_1, d_offset_1_d_rho_prime_1
     d_axes_2_1_d_rho_prime_2 = np.where(valid, d_base_1_d_rho_prime_2 - d_offset_1_d_rho_prime_2, np.nan)
+    del d_base_1_d_rho_prime_2, d_offset_1_d_rho_prime_2
     d_axes_2_1_d_rho_prime_3 = np.where(valid, d_base_1_d_rho_prime_3 - d_offset_1_d_rho_prime_3, np.nan)
+    del d_base_1_d_rho_prime_3, d_offset_1_d_rho_prime_3
     d_axes_2_1_d_angle = np.where(valid, d_base_1_d_angle - d_offset_1_d_angle, np.nan)
+    del d_base_1_d_angle, d_offset_1_d_angle
     d_axes_2_2_d_rho_1 = np.where(valid, d_base_2_d_rho_1 - d_offset_2_d_rho_1, np.nan)
+    del d_base_2_d_rho_1, d_offset_2_d_rho_1
     d_axes_2_2_d_rho_2 = np.where(valid, d_base_2_d_rho_2 - d_offset_2_d_rho_2, np.nan)
+    del d_base_2_d_rho_2, d_offset_2_d_rho_2
     d_axes_2_2_d_rho_3 = np.where(valid, d_base_2_d_rho_3 - d_offset_2_d_rho_3, np.nan)
+    del d_base_2_d_rho_3, d_offset_2_d_rho_3
     d_axes_2_2_d_rho_prime_1 = np.where(valid, d_base_2_d_rho_prime_1 - d_offset_2_d_rho_prime_1, np.nan)
+    del d_base_2_d_rho_prime_1, d_offset_2_d_rho_prime_1
     d_axes_2_2_d_rho_prime_2 = np.where(valid, d_base_2_d_rho_prime_2 - d_offset_2_d_rho_prime_2, np.nan)
+    del d_base_2_d_rho_prime_2, d_offset_2_d_rho_prime_2
     d_axes_2_2_d_rho_prime_3 = np.where(valid, d_base_2_d_rho_prime_3 - d_offset_2_d_rho_prime_3, np.nan)
+    del d_base_2_d_rho_prime_3, d_offset_2_d_rho_prime_3
     d_axes_2_2_d_angle = np.where(valid, d_base_2_d_angle - d_offset_2_d_angle, np.nan)
+    del d_base_2_d_angle, d_offset_2_d_angle
     d_axes_2_3_d_rho_1 = np.where(valid, d_base_3_d_rho_1 - d_offset_3_d_rho_1, np.nan)
+    del d_base_3_d_rho_1, d_offset_3_d_rho_1
     d_axes_2_3_d_rho_2 = np.where(valid, d_base_3_d_rho_2 - d_offset_3_d_rho_2, np.nan)
+    del d_base_3_d_rho_2, d_offset_3_d_rho_2
     d_axes_2_3_d_rho_3 = np.where(valid, d_base_3_d_rho_3 - d_offset_3_d_rho_3, np.nan)
+    del d_base_3_d_rho_3, d_offset_3_d_rho_3
     d_axes_2_3_d_rho_prime_1 = np.where(valid, d_base_3_d_rho_prime_1 - d_offset_3_d_rho_prime_1, np.nan)
+    del d_base_3_d_rho_prime_1, d_offset_3_d_rho_prime_1
     d_axes_2_3_d_rho_prime_2 = np.where(valid, d_base_3_d_rho_prime_2 - d_offset_3_d_rho_prime_2, np.nan)
+    del d_base_3_d_rho_prime_2, d_offset_3_d_rho_prime_2
     d_axes_2_3_d_rho_prime_3 = np.where(valid, d_base_3_d_rho_prime_3 - d_offset_3_d_rho_prime_3, np.nan)
+    del d_base_3_d_rho_prime_3, d_offset_3_d_rho_prime_3
     d_axes_2_3_d_angle = np.where(valid, d_base_3_d_angle - d_offset_3_d_angle, np.nan)
+    del d_base_3_d_angle, d_offset_3_d_angle
     both_zero = (size_after == 0.0) & (size_before == 0.0)
     one_zero = (size_after == 0.0) | (size_before == 0.0)
+    del size_after, size_before
     x8 = length_squared*x3
+    del length_squared, x3
     coincident = 16.0*x8
     x9 = eps*x5
+    del x5
     no_turn = (sine_size <= (eps*eps*eps*eps)) | (sine_size <= x9)
+    del sine_size
     every = (no_turn) & (r_squared <= coincident)
     opposite = (m_squared <= coincident) & (np.abs(cosine) <= x9)
+    del coincident, cosine, m_squared, x9
     too_small = (no_turn) | (root_squared < -4.0*band)
+    del band, no_turn, root_squared
     parallel = r_squared*(turn_scale*turn_scale) <= 64.0*x4*x8
+    del r_squared, turn_scale, x4, x8
     least_tolerance = np.where(length_tolerance > x6, length_tolerance, x6)
+    del x6
     lengths_agree = (comparable) & (np.abs(excess) <= least_tolerance*(1.0 - excess))
+    del comparable, excess, least_tolerance
     select_10 = np.where(parallel, 3.0, 0.0)
+    del parallel
     select_11 = np.where(~(two), 1.0, select_10)
+    del select_10, two
     select_12 = np.where(too_small, 2.0, select_11)
+    del select_11, too_small
     select_13 = np.where(opposite, 4.0, select_12)
+    del opposite, select_12
     select_14 = np.where(every, 5.0, select_13)
+    del every, select_13
     select_15 = np.where(~(lengths_agree), 6.0, select_14)
+    del lengths_agree, select_14
     select_16 = np.where(one_zero, 2.0, select_15)
+    del one_zero, select_15
     select_17 = np.where(both_zero, 5.0, select_16)
+    del both_zero, select_16
     status = np.where(~(valid), 7.0, select_17)
+    del select_17, valid
     axes_jacobian_1_1_1 = d_axes_1_1_d_rho_1
+    del d_axes_1_1_d_rho_1
     axes_jacobian_1_1_2 = d_axes_1_1_d_rho_2
+    del d_axes_1_1_d_rho_2
     axes_jacobian_1_1_3 = d_axes_1_1_d_rho_3
+    del d_axes_1_1_d_rho_3
     axes_jacobian_1_1_4 = d_axes_1_1_d_rho_prime_1
+    del d_axes_1_1_d_rho_prime_1
     axes_jacobian_1_1_5 = d_axes_1_1_d_rho_prime_2
+    del d_axes_1_1_d_rho_prime_2
     axes_jacobian_1_1_6 = d_axes_1_1_d_rho_prime_3
+    del d_axes_1_1_d_rho_prime_3
     axes_jacobian_1_1_7 = d_axes_1_1_d_angle
+    del d_axes_1_1_d_angle
     axes_jacobian_1_2_1 = d_axes_1_2_d_rho_1
+    del d_axes_1_2_d_rho_1
     axes_jacobian_1_2_2 = d_axes_1_2_d_rho_2
+    del d_axes_1_2_d_rho_2
     axes_jacobian_1_2_3 = d_axes_1_2_d_rho_3
+    del d_axes_1_2_d_rho_3
     axes_jacobian_1_2_4 = d_axes_1_2_d_rho_prime_1
+    del d_axes_1_2_d_rho_prime_1
     axes_jacobian_1_2_5 = d_axes_1_2_d_rho_prime_2
+    del d_axes_1_2_d_rho_prime_2
     axes_jacobian_1_2_6 = d_axes_1_2_d_rho_prime_3
+    del d_axes_1_2_d_rho_prime_3
     axes_jacobian_1_2_7 = d_axes_1_2_d_angle
+    del d_axes_1_2_d_angle
     axes_jacobian_1_3_1 = d_axes_1_3_d_rho_1
+    del d_axes_1_3_d_rho_1
     axes_jacobian_1_3_2 = d_axes_1_3_d_rho_2
+    del d_axes_1_3_d_rho_2
     axes_jacobian_1_3_3 = d_axes_1_3_d_rho_3
+    del d_axes_1_3_d_rho_3
     axes_jacobian_1_3_4 = d_axes_1_3_d_rho_prime_1
+    del d_axes_1_3_d_rho_prime_1
     axes_jacobian_1_3_5 = d_axes_1_3_d_rho_prime_2
+    del d_axes_1_3_d_rho_prime_2
     axes_jacobian_1_3_6 = d_axes_1_3_d_rho_prime_3
+    del d_axes_1_3_d_rho_prime_3
     axes_jacobian_1_3_7 = d_axes_1_3_d_angle
+    del d_axes_1_3_d_angle
     axes_jacobian_2_1_1 = d_axes_2_1_d_rho_1
+    del d_axes_2_1_d_rho_1
     axes_jacobian_2_1_2 = d_axes_2_1_d_rho_2
+    del d_axes_2_1_d_rho_2
     axes_jacobian_2_1_3 = d_axes_2_1_d_rho_3
+    del d_axes_2_1_d_rho_3
     axes_jacobian_2_1_4 = d_axes_2_1_d_rho_prime_1
+    del d_axes_2_1_d_rho_prime_1
     axes_jacobian_2_1_5 = d_axes_2_1_d_rho_prime_2
+    del d_axes_2_1_d_rho_prime_2
     axes_jacobian_2_1_6 = d_axes_2_1_d_rho_prime_3
+    del d_axes_2_1_d_rho_prime_3
     axes_jacobian_2_1_7 = d_axes_2_1_d_angle
+    del d_axes_2_1_d_angle
     axes_jacobian_2_2_1 = d_axes_2_2_d_rho_1
+    del d_axes_2_2_d_rho_1
     axes_jacobian_2_2_2 = d_axes_2_2_d_rho_2
+    del d_axes_2_2_d_rho_2
     axes_jacobian_2_2_3 = d_axes_2_2_d_rho_3
+    del d_axes_2_2_d_rho_3
     axes_jacobian_2_2_4 = d_axes_2_2_d_rho_prime_1
+    del d_axes_2_2_d_rho_prime_1
     axes_jacobian_2_2_5 = d_axes_2_2_d_rho_prime_2
+    del d_axes_2_2_d_rho_prime_2
     axes_jacobian_2_2_6 = d_axes_2_2_d_rho_prime_3
+    del d_axes_2_2_d_rho_prime_3
     axes_jacobian_2_2_7 = d_axes_2_2_d_angle
+    del d_axes_2_2_d_angle
     axes_jacobian_2_3_1 = d_axes_2_3_d_rho_1
+    del d_axes_2_3_d_rho_1
     axes_jacobian_2_3_2 = d_axes_2_3_d_rho_2
+    del d_axes_2_3_d_rho_2
     axes_jacobian_2_3_3 = d_axes_2_3_d_rho_3
+    del d_axes_2_3_d_rho_3
     axes_jacobian_2_3_4 = d_axes_2_3_d_rho_prime_1
+    del d_axes_2_3_d_rho_prime_1
     axes_jacobian_2_3_5 = d_axes_2_3_d_rho_prime_2
+    del d_axes_2_3_d_rho_prime_2
     axes_jacobian_2_3_6 = d_axes_2_3_d_rho_prime_3
+    del d_axes_2_3_d_rho_prime_3
     axes_jacobian_2_3_7 = d_axes_2_3_d_angle
+    del d_axes_2_3_d_angle
     return (axes_jacobian_1_1_1, axes_jacobian_1_1_2, axes_jacobian_1_1_3, axes_jacobian_1_1_4, axes_jacobian_1_1_5, axes_jacobian_1_1_6, axes_jacobian_1_1_7, axes_jacobian_1_2_1, axes_jacobian_1_2_2, axes_jacobian_1_2_3, axes_jacobian_1_2_4, axes_jacobian_1_2_5, axes_jacobian_1_2_6, axes_jacobian_1_2_7, axes_jacobian_1_3_1, axes_jacobian_1_3_2, axes_jacobian_1_3_3, axes_jacobian_1_3_4, axes_jacobian_1_3_5, axes_jacobian_1_3_6, axes_jacobian_1_3_7, axes_jacobian_2_1_1, axes_jacobian_2_1_2, axes_jacobian_2_1_3, axes_jacobian_2_1_4, axes_jacobian_2_1_5, axes_jacobian_2_1_6, axes_jacobian_2_1_7, axes_jacobian_2_2_1, axes_jacobian_2_2_2, axes_jacobian_2_2_3, axes_jacobian_2_2_4, axes_jacobian_2_2_5, axes_jacobian_2_2_6, axes_jacobian_2_2_7, axes_jacobian_2_3_1, axes_jacobian_2_3_2, axes_jacobian_2_3_3, axes_jacobian_2_3_4, axes_jacobian_2_3_5, axes_jacobian_2_3_6, axes_jacobian_2_3_7, status)
 
 
@@ -886,7 +1330,7 @@ def axis_covariance(rho, rho_prime, angle, length_tolerance, cov_rho, cov_rho_pr
         what the axes are
     """
     return _evaluate(
-        _axis_covariance,
+        _axis_covariance, None,
         "axis_covariance",
         (rho, rho_prime, angle, length_tolerance, cov_rho, cov_rho_prime, var_angle),
         (("rho", (3,)), ("rho_prime", (3,)), ("angle", ()), ("length_tolerance", ()), ("cov_rho", (3, 3)), ("cov_rho_prime", (3, 3)), ("var_angle", ())),
@@ -907,6 +1351,7 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     scale_after = _power_of_two_scale(size_after)
     comparable = (scale_after < 8.0*scale_before) & (scale_before < 8.0*scale_after)
     scale = np.where(comparable, scale_before, scale_after)
+    del scale_after
     u_1 = rho_1*scale_before
     u_2 = rho_2*scale_before
     u_3 = rho_3*scale_before
@@ -914,12 +1359,11 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     v_2 = rho_prime_2*scale
     v_3 = rho_prime_3*scale
     difference_1 = v_1 - u_1
-    x10 = -scale_before
-    d_difference_1_d_rho_1 = x10
+    d_difference_1_d_rho_1 = -scale_before
     difference_2 = v_2 - u_2
-    d_difference_2_d_rho_2 = x10
+    d_difference_2_d_rho_2 = -scale_before
     difference_3 = v_3 - u_3
-    d_difference_3_d_rho_3 = x10
+    d_difference_3_d_rho_3 = -scale_before
     total_1 = u_1 + v_1
     total_2 = u_2 + v_2
     total_3 = u_3 + v_3
@@ -928,26 +1372,38 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_length_squared_d_rho_1 = u_1*x11
     d_length_squared_d_rho_2 = u_2*x11
     d_length_squared_d_rho_3 = u_3*x11
+    del x11
     length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3)
     x12 = 2.0*scale
     d_length_prime_squared_d_rho_prime_1 = v_1*x12
     d_length_prime_squared_d_rho_prime_2 = v_2*x12
     d_length_prime_squared_d_rho_prime_3 = v_3*x12
+    del x12
     x13 = np.sqrt(length_prime_squared*length_squared)
     length_product = x13
     x14 = 0.5*x13
+    del x13
     x15 = x14/length_squared
     d_length_product_d_rho_1 = d_length_squared_d_rho_1*x15
+    del d_length_squared_d_rho_1
     d_length_product_d_rho_2 = d_length_squared_d_rho_2*x15
+    del d_length_squared_d_rho_2
     d_length_product_d_rho_3 = d_length_squared_d_rho_3*x15
+    del d_length_squared_d_rho_3, x15
     x16 = x14/length_prime_squared
+    del x14
     d_length_product_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1*x16
     d_length_product_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2*x16
     d_length_product_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3*x16
+    del x16
     excess_divisor = length_prime_squared + length_product
+    del length_prime_squared, length_product
     d_excess_divisor_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1 + d_length_product_d_rho_prime_1
+    del d_length_prime_squared_d_rho_prime_1, d_length_product_d_rho_prime_1
     d_excess_divisor_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2 + d_length_product_d_rho_prime_2
+    del d_length_prime_squared_d_rho_prime_2, d_length_product_d_rho_prime_2
     d_excess_divisor_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3 + d_length_product_d_rho_prime_3
+    del d_length_prime_squared_d_rho_prime_3, d_length_product_d_rho_prime_3
     nonzero = excess_divisor > 0.0
     gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
     d_gain_d_rho_1 = d_difference_1_d_rho_1*total_1 + difference_1*scale_before
@@ -958,19 +1414,32 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_gain_d_rho_prime_3 = difference_3*scale + scale*total_3
     select_0 = np.where(nonzero, 1.0/excess_divisor, 1.0)
     x17 = 1.0/(excess_divisor*excess_divisor)
+    del excess_divisor
     d_select_0_d_rho_1 = np.where(nonzero, -d_length_product_d_rho_1*x17, 0.0)
+    del d_length_product_d_rho_1
     d_select_0_d_rho_2 = np.where(nonzero, -d_length_product_d_rho_2*x17, 0.0)
+    del d_length_product_d_rho_2
     d_select_0_d_rho_3 = np.where(nonzero, -d_length_product_d_rho_3*x17, 0.0)
+    del d_length_product_d_rho_3
     d_select_0_d_rho_prime_1 = np.where(nonzero, -d_excess_divisor_d_rho_prime_1*x17, 0.0)
+    del d_excess_divisor_d_rho_prime_1
     d_select_0_d_rho_prime_2 = np.where(nonzero, -d_excess_divisor_d_rho_prime_2*x17, 0.0)
+    del d_excess_divisor_d_rho_prime_2
     d_select_0_d_rho_prime_3 = np.where(nonzero, -d_excess_divisor_d_rho_prime_3*x17, 0.0)
+    del d_excess_divisor_d_rho_prime_3, nonzero, x17
     excess = gain*select_0
     d_excess_d_rho_1 = d_gain_d_rho_1*select_0 + d_select_0_d_rho_1*gain
+    del d_gain_d_rho_1, d_select_0_d_rho_1
     d_excess_d_rho_2 = d_gain_d_rho_2*select_0 + d_select_0_d_rho_2*gain
+    del d_gain_d_rho_2, d_select_0_d_rho_2
     d_excess_d_rho_3 = d_gain_d_rho_3*select_0 + d_select_0_d_rho_3*gain
+    del d_gain_d_rho_3, d_select_0_d_rho_3
     d_excess_d_rho_prime_1 = d_gain_d_rho_prime_1*select_0 + d_select_0_d_rho_prime_1*gain
+    del d_gain_d_rho_prime_1, d_select_0_d_rho_prime_1
     d_excess_d_rho_prime_2 = d_gain_d_rho_prime_2*select_0 + d_select_0_d_rho_prime_2*gain
+    del d_gain_d_rho_prime_2, d_select_0_d_rho_prime_2
     d_excess_d_rho_prime_3 = d_gain_d_rho_prime_3*select_0 + d_select_0_d_rho_prime_3*gain
+    del d_gain_d_rho_prime_3, d_select_0_d_rho_prime_3, gain, select_0
     x0 = excess*v_1
     d_x0_d_rho_1 = d_excess_d_rho_1*v_1
     d_x0_d_rho_2 = d_excess_d_rho_2*v_1
@@ -979,20 +1448,17 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_x0_d_rho_prime_1 = d_excess_d_rho_prime_1*v_1 + x18
     d_x0_d_rho_prime_2 = d_excess_d_rho_prime_2*v_1
     d_x0_d_rho_prime_3 = d_excess_d_rho_prime_3*v_1
-    x19 = -x0
-    m_1 = total_1 + x19
-    d_m_1_d_rho_1 = -d_x0_d_rho_1 - x10
-    x20 = -d_x0_d_rho_2
-    d_m_1_d_rho_2 = x20
-    x21 = -d_x0_d_rho_3
-    d_m_1_d_rho_3 = x21
-    x22 = -scale
-    x23 = -d_x0_d_rho_prime_1 - x22
+    del v_1
+    m_1 = total_1 - x0
+    del total_1
+    d_m_1_d_rho_1 = scale_before - d_x0_d_rho_1
+    d_m_1_d_rho_2 = -d_x0_d_rho_2
+    d_m_1_d_rho_3 = -d_x0_d_rho_3
+    x23 = scale - d_x0_d_rho_prime_1
+    del d_x0_d_rho_prime_1
     d_m_1_d_rho_prime_1 = x23
-    x24 = -d_x0_d_rho_prime_2
-    d_m_1_d_rho_prime_2 = x24
-    x25 = -d_x0_d_rho_prime_3
-    d_m_1_d_rho_prime_3 = x25
+    d_m_1_d_rho_prime_2 = -d_x0_d_rho_prime_2
+    d_m_1_d_rho_prime_3 = -d_x0_d_rho_prime_3
     x1 = excess*v_2
     d_x1_d_rho_1 = d_excess_d_rho_1*v_2
     d_x1_d_rho_2 = d_excess_d_rho_2*v_2
@@ -1000,78 +1466,108 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_x1_d_rho_prime_1 = d_excess_d_rho_prime_1*v_2
     d_x1_d_rho_prime_2 = d_excess_d_rho_prime_2*v_2 + x18
     d_x1_d_rho_prime_3 = d_excess_d_rho_prime_3*v_2
-    x26 = -x1
-    m_2 = total_2 + x26
-    x27 = -d_x1_d_rho_1
-    d_m_2_d_rho_1 = x27
-    d_m_2_d_rho_2 = -d_x1_d_rho_2 - x10
-    x28 = -d_x1_d_rho_3
-    d_m_2_d_rho_3 = x28
-    x29 = -d_x1_d_rho_prime_1
-    d_m_2_d_rho_prime_1 = x29
-    x30 = -d_x1_d_rho_prime_2 - x22
+    del v_2
+    m_2 = total_2 - x1
+    del total_2
+    d_m_2_d_rho_1 = -d_x1_d_rho_1
+    d_m_2_d_rho_2 = scale_before - d_x1_d_rho_2
+    d_m_2_d_rho_3 = -d_x1_d_rho_3
+    d_m_2_d_rho_prime_1 = -d_x1_d_rho_prime_1
+    x30 = scale - d_x1_d_rho_prime_2
+    del d_x1_d_rho_prime_2
     d_m_2_d_rho_prime_2 = x30
-    x31 = -d_x1_d_rho_prime_3
-    d_m_2_d_rho_prime_3 = x31
+    d_m_2_d_rho_prime_3 = -d_x1_d_rho_prime_3
     x2 = excess*v_3
     d_x2_d_rho_1 = d_excess_d_rho_1*v_3
+    del d_excess_d_rho_1
     d_x2_d_rho_2 = d_excess_d_rho_2*v_3
+    del d_excess_d_rho_2
     d_x2_d_rho_3 = d_excess_d_rho_3*v_3
+    del d_excess_d_rho_3
     d_x2_d_rho_prime_1 = d_excess_d_rho_prime_1*v_3
+    del d_excess_d_rho_prime_1
     d_x2_d_rho_prime_2 = d_excess_d_rho_prime_2*v_3
+    del d_excess_d_rho_prime_2
     d_x2_d_rho_prime_3 = d_excess_d_rho_prime_3*v_3 + x18
-    x32 = -x2
-    m_3 = total_3 + x32
-    x33 = -d_x2_d_rho_1
-    d_m_3_d_rho_1 = x33
-    x34 = -d_x2_d_rho_2
-    d_m_3_d_rho_2 = x34
-    d_m_3_d_rho_3 = -d_x2_d_rho_3 - x10
-    x35 = -d_x2_d_rho_prime_1
-    d_m_3_d_rho_prime_1 = x35
-    x36 = -d_x2_d_rho_prime_2
-    d_m_3_d_rho_prime_2 = x36
-    x37 = -d_x2_d_rho_prime_3 - x22
+    del d_excess_d_rho_prime_3, v_3, x18
+    m_3 = total_3 - x2
+    del total_3
+    d_m_3_d_rho_1 = -d_x2_d_rho_1
+    d_m_3_d_rho_2 = -d_x2_d_rho_2
+    d_m_3_d_rho_3 = scale_before - d_x2_d_rho_3
+    d_m_3_d_rho_prime_1 = -d_x2_d_rho_prime_1
+    d_m_3_d_rho_prime_2 = -d_x2_d_rho_prime_2
+    x37 = scale - d_x2_d_rho_prime_3
+    del d_x2_d_rho_prime_3, scale
     d_m_3_d_rho_prime_3 = x37
-    r_1 = difference_1 + x19
+    r_1 = difference_1 - x0
+    del difference_1, x0
     d_r_1_d_rho_1 = d_difference_1_d_rho_1 - d_x0_d_rho_1
-    d_r_1_d_rho_2 = x20
-    d_r_1_d_rho_3 = x21
+    del d_difference_1_d_rho_1, d_x0_d_rho_1
+    d_r_1_d_rho_2 = -d_x0_d_rho_2
+    del d_x0_d_rho_2
+    d_r_1_d_rho_3 = -d_x0_d_rho_3
+    del d_x0_d_rho_3
     d_r_1_d_rho_prime_1 = x23
-    d_r_1_d_rho_prime_2 = x24
-    d_r_1_d_rho_prime_3 = x25
-    r_2 = difference_2 + x26
-    d_r_2_d_rho_1 = x27
+    del x23
+    d_r_1_d_rho_prime_2 = -d_x0_d_rho_prime_2
+    del d_x0_d_rho_prime_2
+    d_r_1_d_rho_prime_3 = -d_x0_d_rho_prime_3
+    del d_x0_d_rho_prime_3
+    r_2 = difference_2 - x1
+    del difference_2, x1
+    d_r_2_d_rho_1 = -d_x1_d_rho_1
+    del d_x1_d_rho_1
     d_r_2_d_rho_2 = d_difference_2_d_rho_2 - d_x1_d_rho_2
-    d_r_2_d_rho_3 = x28
-    d_r_2_d_rho_prime_1 = x29
+    del d_difference_2_d_rho_2, d_x1_d_rho_2
+    d_r_2_d_rho_3 = -d_x1_d_rho_3
+    del d_x1_d_rho_3
+    d_r_2_d_rho_prime_1 = -d_x1_d_rho_prime_1
+    del d_x1_d_rho_prime_1
     d_r_2_d_rho_prime_2 = x30
-    d_r_2_d_rho_prime_3 = x31
-    r_3 = difference_3 + x32
-    d_r_3_d_rho_1 = x33
-    d_r_3_d_rho_2 = x34
+    del x30
+    d_r_2_d_rho_prime_3 = -d_x1_d_rho_prime_3
+    del d_x1_d_rho_prime_3
+    r_3 = difference_3 - x2
+    del difference_3, x2
+    d_r_3_d_rho_1 = -d_x2_d_rho_1
+    del d_x2_d_rho_1
+    d_r_3_d_rho_2 = -d_x2_d_rho_2
+    del d_x2_d_rho_2
     d_r_3_d_rho_3 = d_difference_3_d_rho_3 - d_x2_d_rho_3
-    d_r_3_d_rho_prime_1 = x35
-    d_r_3_d_rho_prime_2 = x36
+    del d_difference_3_d_rho_3, d_x2_d_rho_3
+    d_r_3_d_rho_prime_1 = -d_x2_d_rho_prime_1
+    del d_x2_d_rho_prime_1
+    d_r_3_d_rho_prime_2 = -d_x2_d_rho_prime_2
+    del d_x2_d_rho_prime_2
     d_r_3_d_rho_prime_3 = x37
+    del x37
     half_angle = 0.5*angle
     x38 = np.sin(half_angle)
     sine = x38
     x39 = np.cos(half_angle)
     d_sine_d_angle = 0.5*x39
     cosine = x39
+    del x39
     d_cosine_d_angle = -0.5*x38
+    del x38
     sine_size = np.abs(sine)
     d_sine_size_d_angle = d_sine_d_angle*np.sign(sine)
+    del d_sine_d_angle
     x3 = (eps*eps)
     select_1 = np.where(sine_size > x3, sine_size, x3)
     turn_scale = _power_of_two_scale(select_1)
+    del select_1
     S = sine_size*turn_scale
     d_S_d_angle = d_sine_size_d_angle*turn_scale
+    del d_sine_size_d_angle
     select_2 = np.where(sine < 0.0, -cosine, cosine)
     d_select_2_d_angle = np.where(sine < 0.0, -d_cosine_d_angle, d_cosine_d_angle)
+    del d_cosine_d_angle, sine
     C = select_2*turn_scale
+    del select_2
     d_C_d_angle = d_select_2_d_angle*turn_scale
+    del d_select_2_d_angle
     m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3)
     x40 = 2.0*m_1
     x41 = 2.0*m_2
@@ -1082,6 +1578,7 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_m_squared_d_rho_prime_1 = d_m_1_d_rho_prime_1*x40 + d_m_2_d_rho_prime_1*x41 + d_m_3_d_rho_prime_1*x42
     d_m_squared_d_rho_prime_2 = d_m_1_d_rho_prime_2*x40 + d_m_2_d_rho_prime_2*x41 + d_m_3_d_rho_prime_2*x42
     d_m_squared_d_rho_prime_3 = d_m_1_d_rho_prime_3*x40 + d_m_2_d_rho_prime_3*x41 + d_m_3_d_rho_prime_3*x42
+    del x40, x41, x42
     r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3)
     x43 = 2.0*r_1
     x44 = 2.0*r_2
@@ -1092,6 +1589,7 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_r_squared_d_rho_prime_1 = d_r_1_d_rho_prime_1*x43 + d_r_2_d_rho_prime_1*x44 + d_r_3_d_rho_prime_1*x45
     d_r_squared_d_rho_prime_2 = d_r_1_d_rho_prime_2*x43 + d_r_2_d_rho_prime_2*x44 + d_r_3_d_rho_prime_2*x45
     d_r_squared_d_rho_prime_3 = d_r_1_d_rho_prime_3*x43 + d_r_2_d_rho_prime_3*x44 + d_r_3_d_rho_prime_3*x45
+    del x43, x44, x45
     x4 = (S*S)
     d_x4_d_angle = 2.0*S*d_S_d_angle
     along_m = m_squared*x4
@@ -1102,6 +1600,7 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_along_m_d_rho_prime_2 = d_m_squared_d_rho_prime_2*x4
     d_along_m_d_rho_prime_3 = d_m_squared_d_rho_prime_3*x4
     d_along_m_d_angle = d_x4_d_angle*m_squared
+    del d_x4_d_angle
     x46 = (C*C)
     along_n = r_squared*x46
     d_along_n_d_rho_1 = d_r_squared_d_rho_1*x46
@@ -1110,15 +1609,24 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_along_n_d_rho_prime_1 = d_r_squared_d_rho_prime_1*x46
     d_along_n_d_rho_prime_2 = d_r_squared_d_rho_prime_2*x46
     d_along_n_d_rho_prime_3 = d_r_squared_d_rho_prime_3*x46
+    del x46
     d_along_n_d_angle = 2.0*C*d_C_d_angle*r_squared
     root_squared = along_m - along_n
+    del along_n
     d_root_squared_d_rho_1 = d_along_m_d_rho_1 - d_along_n_d_rho_1
+    del d_along_m_d_rho_1, d_along_n_d_rho_1
     d_root_squared_d_rho_2 = d_along_m_d_rho_2 - d_along_n_d_rho_2
+    del d_along_m_d_rho_2, d_along_n_d_rho_2
     d_root_squared_d_rho_3 = d_along_m_d_rho_3 - d_along_n_d_rho_3
+    del d_along_m_d_rho_3, d_along_n_d_rho_3
     d_root_squared_d_rho_prime_1 = d_along_m_d_rho_prime_1 - d_along_n_d_rho_prime_1
+    del d_along_m_d_rho_prime_1, d_along_n_d_rho_prime_1
     d_root_squared_d_rho_prime_2 = d_along_m_d_rho_prime_2 - d_along_n_d_rho_prime_2
+    del d_along_m_d_rho_prime_2, d_along_n_d_rho_prime_2
     d_root_squared_d_rho_prime_3 = d_along_m_d_rho_prime_3 - d_along_n_d_rho_prime_3
+    del d_along_m_d_rho_prime_3, d_along_n_d_rho_prime_3
     d_root_squared_d_angle = d_along_m_d_angle - d_along_n_d_angle
+    del d_along_m_d_angle, d_along_n_d_angle
     w_1 = m_2*r_3 - m_3*r_2
     d_w_1_d_rho_1 = d_m_2_d_rho_1*r_3 + d_r_3_d_rho_1*m_2 - d_m_3_d_rho_1*r_2 - d_r_2_d_rho_1*m_3
     d_w_1_d_rho_2 = d_m_2_d_rho_2*r_3 + d_r_3_d_rho_2*m_2 - d_m_3_d_rho_2*r_2 - d_r_2_d_rho_2*m_3
@@ -1128,65 +1636,112 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_w_1_d_rho_prime_3 = d_m_2_d_rho_prime_3*r_3 + d_r_3_d_rho_prime_3*m_2 - d_m_3_d_rho_prime_3*r_2 - d_r_2_d_rho_prime_3*m_3
     w_2 = m_3*r_1 - m_1*r_3
     d_w_2_d_rho_1 = d_m_3_d_rho_1*r_1 + d_r_1_d_rho_1*m_3 - d_m_1_d_rho_1*r_3 - d_r_3_d_rho_1*m_1
+    del d_r_3_d_rho_1
     d_w_2_d_rho_2 = d_m_3_d_rho_2*r_1 + d_r_1_d_rho_2*m_3 - d_m_1_d_rho_2*r_3 - d_r_3_d_rho_2*m_1
+    del d_r_3_d_rho_2
     d_w_2_d_rho_3 = d_m_3_d_rho_3*r_1 + d_r_1_d_rho_3*m_3 - d_m_1_d_rho_3*r_3 - d_r_3_d_rho_3*m_1
+    del d_r_3_d_rho_3
     d_w_2_d_rho_prime_1 = d_m_3_d_rho_prime_1*r_1 + d_r_1_d_rho_prime_1*m_3 - d_m_1_d_rho_prime_1*r_3 - d_r_3_d_rho_prime_1*m_1
+    del d_r_3_d_rho_prime_1
     d_w_2_d_rho_prime_2 = d_m_3_d_rho_prime_2*r_1 + d_r_1_d_rho_prime_2*m_3 - d_m_1_d_rho_prime_2*r_3 - d_r_3_d_rho_prime_2*m_1
+    del d_r_3_d_rho_prime_2
     d_w_2_d_rho_prime_3 = d_m_3_d_rho_prime_3*r_1 + d_r_1_d_rho_prime_3*m_3 - d_m_1_d_rho_prime_3*r_3 - d_r_3_d_rho_prime_3*m_1
+    del d_r_3_d_rho_prime_3, r_3
     w_3 = m_1*r_2 - m_2*r_1
     d_w_3_d_rho_1 = d_m_1_d_rho_1*r_2 + d_r_2_d_rho_1*m_1 - d_m_2_d_rho_1*r_1 - d_r_1_d_rho_1*m_2
+    del d_r_1_d_rho_1, d_r_2_d_rho_1
     d_w_3_d_rho_2 = d_m_1_d_rho_2*r_2 + d_r_2_d_rho_2*m_1 - d_m_2_d_rho_2*r_1 - d_r_1_d_rho_2*m_2
+    del d_r_1_d_rho_2, d_r_2_d_rho_2
     d_w_3_d_rho_3 = d_m_1_d_rho_3*r_2 + d_r_2_d_rho_3*m_1 - d_m_2_d_rho_3*r_1 - d_r_1_d_rho_3*m_2
+    del d_r_1_d_rho_3, d_r_2_d_rho_3
     d_w_3_d_rho_prime_1 = d_m_1_d_rho_prime_1*r_2 + d_r_2_d_rho_prime_1*m_1 - d_m_2_d_rho_prime_1*r_1 - d_r_1_d_rho_prime_1*m_2
+    del d_r_1_d_rho_prime_1, d_r_2_d_rho_prime_1
     d_w_3_d_rho_prime_2 = d_m_1_d_rho_prime_2*r_2 + d_r_2_d_rho_prime_2*m_1 - d_m_2_d_rho_prime_2*r_1 - d_r_1_d_rho_prime_2*m_2
+    del d_r_1_d_rho_prime_2, d_r_2_d_rho_prime_2
     d_w_3_d_rho_prime_3 = d_m_1_d_rho_prime_3*r_2 + d_r_2_d_rho_prime_3*m_1 - d_m_2_d_rho_prime_3*r_1 - d_r_1_d_rho_prime_3*m_2
+    del d_r_1_d_rho_prime_3, d_r_2_d_rho_prime_3, r_1, r_2
     x5 = np.abs(half_angle)
+    del half_angle
     x6 = 8.0*eps
     rounding = S*length_squared*x6*(x5 + 1.0)*np.abs(C)
     x7 = 0.5*along_m
+    del along_m
     band = np.where(rounding < x7, rounding, x7)
+    del rounding, x7
     two = root_squared > band
     area_squared = m_squared*r_squared
     d_area_squared_d_rho_1 = d_m_squared_d_rho_1*r_squared + d_r_squared_d_rho_1*m_squared
+    del d_r_squared_d_rho_1
     d_area_squared_d_rho_2 = d_m_squared_d_rho_2*r_squared + d_r_squared_d_rho_2*m_squared
+    del d_r_squared_d_rho_2
     d_area_squared_d_rho_3 = d_m_squared_d_rho_3*r_squared + d_r_squared_d_rho_3*m_squared
+    del d_r_squared_d_rho_3
     d_area_squared_d_rho_prime_1 = d_m_squared_d_rho_prime_1*r_squared + d_r_squared_d_rho_prime_1*m_squared
+    del d_r_squared_d_rho_prime_1
     d_area_squared_d_rho_prime_2 = d_m_squared_d_rho_prime_2*r_squared + d_r_squared_d_rho_prime_2*m_squared
+    del d_r_squared_d_rho_prime_2
     d_area_squared_d_rho_prime_3 = d_m_squared_d_rho_prime_3*r_squared + d_r_squared_d_rho_prime_3*m_squared
+    del d_r_squared_d_rho_prime_3
     plane = area_squared > 0.0
     across_1 = np.where(np.abs(u_1) < np.abs(u_3), 0.0, -u_2)
-    d_across_1_d_rho_2 = np.where(np.abs(u_1) < np.abs(u_3), 0.0, x10)
+    d_across_1_d_rho_2 = np.where(np.abs(u_1) < np.abs(u_3), 0.0, -scale_before)
     across_2 = np.where(np.abs(u_1) < np.abs(u_3), -u_3, u_1)
     d_across_2_d_rho_1 = np.where(np.abs(u_1) < np.abs(u_3), 0.0, scale_before)
-    d_across_2_d_rho_3 = np.where(np.abs(u_1) < np.abs(u_3), x10, 0.0)
+    d_across_2_d_rho_3 = np.where(np.abs(u_1) < np.abs(u_3), -scale_before, 0.0)
     across_3 = np.where(np.abs(u_1) < np.abs(u_3), u_2, 0.0)
+    del u_2
     d_across_3_d_rho_2 = np.where(np.abs(u_1) < np.abs(u_3), scale_before, 0.0)
+    del scale_before, u_1, u_3
     select_3 = np.where(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3))
+    del area_squared
     x47 = 2.0*across_2
     d_select_3_d_rho_1 = np.where(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x47)
+    del d_area_squared_d_rho_1
     d_select_3_d_rho_2 = np.where(plane, d_area_squared_d_rho_2, 2.0*across_1*d_across_1_d_rho_2 + 2.0*across_3*d_across_3_d_rho_2)
+    del d_area_squared_d_rho_2
     d_select_3_d_rho_3 = np.where(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x47)
+    del d_area_squared_d_rho_3, x47
     d_select_3_d_rho_prime_1 = np.where(plane, d_area_squared_d_rho_prime_1, 0.0)
+    del d_area_squared_d_rho_prime_1
     d_select_3_d_rho_prime_2 = np.where(plane, d_area_squared_d_rho_prime_2, 0.0)
+    del d_area_squared_d_rho_prime_2
     d_select_3_d_rho_prime_3 = np.where(plane, d_area_squared_d_rho_prime_3, 0.0)
+    del d_area_squared_d_rho_prime_3
     under_root = np.where(two, root_squared, select_3)
+    del select_3
     d_under_root_d_rho_1 = np.where(two, d_root_squared_d_rho_1, d_select_3_d_rho_1)
+    del d_root_squared_d_rho_1, d_select_3_d_rho_1
     d_under_root_d_rho_2 = np.where(two, d_root_squared_d_rho_2, d_select_3_d_rho_2)
+    del d_root_squared_d_rho_2, d_select_3_d_rho_2
     d_under_root_d_rho_3 = np.where(two, d_root_squared_d_rho_3, d_select_3_d_rho_3)
+    del d_root_squared_d_rho_3, d_select_3_d_rho_3
     d_under_root_d_rho_prime_1 = np.where(two, d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1)
+    del d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1
     d_under_root_d_rho_prime_2 = np.where(two, d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2)
+    del d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2
     d_under_root_d_rho_prime_3 = np.where(two, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3)
+    del d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3
     d_under_root_d_angle = np.where(two, d_root_squared_d_angle, 0.0)
+    del d_root_squared_d_angle
     x48 = np.sqrt(under_root)
+    del under_root
     root = x48
     x49 = 0.5/x48
+    del x48
     d_root_d_rho_1 = d_under_root_d_rho_1*x49
+    del d_under_root_d_rho_1
     d_root_d_rho_2 = d_under_root_d_rho_2*x49
+    del d_under_root_d_rho_2
     d_root_d_rho_3 = d_under_root_d_rho_3*x49
+    del d_under_root_d_rho_3
     d_root_d_rho_prime_1 = d_under_root_d_rho_prime_1*x49
+    del d_under_root_d_rho_prime_1
     d_root_d_rho_prime_2 = d_under_root_d_rho_prime_2*x49
+    del d_under_root_d_rho_prime_2
     d_root_d_rho_prime_3 = d_under_root_d_rho_prime_3*x49
+    del d_under_root_d_rho_prime_3
     d_root_d_angle = d_under_root_d_angle*x49
+    del d_under_root_d_angle, x49
     select_4 = np.where(root > 0.0, root, 1.0)
     d_select_4_d_rho_1 = np.where(root > 0.0, d_root_d_rho_1, 0.0)
     d_select_4_d_rho_2 = np.where(root > 0.0, d_root_d_rho_2, 0.0)
@@ -1196,25 +1751,43 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_select_4_d_rho_prime_3 = np.where(root > 0.0, d_root_d_rho_prime_3, 0.0)
     d_select_4_d_angle = np.where(root > 0.0, d_root_d_angle, 0.0)
     divisor = np.where(two, S*m_squared, select_4)
+    del select_4
     d_divisor_d_rho_1 = np.where(two, S*d_m_squared_d_rho_1, d_select_4_d_rho_1)
+    del d_m_squared_d_rho_1, d_select_4_d_rho_1
     d_divisor_d_rho_2 = np.where(two, S*d_m_squared_d_rho_2, d_select_4_d_rho_2)
+    del d_m_squared_d_rho_2, d_select_4_d_rho_2
     d_divisor_d_rho_3 = np.where(two, S*d_m_squared_d_rho_3, d_select_4_d_rho_3)
+    del d_m_squared_d_rho_3, d_select_4_d_rho_3
     d_divisor_d_rho_prime_1 = np.where(two, S*d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1)
+    del d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1
     d_divisor_d_rho_prime_2 = np.where(two, S*d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2)
+    del d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2
     d_divisor_d_rho_prime_3 = np.where(two, S*d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3)
+    del S, d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3
     d_divisor_d_angle = np.where(two, d_S_d_angle*m_squared, d_select_4_d_angle)
+    del d_S_d_angle, d_select_4_d_angle
     inverse = 1.0/divisor
     x50 = 1.0/(divisor*divisor)
+    del divisor
     d_inverse_d_rho_1 = -d_divisor_d_rho_1*x50
+    del d_divisor_d_rho_1
     d_inverse_d_rho_2 = -d_divisor_d_rho_2*x50
+    del d_divisor_d_rho_2
     d_inverse_d_rho_3 = -d_divisor_d_rho_3*x50
+    del d_divisor_d_rho_3
     d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x50
+    del d_divisor_d_rho_prime_1
     d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x50
+    del d_divisor_d_rho_prime_2
     d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x50
+    del d_divisor_d_rho_prime_3
     d_inverse_d_angle = -d_divisor_d_angle*x50
+    del d_divisor_d_angle, x50
     select_5 = np.where(C < 0.0, -1.0, 1.0)
     select_6 = np.where(two, C, select_5)
+    del C, select_5
     d_select_6_d_angle = np.where(two, d_C_d_angle, 0.0)
+    del d_C_d_angle
     w_factor = inverse*select_6
     d_w_factor_d_rho_1 = d_inverse_d_rho_1*select_6
     d_w_factor_d_rho_2 = d_inverse_d_rho_2*select_6
@@ -1223,77 +1796,139 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_w_factor_d_rho_prime_2 = d_inverse_d_rho_prime_2*select_6
     d_w_factor_d_rho_prime_3 = d_inverse_d_rho_prime_3*select_6
     d_w_factor_d_angle = d_inverse_d_angle*select_6 + d_select_6_d_angle*inverse
+    del d_select_6_d_angle, select_6
     m_factor = np.where(two, inverse*root, 0.0)
     d_m_factor_d_rho_1 = np.where(two, d_inverse_d_rho_1*root + d_root_d_rho_1*inverse, 0.0)
+    del d_root_d_rho_1
     d_m_factor_d_rho_2 = np.where(two, d_inverse_d_rho_2*root + d_root_d_rho_2*inverse, 0.0)
+    del d_root_d_rho_2
     d_m_factor_d_rho_3 = np.where(two, d_inverse_d_rho_3*root + d_root_d_rho_3*inverse, 0.0)
+    del d_root_d_rho_3
     d_m_factor_d_rho_prime_1 = np.where(two, d_inverse_d_rho_prime_1*root + d_root_d_rho_prime_1*inverse, 0.0)
+    del d_root_d_rho_prime_1
     d_m_factor_d_rho_prime_2 = np.where(two, d_inverse_d_rho_prime_2*root + d_root_d_rho_prime_2*inverse, 0.0)
+    del d_root_d_rho_prime_2
     d_m_factor_d_rho_prime_3 = np.where(two, d_inverse_d_rho_prime_3*root + d_root_d_rho_prime_3*inverse, 0.0)
+    del d_root_d_rho_prime_3
     d_m_factor_d_angle = np.where(two, d_inverse_d_angle*root + d_root_d_angle*inverse, 0.0)
+    del d_root_d_angle
     d_select_7_d_rho_1 = np.where(root > 0.0, across_1*d_inverse_d_rho_1, 0.0)
     d_select_7_d_rho_2 = np.where(root > 0.0, across_1*d_inverse_d_rho_2 + d_across_1_d_rho_2*inverse, 0.0)
+    del d_across_1_d_rho_2
     d_select_7_d_rho_3 = np.where(root > 0.0, across_1*d_inverse_d_rho_3, 0.0)
     d_select_7_d_rho_prime_1 = np.where(root > 0.0, across_1*d_inverse_d_rho_prime_1, 0.0)
     d_select_7_d_rho_prime_2 = np.where(root > 0.0, across_1*d_inverse_d_rho_prime_2, 0.0)
     d_select_7_d_rho_prime_3 = np.where(root > 0.0, across_1*d_inverse_d_rho_prime_3, 0.0)
     d_select_7_d_angle = np.where(root > 0.0, across_1*d_inverse_d_angle, 0.0)
+    del across_1
     d_base_1_d_rho_1 = np.where((plane) | (two), d_w_1_d_rho_1*w_factor + d_w_factor_d_rho_1*w_1, d_select_7_d_rho_1)
+    del d_select_7_d_rho_1, d_w_1_d_rho_1
     d_base_1_d_rho_2 = np.where((plane) | (two), d_w_1_d_rho_2*w_factor + d_w_factor_d_rho_2*w_1, d_select_7_d_rho_2)
+    del d_select_7_d_rho_2, d_w_1_d_rho_2
     d_base_1_d_rho_3 = np.where((plane) | (two), d_w_1_d_rho_3*w_factor + d_w_factor_d_rho_3*w_1, d_select_7_d_rho_3)
+    del d_select_7_d_rho_3, d_w_1_d_rho_3
     d_base_1_d_rho_prime_1 = np.where((plane) | (two), d_w_1_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_1, d_select_7_d_rho_prime_1)
+    del d_select_7_d_rho_prime_1, d_w_1_d_rho_prime_1
     d_base_1_d_rho_prime_2 = np.where((plane) | (two), d_w_1_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_1, d_select_7_d_rho_prime_2)
+    del d_select_7_d_rho_prime_2, d_w_1_d_rho_prime_2
     d_base_1_d_rho_prime_3 = np.where((plane) | (two), d_w_1_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_1, d_select_7_d_rho_prime_3)
+    del d_select_7_d_rho_prime_3, d_w_1_d_rho_prime_3
     d_base_1_d_angle = np.where((plane) | (two), d_w_factor_d_angle*w_1, d_select_7_d_angle)
+    del d_select_7_d_angle, w_1
     d_select_8_d_rho_1 = np.where(root > 0.0, across_2*d_inverse_d_rho_1 + d_across_2_d_rho_1*inverse, 0.0)
+    del d_across_2_d_rho_1
     d_select_8_d_rho_2 = np.where(root > 0.0, across_2*d_inverse_d_rho_2, 0.0)
     d_select_8_d_rho_3 = np.where(root > 0.0, across_2*d_inverse_d_rho_3 + d_across_2_d_rho_3*inverse, 0.0)
+    del d_across_2_d_rho_3
     d_select_8_d_rho_prime_1 = np.where(root > 0.0, across_2*d_inverse_d_rho_prime_1, 0.0)
     d_select_8_d_rho_prime_2 = np.where(root > 0.0, across_2*d_inverse_d_rho_prime_2, 0.0)
     d_select_8_d_rho_prime_3 = np.where(root > 0.0, across_2*d_inverse_d_rho_prime_3, 0.0)
     d_select_8_d_angle = np.where(root > 0.0, across_2*d_inverse_d_angle, 0.0)
+    del across_2
     d_base_2_d_rho_1 = np.where((plane) | (two), d_w_2_d_rho_1*w_factor + d_w_factor_d_rho_1*w_2, d_select_8_d_rho_1)
+    del d_select_8_d_rho_1, d_w_2_d_rho_1
     d_base_2_d_rho_2 = np.where((plane) | (two), d_w_2_d_rho_2*w_factor + d_w_factor_d_rho_2*w_2, d_select_8_d_rho_2)
+    del d_select_8_d_rho_2, d_w_2_d_rho_2
     d_base_2_d_rho_3 = np.where((plane) | (two), d_w_2_d_rho_3*w_factor + d_w_factor_d_rho_3*w_2, d_select_8_d_rho_3)
+    del d_select_8_d_rho_3, d_w_2_d_rho_3
     d_base_2_d_rho_prime_1 = np.where((plane) | (two), d_w_2_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_2, d_select_8_d_rho_prime_1)
+    del d_select_8_d_rho_prime_1, d_w_2_d_rho_prime_1
     d_base_2_d_rho_prime_2 = np.where((plane) | (two), d_w_2_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_2, d_select_8_d_rho_prime_2)
+    del d_select_8_d_rho_prime_2, d_w_2_d_rho_prime_2
     d_base_2_d_rho_prime_3 = np.where((plane) | (two), d_w_2_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_2, d_select_8_d_rho_prime_3)
+    del d_select_8_d_rho_prime_3, d_w_2_d_rho_prime_3
     d_base_2_d_angle = np.where((plane) | (two), d_w_factor_d_angle*w_2, d_select_8_d_angle)
+    del d_select_8_d_angle, w_2
     d_select_9_d_rho_1 = np.where(root > 0.0, across_3*d_inverse_d_rho_1, 0.0)
+    del d_inverse_d_rho_1
     d_select_9_d_rho_2 = np.where(root > 0.0, across_3*d_inverse_d_rho_2 + d_across_3_d_rho_2*inverse, 0.0)
+    del d_across_3_d_rho_2, d_inverse_d_rho_2, inverse
     d_select_9_d_rho_3 = np.where(root > 0.0, across_3*d_inverse_d_rho_3, 0.0)
+    del d_inverse_d_rho_3
     d_select_9_d_rho_prime_1 = np.where(root > 0.0, across_3*d_inverse_d_rho_prime_1, 0.0)
+    del d_inverse_d_rho_prime_1
     d_select_9_d_rho_prime_2 = np.where(root > 0.0, across_3*d_inverse_d_rho_prime_2, 0.0)
+    del d_inverse_d_rho_prime_2
     d_select_9_d_rho_prime_3 = np.where(root > 0.0, across_3*d_inverse_d_rho_prime_3, 0.0)
+    del d_inverse_d_rho_prime_3
     d_select_9_d_angle = np.where(root > 0.0, across_3*d_inverse_d_angle, 0.0)
+    del across_3, d_inverse_d_angle, root
     d_base_3_d_rho_1 = np.where((plane) | (two), d_w_3_d_rho_1*w_factor + d_w_factor_d_rho_1*w_3, d_select_9_d_rho_1)
+    del d_select_9_d_rho_1, d_w_3_d_rho_1, d_w_factor_d_rho_1
     d_base_3_d_rho_2 = np.where((plane) | (two), d_w_3_d_rho_2*w_factor + d_w_factor_d_rho_2*w_3, d_select_9_d_rho_2)
+    del d_select_9_d_rho_2, d_w_3_d_rho_2, d_w_factor_d_rho_2
     d_base_3_d_rho_3 = np.where((plane) | (two), d_w_3_d_rho_3*w_factor + d_w_factor_d_rho_3*w_3, d_select_9_d_rho_3)
+    del d_select_9_d_rho_3, d_w_3_d_rho_3, d_w_factor_d_rho_3
     d_base_3_d_rho_prime_1 = np.where((plane) | (two), d_w_3_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_3, d_select_9_d_rho_prime_1)
+    del d_select_9_d_rho_prime_1, d_w_3_d_rho_prime_1, d_w_factor_d_rho_prime_1
     d_base_3_d_rho_prime_2 = np.where((plane) | (two), d_w_3_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_3, d_select_9_d_rho_prime_2)
+    del d_select_9_d_rho_prime_2, d_w_3_d_rho_prime_2, d_w_factor_d_rho_prime_2
     d_base_3_d_rho_prime_3 = np.where((plane) | (two), d_w_3_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_3, d_select_9_d_rho_prime_3)
+    del d_select_9_d_rho_prime_3, d_w_3_d_rho_prime_3, d_w_factor_d_rho_prime_3, w_factor
     d_base_3_d_angle = np.where((plane) | (two), d_w_factor_d_angle*w_3, d_select_9_d_angle)
+    del d_select_9_d_angle, d_w_factor_d_angle, plane, w_3
     d_offset_1_d_rho_1 = d_m_1_d_rho_1*m_factor + d_m_factor_d_rho_1*m_1
+    del d_m_1_d_rho_1
     d_offset_1_d_rho_2 = d_m_1_d_rho_2*m_factor + d_m_factor_d_rho_2*m_1
+    del d_m_1_d_rho_2
     d_offset_1_d_rho_3 = d_m_1_d_rho_3*m_factor + d_m_factor_d_rho_3*m_1
+    del d_m_1_d_rho_3
     d_offset_1_d_rho_prime_1 = d_m_1_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_1
+    del d_m_1_d_rho_prime_1
     d_offset_1_d_rho_prime_2 = d_m_1_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_1
+    del d_m_1_d_rho_prime_2
     d_offset_1_d_rho_prime_3 = d_m_1_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_1
+    del d_m_1_d_rho_prime_3
     d_offset_1_d_angle = d_m_factor_d_angle*m_1
+    del m_1
     d_offset_2_d_rho_1 = d_m_2_d_rho_1*m_factor + d_m_factor_d_rho_1*m_2
+    del d_m_2_d_rho_1
     d_offset_2_d_rho_2 = d_m_2_d_rho_2*m_factor + d_m_factor_d_rho_2*m_2
+    del d_m_2_d_rho_2
     d_offset_2_d_rho_3 = d_m_2_d_rho_3*m_factor + d_m_factor_d_rho_3*m_2
+    del d_m_2_d_rho_3
     d_offset_2_d_rho_prime_1 = d_m_2_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_2
+    del d_m_2_d_rho_prime_1
     d_offset_2_d_rho_prime_2 = d_m_2_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_2
+    del d_m_2_d_rho_prime_2
     d_offset_2_d_rho_prime_3 = d_m_2_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_2
+    del d_m_2_d_rho_prime_3
     d_offset_2_d_angle = d_m_factor_d_angle*m_2
+    del m_2
     d_offset_3_d_rho_1 = d_m_3_d_rho_1*m_factor + d_m_factor_d_rho_1*m_3
+    del d_m_3_d_rho_1, d_m_factor_d_rho_1
     d_offset_3_d_rho_2 = d_m_3_d_rho_2*m_factor + d_m_factor_d_rho_2*m_3
+    del d_m_3_d_rho_2, d_m_factor_d_rho_2
     d_offset_3_d_rho_3 = d_m_3_d_rho_3*m_factor + d_m_factor_d_rho_3*m_3
+    del d_m_3_d_rho_3, d_m_factor_d_rho_3
     d_offset_3_d_rho_prime_1 = d_m_3_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_3
+    del d_m_3_d_rho_prime_1, d_m_factor_d_rho_prime_1
     d_offset_3_d_rho_prime_2 = d_m_3_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_3
+    del d_m_3_d_rho_prime_2, d_m_factor_d_rho_prime_2
     d_offset_3_d_rho_prime_3 = d_m_3_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_3
+    del d_m_3_d_rho_prime_3, d_m_factor_d_rho_prime_3, m_factor
     d_offset_3_d_angle = d_m_factor_d_angle*m_3
+    del d_m_factor_d_angle, m_3
     valid = (size_after <= largest) & (size_before <= largest) & (np.abs(angle) <= largest)
     d_axes_1_1_d_rho_1 = np.where(valid, d_base_1_d_rho_1 + d_offset_1_d_rho_1, np.nan)
     d_axes_1_1_d_rho_2 = np.where(valid, d_base_1_d_rho_2 + d_offset_1_d_rho_2, np.nan)
@@ -1317,89 +1952,170 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_axes_1_3_d_rho_prime_3 = np.where(valid, d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3, np.nan)
     d_axes_1_3_d_angle = np.where(valid, d_base_3_d_angle + d_offset_3_d_angle, np.nan)
     d_axes_2_1_d_rho_1 = np.where(valid, d_base_1_d_rho_1 - d_offset_1_d_rho_1, np.nan)
+    del d_base_1_d_rho_1, d_offset_1_d_rho_1
     d_axes_2_1_d_rho_2 = np.where(valid, d_base_1_d_rho_2 - d_offset_1_d_rho_2, np.nan)
+    del d_base_1_d_rho_2, d_offset_1_d_rho_2
     d_axes_2_1_d_rho_3 = np.where(valid, d_base_1_d_rho_3 - d_offset_1_d_rho_3, np.nan)
+    del d_base_1_d_rho_3, d_offset_1_d_rho_3
     d_axes_2_1_d_rho_prime_1 = np.where(valid, d_base_1_d_rho_prime_1 - d_offset_1_d_rho_prime_1, np.nan)
+    del d_base_1_d_rho_prime_1, d_offset_1_d_rho_prime_1
     d_axes_2_1_d_rho_prime_2 = np.where(valid, d_base_1_d_rho_prime_2 - d_offset_1_d_rho_prime_2, np.nan)
+    del d_base_1_d_rho_prime_2, d_offset_1_d_rho_prime_2
     d_axes_2_1_d_rho_prime_3 = np.where(valid, d_base_1_d_rho_prime_3 - d_offset_1_d_rho_prime_3, np.nan)
+    del d_base_1_d_rho_prime_3, d_offset_1_d_rho_prime_3
     d_axes_2_1_d_angle = np.where(valid, d_base_1_d_angle - d_offset_1_d_angle, np.nan)
+    del d_base_1_d_angle, d_offset_1_d_angle
     d_axes_2_2_d_rho_1 = np.where(valid, d_base_2_d_rho_1 - d_offset_2_d_rho_1, np.nan)
+    del d_base_2_d_rho_1, d_offset_2_d_rho_1
     d_axes_2_2_d_rho_2 = np.where(valid, d_base_2_d_rho_2 - d_offset_2_d_rho_2, np.nan)
+    del d_base_2_d_rho_2, d_offset_2_d_rho_2
     d_axes_2_2_d_rho_3 = np.where(valid, d_base_2_d_rho_3 - d_offset_2_d_rho_3, np.nan)
+    del d_base_2_d_rho_3, d_offset_2_d_rho_3
     d_axes_2_2_d_rho_prime_1 = np.where(valid, d_base_2_d_rho_prime_1 - d_offset_2_d_rho_prime_1, np.nan)
+    del d_base_2_d_rho_prime_1, d_offset_2_d_rho_prime_1
     d_axes_2_2_d_rho_prime_2 = np.where(valid, d_base_2_d_rho_prime_2 - d_offset_2_d_rho_prime_2, np.nan)
+    del d_base_2_d_rho_prime_2, d_offset_2_d_rho_prime_2
     d_axes_2_2_d_rho_prime_3 = np.where(valid, d_base_2_d_rho_prime_3 - d_offset_2_d_rho_prime_3, np.nan)
+    del d_base_2_d_rho_prime_3, d_offset_2_d_rho_prime_3
     d_axes_2_2_d_angle = np.where(valid, d_base_2_d_angle - d_offset_2_d_angle, np.nan)
+    del d_base_2_d_angle, d_offset_2_d_angle
     d_axes_2_3_d_rho_1 = np.where(valid, d_base_3_d_rho_1 - d_offset_3_d_rho_1, np.nan)
+    del d_base_3_d_rho_1, d_offset_3_d_rho_1
     d_axes_2_3_d_rho_2 = np.where(valid, d_base_3_d_rho_2 - d_offset_3_d_rho_2, np.nan)
+    del d_base_3_d_rho_2, d_offset_3_d_rho_2
     d_axes_2_3_d_rho_3 = np.where(valid, d_base_3_d_rho_3 - d_offset_3_d_rho_3, np.nan)
+    del d_base_3_d_rho_3, d_offset_3_d_rho_3
     d_axes_2_3_d_rho_prime_1 = np.where(valid, d_base_3_d_rho_prime_1 - d_offset_3_d_rho_prime_1, np.nan)
+    del d_base_3_d_rho_prime_1, d_offset_3_d_rho_prime_1
     d_axes_2_3_d_rho_prime_2 = np.where(valid, d_base_3_d_rho_prime_2 - d_offset_3_d_rho_prime_2, np.nan)
+    del d_base_3_d_rho_prime_2, d_offset_3_d_rho_prime_2
     d_axes_2_3_d_rho_prime_3 = np.where(valid, d_base_3_d_rho_prime_3 - d_offset_3_d_rho_prime_3, np.nan)
+    del d_base_3_d_rho_prime_3, d_offset_3_d_rho_prime_3
     d_axes_2_3_d_angle = np.where(valid, d_base_3_d_angle - d_offset_3_d_angle, np.nan)
+    del d_base_3_d_angle, d_offset_3_d_angle
     both_zero = (size_after == 0.0) & (size_before == 0.0)
     one_zero = (size_after == 0.0) | (size_before == 0.0)
+    del size_after, size_before
     x8 = length_squared*x3
+    del length_squared, x3
     coincident = 16.0*x8
     x9 = eps*x5
+    del x5
     no_turn = (sine_size <= (eps*eps*eps*eps)) | (sine_size <= x9)
+    del sine_size
     every = (no_turn) & (r_squared <= coincident)
     opposite = (m_squared <= coincident) & (np.abs(cosine) <= x9)
+    del coincident, cosine, m_squared, x9
     too_small = (no_turn) | (root_squared < -4.0*band)
+    del band, no_turn, root_squared
     parallel = r_squared*(turn_scale*turn_scale) <= 64.0*x4*x8
+    del r_squared, turn_scale, x4, x8
     least_tolerance = np.where(length_tolerance > x6, length_tolerance, x6)
+    del x6
     lengths_agree = (comparable) & (np.abs(excess) <= least_tolerance*(1.0 - excess))
+    del comparable, excess, least_tolerance
     select_10 = np.where(parallel, 3.0, 0.0)
+    del parallel
     select_11 = np.where(~(two), 1.0, select_10)
+    del select_10, two
     select_12 = np.where(too_small, 2.0, select_11)
+    del select_11, too_small
     select_13 = np.where(opposite, 4.0, select_12)
+    del opposite, select_12
     select_14 = np.where(every, 5.0, select_13)
+    del every, select_13
     select_15 = np.where(~(lengths_agree), 6.0, select_14)
+    del lengths_agree, select_14
     select_16 = np.where(one_zero, 2.0, select_15)
+    del one_zero, select_15
     select_17 = np.where(both_zero, 5.0, select_16)
+    del both_zero, select_16
     status = np.where(~(valid), 7.0, select_17)
+    del select_17, valid
     axes_jacobian_1_1_1 = d_axes_1_1_d_rho_1
+    del d_axes_1_1_d_rho_1
     axes_jacobian_1_1_2 = d_axes_1_1_d_rho_2
+    del d_axes_1_1_d_rho_2
     axes_jacobian_1_1_3 = d_axes_1_1_d_rho_3
+    del d_axes_1_1_d_rho_3
     axes_jacobian_1_1_4 = d_axes_1_1_d_rho_prime_1
+    del d_axes_1_1_d_rho_prime_1
     axes_jacobian_1_1_5 = d_axes_1_1_d_rho_prime_2
+    del d_axes_1_1_d_rho_prime_2
     axes_jacobian_1_1_6 = d_axes_1_1_d_rho_prime_3
+    del d_axes_1_1_d_rho_prime_3
     axes_jacobian_1_1_7 = d_axes_1_1_d_angle
+    del d_axes_1_1_d_angle
     axes_jacobian_1_2_1 = d_axes_1_2_d_rho_1
+    del d_axes_1_2_d_rho_1
     axes_jacobian_1_2_2 = d_axes_1_2_d_rho_2
+    del d_axes_1_2_d_rho_2
     axes_jacobian_1_2_3 = d_axes_1_2_d_rho_3
+    del d_axes_1_2_d_rho_3
     axes_jacobian_1_2_4 = d_axes_1_2_d_rho_prime_1
+    del d_axes_1_2_d_rho_prime_1
     axes_jacobian_1_2_5 = d_axes_1_2_d_rho_prime_2
+    del d_axes_1_2_d_rho_prime_2
     axes_jacobian_1_2_6 = d_axes_1_2_d_rho_prime_3
+    del d_axes_1_2_d_rho_prime_3
     axes_jacobian_1_2_7 = d_axes_1_2_d_angle
+    del d_axes_1_2_d_angle
     axes_jacobian_1_3_1 = d_axes_1_3_d_rho_1
+    del d_axes_1_3_d_rho_1
     axes_jacobian_1_3_2 = d_axes_1_3_d_rho_2
+    del d_axes_1_3_d_rho_2
     axes_jacobian_1_3_3 = d_axes_1_3_d_rho_3
+    del d_axes_1_3_d_rho_3
     axes_jacobian_1_3_4 = d_axes_1_3_d_rho_prime_1
+    del d_axes_1_3_d_rho_prime_1
     axes_jacobian_1_3_5 = d_axes_1_3_d_rho_prime_2
+    del d_axes_1_3_d_rho_prime_2
     axes_jacobian_1_3_6 = d_axes_1_3_d_rho_prime_3
+    del d_axes_1_3_d_rho_prime_3
     axes_jacobian_1_3_7 = d_axes_1_3_d_angle
+    del d_axes_1_3_d_angle
     axes_jacobian_2_1_1 = d_axes_2_1_d_rho_1
+    del d_axes_2_1_d_rho_1
     axes_jacobian_2_1_2 = d_axes_2_1_d_rho_2
+    del d_axes_2_1_d_rho_2
     axes_jacobian_2_1_3 = d_axes_2_1_d_rho_3
+    del d_axes_2_1_d_rho_3
     axes_jacobian_2_1_4 = d_axes_2_1_d_rho_prime_1
+    del d_axes_2_1_d_rho_prime_1
     axes_jacobian_2_1_5 = d_axes_2_1_d_rho_prime_2
+    del d_axes_2_1_d_rho_prime_2
     axes_jacobian_2_1_6 = d_axes_2_1_d_rho_prime_3
+    del d_axes_2_1_d_rho_prime_3
     axes_jacobian_2_1_7 = d_axes_2_1_d_angle
+    del d_axes_2_1_d_angle
     axes_jacobian_2_2_1 = d_axes_2_2_d_rho_1
+    del d_axes_2_2_d_rho_1
     axes_jacobian_2_2_2 = d_axes_2_2_d_rho_2
+    del d_axes_2_2_d_rho_2
     axes_jacobian_2_2_3 = d_axes_2_2_d_rho_3
+    del d_axes_2_2_d_rho_3
     axes_jacobian_2_2_4 = d_axes_2_2_d_rho_prime_1
+    del d_axes_2_2_d_rho_prime_1
     axes_jacobian_2_2_5 = d_axes_2_2_d_rho_prime_2
+    del d_axes_2_2_d_rho_prime_2
     axes_jacobian_2_2_6 = d_axes_2_2_d_rho_prime_3
+    del d_axes_2_2_d_rho_prime_3
     axes_jacobian_2_2_7 = d_axes_2_2_d_angle
+    del d_axes_2_2_d_angle
     axes_jacobian_2_3_1 = d_axes_2_3_d_rho_1
+    del d_axes_2_3_d_rho_1
     axes_jacobian_2_3_2 = d_axes_2_3_d_rho_2
+    del d_axes_2_3_d_rho_2
     axes_jacobian_2_3_3 = d_axes_2_3_d_rho_3
+    del d_axes_2_3_d_rho_3
     axes_jacobian_2_3_4 = d_axes_2_3_d_rho_prime_1
+    del d_axes_2_3_d_rho_prime_1
     axes_jacobian_2_3_5 = d_axes_2_3_d_rho_prime_2
+    del d_axes_2_3_d_rho_prime_2
     axes_jacobian_2_3_6 = d_axes_2_3_d_rho_prime_3
+    del d_axes_2_3_d_rho_prime_3
     axes_jacobian_2_3_7 = d_axes_2_3_d_angle
+    del d_axes_2_3_d_angle
     half_rho_a_1_1 = axes_jacobian_1_1_1*cov_rho_1_1 + axes_jacobian_1_1_2*cov_rho_2_1 + axes_jacobian_1_1_3*cov_rho_3_1
     half_rho_a_1_2 = axes_jacobian_1_1_1*cov_rho_1_2 + axes_jacobian_1_1_2*cov_rho_2_2 + axes_jacobian_1_1_3*cov_rho_3_2
     half_rho_a_1_3 = axes_jacobian_1_1_1*cov_rho_1_3 + axes_jacobian_1_1_2*cov_rho_2_3 + axes_jacobian_1_1_3*cov_rho_3_3
@@ -1438,31 +2154,50 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     half_prime_b_3_3 = axes_jacobian_2_3_4*cov_rho_prime_1_3 + axes_jacobian_2_3_5*cov_rho_prime_2_3 + axes_jacobian_2_3_6*cov_rho_prime_3_3
     covariance_1_1_1 = axes_jacobian_1_1_1*half_rho_a_1_1 + axes_jacobian_1_1_2*half_rho_a_1_2 + axes_jacobian_1_1_3*half_rho_a_1_3 + axes_jacobian_1_1_4*half_prime_a_1_1 + axes_jacobian_1_1_5*half_prime_a_1_2 + axes_jacobian_1_1_6*half_prime_a_1_3 + (axes_jacobian_1_1_7*axes_jacobian_1_1_7)*var_angle
     x51 = axes_jacobian_1_1_7*var_angle
+    del axes_jacobian_1_1_7
     x52 = axes_jacobian_1_2_7*x51
     covariance_1_1_2 = axes_jacobian_1_2_1*half_rho_a_1_1 + axes_jacobian_1_2_2*half_rho_a_1_2 + axes_jacobian_1_2_3*half_rho_a_1_3 + axes_jacobian_1_2_4*half_prime_a_1_1 + axes_jacobian_1_2_5*half_prime_a_1_2 + axes_jacobian_1_2_6*half_prime_a_1_3 + x52
     x53 = axes_jacobian_1_3_7*x51
+    del x51
     covariance_1_1_3 = axes_jacobian_1_3_1*half_rho_a_1_1 + axes_jacobian_1_3_2*half_rho_a_1_2 + axes_jacobian_1_3_3*half_rho_a_1_3 + axes_jacobian_1_3_4*half_prime_a_1_1 + axes_jacobian_1_3_5*half_prime_a_1_2 + axes_jacobian_1_3_6*half_prime_a_1_3 + x53
+    del half_prime_a_1_1, half_prime_a_1_2, half_prime_a_1_3, half_rho_a_1_1, half_rho_a_1_2, half_rho_a_1_3
     covariance_1_2_1 = axes_jacobian_1_1_1*half_rho_a_2_1 + axes_jacobian_1_1_2*half_rho_a_2_2 + axes_jacobian_1_1_3*half_rho_a_2_3 + axes_jacobian_1_1_4*half_prime_a_2_1 + axes_jacobian_1_1_5*half_prime_a_2_2 + axes_jacobian_1_1_6*half_prime_a_2_3 + x52
+    del x52
     covariance_1_2_2 = axes_jacobian_1_2_1*half_rho_a_2_1 + axes_jacobian_1_2_2*half_rho_a_2_2 + axes_jacobian_1_2_3*half_rho_a_2_3 + axes_jacobian_1_2_4*half_prime_a_2_1 + axes_jacobian_1_2_5*half_prime_a_2_2 + axes_jacobian_1_2_6*half_prime_a_2_3 + (axes_jacobian_1_2_7*axes_jacobian_1_2_7)*var_angle
     x54 = axes_jacobian_1_2_7*axes_jacobian_1_3_7*var_angle
+    del axes_jacobian_1_2_7
     covariance_1_2_3 = axes_jacobian_1_3_1*half_rho_a_2_1 + axes_jacobian_1_3_2*half_rho_a_2_2 + axes_jacobian_1_3_3*half_rho_a_2_3 + axes_jacobian_1_3_4*half_prime_a_2_1 + axes_jacobian_1_3_5*half_prime_a_2_2 + axes_jacobian_1_3_6*half_prime_a_2_3 + x54
+    del half_prime_a_2_1, half_prime_a_2_2, half_prime_a_2_3, half_rho_a_2_1, half_rho_a_2_2, half_rho_a_2_3
     covariance_1_3_1 = axes_jacobian_1_1_1*half_rho_a_3_1 + axes_jacobian_1_1_2*half_rho_a_3_2 + axes_jacobian_1_1_3*half_rho_a_3_3 + axes_jacobian_1_1_4*half_prime_a_3_1 + axes_jacobian_1_1_5*half_prime_a_3_2 + axes_jacobian_1_1_6*half_prime_a_3_3 + x53
+    del axes_jacobian_1_1_1, axes_jacobian_1_1_2, axes_jacobian_1_1_3, axes_jacobian_1_1_4, axes_jacobian_1_1_5, axes_jacobian_1_1_6, x53
     covariance_1_3_2 = axes_jacobian_1_2_1*half_rho_a_3_1 + axes_jacobian_1_2_2*half_rho_a_3_2 + axes_jacobian_1_2_3*half_rho_a_3_3 + axes_jacobian_1_2_4*half_prime_a_3_1 + axes_jacobian_1_2_5*half_prime_a_3_2 + axes_jacobian_1_2_6*half_prime_a_3_3 + x54
+    del axes_jacobian_1_2_1, axes_jacobian_1_2_2, axes_jacobian_1_2_3, axes_jacobian_1_2_4, axes_jacobian_1_2_5, axes_jacobian_1_2_6, x54
     covariance_1_3_3 = axes_jacobian_1_3_1*half_rho_a_3_1 + axes_jacobian_1_3_2*half_rho_a_3_2 + axes_jacobian_1_3_3*half_rho_a_3_3 + axes_jacobian_1_3_4*half_prime_a_3_1 + axes_jacobian_1_3_5*half_prime_a_3_2 + axes_jacobian_1_3_6*half_prime_a_3_3 + (axes_jacobian_1_3_7*axes_jacobian_1_3_7)*var_angle
+    del axes_jacobian_1_3_1, axes_jacobian_1_3_2, axes_jacobian_1_3_3, axes_jacobian_1_3_4, axes_jacobian_1_3_5, axes_jacobian_1_3_6, axes_jacobian_1_3_7, half_prime_a_3_1, half_prime_a_3_2, half_prime_a_3_3, half_rho_a_3_1, half_rho_a_3_2, half_rho_a_3_3
     covariance_2_1_1 = axes_jacobian_2_1_1*half_rho_b_1_1 + axes_jacobian_2_1_2*half_rho_b_1_2 + axes_jacobian_2_1_3*half_rho_b_1_3 + axes_jacobian_2_1_4*half_prime_b_1_1 + axes_jacobian_2_1_5*half_prime_b_1_2 + axes_jacobian_2_1_6*half_prime_b_1_3 + (axes_jacobian_2_1_7*axes_jacobian_2_1_7)*var_angle
     x55 = axes_jacobian_2_1_7*var_angle
+    del axes_jacobian_2_1_7
     x56 = axes_jacobian_2_2_7*x55
     covariance_2_1_2 = axes_jacobian_2_2_1*half_rho_b_1_1 + axes_jacobian_2_2_2*half_rho_b_1_2 + axes_jacobian_2_2_3*half_rho_b_1_3 + axes_jacobian_2_2_4*half_prime_b_1_1 + axes_jacobian_2_2_5*half_prime_b_1_2 + axes_jacobian_2_2_6*half_prime_b_1_3 + x56
     x57 = axes_jacobian_2_3_7*x55
+    del x55
     covariance_2_1_3 = axes_jacobian_2_3_1*half_rho_b_1_1 + axes_jacobian_2_3_2*half_rho_b_1_2 + axes_jacobian_2_3_3*half_rho_b_1_3 + axes_jacobian_2_3_4*half_prime_b_1_1 + axes_jacobian_2_3_5*half_prime_b_1_2 + axes_jacobian_2_3_6*half_prime_b_1_3 + x57
+    del half_prime_b_1_1, half_prime_b_1_2, half_prime_b_1_3, half_rho_b_1_1, half_rho_b_1_2, half_rho_b_1_3
     covariance_2_2_1 = axes_jacobian_2_1_1*half_rho_b_2_1 + axes_jacobian_2_1_2*half_rho_b_2_2 + axes_jacobian_2_1_3*half_rho_b_2_3 + axes_jacobian_2_1_4*half_prime_b_2_1 + axes_jacobian_2_1_5*half_prime_b_2_2 + axes_jacobian_2_1_6*half_prime_b_2_3 + x56
+    del x56
     covariance_2_2_2 = axes_jacobian_2_2_1*half_rho_b_2_1 + axes_jacobian_2_2_2*half_rho_b_2_2 + axes_jacobian_2_2_3*half_rho_b_2_3 + axes_jacobian_2_2_4*half_prime_b_2_1 + axes_jacobian_2_2_5*half_prime_b_2_2 + axes_jacobian_2_2_6*half_prime_b_2_3 + (axes_jacobian_2_2_7*axes_jacobian_2_2_7)*var_angle
     x58 = axes_jacobian_2_2_7*axes_jacobian_2_3_7*var_angle
+    del axes_jacobian_2_2_7
     covariance_2_2_3 = axes_jacobian_2_3_1*half_rho_b_2_1 + axes_jacobian_2_3_2*half_rho_b_2_2 + axes_jacobian_2_3_3*half_rho_b_2_3 + axes_jacobian_2_3_4*half_prime_b_2_1 + axes_jacobian_2_3_5*half_prime_b_2_2 + axes_jacobian_2_3_6*half_prime_b_2_3 + x58
+    del half_prime_b_2_1, half_prime_b_2_2, half_prime_b_2_3, half_rho_b_2_1, half_rho_b_2_2, half_rho_b_2_3
     covariance_2_3_1 = axes_jacobian_2_1_1*half_rho_b_3_1 + axes_jacobian_2_1_2*half_rho_b_3_2 + axes_jacobian_2_1_3*half_rho_b_3_3 + axes_jacobian_2_1_4*half_prime_b_3_1 + axes_jacobian_2_1_5*half_prime_b_3_2 + axes_jacobian_2_1_6*half_prime_b_3_3 + x57
+    del axes_jacobian_2_1_1, axes_jacobian_2_1_2, axes_jacobian_2_1_3, axes_jacobian_2_1_4, axes_jacobian_2_1_5, axes_jacobian_2_1_6, x57
     covariance_2_3_2 = axes_jacobian_2_2_1*half_rho_b_3_1 + axes_jacobian_2_2_2*half_rho_b_3_2 + axes_jacobian_2_2_3*half_rho_b_3_3 + axes_jacobian_2_2_4*half_prime_b_3_1 + axes_jacobian_2_2_5*half_prime_b_3_2 + axes_jacobian_2_2_6*half_prime_b_3_3 + x58
+    del axes_jacobian_2_2_1, axes_jacobian_2_2_2, axes_jacobian_2_2_3, axes_jacobian_2_2_4, axes_jacobian_2_2_5, axes_jacobian_2_2_6, x58
     covariance_2_3_3 = axes_jacobian_2_3_1*half_rho_b_3_1 + axes_jacobian_2_3_2*half_rho_b_3_2 + axes_jacobian_2_3_3*half_rho_b_3_3 + axes_jacobian_2_3_4*half_prime_b_3_1 + axes_jacobian_2_3_5*half_prime_b_3_2 + axes_jacobian_2_3_6*half_prime_b_3_3 + (axes_jacobian_2_3_7*axes_jacobian_2_3_7)*var_angle
+    del axes_jacobian_2_3_1, axes_jacobian_2_3_2, axes_jacobian_2_3_3, axes_jacobian_2_3_4, axes_jacobian_2_3_5, axes_jacobian_2_3_6, axes_jacobian_2_3_7, half_prime_b_3_1, half_prime_b_3_2, half_prime_b_3_3, half_rho_b_3_1, half_rho_b_3_2, half_rho_b_3_3
     axis_status = status
+    del status
     return (covariance_1_1_1, covariance_1_1_2, covariance_1_1_3, covariance_1_2_1, covariance_1_2_2, covariance_1_2_3, covariance_1_3_1, covariance_1_3_2, covariance_1_3_3, covariance_2_1_1, covariance_2_1_2, covariance_2_1_3, covariance_2_2_1, covariance_2_2_2, covariance_2_2_3, covariance_2_3_1, covariance_2_3_2, covariance_2_3_3, axis_status)
 
 
@@ -1494,7 +2229,7 @@ def axis_residual(rho, rho_prime, angle, axis, point, *, out=None):
         derivative of residual; last axis: axis_1, axis_2, axis_3, point_1, point_2, point_3
     """
     return _evaluate(
-        _axis_residual,
+        _axis_residual, None,
         "axis_residual",
         (rho, rho_prime, angle, axis, point),
         (("rho", (3,)), ("rho_prime", (3,)), ("angle", ()), ("axis", (3,)), ("point", (3,))),
@@ -1512,6 +2247,7 @@ def _axis_residual(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     half_angle = 0.5*angle
     sine = np.sin(half_angle)
     cosine = np.cos(half_angle)
+    del half_angle
     arm_1 = rho_1 - point_1
     arm_2 = rho_2 - point_2
     arm_3 = rho_3 - point_3
@@ -1520,31 +2256,40 @@ def _axis_residual(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_inner_1_d_axis_2 = x1
     x2 = arm_2*sine
     d_inner_1_d_axis_3 = -x2
-    x3 = -cosine
-    d_inner_1_d_point_1 = x3
+    d_inner_1_d_point_1 = -cosine
     x4 = axis_3*sine
     d_inner_1_d_point_2 = x4
     x5 = axis_2*sine
     d_inner_1_d_point_3 = -x5
     inner_2 = arm_2*cosine + sine*(arm_1*axis_3 - arm_3*axis_1)
     d_inner_2_d_axis_1 = -x1
+    del x1
     x6 = arm_1*sine
     d_inner_2_d_axis_3 = x6
     d_inner_2_d_point_1 = -x4
-    d_inner_2_d_point_2 = x3
+    del x4
+    d_inner_2_d_point_2 = -cosine
     x7 = axis_1*sine
     d_inner_2_d_point_3 = x7
     inner_3 = arm_3*cosine + sine*(arm_2*axis_1 - arm_1*axis_2)
+    del arm_1, arm_2, arm_3
     d_inner_3_d_axis_1 = x2
+    del x2
     d_inner_3_d_axis_2 = -x6
+    del x6
     d_inner_3_d_point_1 = x5
+    del x5
     d_inner_3_d_point_2 = -x7
-    d_inner_3_d_point_3 = x3
+    del x7
+    d_inner_3_d_point_3 = -cosine
+    del cosine
     moved_1 = rho_prime_1 - rho_1
     moved_2 = rho_prime_2 - rho_2
     moved_3 = rho_prime_3 - rho_3
     x0 = 2.0*sine
+    del sine
     residual_1 = moved_1 - x0*(axis_2*inner_3 - axis_3*inner_2)
+    del moved_1
     x8 = axis_2*x0
     d_residual_1_d_axis_1 = axis_3*d_inner_2_d_axis_1*x0 - d_inner_3_d_axis_1*x8
     x9 = inner_3*x0
@@ -1556,51 +2301,87 @@ def _axis_residual(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_residual_1_d_point_2 = axis_3*d_inner_2_d_point_2*x0 - d_inner_3_d_point_2*x8
     d_residual_1_d_point_3 = axis_3*d_inner_2_d_point_3*x0 - d_inner_3_d_point_3*x8
     residual_2 = moved_2 - x0*(axis_3*inner_1 - axis_1*inner_3)
+    del inner_3, moved_2
     x12 = axis_1*x0
     d_residual_2_d_axis_1 = d_inner_3_d_axis_1*x12 + x9
+    del d_inner_3_d_axis_1, x9
     d_residual_2_d_axis_2 = d_inner_3_d_axis_2*x12 - d_inner_1_d_axis_2*x11
+    del d_inner_3_d_axis_2
     x13 = inner_1*x0
     d_residual_2_d_axis_3 = -d_inner_1_d_axis_3*x11 - x13
     d_residual_2_d_point_1 = d_inner_3_d_point_1*x12 - d_inner_1_d_point_1*x11
+    del d_inner_3_d_point_1
     d_residual_2_d_point_2 = d_inner_3_d_point_2*x12 - d_inner_1_d_point_2*x11
+    del d_inner_3_d_point_2
     d_residual_2_d_point_3 = d_inner_3_d_point_3*x12 - d_inner_1_d_point_3*x11
+    del d_inner_3_d_point_3, x11
     residual_3 = moved_3 - x0*(axis_1*inner_2 - axis_2*inner_1)
+    del inner_1, inner_2, moved_3
     d_residual_3_d_axis_1 = -d_inner_2_d_axis_1*x12 - x10
+    del d_inner_2_d_axis_1, x10
     d_residual_3_d_axis_2 = d_inner_1_d_axis_2*x8 + x13
+    del d_inner_1_d_axis_2, x13, x8
     d_residual_3_d_axis_3 = axis_2*d_inner_1_d_axis_3*x0 - d_inner_2_d_axis_3*x12
+    del d_inner_1_d_axis_3, d_inner_2_d_axis_3
     d_residual_3_d_point_1 = axis_2*d_inner_1_d_point_1*x0 - d_inner_2_d_point_1*x12
+    del d_inner_1_d_point_1, d_inner_2_d_point_1
     d_residual_3_d_point_2 = axis_2*d_inner_1_d_point_2*x0 - d_inner_2_d_point_2*x12
+    del d_inner_1_d_point_2, d_inner_2_d_point_2
     d_residual_3_d_point_3 = axis_2*d_inner_1_d_point_3*x0 - d_inner_2_d_point_3*x12
+    del d_inner_1_d_point_3, d_inner_2_d_point_3, x0, x12
     residual_jacobian_1_1 = d_residual_1_d_axis_1
+    del d_residual_1_d_axis_1
     residual_jacobian_1_2 = d_residual_1_d_axis_2
+    del d_residual_1_d_axis_2
     residual_jacobian_1_3 = d_residual_1_d_axis_3
+    del d_residual_1_d_axis_3
     residual_jacobian_1_4 = d_residual_1_d_point_1
+    del d_residual_1_d_point_1
     residual_jacobian_1_5 = d_residual_1_d_point_2
+    del d_residual_1_d_point_2
     residual_jacobian_1_6 = d_residual_1_d_point_3
+    del d_residual_1_d_point_3
     residual_jacobian_2_1 = d_residual_2_d_axis_1
+    del d_residual_2_d_axis_1
     residual_jacobian_2_2 = d_residual_2_d_axis_2
+    del d_residual_2_d_axis_2
     residual_jacobian_2_3 = d_residual_2_d_axis_3
+    del d_residual_2_d_axis_3
     residual_jacobian_2_4 = d_residual_2_d_point_1
+    del d_residual_2_d_point_1
     residual_jacobian_2_5 = d_residual_2_d_point_2
+    del d_residual_2_d_point_2
     residual_jacobian_2_6 = d_residual_2_d_point_3
+    del d_residual_2_d_point_3
     residual_jacobian_3_1 = d_residual_3_d_axis_1
+    del d_residual_3_d_axis_1
     residual_jacobian_3_2 = d_residual_3_d_axis_2
+    del d_residual_3_d_axis_2
     residual_jacobian_3_3 = d_residual_3_d_axis_3
+    del d_residual_3_d_axis_3
     residual_jacobian_3_4 = d_residual_3_d_point_1
+    del d_residual_3_d_point_1
     residual_jacobian_3_5 = d_residual_3_d_point_2
+    del d_residual_3_d_point_2
     residual_jacobian_3_6 = d_residual_3_d_point_3
+    del d_residual_3_d_point_3
     return (residual_1, residual_2, residual_3, residual_jacobian_1_1, residual_jacobian_1_2, residual_jacobian_1_3, residual_jacobian_1_4, residual_jacobian_1_5, residual_jacobian_1_6, residual_jacobian_2_1, residual_jacobian_2_2, residual_jacobian_2_3, residual_jacobian_2_4, residual_jacobian_2_5, residual_jacobian_2_6, residual_jacobian_3_1, residual_jacobian_3_2, residual_jacobian_3_3, residual_jacobian_3_4, residual_jacobian_3_5, residual_jacobian_3_6)
 
 
 def _power_of_two_scale(x):
-    """Return the power of two that scales x into [1, 2)."""
-    limit = 1022 if x.dtype == np.float64 else 126
-    exponent = np.frexp(x)[1]
-    return np.ldexp(x.dtype.type(1), np.clip(1 - exponent, -limit, limit))
+    """Return the power of two that scales x >= 0 into [1, 2), from the exponent bits; 1 for 0."""
+    word, mantissa, top = (np.int64, 52, 2046) if x.dtype == np.float64 else (np.int32, 23, 254)
+    bits = x.view(word)
+    exponent = np.clip(bits & (word(top + 1) << mantissa), word(1) << mantissa, word(top - 1) << mantissa)
+    exponent = np.where(bits == 0, word(top // 2) << mantissa, exponent)
+    return ((word(top) << mantissa) - exponent).view(x.dtype)
 
 
-def _evaluate(body, name, arguments, inputs, outputs, out):
-    """Broadcast the arguments, run the straight-line body block by block, fill the outputs."""
+def _evaluate(body, usual, name, arguments, inputs, outputs, out):
+    """Broadcast the arguments, run the straight-line body block by block, fill the outputs.
+
+    Where `usual` is there, it is a shorter body that also says which elements it holds for.
+    """
     arrays = [np.asarray(a) for a in arguments]
     weak = [a if isinstance(a, (int, float)) else array for a, array in zip(arguments, arrays)]
     real = np.dtype(np.float32 if np.can_cast(np.result_type(*weak), np.float32) else np.float64)
@@ -1619,8 +2400,7 @@ def _evaluate(body, name, arguments, inputs, outputs, out):
         if loop != shape and any(n != 1 for n in loop):
             array = np.broadcast_to(array, shape + core)
             loop = shape
-        flat = array.reshape((count if loop == shape else 1, -1))
-        columns += [flat[:, k] for k in range(flat.shape[1])]
+        columns.append(array.reshape((count if loop == shape else 1, math.prod(core))))
 
     results = (None,) * len(outputs) if out is None else out if isinstance(out, tuple) else (out,)
     if len(results) != len(outputs):
@@ -1633,18 +2413,22 @@ def _evaluate(body, name, arguments, inputs, outputs, out):
             raise ValueError(f"{name}: out for {port} has shape {result.shape}; expected {shape + core}")
         filled.append(result)
     targets = [
-        r.reshape((count, -1)) if r.flags.c_contiguous else np.empty((count, int(np.prod(core, dtype=int))), r.dtype)
+        r.reshape((count, math.prod(core)))
+        if r.flags.c_contiguous and not any(np.may_share_memory(r, a) for a in arrays)
+        else np.empty((count, math.prod(core)), r.dtype)
         for r, (_, core, _) in zip(filled, outputs)
     ]
     limits = np.finfo(real)
     with np.errstate(all="ignore"):
         for start in range(0, count, BLOCK):
             block = slice(start, start + BLOCK)
-            values = iter(
-                body(
-                    *(c[block] if len(c) != 1 else c for c in columns), float(limits.eps), float(limits.max)
-                )
-            )
+            rows = (c[block] if len(c) != 1 else c for c in columns)
+            components = [component for r in rows for component in np.ascontiguousarray(r.T)]
+            numbers = float(limits.eps), float(limits.max)
+            values = usual(*components, *numbers) if usual else ()
+            if not usual or not np.all(values[-1]):
+                values = body(*components, *numbers)
+            values = iter(values)
             for target in targets:
                 for k in range(target.shape[1]):
                     target[block, k] = next(values)

@@ -6,12 +6,14 @@ Template: numpy.py.j2. Source: Stebulyanin and Pimushkin, "Solution of the Rodri
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 __all__ = ["solve_axis_paper"]
 
 # Elements evaluated at a time: few enough for the intermediates to stay in the cache.
-BLOCK = 2048
+BLOCK = 8192
 
 
 def solve_axis_paper(rho, rho_prime, angle, *, out=None):
@@ -38,7 +40,7 @@ def solve_axis_paper(rho, rho_prime, angle, *, out=None):
         the vector with the printed signs; half of the time it is no solution
     """
     return _evaluate(
-        _solve_axis_paper,
+        _solve_axis_paper, None,
         "solve_axis_paper",
         (rho, rho_prime, angle),
         (("rho", (3,)), ("rho_prime", (3,)), ("angle", ())),
@@ -55,61 +57,89 @@ def _solve_axis_paper(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3
     # 37 add, 66 mul, 2 div, 2 sqrt, 1 select, 1 compare, 1 tan
     half_angle = 0.5*angle
     modulus_squared = 4.0*(np.tan(half_angle)*np.tan(half_angle))
+    del half_angle
     alpha = 0.25*modulus_squared + 1.0
     r_1 = rho_prime_1 - rho_1
     r_2 = rho_prime_2 - rho_2
     r_3 = rho_prime_3 - rho_3
     known = 2.0*alpha*(r_1*rho_1 + r_2*rho_2 + r_3*rho_3)
+    del alpha
     x0 = (rho_3*rho_3)
     x1 = (rho_1*rho_1)
     x2 = (rho_2*rho_2)
     x3 = x1 + x2
     c = np.sqrt(known + modulus_squared*(x0 + x3))
+    del modulus_squared
     pivot = r_2*rho_1 - r_1*rho_2
     x4 = 1.0/pivot
     x5 = c*x4
+    del c
     a1 = r_2*x5
     b1 = x4*(r_3*rho_2 - r_2*rho_3)
+    del r_2
     a2 = -r_1*x5
+    del x5
     b2 = x4*(r_1*rho_3 - r_3*rho_1)
+    del r_1, r_3, x4
     rho_12 = x3
+    del x3
     rho_13 = x0 + x1
+    del x1
     rho_23 = x0 + x2
+    del x0, x2
     x6 = 2.0*rho_3
     x7 = rho_1*x6
     x8 = rho_2*x6
+    del x6
     x9 = 2.0*rho_1*rho_2
     L2 = (b1*b1)*rho_23 + (b2*b2)*rho_13 + rho_12 - b1*b2*x9 - b1*x7 - b2*x8
+    del rho_12
     L1 = 2.0*a1*b1*rho_23 + 2.0*a2*b2*rho_13 - a1*x7 - a2*x8 - x9*(a1*b2 + a2*b1)
+    del x7, x8
     L0 = (a1*a1)*rho_23 + (a2*a2)*rho_13 - a1*a2*x9
+    del rho_13, rho_23, x9
     printed_root = np.sqrt((L1*L1) - 4.0*L2*(L0 + known))
-    x10 = -printed_root
-    root = np.where(pivot < 0.0, x10, printed_root)
+    del L0, known
+    root = np.where(pivot < 0.0, -printed_root, printed_root)
+    del pivot
     x11 = 0.5/L2
+    del L2
     theta3_plus = x11*(root - L1)
     theta3_minus = x11*(L1 + root)
-    theta3_printed = x11*(-L1 - x10)
+    del root
+    theta3_printed = x11*(printed_root - L1)
+    del L1, printed_root, x11
     theta_1_1 = a1 + b1*theta3_plus
     theta_1_2 = a2 + b2*theta3_plus
     theta_1_3 = theta3_plus
+    del theta3_plus
     theta_2_1 = b1*theta3_minus - a1
     theta_2_2 = b2*theta3_minus - a2
     theta_2_3 = theta3_minus
+    del theta3_minus
     theta_printed_1 = a1 + b1*theta3_printed
+    del a1, b1
     theta_printed_2 = a2 + b2*theta3_printed
+    del a2, b2
     theta_printed_3 = theta3_printed
+    del theta3_printed
     return (theta_1_1, theta_1_2, theta_1_3, theta_2_1, theta_2_2, theta_2_3, theta_printed_1, theta_printed_2, theta_printed_3)
 
 
 def _power_of_two_scale(x):
-    """Return the power of two that scales x into [1, 2)."""
-    limit = 1022 if x.dtype == np.float64 else 126
-    exponent = np.frexp(x)[1]
-    return np.ldexp(x.dtype.type(1), np.clip(1 - exponent, -limit, limit))
+    """Return the power of two that scales x >= 0 into [1, 2), from the exponent bits; 1 for 0."""
+    word, mantissa, top = (np.int64, 52, 2046) if x.dtype == np.float64 else (np.int32, 23, 254)
+    bits = x.view(word)
+    exponent = np.clip(bits & (word(top + 1) << mantissa), word(1) << mantissa, word(top - 1) << mantissa)
+    exponent = np.where(bits == 0, word(top // 2) << mantissa, exponent)
+    return ((word(top) << mantissa) - exponent).view(x.dtype)
 
 
-def _evaluate(body, name, arguments, inputs, outputs, out):
-    """Broadcast the arguments, run the straight-line body block by block, fill the outputs."""
+def _evaluate(body, usual, name, arguments, inputs, outputs, out):
+    """Broadcast the arguments, run the straight-line body block by block, fill the outputs.
+
+    Where `usual` is there, it is a shorter body that also says which elements it holds for.
+    """
     arrays = [np.asarray(a) for a in arguments]
     weak = [a if isinstance(a, (int, float)) else array for a, array in zip(arguments, arrays)]
     real = np.dtype(np.float32 if np.can_cast(np.result_type(*weak), np.float32) else np.float64)
@@ -128,8 +158,7 @@ def _evaluate(body, name, arguments, inputs, outputs, out):
         if loop != shape and any(n != 1 for n in loop):
             array = np.broadcast_to(array, shape + core)
             loop = shape
-        flat = array.reshape((count if loop == shape else 1, -1))
-        columns += [flat[:, k] for k in range(flat.shape[1])]
+        columns.append(array.reshape((count if loop == shape else 1, math.prod(core))))
 
     results = (None,) * len(outputs) if out is None else out if isinstance(out, tuple) else (out,)
     if len(results) != len(outputs):
@@ -142,18 +171,22 @@ def _evaluate(body, name, arguments, inputs, outputs, out):
             raise ValueError(f"{name}: out for {port} has shape {result.shape}; expected {shape + core}")
         filled.append(result)
     targets = [
-        r.reshape((count, -1)) if r.flags.c_contiguous else np.empty((count, int(np.prod(core, dtype=int))), r.dtype)
+        r.reshape((count, math.prod(core)))
+        if r.flags.c_contiguous and not any(np.may_share_memory(r, a) for a in arrays)
+        else np.empty((count, math.prod(core)), r.dtype)
         for r, (_, core, _) in zip(filled, outputs)
     ]
     limits = np.finfo(real)
     with np.errstate(all="ignore"):
         for start in range(0, count, BLOCK):
             block = slice(start, start + BLOCK)
-            values = iter(
-                body(
-                    *(c[block] if len(c) != 1 else c for c in columns), float(limits.eps), float(limits.max)
-                )
-            )
+            rows = (c[block] if len(c) != 1 else c for c in columns)
+            components = [component for r in rows for component in np.ascontiguousarray(r.T)]
+            numbers = float(limits.eps), float(limits.max)
+            values = usual(*components, *numbers) if usual else ()
+            if not usual or not np.all(values[-1]):
+                values = body(*components, *numbers)
+            values = iter(values)
             for target in targets:
                 for k in range(target.shape[1]):
                     target[block, k] = next(values)

@@ -7,12 +7,14 @@ Template: numpy.py.j2. Source: Stebulyanin and Pimushkin, "Solution of the Rodri
 from __future__ import annotations
 from enum import IntEnum
 
+import math
+
 import numpy as np
 
 __all__ = ["RotationStatus", "rotate", "rodrigues_vector_from_axis_angle", "matrix_from_axis_angle", "quaternion_from_axis_angle", "axis_angle_from_rodrigues_vector", "matrix_from_rodrigues_vector", "quaternion_from_rodrigues_vector", "axis_angle_from_matrix", "rodrigues_vector_from_matrix", "quaternion_from_matrix", "axis_angle_from_quaternion", "rodrigues_vector_from_quaternion", "matrix_from_quaternion"]
 
 # Elements evaluated at a time: few enough for the intermediates to stay in the cache.
-BLOCK = 2048
+BLOCK = 8192
 
 
 class RotationStatus(IntEnum):
@@ -44,7 +46,7 @@ def rotate(rho, theta, *, out=None):
         the rotated vector
     """
     return _evaluate(
-        _rotate,
+        _rotate, None,
         "rotate",
         (rho, theta),
         (("rho", (3,)), ("theta", (3,))),
@@ -64,15 +66,21 @@ def _rotate(rho_1, rho_2, rho_3, theta_1, theta_2, theta_3, eps, largest):
     turn_1 = theta_1*x0
     turn_2 = theta_2*x0
     turn_3 = theta_3*x0
+    del x0
     divisor = (factor*factor) + (turn_1*turn_1) + (turn_2*turn_2) + (turn_3*turn_3)
     inner_1 = factor*rho_1 + rho_3*turn_2 - rho_2*turn_3
     inner_2 = factor*rho_2 + rho_1*turn_3 - rho_3*turn_1
     inner_3 = factor*rho_3 + rho_2*turn_1 - rho_1*turn_2
+    del factor
     x1 = 1.0/divisor
+    del divisor
     x2 = 2.0*turn_3
+    del turn_3
     rotated_1 = rho_1 + x1*(2.0*inner_3*turn_2 - inner_2*x2)
     rotated_2 = rho_2 + x1*(inner_1*x2 - 2.0*inner_3*turn_1)
+    del inner_3, x2
     rotated_3 = rho_3 + x1*(2.0*inner_2*turn_1 - 2.0*inner_1*turn_2)
+    del inner_1, inner_2, turn_1, turn_2, x1
     return (rotated_1, rotated_2, rotated_3)
 
 
@@ -96,7 +104,7 @@ def rodrigues_vector_from_axis_angle(axis, angle, *, out=None):
         what the rotation is
     """
     return _evaluate(
-        _rodrigues_vector_from_axis_angle,
+        _rodrigues_vector_from_axis_angle, None,
         "rodrigues_vector_from_axis_angle",
         (axis, angle),
         (("axis", (3,)), ("angle", ())),
@@ -117,30 +125,46 @@ def _rodrigues_vector_from_axis_angle(axis_1, axis_2, axis_3, angle, eps, larges
     axis_scaled_1 = axis_1*x0
     axis_scaled_2 = axis_2*x0
     axis_scaled_3 = axis_3*x0
+    del x0
     axis_length = np.sqrt((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3))
     x1 = np.where(axis_length > 0.0, 1.0/axis_length, 1.0)
+    del axis_length
     axis_unit_1 = axis_scaled_1*x1
+    del axis_scaled_1
     axis_unit_2 = axis_scaled_2*x1
+    del axis_scaled_2
     axis_unit_3 = axis_scaled_3*x1
+    del axis_scaled_3, x1
     axis_deviation = np.abs((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - 1.0)
     x2 = np.cos(half_angle)
     quaternion_sign = np.where(x2 < 0.0, -1.0, 1.0)
     w = quaternion_sign*x2
+    del x2
     x3 = quaternion_sign*np.sin(half_angle)
+    del half_angle, quaternion_sign
     v_1 = axis_unit_1*x3
+    del axis_unit_1
     v_2 = axis_unit_2*x3
+    del axis_unit_2
     v_3 = axis_unit_3*x3
+    del axis_unit_3, x3
     good = (axis_size <= largest) & (np.abs(angle) <= largest) & (axis_size > 0.0)
+    del axis_size
     sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
     sine = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
+    del sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
     x4 = 2.0*np.where(w > 0.25*eps, 1.0/w, 4.0/eps)
     theta_1 = np.where(good, v_1*x4, np.nan)
+    del v_1
     theta_2 = np.where(good, v_2*x4, np.nan)
+    del v_2
     theta_3 = np.where(good, v_3*x4, np.nan)
+    del v_3, x4
     status = np.where(~(good), 4.0, np.where(axis_deviation > 16.0*eps, 3.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0))))
+    del axis_deviation, good, sine, w
     return (theta_1, theta_2, theta_3, status)
 
 
@@ -164,7 +188,7 @@ def matrix_from_axis_angle(axis, angle, *, out=None):
         what the rotation is
     """
     return _evaluate(
-        _matrix_from_axis_angle,
+        _matrix_from_axis_angle, None,
         "matrix_from_axis_angle",
         (axis, angle),
         (("axis", (3,)), ("angle", ())),
@@ -185,25 +209,37 @@ def _matrix_from_axis_angle(axis_1, axis_2, axis_3, angle, eps, largest):
     axis_scaled_1 = axis_1*x0
     axis_scaled_2 = axis_2*x0
     axis_scaled_3 = axis_3*x0
+    del x0
     axis_length = np.sqrt((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3))
     x1 = np.where(axis_length > 0.0, 1.0/axis_length, 1.0)
+    del axis_length
     axis_unit_1 = axis_scaled_1*x1
+    del axis_scaled_1
     axis_unit_2 = axis_scaled_2*x1
+    del axis_scaled_2
     axis_unit_3 = axis_scaled_3*x1
+    del axis_scaled_3, x1
     axis_deviation = np.abs((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - 1.0)
     x2 = np.cos(half_angle)
     quaternion_sign = np.where(x2 < 0.0, -1.0, 1.0)
     w = quaternion_sign*x2
+    del x2
     x3 = quaternion_sign*np.sin(half_angle)
+    del half_angle, quaternion_sign
     v_1 = axis_unit_1*x3
+    del axis_unit_1
     v_2 = axis_unit_2*x3
+    del axis_unit_2
     v_3 = axis_unit_3*x3
+    del axis_unit_3, x3
     good = (axis_size <= largest) & (np.abs(angle) <= largest) & (axis_size > 0.0)
+    del axis_size
     sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
     sine = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
+    del sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
     x4 = 2.0*(v_2*v_2)
     x5 = 2.0*(v_3*v_3) - 1.0
     matrix_1_1 = np.where(good, -x4 - x5, np.nan)
@@ -214,16 +250,25 @@ def _matrix_from_axis_angle(axis_1, axis_2, axis_3, angle, eps, largest):
     matrix_1_2 = np.where(good, x7 - x9, np.nan)
     x10 = v_1*x8
     x11 = w*x6
+    del x6
     matrix_1_3 = np.where(good, x10 + x11, np.nan)
     matrix_2_1 = np.where(good, x7 + x9, np.nan)
+    del x7, x9
     x12 = 2.0*(v_1*v_1)
     matrix_2_2 = np.where(good, -x12 - x5, np.nan)
+    del x5
     x13 = 2.0*v_1*w
+    del v_1
     matrix_2_3 = np.where(good, 2.0*v_2*v_3 - x13, np.nan)
+    del v_3
     matrix_3_1 = np.where(good, x10 - x11, np.nan)
+    del x10, x11
     matrix_3_2 = np.where(good, v_2*x8 + x13, np.nan)
+    del v_2, x13, x8
     matrix_3_3 = np.where(good, 1.0 - x12 - x4, np.nan)
+    del x12, x4
     status = np.where(~(good), 4.0, np.where(axis_deviation > 16.0*eps, 3.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0))))
+    del axis_deviation, good, sine, w
     return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, status)
 
 
@@ -247,7 +292,7 @@ def quaternion_from_axis_angle(axis, angle, *, out=None):
         what the rotation is
     """
     return _evaluate(
-        _quaternion_from_axis_angle,
+        _quaternion_from_axis_angle, None,
         "quaternion_from_axis_angle",
         (axis, angle),
         (("axis", (3,)), ("angle", ())),
@@ -268,30 +313,46 @@ def _quaternion_from_axis_angle(axis_1, axis_2, axis_3, angle, eps, largest):
     axis_scaled_1 = axis_1*x0
     axis_scaled_2 = axis_2*x0
     axis_scaled_3 = axis_3*x0
+    del x0
     axis_length = np.sqrt((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3))
     x1 = np.where(axis_length > 0.0, 1.0/axis_length, 1.0)
+    del axis_length
     axis_unit_1 = axis_scaled_1*x1
+    del axis_scaled_1
     axis_unit_2 = axis_scaled_2*x1
+    del axis_scaled_2
     axis_unit_3 = axis_scaled_3*x1
+    del axis_scaled_3, x1
     axis_deviation = np.abs((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - 1.0)
     x2 = np.cos(half_angle)
     quaternion_sign = np.where(x2 < 0.0, -1.0, 1.0)
     w = quaternion_sign*x2
+    del x2
     x3 = quaternion_sign*np.sin(half_angle)
+    del half_angle, quaternion_sign
     v_1 = axis_unit_1*x3
+    del axis_unit_1
     v_2 = axis_unit_2*x3
+    del axis_unit_2
     v_3 = axis_unit_3*x3
+    del axis_unit_3, x3
     good = (axis_size <= largest) & (np.abs(angle) <= largest) & (axis_size > 0.0)
+    del axis_size
     sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
     sine = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
+    del sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
     quaternion_1 = np.where(good, w, np.nan)
     quaternion_2 = np.where(good, v_1, np.nan)
+    del v_1
     quaternion_3 = np.where(good, v_2, np.nan)
+    del v_2
     quaternion_4 = np.where(good, v_3, np.nan)
+    del v_3
     status = np.where(~(good), 4.0, np.where(axis_deviation > 16.0*eps, 3.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0))))
+    del axis_deviation, good, sine, w
     return (quaternion_1, quaternion_2, quaternion_3, quaternion_4, status)
 
 
@@ -315,7 +376,7 @@ def axis_angle_from_rodrigues_vector(theta, *, out=None):
         what the rotation is
     """
     return _evaluate(
-        _axis_angle_from_rodrigues_vector,
+        _axis_angle_from_rodrigues_vector, None,
         "axis_angle_from_rodrigues_vector",
         (theta,),
         (("theta", (3,)),),
@@ -336,25 +397,41 @@ def _axis_angle_from_rodrigues_vector(theta_1, theta_2, theta_3, eps, largest):
     theta_scaled_1 = theta_1*x0
     theta_scaled_2 = theta_2*x0
     theta_scaled_3 = theta_3*x0
+    del x0
     length = np.sqrt((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3))
     x1 = 1.0/length
+    del length
     w = factor*x1
+    del factor
     v_1 = theta_scaled_1*x1
+    del theta_scaled_1
     v_2 = theta_scaled_2*x1
+    del theta_scaled_2
     v_3 = theta_scaled_3*x1
+    del theta_scaled_3, x1
     good = size <= largest
+    del size
     sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
     v_scaled_1 = sine_scale*v_1
+    del v_1
     v_scaled_2 = sine_scale*v_2
+    del v_2
     v_scaled_3 = sine_scale*v_3
+    del v_3
     x2 = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))
     sine = x2/sine_scale
+    del sine_scale
     x3 = np.where(sine > 0.0, 1.0/x2, 1.0)
+    del x2
     axis_1 = np.where(good, np.where(sine > 0.0, v_scaled_1*x3, 0.0), np.nan)
+    del v_scaled_1
     axis_2 = np.where(good, np.where(sine > 0.0, v_scaled_2*x3, 0.0), np.nan)
+    del v_scaled_2
     axis_3 = np.where(good, np.where(sine > 0.0, v_scaled_3*x3, 1.0), np.nan)
+    del v_scaled_3, x3
     angle = np.where(good, 2.0*np.arctan2(sine, w), np.nan)
     status = np.where(~(good), 4.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0)))
+    del good, sine, w
     return (axis_1, axis_2, axis_3, angle, status)
 
 
@@ -376,7 +453,7 @@ def matrix_from_rodrigues_vector(theta, *, out=None):
         what the rotation is
     """
     return _evaluate(
-        _matrix_from_rodrigues_vector,
+        _matrix_from_rodrigues_vector, None,
         "matrix_from_rodrigues_vector",
         (theta,),
         (("theta", (3,)),),
@@ -397,18 +474,26 @@ def _matrix_from_rodrigues_vector(theta_1, theta_2, theta_3, eps, largest):
     theta_scaled_1 = theta_1*x0
     theta_scaled_2 = theta_2*x0
     theta_scaled_3 = theta_3*x0
+    del x0
     length = np.sqrt((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3))
     x1 = 1.0/length
+    del length
     w = factor*x1
+    del factor
     v_1 = theta_scaled_1*x1
+    del theta_scaled_1
     v_2 = theta_scaled_2*x1
+    del theta_scaled_2
     v_3 = theta_scaled_3*x1
+    del theta_scaled_3, x1
     good = size <= largest
+    del size
     sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
     sine = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
+    del sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
     x2 = 2.0*(v_2*v_2)
     x3 = 2.0*(v_3*v_3) - 1.0
     matrix_1_1 = np.where(good, -x2 - x3, np.nan)
@@ -419,16 +504,25 @@ def _matrix_from_rodrigues_vector(theta_1, theta_2, theta_3, eps, largest):
     matrix_1_2 = np.where(good, x5 - x7, np.nan)
     x8 = v_1*x6
     x9 = w*x4
+    del x4
     matrix_1_3 = np.where(good, x8 + x9, np.nan)
     matrix_2_1 = np.where(good, x5 + x7, np.nan)
+    del x5, x7
     x10 = 2.0*(v_1*v_1)
     matrix_2_2 = np.where(good, -x10 - x3, np.nan)
+    del x3
     x11 = 2.0*v_1*w
+    del v_1
     matrix_2_3 = np.where(good, 2.0*v_2*v_3 - x11, np.nan)
+    del v_3
     matrix_3_1 = np.where(good, x8 - x9, np.nan)
+    del x8, x9
     matrix_3_2 = np.where(good, v_2*x6 + x11, np.nan)
+    del v_2, x11, x6
     matrix_3_3 = np.where(good, 1.0 - x10 - x2, np.nan)
+    del x10, x2
     status = np.where(~(good), 4.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0)))
+    del good, sine, w
     return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, status)
 
 
@@ -450,7 +544,7 @@ def quaternion_from_rodrigues_vector(theta, *, out=None):
         what the rotation is
     """
     return _evaluate(
-        _quaternion_from_rodrigues_vector,
+        _quaternion_from_rodrigues_vector, None,
         "quaternion_from_rodrigues_vector",
         (theta,),
         (("theta", (3,)),),
@@ -471,23 +565,35 @@ def _quaternion_from_rodrigues_vector(theta_1, theta_2, theta_3, eps, largest):
     theta_scaled_1 = theta_1*x0
     theta_scaled_2 = theta_2*x0
     theta_scaled_3 = theta_3*x0
+    del x0
     length = np.sqrt((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3))
     x1 = 1.0/length
+    del length
     w = factor*x1
+    del factor
     v_1 = theta_scaled_1*x1
+    del theta_scaled_1
     v_2 = theta_scaled_2*x1
+    del theta_scaled_2
     v_3 = theta_scaled_3*x1
+    del theta_scaled_3, x1
     good = size <= largest
+    del size
     sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
     sine = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
+    del sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
     quaternion_1 = np.where(good, w, np.nan)
     quaternion_2 = np.where(good, v_1, np.nan)
+    del v_1
     quaternion_3 = np.where(good, v_2, np.nan)
+    del v_2
     quaternion_4 = np.where(good, v_3, np.nan)
+    del v_3
     status = np.where(~(good), 4.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0)))
+    del good, sine, w
     return (quaternion_1, quaternion_2, quaternion_3, quaternion_4, status)
 
 
@@ -511,7 +617,7 @@ def axis_angle_from_matrix(matrix, *, out=None):
         what the rotation is
     """
     return _evaluate(
-        _axis_angle_from_matrix,
+        _axis_angle_from_matrix, None,
         "axis_angle_from_matrix",
         (matrix,),
         (("matrix", (3, 3)),),
@@ -535,61 +641,98 @@ def _axis_angle_from_matrix(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matr
     x3 = matrix_2_1 - matrix_1_2
     products_1_4 = x3
     products_2_1 = x1
-    x4 = -matrix_2_2
-    x5 = -matrix_3_3
-    products_2_2 = x0 + x4 + x5
+    del x1
+    products_2_2 = x0 - matrix_2_2 - matrix_3_3
+    del x0
     x6 = matrix_1_2 + matrix_2_1
     products_2_3 = x6
     x7 = matrix_1_3 + matrix_3_1
     products_2_4 = x7
     products_3_1 = x2
+    del x2
     products_3_2 = x6
+    del x6
     x8 = matrix_1_1 - 1.0
-    products_3_3 = -matrix_3_3 - x4 - x8
+    products_3_3 = matrix_2_2 - matrix_3_3 - x8
     x9 = matrix_2_3 + matrix_3_2
     products_3_4 = x9
     products_4_1 = x3
+    del x3
     products_4_2 = x7
+    del x7
     products_4_3 = x9
-    products_4_4 = -matrix_2_2 - x5 - x8
+    del x9
+    products_4_4 = matrix_3_3 - matrix_2_2 - x8
+    del x8
     column_a_1 = np.where(products_1_1 < products_2_2, products_1_2, products_1_1)
+    del products_1_2
     column_a_2 = np.where(products_1_1 < products_2_2, products_2_2, products_2_1)
+    del products_2_1
     column_a_3 = np.where(products_1_1 < products_2_2, products_3_2, products_3_1)
+    del products_3_1, products_3_2
     column_a_4 = np.where(products_1_1 < products_2_2, products_4_2, products_4_1)
+    del products_4_1, products_4_2
     largest_a = np.where(products_1_1 < products_2_2, products_2_2, products_1_1)
+    del products_1_1, products_2_2
     column_b_1 = np.where(largest_a < products_3_3, products_1_3, column_a_1)
+    del column_a_1, products_1_3
     column_b_2 = np.where(largest_a < products_3_3, products_2_3, column_a_2)
+    del column_a_2, products_2_3
     column_b_3 = np.where(largest_a < products_3_3, products_3_3, column_a_3)
+    del column_a_3
     column_b_4 = np.where(largest_a < products_3_3, products_4_3, column_a_4)
+    del column_a_4, products_4_3
     largest_b = np.where(largest_a < products_3_3, products_3_3, largest_a)
+    del largest_a, products_3_3
     column_c_1 = np.where(largest_b < products_4_4, products_1_4, column_b_1)
+    del column_b_1, products_1_4
     column_c_2 = np.where(largest_b < products_4_4, products_2_4, column_b_2)
+    del column_b_2, products_2_4
     column_c_3 = np.where(largest_b < products_4_4, products_3_4, column_b_3)
+    del column_b_3, products_3_4
     column_c_4 = np.where(largest_b < products_4_4, products_4_4, column_b_4)
+    del column_b_4, largest_b, products_4_4
     length = np.sqrt((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4))
     x10 = 1.0/length
+    del length
     x11 = column_c_1*x10
+    del column_c_1
     quaternion_sign = np.where(x11 < 0.0, -1.0, 1.0)
     w = quaternion_sign*x11
+    del x11
     x12 = quaternion_sign*x10
+    del quaternion_sign, x10
     v_1 = column_c_2*x12
+    del column_c_2
     v_2 = column_c_3*x12
+    del column_c_3
     v_3 = column_c_4*x12
+    del column_c_4, x12
     deviation = 2.0*np.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*np.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*np.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + np.abs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + np.abs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + np.abs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0)
     determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
     good = (deviation <= largest) & (determinant > 0.0)
+    del determinant
     sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
     v_scaled_1 = sine_scale*v_1
+    del v_1
     v_scaled_2 = sine_scale*v_2
+    del v_2
     v_scaled_3 = sine_scale*v_3
+    del v_3
     x13 = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))
     sine = x13/sine_scale
+    del sine_scale
     x14 = np.where(sine > 0.0, 1.0/x13, 1.0)
+    del x13
     axis_1 = np.where(good, np.where(sine > 0.0, v_scaled_1*x14, 0.0), np.nan)
+    del v_scaled_1
     axis_2 = np.where(good, np.where(sine > 0.0, v_scaled_2*x14, 0.0), np.nan)
+    del v_scaled_2
     axis_3 = np.where(good, np.where(sine > 0.0, v_scaled_3*x14, 1.0), np.nan)
+    del v_scaled_3, x14
     angle = np.where(good, 2.0*np.arctan2(sine, w), np.nan)
     status = np.where(~(good), 4.0, np.where(deviation > 64.0*eps, 3.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0))))
+    del deviation, good, sine, w
     return (axis_1, axis_2, axis_3, angle, status)
 
 
@@ -611,7 +754,7 @@ def rodrigues_vector_from_matrix(matrix, *, out=None):
         what the rotation is
     """
     return _evaluate(
-        _rodrigues_vector_from_matrix,
+        _rodrigues_vector_from_matrix, None,
         "rodrigues_vector_from_matrix",
         (matrix,),
         (("matrix", (3, 3)),),
@@ -635,59 +778,92 @@ def _rodrigues_vector_from_matrix(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1
     x3 = matrix_2_1 - matrix_1_2
     products_1_4 = x3
     products_2_1 = x1
-    x4 = -matrix_2_2
-    x5 = -matrix_3_3
-    products_2_2 = x0 + x4 + x5
+    del x1
+    products_2_2 = x0 - matrix_2_2 - matrix_3_3
+    del x0
     x6 = matrix_1_2 + matrix_2_1
     products_2_3 = x6
     x7 = matrix_1_3 + matrix_3_1
     products_2_4 = x7
     products_3_1 = x2
+    del x2
     products_3_2 = x6
+    del x6
     x8 = matrix_1_1 - 1.0
-    products_3_3 = -matrix_3_3 - x4 - x8
+    products_3_3 = matrix_2_2 - matrix_3_3 - x8
     x9 = matrix_2_3 + matrix_3_2
     products_3_4 = x9
     products_4_1 = x3
+    del x3
     products_4_2 = x7
+    del x7
     products_4_3 = x9
-    products_4_4 = -matrix_2_2 - x5 - x8
+    del x9
+    products_4_4 = matrix_3_3 - matrix_2_2 - x8
+    del x8
     column_a_1 = np.where(products_1_1 < products_2_2, products_1_2, products_1_1)
+    del products_1_2
     column_a_2 = np.where(products_1_1 < products_2_2, products_2_2, products_2_1)
+    del products_2_1
     column_a_3 = np.where(products_1_1 < products_2_2, products_3_2, products_3_1)
+    del products_3_1, products_3_2
     column_a_4 = np.where(products_1_1 < products_2_2, products_4_2, products_4_1)
+    del products_4_1, products_4_2
     largest_a = np.where(products_1_1 < products_2_2, products_2_2, products_1_1)
+    del products_1_1, products_2_2
     column_b_1 = np.where(largest_a < products_3_3, products_1_3, column_a_1)
+    del column_a_1, products_1_3
     column_b_2 = np.where(largest_a < products_3_3, products_2_3, column_a_2)
+    del column_a_2, products_2_3
     column_b_3 = np.where(largest_a < products_3_3, products_3_3, column_a_3)
+    del column_a_3
     column_b_4 = np.where(largest_a < products_3_3, products_4_3, column_a_4)
+    del column_a_4, products_4_3
     largest_b = np.where(largest_a < products_3_3, products_3_3, largest_a)
+    del largest_a, products_3_3
     column_c_1 = np.where(largest_b < products_4_4, products_1_4, column_b_1)
+    del column_b_1, products_1_4
     column_c_2 = np.where(largest_b < products_4_4, products_2_4, column_b_2)
+    del column_b_2, products_2_4
     column_c_3 = np.where(largest_b < products_4_4, products_3_4, column_b_3)
+    del column_b_3, products_3_4
     column_c_4 = np.where(largest_b < products_4_4, products_4_4, column_b_4)
+    del column_b_4, largest_b, products_4_4
     length = np.sqrt((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4))
     x10 = 1.0/length
+    del length
     x11 = column_c_1*x10
+    del column_c_1
     quaternion_sign = np.where(x11 < 0.0, -1.0, 1.0)
     w = quaternion_sign*x11
+    del x11
     x12 = quaternion_sign*x10
+    del quaternion_sign, x10
     v_1 = column_c_2*x12
+    del column_c_2
     v_2 = column_c_3*x12
+    del column_c_3
     v_3 = column_c_4*x12
+    del column_c_4, x12
     deviation = 2.0*np.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*np.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*np.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + np.abs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + np.abs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + np.abs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0)
     determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
     good = (deviation <= largest) & (determinant > 0.0)
+    del determinant
     sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
     sine = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
+    del sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
     x13 = 2.0*np.where(w > 0.25*eps, 1.0/w, 4.0/eps)
     theta_1 = np.where(good, v_1*x13, np.nan)
+    del v_1
     theta_2 = np.where(good, v_2*x13, np.nan)
+    del v_2
     theta_3 = np.where(good, v_3*x13, np.nan)
+    del v_3, x13
     status = np.where(~(good), 4.0, np.where(deviation > 64.0*eps, 3.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0))))
+    del deviation, good, sine, w
     return (theta_1, theta_2, theta_3, status)
 
 
@@ -709,7 +885,7 @@ def quaternion_from_matrix(matrix, *, out=None):
         what the rotation is
     """
     return _evaluate(
-        _quaternion_from_matrix,
+        _quaternion_from_matrix, None,
         "quaternion_from_matrix",
         (matrix,),
         (("matrix", (3, 3)),),
@@ -733,59 +909,92 @@ def _quaternion_from_matrix(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matr
     x3 = matrix_2_1 - matrix_1_2
     products_1_4 = x3
     products_2_1 = x1
-    x4 = -matrix_2_2
-    x5 = -matrix_3_3
-    products_2_2 = x0 + x4 + x5
+    del x1
+    products_2_2 = x0 - matrix_2_2 - matrix_3_3
+    del x0
     x6 = matrix_1_2 + matrix_2_1
     products_2_3 = x6
     x7 = matrix_1_3 + matrix_3_1
     products_2_4 = x7
     products_3_1 = x2
+    del x2
     products_3_2 = x6
+    del x6
     x8 = matrix_1_1 - 1.0
-    products_3_3 = -matrix_3_3 - x4 - x8
+    products_3_3 = matrix_2_2 - matrix_3_3 - x8
     x9 = matrix_2_3 + matrix_3_2
     products_3_4 = x9
     products_4_1 = x3
+    del x3
     products_4_2 = x7
+    del x7
     products_4_3 = x9
-    products_4_4 = -matrix_2_2 - x5 - x8
+    del x9
+    products_4_4 = matrix_3_3 - matrix_2_2 - x8
+    del x8
     column_a_1 = np.where(products_1_1 < products_2_2, products_1_2, products_1_1)
+    del products_1_2
     column_a_2 = np.where(products_1_1 < products_2_2, products_2_2, products_2_1)
+    del products_2_1
     column_a_3 = np.where(products_1_1 < products_2_2, products_3_2, products_3_1)
+    del products_3_1, products_3_2
     column_a_4 = np.where(products_1_1 < products_2_2, products_4_2, products_4_1)
+    del products_4_1, products_4_2
     largest_a = np.where(products_1_1 < products_2_2, products_2_2, products_1_1)
+    del products_1_1, products_2_2
     column_b_1 = np.where(largest_a < products_3_3, products_1_3, column_a_1)
+    del column_a_1, products_1_3
     column_b_2 = np.where(largest_a < products_3_3, products_2_3, column_a_2)
+    del column_a_2, products_2_3
     column_b_3 = np.where(largest_a < products_3_3, products_3_3, column_a_3)
+    del column_a_3
     column_b_4 = np.where(largest_a < products_3_3, products_4_3, column_a_4)
+    del column_a_4, products_4_3
     largest_b = np.where(largest_a < products_3_3, products_3_3, largest_a)
+    del largest_a, products_3_3
     column_c_1 = np.where(largest_b < products_4_4, products_1_4, column_b_1)
+    del column_b_1, products_1_4
     column_c_2 = np.where(largest_b < products_4_4, products_2_4, column_b_2)
+    del column_b_2, products_2_4
     column_c_3 = np.where(largest_b < products_4_4, products_3_4, column_b_3)
+    del column_b_3, products_3_4
     column_c_4 = np.where(largest_b < products_4_4, products_4_4, column_b_4)
+    del column_b_4, largest_b, products_4_4
     length = np.sqrt((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4))
     x10 = 1.0/length
+    del length
     x11 = column_c_1*x10
+    del column_c_1
     quaternion_sign = np.where(x11 < 0.0, -1.0, 1.0)
     w = quaternion_sign*x11
+    del x11
     x12 = quaternion_sign*x10
+    del quaternion_sign, x10
     v_1 = column_c_2*x12
+    del column_c_2
     v_2 = column_c_3*x12
+    del column_c_3
     v_3 = column_c_4*x12
+    del column_c_4, x12
     deviation = 2.0*np.abs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*np.abs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*np.abs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + np.abs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + np.abs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + np.abs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0)
     determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2)
     good = (deviation <= largest) & (determinant > 0.0)
+    del determinant
     sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
     sine = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
+    del sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
     quaternion_1 = np.where(good, w, np.nan)
     quaternion_2 = np.where(good, v_1, np.nan)
+    del v_1
     quaternion_3 = np.where(good, v_2, np.nan)
+    del v_2
     quaternion_4 = np.where(good, v_3, np.nan)
+    del v_3
     status = np.where(~(good), 4.0, np.where(deviation > 64.0*eps, 3.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0))))
+    del deviation, good, sine, w
     return (quaternion_1, quaternion_2, quaternion_3, quaternion_4, status)
 
 
@@ -809,7 +1018,7 @@ def axis_angle_from_quaternion(quaternion, *, out=None):
         what the rotation is
     """
     return _evaluate(
-        _axis_angle_from_quaternion,
+        _axis_angle_from_quaternion, None,
         "axis_angle_from_quaternion",
         (quaternion,),
         (("quaternion", (4,)),),
@@ -830,31 +1039,51 @@ def _axis_angle_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quater
     quaternion_scaled_2 = quaternion_2*x0
     quaternion_scaled_3 = quaternion_3*x0
     quaternion_scaled_4 = quaternion_4*x0
+    del x0
     quaternion_length = np.sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4))
     x1 = np.where(quaternion_length > 0.0, 1.0/quaternion_length, 1.0)
+    del quaternion_length
     quaternion_unit_1 = quaternion_scaled_1*x1
+    del quaternion_scaled_1
     quaternion_unit_2 = quaternion_scaled_2*x1
+    del quaternion_scaled_2
     quaternion_unit_3 = quaternion_scaled_3*x1
+    del quaternion_scaled_3
     quaternion_unit_4 = quaternion_scaled_4*x1
+    del quaternion_scaled_4, x1
     quaternion_deviation = np.abs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0)
     quaternion_sign = np.where(quaternion_unit_1 < 0.0, -1.0, 1.0)
     w = quaternion_sign*quaternion_unit_1
+    del quaternion_unit_1
     v_1 = quaternion_sign*quaternion_unit_2
+    del quaternion_unit_2
     v_2 = quaternion_sign*quaternion_unit_3
+    del quaternion_unit_3
     v_3 = quaternion_sign*quaternion_unit_4
+    del quaternion_sign, quaternion_unit_4
     good = (quaternion_size <= largest) & (quaternion_size > 0.0)
+    del quaternion_size
     sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
     v_scaled_1 = sine_scale*v_1
+    del v_1
     v_scaled_2 = sine_scale*v_2
+    del v_2
     v_scaled_3 = sine_scale*v_3
+    del v_3
     x2 = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))
     sine = x2/sine_scale
+    del sine_scale
     x3 = np.where(sine > 0.0, 1.0/x2, 1.0)
+    del x2
     axis_1 = np.where(good, np.where(sine > 0.0, v_scaled_1*x3, 0.0), np.nan)
+    del v_scaled_1
     axis_2 = np.where(good, np.where(sine > 0.0, v_scaled_2*x3, 0.0), np.nan)
+    del v_scaled_2
     axis_3 = np.where(good, np.where(sine > 0.0, v_scaled_3*x3, 1.0), np.nan)
+    del v_scaled_3, x3
     angle = np.where(good, 2.0*np.arctan2(sine, w), np.nan)
     status = np.where(~(good), 4.0, np.where(quaternion_deviation > 16.0*eps, 3.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0))))
+    del good, quaternion_deviation, sine, w
     return (axis_1, axis_2, axis_3, angle, status)
 
 
@@ -876,7 +1105,7 @@ def rodrigues_vector_from_quaternion(quaternion, *, out=None):
         what the rotation is
     """
     return _evaluate(
-        _rodrigues_vector_from_quaternion,
+        _rodrigues_vector_from_quaternion, None,
         "rodrigues_vector_from_quaternion",
         (quaternion,),
         (("quaternion", (4,)),),
@@ -897,29 +1126,45 @@ def _rodrigues_vector_from_quaternion(quaternion_1, quaternion_2, quaternion_3, 
     quaternion_scaled_2 = quaternion_2*x0
     quaternion_scaled_3 = quaternion_3*x0
     quaternion_scaled_4 = quaternion_4*x0
+    del x0
     quaternion_length = np.sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4))
     x1 = np.where(quaternion_length > 0.0, 1.0/quaternion_length, 1.0)
+    del quaternion_length
     quaternion_unit_1 = quaternion_scaled_1*x1
+    del quaternion_scaled_1
     quaternion_unit_2 = quaternion_scaled_2*x1
+    del quaternion_scaled_2
     quaternion_unit_3 = quaternion_scaled_3*x1
+    del quaternion_scaled_3
     quaternion_unit_4 = quaternion_scaled_4*x1
+    del quaternion_scaled_4, x1
     quaternion_deviation = np.abs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0)
     quaternion_sign = np.where(quaternion_unit_1 < 0.0, -1.0, 1.0)
     w = quaternion_sign*quaternion_unit_1
+    del quaternion_unit_1
     v_1 = quaternion_sign*quaternion_unit_2
+    del quaternion_unit_2
     v_2 = quaternion_sign*quaternion_unit_3
+    del quaternion_unit_3
     v_3 = quaternion_sign*quaternion_unit_4
+    del quaternion_sign, quaternion_unit_4
     good = (quaternion_size <= largest) & (quaternion_size > 0.0)
+    del quaternion_size
     sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
     sine = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
+    del sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
     x2 = 2.0*np.where(w > 0.25*eps, 1.0/w, 4.0/eps)
     theta_1 = np.where(good, v_1*x2, np.nan)
+    del v_1
     theta_2 = np.where(good, v_2*x2, np.nan)
+    del v_2
     theta_3 = np.where(good, v_3*x2, np.nan)
+    del v_3, x2
     status = np.where(~(good), 4.0, np.where(quaternion_deviation > 16.0*eps, 3.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0))))
+    del good, quaternion_deviation, sine, w
     return (theta_1, theta_2, theta_3, status)
 
 
@@ -941,7 +1186,7 @@ def matrix_from_quaternion(quaternion, *, out=None):
         what the rotation is
     """
     return _evaluate(
-        _matrix_from_quaternion,
+        _matrix_from_quaternion, None,
         "matrix_from_quaternion",
         (quaternion,),
         (("quaternion", (4,)),),
@@ -962,24 +1207,36 @@ def _matrix_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quaternion
     quaternion_scaled_2 = quaternion_2*x0
     quaternion_scaled_3 = quaternion_3*x0
     quaternion_scaled_4 = quaternion_4*x0
+    del x0
     quaternion_length = np.sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4))
     x1 = np.where(quaternion_length > 0.0, 1.0/quaternion_length, 1.0)
+    del quaternion_length
     quaternion_unit_1 = quaternion_scaled_1*x1
+    del quaternion_scaled_1
     quaternion_unit_2 = quaternion_scaled_2*x1
+    del quaternion_scaled_2
     quaternion_unit_3 = quaternion_scaled_3*x1
+    del quaternion_scaled_3
     quaternion_unit_4 = quaternion_scaled_4*x1
+    del quaternion_scaled_4, x1
     quaternion_deviation = np.abs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0)
     quaternion_sign = np.where(quaternion_unit_1 < 0.0, -1.0, 1.0)
     w = quaternion_sign*quaternion_unit_1
+    del quaternion_unit_1
     v_1 = quaternion_sign*quaternion_unit_2
+    del quaternion_unit_2
     v_2 = quaternion_sign*quaternion_unit_3
+    del quaternion_unit_3
     v_3 = quaternion_sign*quaternion_unit_4
+    del quaternion_sign, quaternion_unit_4
     good = (quaternion_size <= largest) & (quaternion_size > 0.0)
+    del quaternion_size
     sine_scale = _power_of_two_scale(np.abs(v_1) + np.abs(v_2) + np.abs(v_3))
     v_scaled_1 = sine_scale*v_1
     v_scaled_2 = sine_scale*v_2
     v_scaled_3 = sine_scale*v_3
     sine = np.sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale
+    del sine_scale, v_scaled_1, v_scaled_2, v_scaled_3
     x2 = 2.0*(v_2*v_2)
     x3 = 2.0*(v_3*v_3) - 1.0
     matrix_1_1 = np.where(good, -x2 - x3, np.nan)
@@ -990,28 +1247,42 @@ def _matrix_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quaternion
     matrix_1_2 = np.where(good, x5 - x7, np.nan)
     x8 = v_1*x6
     x9 = w*x4
+    del x4
     matrix_1_3 = np.where(good, x8 + x9, np.nan)
     matrix_2_1 = np.where(good, x5 + x7, np.nan)
+    del x5, x7
     x10 = 2.0*(v_1*v_1)
     matrix_2_2 = np.where(good, -x10 - x3, np.nan)
+    del x3
     x11 = 2.0*v_1*w
+    del v_1
     matrix_2_3 = np.where(good, 2.0*v_2*v_3 - x11, np.nan)
+    del v_3
     matrix_3_1 = np.where(good, x8 - x9, np.nan)
+    del x8, x9
     matrix_3_2 = np.where(good, v_2*x6 + x11, np.nan)
+    del v_2, x11, x6
     matrix_3_3 = np.where(good, 1.0 - x10 - x2, np.nan)
+    del x10, x2
     status = np.where(~(good), 4.0, np.where(quaternion_deviation > 16.0*eps, 3.0, np.where(sine == 0.0, 1.0, np.where(w <= eps, 2.0, 0.0))))
+    del good, quaternion_deviation, sine, w
     return (matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, status)
 
 
 def _power_of_two_scale(x):
-    """Return the power of two that scales x into [1, 2)."""
-    limit = 1022 if x.dtype == np.float64 else 126
-    exponent = np.frexp(x)[1]
-    return np.ldexp(x.dtype.type(1), np.clip(1 - exponent, -limit, limit))
+    """Return the power of two that scales x >= 0 into [1, 2), from the exponent bits; 1 for 0."""
+    word, mantissa, top = (np.int64, 52, 2046) if x.dtype == np.float64 else (np.int32, 23, 254)
+    bits = x.view(word)
+    exponent = np.clip(bits & (word(top + 1) << mantissa), word(1) << mantissa, word(top - 1) << mantissa)
+    exponent = np.where(bits == 0, word(top // 2) << mantissa, exponent)
+    return ((word(top) << mantissa) - exponent).view(x.dtype)
 
 
-def _evaluate(body, name, arguments, inputs, outputs, out):
-    """Broadcast the arguments, run the straight-line body block by block, fill the outputs."""
+def _evaluate(body, usual, name, arguments, inputs, outputs, out):
+    """Broadcast the arguments, run the straight-line body block by block, fill the outputs.
+
+    Where `usual` is there, it is a shorter body that also says which elements it holds for.
+    """
     arrays = [np.asarray(a) for a in arguments]
     weak = [a if isinstance(a, (int, float)) else array for a, array in zip(arguments, arrays)]
     real = np.dtype(np.float32 if np.can_cast(np.result_type(*weak), np.float32) else np.float64)
@@ -1030,8 +1301,7 @@ def _evaluate(body, name, arguments, inputs, outputs, out):
         if loop != shape and any(n != 1 for n in loop):
             array = np.broadcast_to(array, shape + core)
             loop = shape
-        flat = array.reshape((count if loop == shape else 1, -1))
-        columns += [flat[:, k] for k in range(flat.shape[1])]
+        columns.append(array.reshape((count if loop == shape else 1, math.prod(core))))
 
     results = (None,) * len(outputs) if out is None else out if isinstance(out, tuple) else (out,)
     if len(results) != len(outputs):
@@ -1044,18 +1314,22 @@ def _evaluate(body, name, arguments, inputs, outputs, out):
             raise ValueError(f"{name}: out for {port} has shape {result.shape}; expected {shape + core}")
         filled.append(result)
     targets = [
-        r.reshape((count, -1)) if r.flags.c_contiguous else np.empty((count, int(np.prod(core, dtype=int))), r.dtype)
+        r.reshape((count, math.prod(core)))
+        if r.flags.c_contiguous and not any(np.may_share_memory(r, a) for a in arrays)
+        else np.empty((count, math.prod(core)), r.dtype)
         for r, (_, core, _) in zip(filled, outputs)
     ]
     limits = np.finfo(real)
     with np.errstate(all="ignore"):
         for start in range(0, count, BLOCK):
             block = slice(start, start + BLOCK)
-            values = iter(
-                body(
-                    *(c[block] if len(c) != 1 else c for c in columns), float(limits.eps), float(limits.max)
-                )
-            )
+            rows = (c[block] if len(c) != 1 else c for c in columns)
+            components = [component for r in rows for component in np.ascontiguousarray(r.T)]
+            numbers = float(limits.eps), float(limits.max)
+            values = usual(*components, *numbers) if usual else ()
+            if not usual or not np.all(values[-1]):
+                values = body(*components, *numbers)
+            values = iter(values)
             for target in targets:
                 for k in range(target.shape[1]):
                     target[block, k] = next(values)

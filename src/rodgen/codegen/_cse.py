@@ -48,7 +48,6 @@ def eliminate_common_subexpressions(steps: Sequence[Pair], taken: Iterable[str])
     taken = set(taken)
     names = (s for s in sp.numbered_symbols("x", real=True) if s.name not in taken)
     shared, reduced = sp.cse([*bare, *sides], symbols=names, order="canonical")
-    shared_symbols = {symbol for symbol, _ in shared}
 
     reduced_sides = iter(reduced[len(bare) :])
     shown: dict[sp.Basic, sp.Basic] = {}
@@ -68,8 +67,15 @@ def eliminate_common_subexpressions(steps: Sequence[Pair], taken: Iterable[str])
         return value.func(*(show(argument) for argument in value.args))
 
     definitions = {symbol: show(value) for symbol, value in shared}
-    result = [(symbol, show(value)) for (symbol, _), value in zip(steps, reduced[: len(bare)], strict=True)]
-    return list(_ordered(result, definitions, shared_symbols))
+    # a negated symbol is a sign in the sum that uses it, not a step
+    opposite: dict[sp.Symbol, sp.Basic] = {}
+    for symbol, value in definitions.items():
+        if isinstance(value, sp.Expr) and (-value).is_Symbol:
+            opposite[symbol] = value.xreplace(opposite)
+    definitions = {s: v.xreplace(opposite) for s, v in definitions.items() if s not in opposite}
+    values = (show(value).xreplace(opposite) for value in reduced[: len(bare)])
+    result = [(symbol, value) for (symbol, _), value in zip(steps, values, strict=True)]
+    return list(_ordered(result, definitions))
 
 
 def _hide_conditions(value: sp.Basic, conditions: dict[Boolean, sp.Symbol]) -> sp.Basic:
@@ -89,14 +95,12 @@ def _hide_conditions(value: sp.Basic, conditions: dict[Boolean, sp.Symbol]) -> s
     return value.func(*(_hide_conditions(argument, conditions) for argument in value.args))
 
 
-def _ordered(
-    steps: Sequence[Pair], definitions: dict[sp.Symbol, sp.Basic], shared: set[sp.Symbol]
-) -> Iterator[Pair]:
+def _ordered(steps: Sequence[Pair], definitions: dict[sp.Symbol, sp.Basic]) -> Iterator[Pair]:
     """Put each shared definition right before its first use."""
     done: set[sp.Symbol] = set()
 
     def needed(value: sp.Basic) -> Iterator[Pair]:
-        for symbol in sorted(value.free_symbols & shared, key=lambda s: int(s.name[1:])):
+        for symbol in sorted(value.free_symbols & set(definitions), key=lambda s: int(s.name[1:])):
             if symbol not in done:
                 done.add(symbol)
                 yield from needed(definitions[symbol])

@@ -11,19 +11,29 @@ from rodgen.codegen.printers import NumPyPrinter
 __all__ = ["described"]
 
 
-def described(kernels: tuple[Kernel, ...]) -> list[dict[str, Any]]:
-    """Describe the kernels whose inputs all have a domain, as the template test.py.j2 writes them."""
-    sampled = [k for k in kernels if k.inputs and all(port.between is not None for port in k.inputs)]
-    return [
-        {
-            "name": kernel.name,
-            "inputs": [(p.name, p.shape, *map(float, p.between or ())) for p in kernel.inputs],
-            "outputs": [(p.name, p.shape, p.is_status, periods(kernel).get(p.name)) for p in kernel.outputs],
-            "equations": _equations(kernel),
-            "derivative": _derivative(kernel, {k.name: k for k in sampled}),
-        }
-        for kernel in sampled
-    ]
+def described(kernels: tuple[Kernel, ...]) -> dict[str, Any]:
+    """Describe the kernels whose inputs all have a domain, as test.py.j2 writes them; empty where none has."""
+    sampled = {k.name: k for k in kernels if k.inputs and all(p.between is not None for p in k.inputs)}
+    if not sampled:
+        return {}
+    equations = [made for kernel in sampled.values() if (made := _equations(kernel))]
+    derivatives = [made for kernel in sampled.values() if (made := _derivative(kernel, sampled))]
+    return {
+        "kernels": [
+            {
+                "name": kernel.name,
+                "inputs": [(p.name, p.shape, *map(float, p.between or ())) for p in kernel.inputs],
+                "outputs": [
+                    (p.name, p.shape, p.is_status, periods(kernel).get(p.name)) for p in kernel.outputs
+                ],
+            }
+            for kernel in sampled.values()
+        ],
+        "equations": equations,
+        "complete": any(e["complete"] for e in equations),
+        "nowhere": any(e["nowhere"] for e in equations),
+        "derivatives": derivatives,
+    }
 
 
 def _equations(kernel: Kernel) -> dict[str, Any] | None:
@@ -34,6 +44,7 @@ def _equations(kernel: Kernel) -> dict[str, Any] | None:
     unknowns = program.inputs[len(kernel.inputs) :]
     ports = {p.name: p for p in program.outputs}
     return {
+        "kernel": kernel.name,
         "program": program.name,
         "components": ", ".join(s.name for p in program.inputs for s in p.symbols),
         "lines": [f"{a.symbol.name} = {printer.line(a.value)}" for a in program.assignments],
@@ -61,6 +72,7 @@ def _derivative(kernel: Kernel, others: dict[str, Kernel]) -> dict[str, Any] | N
     else:
         return None
     return {
+        "kernel": kernel.name,
         "of": of.name,
         "outputs": [(name, periods(of).get(name)) for name in given.outputs],
         "wrt": list(given.wrt),

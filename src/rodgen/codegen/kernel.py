@@ -317,7 +317,7 @@ class Kernel:
         known: dict[sp.Symbol, sp.Basic] = {}
         steps = []
         for a in self.assignments:
-            value = self.usual.values.get(a.symbol.name, a.value.xreplace(known))
+            value = self.usual.values.get(a.symbol.name, a.value).xreplace(known)
             if value.is_Symbol or value.is_Number or value in (sp.true, sp.false):
                 known[a.symbol] = value
             steps.append(Assignment(a.symbol, value))
@@ -481,13 +481,19 @@ class KernelBuilder:
         self._output(name, value, "1", doc, enum)
 
     def usual(self, guard: Boolean, **values: Any) -> None:
-        """Declare where the case distinctions are not needed; see :class:`UsualCase`."""
-        unknown = sorted({s.name for s in guard.free_symbols - self._known} | set(values) - self._names)
+        """Declare, after the outputs, where the case distinctions are not needed; see :class:`UsualCase`."""
+        known = {s.name for s in self._known} & self._live_names()
+        unknown = sorted({s.name for s in guard.free_symbols} - known | set(values) - self._names)
         if unknown:
             raise KernelError(
-                f"kernel {self._name}: the usual case names {', '.join(unknown)}, no step of it"
+                f"kernel {self._name}: the usual case names {', '.join(unknown)}, no step that an output needs"
             )
         self._usual = UsualCase(guard, {name: sp.sympify(value) for name, value in values.items()})
+
+    def _live_names(self) -> set[str]:
+        wanted = [s for port in self._outputs for s in port.symbols]
+        named = {a.symbol.name for a in _live(self._steps, wanted)}
+        return named | {s.name for port in self._inputs for s in port.symbols} | {EPS.name, LARGEST.name}
 
     def solves(
         self,

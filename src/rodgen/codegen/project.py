@@ -10,7 +10,7 @@ import difflib
 import math
 import re
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
@@ -20,7 +20,7 @@ import jinja2
 
 from rodgen.codegen._tests import described
 from rodgen.codegen.kernel import Assignment, Kernel, Port
-from rodgen.codegen.printers import CPrinter, KernelPrinter, NumPyPrinter, VectorCPrinter
+from rodgen.codegen.printers import CPrinter, NumPyPrinter, VectorCPrinter
 from rodgen.symbolic import Derivation
 
 __all__ = ["KernelModule", "check_kernels", "render", "render_extension", "write_kernels"]
@@ -107,7 +107,9 @@ def render(module: KernelModule) -> dict[str, str]:
     }
     tested = described(module.kernels)
     if tested:
-        files[f"tests/test_{module.name}.py"] = _test(module, tested)
+        files[f"tests/test_{module.name}.py"] = _ENVIRONMENT.get_template("test.py.j2").render(
+            module=module, do_not_edit=DO_NOT_EDIT, template="test.py.j2", **tested
+        )
     return files
 
 
@@ -177,7 +179,13 @@ def check_kernels(derivations: Iterable[Derivation], folder: Path, *, extension:
     for sub in sorted({Path(name).parent for name in files}):
         for path in sorted((folder / sub).glob("*")):
             name = path.relative_to(folder).as_posix()
-            if path.suffix in {".py", ".c", ".h"} and name not in files and path.name != "__init__.py":
+            ours = sub.name != "tests" or DO_NOT_EDIT in path.read_text(errors="replace")
+            if (
+                path.suffix in {".py", ".c", ".h"}
+                and name not in files
+                and path.name != "__init__.py"
+                and ours
+            ):
                 parts.append(f"{name}: no kernel makes this file; delete it\n")
     return "".join(parts)
 
@@ -270,12 +278,24 @@ def _numpy_kernels(module: KernelModule) -> list[dict[str, Any]]:
             "gufunc_signature": _gufunc_signature(kernel),
             "types": _list_of_names([_type_codes(kernel, code) for code in "df"]),
             "components": ", ".join(s.name for p in kernel.inputs for s in p.symbols),
-            "operations": _operations(kernel),
-            "lines": _assignment_lines(kernel, printer, "{name} = {value}"),
-            "results": _tuple((s.name for p in kernel.outputs for s in p.symbols), parentheses=True),
+            "programs": [_numpy_program(k, printer) for k in _programs(kernel)],
         }
         for kernel in module.kernels
     ]
+
+
+def _programs(kernel: Kernel) -> list[Kernel]:
+    """Return the kernel and, where it has one, its usual case."""
+    return [kernel] if kernel.usual is None else [kernel, kernel.usual_case()]
+
+
+def _numpy_program(kernel: Kernel, printer: NumPyPrinter) -> dict[str, Any]:
+    return {
+        "function": f"_{kernel.name}",
+        "operations": _operations(kernel),
+        "lines": list(_numpy_lines(kernel, printer)),
+        "results": _tuple((s.name for p in kernel.outputs for s in p.symbols), parentheses=True),
+    }
 
 
 def _tuple(items: Iterable[str], *, parentheses: bool = False) -> str:
@@ -284,25 +304,19 @@ def _tuple(items: Iterable[str], *, parentheses: bool = False) -> str:
     return f"({text})" if parentheses else text
 
 
-def _assignment_lines(kernel: Kernel, printer: KernelPrinter, form: str) -> list[str]:
-    return [form.format(name=a.symbol.name, value=printer.line(a.value)) for a in kernel.assignments]
-
-
-# tests ---------------------------------------------------------------------------------------------------
-
-
-def _test(module: KernelModule, kernels: list[dict[str, Any]]) -> str:
-    equations = [{**k["equations"], "kernel": k["name"]} for k in kernels if k["equations"]]
-    return _ENVIRONMENT.get_template("test.py.j2").render(
-        module=module,
-        kernels=kernels,
-        equations=equations,
-        complete=any(e["complete"] for e in equations),
-        nowhere=any(e["nowhere"] for e in equations),
-        derivatives=[{**k["derivative"], "kernel": k["name"]} for k in kernels if k["derivative"]],
-        do_not_edit=DO_NOT_EDIT,
-        template="test.py.j2",
-    )
+def _numpy_lines(kernel: Kernel, printer: NumPyPrinter) -> Iterator[str]:
+    """Write the assignments, and let go of each array after its last use, so that its memory is used again."""
+    last_use = {symbol: n for n, a in enumerate(kernel.assignments) for symbol in a.value.free_symbols}
+    kept = {s for p in (*kernel.inputs, *kernel.outputs) for s in p.symbols}
+    for n, assignment in enumerate(kernel.assignments):
+        yield f"{assignment.symbol.name} = {printer.line(assignment.value)}"
+        done = sorted(
+            a.symbol.name
+            for a in kernel.assignments[:n]
+            if last_use.get(a.symbol) == n and a.symbol not in kept
+        )
+        if done:
+            yield f"del {', '.join(done)}"
 
 
 # C -------------------------------------------------------------------------------------------------------
@@ -419,9 +433,7 @@ def _gufunc(kernel: Kernel, module: KernelModule) -> dict[str, Any]:
         "usual": vectorised and kernel.usual is not None,
     }
     if vectorised:
-        result["bodies"] = [_vector_body(kernel, "")]
-        if kernel.usual is not None:
-            result["bodies"].insert(0, _vector_body(kernel.usual_case(), "_usual"))
+        result["bodies"] = [_vector_body(k, k.name.removeprefix(kernel.name)) for k in _programs(kernel)]
     return result
 
 
