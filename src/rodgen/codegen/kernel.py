@@ -334,10 +334,6 @@ class Kernel:
             self.notes,
         )
 
-    def renamed(self, name: str, *, summary: str | None = None) -> Kernel:
-        """Return the same kernel under another name."""
-        return replace(self, name=name, summary=self.summary if summary is None else summary)
-
 
 def _matrix_shape(shape: tuple[int, ...]) -> tuple[int, int]:
     if len(shape) == 1:
