@@ -6,6 +6,7 @@ that is for tests and comparisons.
 
 from __future__ import annotations
 
+import importlib
 import os
 import warnings
 from functools import wraps
@@ -19,9 +20,8 @@ def _load() -> tuple[str, Any]:
     reason = None
     if os.environ.get("RODGEN_CPU") != "numpy":
         try:
-            from rodgen import _gufuncs  # type: ignore[attr-defined]
-
-            return _gufuncs.instruction_set, _gufuncs
+            compiled = importlib.import_module("rodgen._gufuncs")
+            return compiled.instruction_set, compiled
         except ImportError as error:
             reason = str(error)
     from rodgen.generated import numpy as generated
