@@ -397,6 +397,74 @@ x, y = sp.symbols("x y", real=True)
 
 
 @pytest.mark.parametrize(
+    ("value", "complaint"),
+    [
+        (
+            0.5 * x,
+            "kernel half: y: the float 0.5 stands in a kernel; expected an exact number, such as sp.Rational(1, 2)",
+        ),
+        (sp.Max(x, 3), "kernel half: y: NumPy has no Max(); a kernel may use Abs, acos, "),
+        (sp.gamma(x), "NumPy has no gamma()"),
+        (sp.Integral(sp.exp(-(x**2)), (x, 0, x)), "NumPy cannot write Integral(exp("),
+    ],
+)
+def test_what_a_kernel_cannot_hold_is_told_where_it_is_written(value, complaint):
+    k = KernelBuilder("half", summary="Half.", source="definition")
+    k.input("x", unit="1", doc="a number")
+    with pytest.raises(KernelError, match=re.escape(complaint)):
+        k.output("y", value, unit="1", doc="half of it")
+
+
+def test_statuses_that_share_a_code_name_are_told_before_c_trips_over_them():
+    class Another(IntEnum):
+        """Another status with the same name in it."""
+
+        GOOD = 0
+
+    kernels = []
+    for name, enum in (("one", Flag), ("two", Another)):
+        k = KernelBuilder(name, summary="A status.", source="definition")
+        k.status("status", k.input("x", unit="1", doc="a number") * 0, enum, doc="nothing")
+        kernels.append(k.build())
+    with pytest.raises(KernelError, match="module both: Flag and Another both have GOOD"):
+        render(KernelModule("both", "Both.", "definition", tuple(kernels)))
+    assert set(compile_kernels(kernels)) == {"one", "two"}
+
+
+def test_errors_of_a_script_lead_to_its_line(tmp_path):
+    script = re.findall(r"```python\n(.*?)```", HOW_TO, re.S)[0]
+    for old, new, told in (
+        (
+            'Derivation("slider_crank"',
+            'Derivation("slider crank"',
+            "line 15: 'slider crank' is no name of a derivation",
+        ),
+        (
+            "derivation.kernel(slider, ",
+            "derivation.kernel(k, ",
+            "KernelBuilder is no kernel; hand over what build()",
+        ),
+        (
+            'k.let("pin", r',
+            'k.let("pin", 1.0 * r',
+            "line 44: KernelError: kernel slider: pin: the float 1 stands",
+        ),
+    ):
+        (tmp_path / "script.py").write_text(changed(script, (old, new)))
+        output = run(
+            "rodgen",
+            "kernels",
+            "script.py",
+            "-o",
+            "build",
+            cwd=tmp_path,
+            code=2 if "KernelError" in told else 1,
+        )
+        assert told in output
+        assert "Traceback" not in output
+
+
+@pytest.mark.parametrize(
     "value", [1 / (x + y), 1 / (x**2 + y**2), (x + y) ** -3, 2 / (x * y), 1 / (1 + 1 / (x + y))]
 )
 @pytest.mark.parametrize("printer", [NumPyPrinter(), CPrinter()], ids=["numpy", "c"])

@@ -456,6 +456,7 @@ def _refutations(derivation: Derivation) -> dict[str, Any]:
 def _kernels(options: argparse.Namespace) -> int:
     from pathlib import Path
 
+    from rodgen.codegen import KernelError
     from rodgen.codegen.project import check_kernels, write_kernels
 
     derivations = _loaded(options.derivation)
@@ -467,6 +468,8 @@ def _kernels(options: argparse.Namespace) -> int:
                 _print(str(path))
             return OK
         difference = check_kernels(derivations, folder, extension=own)
+    except KernelError as error:
+        raise RodgenError(f"{options.derivation}: {error}") from None
     except (OSError, UnicodeDecodeError) as error:
         if isinstance(error, BrokenPipeError):
             raise

@@ -574,6 +574,12 @@ class KernelBuilder:
                 f"kernel {self._name}: {symbol.name} uses {', '.join(unknown)}; expected inputs and earlier steps "
                 "only" + (f"; {min(alike)} here is another symbol than input() returned" if alike else "")
             )
+        from rodgen.codegen.printers import NumPyPrinter
+
+        try:
+            NumPyPrinter().line(value)  # told here, so that the traceback leads to the line of the script
+        except KernelError as error:
+            raise KernelError(f"kernel {self._name}: {symbol.name}: {error}") from None
         self._steps.append(Assignment(symbol, value))
         self._known.add(symbol)
 

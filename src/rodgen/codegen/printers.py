@@ -55,7 +55,9 @@ class KernelPrinter(CodePrinter):  # type: ignore[misc]
         return f"{self.number(p)}/{self.number(q)}"
 
     def _print_Float(self, expr: sp.Float) -> str:
-        raise KernelError(f"the float {expr} stands in a kernel; expected an exact number")
+        raise KernelError(
+            f"the float {float(expr):.6g} stands in a kernel; expected an exact number, such as sp.Rational(1, 2)"
+        )
 
     def _print_NumberSymbol(self, expr: sp.Basic) -> str:
         return self.number(float(expr))
@@ -143,10 +145,11 @@ class KernelPrinter(CodePrinter):  # type: ignore[misc]
         name = type(expr).__name__
         if name not in self.functions:
             known = ", ".join(sorted(self.functions))
-            raise KernelError(
-                f"{self.language} has no {name}(); a kernel may use {known}, sqrt, Abs and select"
-            )
+            raise KernelError(f"{self.language} has no {name}(); a kernel may use {known}, sqrt and select")
         return f"{self.functions[name]}({', '.join(str(self._print(a)) for a in expr.args)})"
+
+    def _print_Expr(self, expr: sp.Expr) -> str:
+        return self._print_Function(expr)  # Max, integrals and the like: told, too
 
     # conditions --------------------------------------------------------------
 

@@ -19,7 +19,7 @@ from typing import Any
 import jinja2
 
 from rodgen.codegen._tests import described
-from rodgen.codegen.kernel import Assignment, Kernel, Port
+from rodgen.codegen.kernel import Assignment, Kernel, KernelError, Port
 from rodgen.codegen.printers import CPrinter, NumPyPrinter, VectorCPrinter
 from rodgen.symbolic import Derivation
 
@@ -87,6 +87,15 @@ class KernelModule:
             for port in kernel.outputs:
                 if port.enum is not None:
                     found.setdefault(port.enum.__name__, port.enum)
+        owner: dict[str, str] = {}
+        for name, enum in found.items():
+            for member in enum:
+                other = owner.setdefault(member.name, name)
+                if other != name:
+                    raise KernelError(
+                        f"module {self.name}: {other} and {name} both have {member.name}; "
+                        "C has one place for both: rename one"
+                    )
         return [
             {
                 "name": name,

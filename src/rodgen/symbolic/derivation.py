@@ -321,6 +321,8 @@ class Derivation:
     """
 
     def __init__(self, name: str, *, title: str, source: str) -> None:
+        if not (name.isidentifier() and name.isascii()):
+            raise DerivationError(f"{name!r} is no name of a derivation; expected a plain identifier")
         self.name = name
         self.title = title
         self.source = source
@@ -461,6 +463,9 @@ class Derivation:
             names = ", ".join(self.open)
             raise DerivationError(f"{self.name}: no kernel is handed over while entries are open: {names}")
         for kernel in kernels:
+            if not hasattr(kernel, "name"):
+                found = type(kernel).__name__
+                raise DerivationError(f"{self.name}: {found} is no kernel; hand over what build() returns")
             if kernel.name in self.kernels:
                 raise DerivationError(f"{self.name}: the kernel {kernel.name} is handed over twice")
             self.kernels[kernel.name] = kernel
