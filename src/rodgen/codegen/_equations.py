@@ -11,7 +11,9 @@ import sympy as sp
 from rodgen.codegen.kernel import Assignment, Equations, Kernel, KernelError, Port, finish, port_symbols
 from rodgen.symbolic import explicit
 
-__all__ = ["equations_of"]
+__all__ = ["equations_of", "periods"]
+
+_SMOOTH = (sp.sin, sp.cos, sp.tan, sp.sinh, sp.cosh, sp.tanh, sp.exp, sp.atan)
 
 
 def equations_of(
@@ -109,13 +111,18 @@ def _unknowns(kernel: Kernel, names: set[str], complaint: str) -> tuple[list[Por
 
 
 def _magnitude(value: sp.Expr) -> sp.Expr:
-    """Bound the rounding of `value`, in roundings: the same expression with every term positive."""
+    """Bound the rounding of `value`, in roundings of its numbers: every term and every slope taken positive."""
     if isinstance(value, sp.Add):
         return sp.Add(*(_magnitude(part) for part in value.args))
     if isinstance(value, sp.Mul):
         return sp.Mul(*(_magnitude(part) for part in value.args))
     if isinstance(value, sp.Pow) and value.exp.is_Integer and value.exp.is_positive:
         return _magnitude(value.base) ** value.exp
+    if isinstance(value, _SMOOTH):
+        argument = sp.Dummy(real=True)
+        slope = value.func(argument).diff(argument).xreplace({argument: value.args[0]})
+        # sin(pi) is zero to the rounding of pi only
+        return abs(value) + abs(slope) * _magnitude(value.args[0])
     return abs(value)
 
 
