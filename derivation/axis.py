@@ -147,16 +147,27 @@ d.check(
 
 
 class AxisStatus(IntEnum):
-    """What the axes of one element are, and whether the data allow them."""
+    """What the axes of one element are, and whether the data allow them.
 
-    TWO_AXES = 0  # two axes; the first is at an acute angle to rho
-    ONE_AXIS = 1  # the two coincide to rounding (tangent); both rows are it
-    NO_AXIS = 2  # the angle is too small for the points; both rows are the least-squares axis
-    PARALLEL = 3  # the point does not move: the axis is its direction, or the opposite
-    PERPENDICULAR = 4  # a half turn to the opposite point: every axis perpendicular to rho; both rows are one
-    EVERY_AXIS = 5  # no turn and no motion, or both points at the origin; both rows are one of all axes
-    LENGTHS_DIFFER = 6  # more than allowed; the rows are the axes for rho_prime brought to the length of rho
-    INVALID = 7  # a number is NaN or infinite; the rows are NaN
+    TWO_AXES: two axes; the first is at an acute angle to rho.
+    ONE_AXIS: the two coincide to rounding, because the angle is that between the points; both rows are it.
+    NO_AXIS: the angle is smaller than that between the points, or one point is at the origin; both rows are the
+    least-squares axis.
+    PARALLEL: the point does not move; the axis is its direction, or the opposite.
+    PERPENDICULAR: a half turn to the opposite point; every axis perpendicular to rho, both rows are one of them.
+    EVERY_AXIS: no turn and no motion, or both points at the origin; both rows are one of all axes.
+    LENGTHS_DIFFER: more than allowed; the rows are the axes for rho_prime brought to the length of rho.
+    INVALID: a number is NaN or infinite; the rows are NaN.
+    """
+
+    TWO_AXES = 0
+    ONE_AXIS = 1
+    NO_AXIS = 2
+    PARALLEL = 3
+    PERPENDICULAR = 4
+    EVERY_AXIS = 5
+    LENGTHS_DIFFER = 6
+    INVALID = 7
 
 
 def quarter_size(vector):

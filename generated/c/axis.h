@@ -16,7 +16,18 @@
 extern "C" {
 #endif
 
-/* What the axes of one element are, and whether the data allow them. */
+/* What the axes of one element are, and whether the data allow them.
+ *
+ * TWO_AXES: two axes; the first is at an acute angle to rho.
+ * ONE_AXIS: the two coincide to rounding, because the angle is that between the points; both rows are it.
+ * NO_AXIS: the angle is smaller than that between the points, or one point is at the origin; both rows are the
+ * least-squares axis.
+ * PARALLEL: the point does not move; the axis is its direction, or the opposite.
+ * PERPENDICULAR: a half turn to the opposite point; every axis perpendicular to rho, both rows are one of them.
+ * EVERY_AXIS: no turn and no motion, or both points at the origin; both rows are one of all axes.
+ * LENGTHS_DIFFER: more than allowed; the rows are the axes for rho_prime brought to the length of rho.
+ * INVALID: a number is NaN or infinite; the rows are NaN.
+ */
 enum axis_axis_status {
   AXIS_TWO_AXES = 0,
   AXIS_ONE_AXIS = 1,

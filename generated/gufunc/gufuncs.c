@@ -19,14 +19,14 @@
 
 #if defined(RODGEN_HAVE_AVX2)
 #define DECLARE_AVX2(name) DECLARE(name, avx2)
-#define AVX2_LOOPS(name) {name##_loop_f64_avx2, name##_loop_f32_avx2}
+#define AVX2_LOOPS(name) {name##_loop_f32_avx2, name##_loop_f64_avx2}
 #else
 #define DECLARE_AVX2(name)
 #define AVX2_LOOPS(name) {NULL, NULL}
 #endif
 #if defined(RODGEN_HAVE_AVX512)
 #define DECLARE_AVX512(name) DECLARE(name, avx512)
-#define AVX512_LOOPS(name) {name##_loop_f64_avx512, name##_loop_f32_avx512}
+#define AVX512_LOOPS(name) {name##_loop_f32_avx512, name##_loop_f64_avx512}
 #else
 #define DECLARE_AVX512(name)
 #define AVX512_LOOPS(name) {NULL, NULL}
@@ -58,6 +58,8 @@ DECLARE_ALL(rotations_matrix_from_quaternion)
 enum { BASELINE, AVX2, AVX512, LEVELS };
 static const char *const level_names[LEVELS] = {"baseline", "avx2", "avx512"};
 
+/* The loops for float come first: NumPy takes the first that all inputs can be cast to, and a Python number casts to
+ * both, so float32 arrays with a number beside them stay float32. */
 struct definition {
   const char *name, *signature, *doc;
   int inputs, outputs, arguments;
@@ -66,84 +68,84 @@ struct definition {
 };
 
 static const char types_axis_solve_axis[] = {
-NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 };
 static const char types_axis_length_mismatch[] = {
-NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 };
 static const char types_axis_axis_condition[] = {
-NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 };
 static const char types_axis_axis_jacobian[] = {
-NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 };
 static const char types_axis_axis_covariance[] = {
-NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 };
 static const char types_axis_axis_residual[] = {
-NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 };
 static const char types_rodrigues_solve_axis_paper[] = {
-NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 };
 static const char types_rotations_rotate[] = {
-NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 };
 static const char types_rotations_rodrigues_vector_from_axis_angle[] = {
-NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 };
 static const char types_rotations_matrix_from_axis_angle[] = {
-NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 };
 static const char types_rotations_quaternion_from_axis_angle[] = {
-NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 };
 static const char types_rotations_axis_angle_from_rodrigues_vector[] = {
-NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 };
 static const char types_rotations_matrix_from_rodrigues_vector[] = {
-NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 };
 static const char types_rotations_quaternion_from_rodrigues_vector[] = {
-NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 };
 static const char types_rotations_axis_angle_from_matrix[] = {
-NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 };
 static const char types_rotations_rodrigues_vector_from_matrix[] = {
-NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 };
 static const char types_rotations_quaternion_from_matrix[] = {
-NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 };
 static const char types_rotations_axis_angle_from_quaternion[] = {
-NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 };
 static const char types_rotations_rodrigues_vector_from_quaternion[] = {
-NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 };
 static const char types_rotations_matrix_from_quaternion[] = {
-NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 };
 
 static const struct definition definitions[] = {

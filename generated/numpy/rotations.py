@@ -18,7 +18,15 @@ BLOCK = 8192
 
 
 class RotationStatus(IntEnum):
-    """What a converted rotation is."""
+    """What a converted rotation is.
+
+    ROTATION: a turn about a determined axis.
+    IDENTITY: no turn; the axis is not determined, and z stands for it.
+    HALF_TURN: by pi to rounding; axis and opposite axis are the same, and the Rodrigues vector is huge.
+    NOT_NORMAL: the axis or quaternion is not of unit length, or the matrix not orthogonal; it is brought to one.
+    INVALID: not finite, a zero axis or quaternion, or a reflection; the result is NaN.
+    """
+
     ROTATION = 0
     IDENTITY = 1
     HALF_TURN = 2

@@ -7,6 +7,7 @@ Nothing in the bytes depends on the time, the place, or the version of anything 
 from __future__ import annotations
 
 import difflib
+import inspect
 import math
 import re
 import textwrap
@@ -100,7 +101,7 @@ class KernelModule:
             {
                 "name": name,
                 "c_name": re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower(),
-                "doc": _one_line(enum.__doc__ or name),
+                "doc": inspect.cleandoc(enum.__doc__ or name).splitlines(),
                 "members": list(enum),
             }
             for name, enum in found.items()
