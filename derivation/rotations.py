@@ -32,6 +32,7 @@ from rodgen.symbolic import (
     cross,
     dot,
     equal,
+    in_notebook,
     matrix_from_axis_angle,
     matrix_from_rodrigues_vector,
     power_of_two_scale,
@@ -322,5 +323,6 @@ d.check(
 # %%
 derivation.kernel(rotate_kernel)
 derivation.kernel(*(conversion(target, source) for source in FROM for target in TO if target != source))
-for kernel in derivation.kernels.values():
-    print(f"{kernel.name:40} {sum(kernel.operations.values()):5d} operations")
+if in_notebook():
+    for kernel in derivation.kernels.values():
+        print(f"{kernel.name:40} {sum(kernel.operations.values()):5d} operations")
