@@ -83,8 +83,8 @@ Print what the sources print wrongly: each formula as printed, an exact countere
 """
 
 _KERNELS = """\
-Write the kernels of a derivation: a NumPy module, and C source and header. With --check nothing is written:
-files that differ are shown as a diff, and the exit code is 1.
+Write the kernels of a derivation: a NumPy module, C source and header, and for kernels that say where their inputs
+are sampled a test. With --check nothing is written: files that differ are shown as a diff, and the exit code is 1.
 """
 
 
