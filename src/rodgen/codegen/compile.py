@@ -176,7 +176,7 @@ class _CompilerError(Exception):
 def _notice(reason: str) -> None:
     """Warn once for each reason."""
     warnings.warn(
-        f"kernels that are made at run time run on NumPy, which is slower: {reason}",
+        f"kernels that are made at run time run on NumPy, not in C: {reason}",
         RuntimeWarning,
         stacklevel=4,
     )
@@ -308,20 +308,22 @@ def _call(loops: Mapping[Any, Any], kernel: Kernel, *arguments: Any, out: Any = 
     count = int(np.prod(shape, dtype=np.intp))
 
     results = _outputs(kernel, shape, real, out)
-    targets = [
-        r
-        if r.dtype == kind and r.flags.carray and not any(np.may_share_memory(r, a) for a in arrays)
-        else np.empty(r.shape, kind)
-        for r, kind in zip(results, _kinds(kernel, real), strict=True)
-    ]
+    targets = results
+    if out is not None:
+        targets = [
+            r
+            if r.dtype == kind and r.flags.carray and not any(np.may_share_memory(r, a) for a in arrays)
+            else np.empty(r.shape, kind)
+            for r, kind in zip(results, _kinds(kernel, real), strict=True)
+        ]
     # an input that is the same for all elements is repeated in a short buffer, again and again used
     repeated = [count > 1 and all(n == 1 for n in loop) for loop in loops_of]
     step = min(count, BLOCK) if any(repeated) else count
     columns = []
-    for port, array, same in zip(kernel.inputs, arrays, repeated, strict=True):
+    for port, array, loop, same in zip(kernel.inputs, arrays, loops_of, repeated, strict=True):
         if same:
             array = np.broadcast_to(array.reshape(port.shape), (step, *port.shape))
-        else:
+        elif loop != shape:
             array = np.broadcast_to(array, shape + port.shape)
         columns.append(np.ascontiguousarray(array, real))
     for start, size in _blocks(count, step):
