@@ -59,9 +59,10 @@ def calibrate(entry: Entry, shortest_s: float) -> None:
     entry.repeats = max(1, round(shortest_s / spent))
 
 
-def alternate(entries: dict[str, Entry], rounds: int, seed: int = 0) -> float:
+def alternate(entries: dict[str, Entry], rounds: int, seed: int = 0, budget_s: float = 120.0) -> float:
     """Take ``rounds`` samples of every entry, each round in another random order.
 
+    After ``budget_s`` seconds no further round begins, once there are three.
     Returns the share of a processor that the samples of one thread had: below 1, others were in the way.
     """
     order = random.Random(seed)
@@ -69,8 +70,11 @@ def alternate(entries: dict[str, Entry], rounds: int, seed: int = 0) -> float:
     gc.collect()
     gc.disable()
     wall = processor = 0.0
+    end = time.perf_counter() + budget_s
     try:
-        for _ in range(rounds):
+        for number in range(rounds):
+            if number >= 3 and time.perf_counter() > end:
+                break
             order.shuffle(names)
             for name in names:
                 entry = entries[name]

@@ -44,9 +44,9 @@ THREADS = 2
 # N: rounds of a full run, rounds of a quick one, the longest sample (s), the shortest (s)
 PLAN = {
     1: (21, 5, 0.02, 0.004),
-    1_000: (31, 7, 0.06, 0.003),
-    100_000: (31, 7, 0.12, 0.004),
-    10_000_000: (7, 0, 1.0, 0.0),
+    1_000: (25, 7, 0.06, 0.003),
+    100_000: (25, 7, 0.1, 0.004),
+    10_000_000: (7, 0, 0.5, 0.0),
 }
 
 
@@ -196,7 +196,10 @@ def main() -> None:
         sizes[n], shares[n] = measure(n, rounds, contenders, known)
         if n > 1:
             known |= {name: entry.median for name, entry in sizes[n].items()}
-        print(f"N = {n:,}: {rounds} rounds in {time.perf_counter() - begun:.0f} s", flush=True)
+        print(
+            f"N = {n:,}: {len(next(iter(sizes[n].values())).samples)} rounds in {time.perf_counter() - begun:.0f} s",
+            flush=True,
+        )
 
     result = report.result(machine, contenders, missing, errors, sizes, shares)
     result["seconds"] = round(time.perf_counter() - started)
