@@ -121,6 +121,11 @@ d.check(
     text="The axis is its part across the plane of the two points, and its part along m: e± for both signs of m · e.",
 ).prove(given=given)
 d.check(
+    "area",
+    equal(dot(cross(m, r), cross(m, r)), dot(m, m) * dot(r, r)),
+    text="So the product of their lengths is that of their cross product.",
+).prove(given=given)
+d.check(
     "orthogonal",
     equal(dot(m, r), 0),
     text="Sum and difference of vectors of equal length are perpendicular.",
@@ -134,10 +139,10 @@ d.check(
 #
 # | where | tolerance | why |
 # | --- | --- | --- |
-# | $\sin\frac\chi2$ or $\cos\frac\chi2$ is zero | $\varepsilon\,\lvert\frac\chi2\rvert$ | the angle is rounded by half of that |
+# | $\sin\frac\chi2$ or $\cos\frac\chi2$ is zero | $\varepsilon\,\frac{\lvert\chi\rvert}2$ | rounding of the angle |
 # | the angle is zero | $\varepsilon^4$ | squares stay in range above it |
 # | the points coincide, or are opposite | $4\varepsilon R$ | each component is rounded by $\varepsilon/2$ |
-# | tangent, from above | $\varepsilon(1+\lvert\frac\chi2\rvert)$ in $\sin(\frac\chi2-a)$ | closer, rounding merges the two axes |
+# | tangent, from above | $\varepsilon(1+\frac{\lvert\chi\rvert}2)$ in $\sin(\frac\chi2-a)$ | closer, they are one |
 # | tangent, from below | 4 times that | rounding of both points and of the angle |
 # | axis parallel to the point | $4\varepsilon$ in $\sin\gamma$ | both axes have the point's direction to rounding |
 # | lengths agree | $8\varepsilon$ at least | rounding of a point that was rotated in floating point |
@@ -260,9 +265,15 @@ def solve_axis():
     # sin(χ/2 - a) = root² / (8 R² S |C|) near the tangent
     rounding = k.let("rounding", 8 * EPS * (1 + abs(half)) * length_squared * S * abs(C))
     band = k.let("band", select(rounding < along_m / 2, rounding, along_m / 2))
-    two = k.let("two", root_squared > band)
-    area_squared = k.let("area_squared", m_squared * r_squared)
-    plane = k.let("plane", area_squared > 0)
+    both = k.let("both", sp.Symbol("length_product", real=True) > 0)
+    # Of lengths that differ, rounding leaves an m and r that are not perpendicular where one of them nearly vanishes:
+    # then m says nothing below a few rounding units, and the rows are brought to unit length.
+    apart = k.let("apart", abs(excess) > sp.Integer(2) ** -30)
+    vanished = apart & (m_squared <= 64 * EPS**2 * length_squared)
+    two = k.let("two", both & (root_squared > band) & sp.Not(vanished))
+    # m and r are perpendicular, unless one of them is mere rounding
+    area_squared = k.let("area_squared", w.dot(w))
+    plane = k.let("plane", area_squared > m_squared * r_squared / 2)
     across = k.let(
         "across",
         select(abs(u[2]) > abs(u[0]), sp.Matrix([0, -u[2], u[1]]), sp.Matrix([-u[1], u[0], 0])),
@@ -278,7 +289,12 @@ def solve_axis():
     offset = k.let("offset", m_factor * m)
     finite = (size_before <= LARGEST) & (size_after <= LARGEST) & (abs(angle) <= LARGEST)
     valid = k.let("valid", finite)
-    axes = [select(valid, row, sp.Matrix([sp.nan] * 3)).T for row in (base + offset, base - offset)]
+    rows = []
+    for name, row in (("plus", base + offset), ("minus", base - offset)):
+        row = k.let(name, row)
+        square = select(apart, row.dot(row), 1)
+        rows.append(row * k.let(f"{name}_factor", select(apart, 1 / sp.sqrt(square), 1)))
+    axes = [select(valid, row, sp.Matrix([sp.nan] * 3)).T for row in rows]
     k.output("axes", sp.Matrix.vstack(*axes), unit="1", doc="two unit axes, one a row")
 
     both_zero = k.let("both_zero", sp.Eq(size_before, 0) & sp.Eq(size_after, 0))
@@ -329,6 +345,7 @@ def solve_axis():
         nonzero=True,
         comparable=True,
         excess=rough_excess,
+        apart=False,
         lengths_agree=True,
         both_zero=False,
         one_zero=False,
@@ -356,8 +373,9 @@ def renamed(value, **vectors):
     return value.subs(names)
 
 
-kept = solver.expand("axes", keep=("m", "r", "w", "S", "C", "two", "valid"))
-kept = renamed(kept.subs({sp.Symbol("two"): True, sp.Symbol("valid"): True}), m=m, r=r, w=w)
+kept = solver.expand("axes", keep=("m", "r", "w", "S", "C", "two", "apart", "valid"))
+usually = {sp.Symbol("two"): True, sp.Symbol("apart"): False, sp.Symbol("valid"): True}
+kept = renamed(kept.subs(usually), m=m, r=r, w=w)
 d.check(
     "kernel-axes",
     equal(sp.ImmutableMatrix(kept.row(0).T), plus),
@@ -559,8 +577,8 @@ if in_notebook():
 # rounded to double precision; the exact axes of the rounded points are found with 50 digits. The maps show the largest
 # error of a component, in units of $\varepsilon$. On the left is the kernel. On the right is the same formula when both
 # points are first divided by their lengths: that rounds them once more, and costs up to
-# $\mathrm{cond}=1/(2\sin\frac\chi2\,\lvert\cos\gamma\rvert)$ times $\varepsilon$. The kernel pays that only where the two
-# axes nearly meet.
+# $\mathrm{cond}=1/(2\sin\frac\chi2\,\lvert\cos\gamma\rvert)$ times $\varepsilon$. The kernel pays that only where
+# the two axes nearly meet.
 
 # %%
 if in_notebook():
