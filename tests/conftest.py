@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import importlib.util
 import os
 import shutil
@@ -10,6 +11,10 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+
+# Where nothing was compiled NumPy is asked for, so that the notice about it is in no test's output but its own.
+if not any("_gufuncs" in file.name for file in importlib.metadata.files("rodgen") or ()):
+    os.environ.setdefault("RODGEN_CPU", "numpy")
 
 import rodgen.generated
 
@@ -23,9 +28,16 @@ LEVELS = ("baseline", "avx2", "avx512")
 def compiler() -> str:
     """The C compiler; tests that need one are skipped where there is none."""
     found = shutil.which(os.environ.get("CC", "cc"))
-    if found is None:
+    if found is None or not _compiles(found):
         pytest.skip("no C compiler; set CC to one")
     return found
+
+
+def _compiles(compiler: str) -> bool:
+    """Tell whether it makes a program, of an empty one."""
+    command = [compiler, "-x", "c", "-", "-o", os.devnull]
+    done = subprocess.run(command, input="int main(void) { return 0; }", text=True, capture_output=True)
+    return done.returncode == 0
 
 
 def compile_shared(compiler: str, sources: list[Path], library: Path, *flags: str) -> Path:

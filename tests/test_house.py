@@ -76,7 +76,8 @@ def test_command_says_which_extra_it_needs(module: str, extra: str, command: lis
     assert done.stderr.count("\n") == 1
 
 
-def test_numpy_takes_over_without_the_extension_with_one_notice() -> None:
+def test_numpy_takes_over_without_the_extension_with_one_notice(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("RODGEN_CPU", raising=False)
     code = "import rodgen\nfor _ in range(3): print(rodgen.solve_axis([3, 4, 12.0], [12, -3, 4.0], 2.2)[1])"
     done = run_without({"rodgen._gufuncs"}, code)
     assert (done.returncode, done.stdout) == (0, "0\n" * 3)
