@@ -323,13 +323,14 @@ def solve_axis():
     )
     k.status("status", status, AxisStatus, doc="what the axes are")
 
-    # Where nothing is near a case distinction or the ends of the number range, and the lengths agree to a few hundred
-    # roundings, most of the work falls away. So small an excess is known well enough from a reciprocal that is
-    # good to 0.4 %: what is left of it is below two roundings.
+    # Where nothing is near a case distinction or the ends of the number range, and the lengths agree to rounding,
+    # most of the work falls away. An excess δ that is left in the points is then one term in the part along m (entry
+    # excess-left): δ/2 = gain / 4R², known well enough from a reciprocal that is good to 0.4 %.
     one_to_two = length_squared * power_of_two_scale(length_squared)
     rough = sp.Rational(35, 24) - one_to_two / 2
-    rough_excess = gain * power_of_two_scale(length_squared) * rough * (1 - one_to_two * rough / 2)
-    slack = select(tolerance < 2**9 * EPS, tolerance, 2**9 * EPS)
+    rough_half = gain * power_of_two_scale(length_squared) * rough * (sp.S.Half - one_to_two * rough / 4)
+    slack = select(tolerance < 2**5 * EPS, tolerance, 2**5 * EPS)
+    corrected = {f"offset_{n + 1}": m_factor * (m[n] - rough_half * r[n]) for n in range(3)}
     k.usual(
         (length_squared > EPS**2)
         & (length_squared < EPS**-2)
@@ -337,14 +338,15 @@ def solve_axis():
         & (abs(half) < 2**8)
         & (root_squared > 2**12 * EPS * S * length_squared)
         & (root_squared < along_m)
-        & (S * m_squared > 16 * sp.sqrt(EPS) * length_squared),
+        & (S * m_squared > 2**6 * sp.sqrt(EPS) * length_squared),
         scale_before=1,
         scale=1,
         turn_scale=1,
         valid=True,
         nonzero=True,
         comparable=True,
-        excess=rough_excess,
+        excess=0,
+        **corrected,
         apart=False,
         lengths_agree=True,
         both_zero=False,
@@ -382,12 +384,29 @@ d.check(
     equal(sp.ImmutableMatrix(kept.row(1).T), minus),
     text="The kernel's two rows are e₊ and e₋.",
 ).prove()
-short = renamed(solver.usual_case().expand("axes", keep=("sine_size", "C", "m", "r")), m=m, r=r)
+short = solver.usual_case().expand("axes", keep=("sine_size", "C", "total", "difference", "gain"))
+short = renamed(short.subs(sp.Symbol("gain", real=True), 0), total=m, difference=r)
 d.check(
     "kernel-usual",
     equal(sp.ImmutableMatrix(short.row(0).T), plus),
     equal(sp.ImmutableMatrix(short.row(1).T), minus),
-    text="So are those of its shorter form for the usual case.",
+    text="So are those of its shorter form for the usual case, when the lengths are equal.",
+).prove()
+delta = d.symbol("delta", r"\delta", "relative excess of the length of ρ′", "1")
+length_m, length_r = (
+    d.symbol(n, rf"|\vec {n[0]}|", f"length of {n[0]}", "length", positive=True)
+    for n in ("m_length", "r_length")
+)
+true_m, true_r = sp.Matrix([length_m, 0, 0]), sp.Matrix([0, length_r, 0])
+left_m, left_r = (true + delta * (true_m + true_r) / 2 for true in (true_m, true_r))
+left_root = sp.sqrt(S**2 * left_m.dot(left_m) - C**2 * left_r.dot(left_r))
+left_axis = C * left_m.cross(left_r) + left_root * (left_m - delta / 2 * left_r)
+slope = (left_axis / (S * left_m.dot(left_m))).diff(delta).subs(delta, 0)
+d.check(
+    "excess-left",
+    equal(sp.ImmutableMatrix(slope), sp.ImmutableMatrix([0, 0, 0])),
+    text="An excess δ that is left in both points changes the axis in second order only, when δ/2 r is taken off m in "
+    "the part along m: its derivative with respect to δ vanishes at δ = 0. Here x lies along m, and y along r.",
 ).prove()
 for name, sign in (("m", 1), ("r", -1)):
     value = solver.expand(name, keep=("excess", "u", "v")).subs(sp.Symbol("excess", real=True), 1 - R / P)

@@ -32,7 +32,7 @@
 #define AVX512_LOOPS(name) {NULL, NULL}
 #endif
 #define DECLARE_ALL(name) DECLARE(name, baseline) DECLARE_AVX2(name) DECLARE_AVX512(name)
-#define ALL_LOOPS(name) {{name##_loop_f64_baseline, name##_loop_f32_baseline}, AVX2_LOOPS(name), AVX512_LOOPS(name)}
+#define ALL_LOOPS(name) {{name##_loop_f32_baseline, name##_loop_f64_baseline}, AVX2_LOOPS(name), AVX512_LOOPS(name)}
 
 DECLARE_ALL(axis_solve_axis)
 DECLARE_ALL(axis_length_mismatch)

@@ -81,7 +81,7 @@ solve_axis.types = ["dddd->db", "ffff->fb"]
 
 
 def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
-    # 41 add, 82 mul, 2 div, 2 sqrt, 37 select, 32 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin
+    # 47 add, 98 mul, 4 div, 4 sqrt, 39 select, 35 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin
     size_before = 0.25*np.abs(rho_1) + 0.25*np.abs(rho_2) + 0.25*np.abs(rho_3)
     size_after = 0.25*np.abs(rho_prime_1) + 0.25*np.abs(rho_prime_2) + 0.25*np.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
@@ -107,7 +107,7 @@ def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angl
     length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3)
     length_product = np.sqrt(length_prime_squared*length_squared)
     excess_divisor = length_prime_squared + length_product
-    del length_prime_squared, length_product
+    del length_prime_squared
     nonzero = excess_divisor > 0.0
     gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
     excess = gain*np.where(nonzero, 1.0/excess_divisor, 1.0)
@@ -159,9 +159,17 @@ def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angl
     del along_m
     band = np.where(rounding < x7, rounding, x7)
     del rounding, x7
-    two = root_squared > band
-    area_squared = m_squared*r_squared
-    plane = area_squared > 0.0
+    both = length_product > 0.0
+    del length_product
+    x11 = np.abs(excess)
+    apart = x11 > 9.313225746154785e-10
+    x8 = length_squared*x3
+    del length_squared, x3
+    x9 = 64.0*x8
+    two = (both) & (~((apart) & (m_squared <= x9))) & (root_squared > band)
+    del both
+    area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3)
+    plane = area_squared > 0.5*m_squared*r_squared
     across_1 = np.where(np.abs(u_1) < np.abs(u_3), 0.0, -u_2)
     across_2 = np.where(np.abs(u_1) < np.abs(u_3), -u_3, u_1)
     across_3 = np.where(np.abs(u_1) < np.abs(u_3), u_2, 0.0)
@@ -190,43 +198,57 @@ def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angl
     offset_3 = m_3*m_factor
     del m_3, m_factor
     valid = (size_after <= largest) & (size_before <= largest) & (np.abs(angle) <= largest)
-    axes_1_1 = np.where(valid, base_1 + offset_1, np.nan)
-    axes_1_2 = np.where(valid, base_2 + offset_2, np.nan)
-    axes_1_3 = np.where(valid, base_3 + offset_3, np.nan)
-    axes_2_1 = np.where(valid, base_1 - offset_1, np.nan)
+    plus_1 = base_1 + offset_1
+    plus_2 = base_2 + offset_2
+    plus_3 = base_3 + offset_3
+    plus_factor = np.where(apart, 1.0/np.sqrt((plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)), 1.0)
+    minus_1 = base_1 - offset_1
     del base_1, offset_1
-    axes_2_2 = np.where(valid, base_2 - offset_2, np.nan)
+    minus_2 = base_2 - offset_2
     del base_2, offset_2
-    axes_2_3 = np.where(valid, base_3 - offset_3, np.nan)
+    minus_3 = base_3 - offset_3
     del base_3, offset_3
+    minus_factor = np.where(apart, 1.0/np.sqrt((minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)), 1.0)
+    del apart
+    axes_1_1 = np.where(valid, plus_1*plus_factor, np.nan)
+    del plus_1
+    axes_1_2 = np.where(valid, plus_2*plus_factor, np.nan)
+    del plus_2
+    axes_1_3 = np.where(valid, plus_3*plus_factor, np.nan)
+    del plus_3, plus_factor
+    axes_2_1 = np.where(valid, minus_1*minus_factor, np.nan)
+    del minus_1
+    axes_2_2 = np.where(valid, minus_2*minus_factor, np.nan)
+    del minus_2
+    axes_2_3 = np.where(valid, minus_3*minus_factor, np.nan)
+    del minus_3, minus_factor
     both_zero = (size_after == 0.0) & (size_before == 0.0)
     one_zero = (size_after == 0.0) | (size_before == 0.0)
     del size_after, size_before
-    x8 = length_squared*x3
-    del length_squared, x3
     coincident = 16.0*x8
-    x9 = eps*x5
+    del x8
+    x10 = eps*x5
     del x5
-    no_turn = (sine_size <= (eps*eps*eps*eps)) | (sine_size <= x9)
+    no_turn = (sine_size <= (eps*eps*eps*eps)) | (sine_size <= x10)
     del sine_size
     every = (no_turn) & (r_squared <= coincident)
-    opposite = (m_squared <= coincident) & (np.abs(cosine) <= x9)
-    del coincident, cosine, m_squared, x9
+    opposite = (m_squared <= coincident) & (np.abs(cosine) <= x10)
+    del coincident, cosine, m_squared, x10
     too_small = (no_turn) | (root_squared < -4.0*band)
     del band, no_turn, root_squared
-    parallel = r_squared*(turn_scale*turn_scale) <= 64.0*x4*x8
-    del r_squared, turn_scale, x4, x8
+    parallel = r_squared*(turn_scale*turn_scale) <= x4*x9
+    del r_squared, turn_scale, x4, x9
     least_tolerance = np.where(length_tolerance > x6, length_tolerance, x6)
     del x6
-    lengths_agree = (comparable) & (np.abs(excess) <= least_tolerance*(1.0 - excess))
-    del comparable, excess, least_tolerance
+    lengths_agree = (comparable) & (x11 <= least_tolerance*(1.0 - excess))
+    del comparable, excess, least_tolerance, x11
     status = np.where(~(valid), 7.0, np.where(both_zero, 5.0, np.where(one_zero, 2.0, np.where(~(lengths_agree), 6.0, np.where(every, 5.0, np.where(opposite, 4.0, np.where(too_small, 2.0, np.where(~(two), 1.0, np.where(parallel, 3.0, 0.0)))))))))
     del both_zero, every, lengths_agree, one_zero, opposite, parallel, too_small, two, valid
     return (axes_1_1, axes_1_2, axes_1_3, axes_2_1, axes_2_2, axes_2_3, status)
 
 
 def _solve_axis_usual(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
-    # 32 add, 49 mul, 2 div, 2 sqrt, 2 select, 9 compare, 3 abs, 1 cos, 1 power_of_two_scale, 1 sin
+    # 29 add, 50 mul, 2 div, 2 sqrt, 2 select, 9 compare, 3 abs, 1 cos, 1 power_of_two_scale, 1 sin
     difference_1 = rho_prime_1 - rho_1
     difference_2 = rho_prime_2 - rho_2
     difference_3 = rho_prime_3 - rho_3
@@ -235,35 +257,14 @@ def _solve_axis_usual(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3
     total_3 = rho_3 + rho_prime_3
     length_squared = (rho_1*rho_1) + (rho_2*rho_2) + (rho_3*rho_3)
     gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
-    x3 = _power_of_two_scale(length_squared)
-    x5 = 0.5*length_squared*x3
-    x6 = 35.0/24.0 - x5
-    excess = gain*x3*x6*(1.0 - x5*x6)
-    del x3, x5, x6
-    x0 = excess*rho_prime_1
-    m_1 = total_1 - x0
-    del total_1
-    x1 = excess*rho_prime_2
-    m_2 = total_2 - x1
-    del total_2
-    x2 = excess*rho_prime_3
-    del excess
-    m_3 = total_3 - x2
-    del total_3
-    r_1 = difference_1 - x0
-    del difference_1, x0
-    r_2 = difference_2 - x1
-    del difference_2, x1
-    r_3 = difference_3 - x2
-    del difference_3, x2
     half_angle = 0.5*angle
     sine = np.sin(half_angle)
     cosine = np.cos(half_angle)
     sine_size = np.abs(sine)
     C = np.where(sine < 0.0, -cosine, cosine)
     del cosine, sine
-    m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3)
-    r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3)
+    m_squared = (total_1*total_1) + (total_2*total_2) + (total_3*total_3)
+    r_squared = (difference_1*difference_1) + (difference_2*difference_2) + (difference_3*difference_3)
     x4 = (sine_size*sine_size)
     along_m = m_squared*x4
     del x4
@@ -271,15 +272,13 @@ def _solve_axis_usual(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3
     del r_squared
     root_squared = along_m - along_n
     del along_n
-    w_1 = m_2*r_3 - m_3*r_2
-    w_2 = m_3*r_1 - m_1*r_3
-    del r_3
-    w_3 = m_1*r_2 - m_2*r_1
-    del r_1, r_2
+    w_1 = difference_3*total_2 - difference_2*total_3
+    w_2 = difference_1*total_3 - difference_3*total_1
+    w_3 = difference_2*total_1 - difference_1*total_2
     root = np.sqrt(root_squared)
-    x10 = m_squared*sine_size
+    x0 = m_squared*sine_size
     del m_squared
-    divisor = x10
+    divisor = x0
     inverse = 1.0/divisor
     del divisor
     w_factor = C*inverse
@@ -292,26 +291,43 @@ def _solve_axis_usual(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3
     del w_2
     base_3 = w_3*w_factor
     del w_3, w_factor
-    offset_1 = m_1*m_factor
-    del m_1
-    offset_2 = m_2*m_factor
-    del m_2
-    offset_3 = m_3*m_factor
-    del m_3, m_factor
-    axes_1_1 = base_1 + offset_1
-    axes_1_2 = base_2 + offset_2
-    axes_1_3 = base_3 + offset_3
-    axes_2_1 = base_1 - offset_1
+    x1 = _power_of_two_scale(length_squared)
+    x2 = length_squared*x1
+    x3 = 35.0/24.0 - 0.5*x2
+    x5 = gain*x1*x3*(0.5 - 0.25*x2*x3)
+    del x1, x2, x3
+    offset_1 = m_factor*(total_1 - difference_1*x5)
+    del difference_1, total_1
+    offset_2 = m_factor*(total_2 - difference_2*x5)
+    del difference_2, total_2
+    offset_3 = m_factor*(total_3 - difference_3*x5)
+    del difference_3, m_factor, total_3, x5
+    plus_1 = base_1 + offset_1
+    plus_2 = base_2 + offset_2
+    plus_3 = base_3 + offset_3
+    minus_1 = base_1 - offset_1
     del base_1, offset_1
-    axes_2_2 = base_2 - offset_2
+    minus_2 = base_2 - offset_2
     del base_2, offset_2
-    axes_2_3 = base_3 - offset_3
+    minus_3 = base_3 - offset_3
     del base_3, offset_3
+    axes_1_1 = plus_1
+    del plus_1
+    axes_1_2 = plus_2
+    del plus_2
+    axes_1_3 = plus_3
+    del plus_3
+    axes_2_1 = minus_1
+    del minus_1
+    axes_2_2 = minus_2
+    del minus_2
+    axes_2_3 = minus_3
+    del minus_3
     status = 0.0
-    x11 = 512.0*eps
-    x12 = (eps*eps)
-    is_usual = (np.abs(gain) <= length_squared*np.where(length_tolerance < x11, length_tolerance, x11)) & (length_squared > x12) & (root_squared > 4096.0*eps*length_squared*sine_size) & (x10 > 16.0*np.sqrt(eps)*length_squared) & (length_squared < 1.0/x12) & (root_squared < along_m) & (np.abs(half_angle) < 256.0)
-    del along_m, gain, half_angle, length_squared, root_squared, sine_size, x10, x11, x12
+    x6 = 32.0*eps
+    x7 = (eps*eps)
+    is_usual = (np.abs(gain) <= length_squared*np.where(length_tolerance < x6, length_tolerance, x6)) & (length_squared > x7) & (root_squared > 4096.0*eps*length_squared*sine_size) & (x0 > 64.0*np.sqrt(eps)*length_squared) & (length_squared < 1.0/x7) & (root_squared < along_m) & (np.abs(half_angle) < 256.0)
+    del along_m, gain, half_angle, length_squared, root_squared, sine_size, x0, x6, x7
     return (axes_1_1, axes_1_2, axes_1_3, axes_2_1, axes_2_2, axes_2_3, status, is_usual)
 
 
@@ -537,7 +553,7 @@ axis_jacobian.types = ["dddd->db", "ffff->fb"]
 
 
 def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
-    # 244 add, 441 mul, 7 div, 2 sqrt, 155 select, 62 compare, 26 abs, 1 cos, 3 power_of_two_scale, 1 sign, 1 sin
+    # 332 add, 601 mul, 11 div, 4 sqrt, 177 select, 68 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
     size_before = 0.25*np.abs(rho_1) + 0.25*np.abs(rho_2) + 0.25*np.abs(rho_3)
     size_after = 0.25*np.abs(rho_prime_1) + 0.25*np.abs(rho_prime_2) + 0.25*np.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
@@ -561,36 +577,36 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     total_2 = u_2 + v_2
     total_3 = u_3 + v_3
     length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3)
-    x11 = 2.0*scale_before
-    d_length_squared_d_rho_1 = u_1*x11
-    d_length_squared_d_rho_2 = u_2*x11
-    d_length_squared_d_rho_3 = u_3*x11
-    del x11
-    length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3)
-    x12 = 2.0*scale
-    d_length_prime_squared_d_rho_prime_1 = v_1*x12
-    d_length_prime_squared_d_rho_prime_2 = v_2*x12
-    d_length_prime_squared_d_rho_prime_3 = v_3*x12
-    del x12
-    x13 = np.sqrt(length_prime_squared*length_squared)
-    length_product = x13
-    x14 = 0.5*x13
+    x13 = 2.0*scale_before
+    d_length_squared_d_rho_1 = u_1*x13
+    d_length_squared_d_rho_2 = u_2*x13
+    d_length_squared_d_rho_3 = u_3*x13
     del x13
-    x15 = x14/length_squared
-    d_length_product_d_rho_1 = d_length_squared_d_rho_1*x15
-    del d_length_squared_d_rho_1
-    d_length_product_d_rho_2 = d_length_squared_d_rho_2*x15
-    del d_length_squared_d_rho_2
-    d_length_product_d_rho_3 = d_length_squared_d_rho_3*x15
-    del d_length_squared_d_rho_3, x15
-    x16 = x14/length_prime_squared
+    length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3)
+    x14 = 2.0*scale
+    d_length_prime_squared_d_rho_prime_1 = v_1*x14
+    d_length_prime_squared_d_rho_prime_2 = v_2*x14
+    d_length_prime_squared_d_rho_prime_3 = v_3*x14
     del x14
-    d_length_product_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1*x16
-    d_length_product_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2*x16
-    d_length_product_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3*x16
+    x15 = np.sqrt(length_prime_squared*length_squared)
+    length_product = x15
+    x16 = 0.5*x15
+    del x15
+    x17 = x16/length_squared
+    d_length_product_d_rho_1 = d_length_squared_d_rho_1*x17
+    del d_length_squared_d_rho_1
+    d_length_product_d_rho_2 = d_length_squared_d_rho_2*x17
+    del d_length_squared_d_rho_2
+    d_length_product_d_rho_3 = d_length_squared_d_rho_3*x17
+    del d_length_squared_d_rho_3, x17
+    x18 = x16/length_prime_squared
     del x16
+    d_length_product_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1*x18
+    d_length_product_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2*x18
+    d_length_product_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3*x18
+    del x18
     excess_divisor = length_prime_squared + length_product
-    del length_prime_squared, length_product
+    del length_prime_squared
     d_excess_divisor_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1 + d_length_product_d_rho_prime_1
     del d_length_prime_squared_d_rho_prime_1, d_length_product_d_rho_prime_1
     d_excess_divisor_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2 + d_length_product_d_rho_prime_2
@@ -606,20 +622,20 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_gain_d_rho_prime_2 = difference_2*scale + scale*total_2
     d_gain_d_rho_prime_3 = difference_3*scale + scale*total_3
     select_0 = np.where(nonzero, 1.0/excess_divisor, 1.0)
-    x17 = 1.0/(excess_divisor*excess_divisor)
+    x19 = 1.0/(excess_divisor*excess_divisor)
     del excess_divisor
-    d_select_0_d_rho_1 = np.where(nonzero, -d_length_product_d_rho_1*x17, 0.0)
+    d_select_0_d_rho_1 = np.where(nonzero, -d_length_product_d_rho_1*x19, 0.0)
     del d_length_product_d_rho_1
-    d_select_0_d_rho_2 = np.where(nonzero, -d_length_product_d_rho_2*x17, 0.0)
+    d_select_0_d_rho_2 = np.where(nonzero, -d_length_product_d_rho_2*x19, 0.0)
     del d_length_product_d_rho_2
-    d_select_0_d_rho_3 = np.where(nonzero, -d_length_product_d_rho_3*x17, 0.0)
+    d_select_0_d_rho_3 = np.where(nonzero, -d_length_product_d_rho_3*x19, 0.0)
     del d_length_product_d_rho_3
-    d_select_0_d_rho_prime_1 = np.where(nonzero, -d_excess_divisor_d_rho_prime_1*x17, 0.0)
+    d_select_0_d_rho_prime_1 = np.where(nonzero, -d_excess_divisor_d_rho_prime_1*x19, 0.0)
     del d_excess_divisor_d_rho_prime_1
-    d_select_0_d_rho_prime_2 = np.where(nonzero, -d_excess_divisor_d_rho_prime_2*x17, 0.0)
+    d_select_0_d_rho_prime_2 = np.where(nonzero, -d_excess_divisor_d_rho_prime_2*x19, 0.0)
     del d_excess_divisor_d_rho_prime_2
-    d_select_0_d_rho_prime_3 = np.where(nonzero, -d_excess_divisor_d_rho_prime_3*x17, 0.0)
-    del d_excess_divisor_d_rho_prime_3, nonzero, x17
+    d_select_0_d_rho_prime_3 = np.where(nonzero, -d_excess_divisor_d_rho_prime_3*x19, 0.0)
+    del d_excess_divisor_d_rho_prime_3, nonzero, x19
     excess = gain*select_0
     d_excess_d_rho_1 = d_gain_d_rho_1*select_0 + d_select_0_d_rho_1*gain
     del d_gain_d_rho_1, d_select_0_d_rho_1
@@ -637,8 +653,8 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_x0_d_rho_1 = d_excess_d_rho_1*v_1
     d_x0_d_rho_2 = d_excess_d_rho_2*v_1
     d_x0_d_rho_3 = d_excess_d_rho_3*v_1
-    x18 = excess*scale
-    d_x0_d_rho_prime_1 = d_excess_d_rho_prime_1*v_1 + x18
+    x20 = excess*scale
+    d_x0_d_rho_prime_1 = d_excess_d_rho_prime_1*v_1 + x20
     d_x0_d_rho_prime_2 = d_excess_d_rho_prime_2*v_1
     d_x0_d_rho_prime_3 = d_excess_d_rho_prime_3*v_1
     del v_1
@@ -647,9 +663,9 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_m_1_d_rho_1 = scale_before - d_x0_d_rho_1
     d_m_1_d_rho_2 = -d_x0_d_rho_2
     d_m_1_d_rho_3 = -d_x0_d_rho_3
-    x23 = scale - d_x0_d_rho_prime_1
+    x25 = scale - d_x0_d_rho_prime_1
     del d_x0_d_rho_prime_1
-    d_m_1_d_rho_prime_1 = x23
+    d_m_1_d_rho_prime_1 = x25
     d_m_1_d_rho_prime_2 = -d_x0_d_rho_prime_2
     d_m_1_d_rho_prime_3 = -d_x0_d_rho_prime_3
     x1 = excess*v_2
@@ -657,7 +673,7 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_x1_d_rho_2 = d_excess_d_rho_2*v_2
     d_x1_d_rho_3 = d_excess_d_rho_3*v_2
     d_x1_d_rho_prime_1 = d_excess_d_rho_prime_1*v_2
-    d_x1_d_rho_prime_2 = d_excess_d_rho_prime_2*v_2 + x18
+    d_x1_d_rho_prime_2 = d_excess_d_rho_prime_2*v_2 + x20
     d_x1_d_rho_prime_3 = d_excess_d_rho_prime_3*v_2
     del v_2
     m_2 = total_2 - x1
@@ -666,9 +682,9 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_m_2_d_rho_2 = scale_before - d_x1_d_rho_2
     d_m_2_d_rho_3 = -d_x1_d_rho_3
     d_m_2_d_rho_prime_1 = -d_x1_d_rho_prime_1
-    x30 = scale - d_x1_d_rho_prime_2
+    x32 = scale - d_x1_d_rho_prime_2
     del d_x1_d_rho_prime_2
-    d_m_2_d_rho_prime_2 = x30
+    d_m_2_d_rho_prime_2 = x32
     d_m_2_d_rho_prime_3 = -d_x1_d_rho_prime_3
     x2 = excess*v_3
     d_x2_d_rho_1 = d_excess_d_rho_1*v_3
@@ -681,8 +697,8 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     del d_excess_d_rho_prime_1
     d_x2_d_rho_prime_2 = d_excess_d_rho_prime_2*v_3
     del d_excess_d_rho_prime_2
-    d_x2_d_rho_prime_3 = d_excess_d_rho_prime_3*v_3 + x18
-    del d_excess_d_rho_prime_3, v_3, x18
+    d_x2_d_rho_prime_3 = d_excess_d_rho_prime_3*v_3 + x20
+    del d_excess_d_rho_prime_3, v_3, x20
     m_3 = total_3 - x2
     del total_3
     d_m_3_d_rho_1 = -d_x2_d_rho_1
@@ -690,9 +706,9 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_m_3_d_rho_3 = scale_before - d_x2_d_rho_3
     d_m_3_d_rho_prime_1 = -d_x2_d_rho_prime_1
     d_m_3_d_rho_prime_2 = -d_x2_d_rho_prime_2
-    x37 = scale - d_x2_d_rho_prime_3
+    x39 = scale - d_x2_d_rho_prime_3
     del d_x2_d_rho_prime_3, scale
-    d_m_3_d_rho_prime_3 = x37
+    d_m_3_d_rho_prime_3 = x39
     r_1 = difference_1 - x0
     del difference_1, x0
     d_r_1_d_rho_1 = d_difference_1_d_rho_1 - d_x0_d_rho_1
@@ -701,8 +717,8 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     del d_x0_d_rho_2
     d_r_1_d_rho_3 = -d_x0_d_rho_3
     del d_x0_d_rho_3
-    d_r_1_d_rho_prime_1 = x23
-    del x23
+    d_r_1_d_rho_prime_1 = x25
+    del x25
     d_r_1_d_rho_prime_2 = -d_x0_d_rho_prime_2
     del d_x0_d_rho_prime_2
     d_r_1_d_rho_prime_3 = -d_x0_d_rho_prime_3
@@ -717,8 +733,8 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     del d_x1_d_rho_3
     d_r_2_d_rho_prime_1 = -d_x1_d_rho_prime_1
     del d_x1_d_rho_prime_1
-    d_r_2_d_rho_prime_2 = x30
-    del x30
+    d_r_2_d_rho_prime_2 = x32
+    del x32
     d_r_2_d_rho_prime_3 = -d_x1_d_rho_prime_3
     del d_x1_d_rho_prime_3
     r_3 = difference_3 - x2
@@ -733,17 +749,17 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     del d_x2_d_rho_prime_1
     d_r_3_d_rho_prime_2 = -d_x2_d_rho_prime_2
     del d_x2_d_rho_prime_2
-    d_r_3_d_rho_prime_3 = x37
-    del x37
-    half_angle = 0.5*angle
-    x38 = np.sin(half_angle)
-    sine = x38
-    x39 = np.cos(half_angle)
-    d_sine_d_angle = 0.5*x39
-    cosine = x39
+    d_r_3_d_rho_prime_3 = x39
     del x39
-    d_cosine_d_angle = -0.5*x38
-    del x38
+    half_angle = 0.5*angle
+    x40 = np.sin(half_angle)
+    sine = x40
+    x41 = np.cos(half_angle)
+    d_sine_d_angle = 0.5*x41
+    cosine = x41
+    del x41
+    d_cosine_d_angle = -0.5*x40
+    del x40
     sine_size = np.abs(sine)
     d_sine_size_d_angle = d_sine_d_angle*np.sign(sine)
     del d_sine_d_angle
@@ -762,27 +778,27 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_C_d_angle = d_select_2_d_angle*turn_scale
     del d_select_2_d_angle
     m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3)
-    x40 = 2.0*m_1
-    x41 = 2.0*m_2
-    x42 = 2.0*m_3
-    d_m_squared_d_rho_1 = d_m_1_d_rho_1*x40 + d_m_2_d_rho_1*x41 + d_m_3_d_rho_1*x42
-    d_m_squared_d_rho_2 = d_m_1_d_rho_2*x40 + d_m_2_d_rho_2*x41 + d_m_3_d_rho_2*x42
-    d_m_squared_d_rho_3 = d_m_1_d_rho_3*x40 + d_m_2_d_rho_3*x41 + d_m_3_d_rho_3*x42
-    d_m_squared_d_rho_prime_1 = d_m_1_d_rho_prime_1*x40 + d_m_2_d_rho_prime_1*x41 + d_m_3_d_rho_prime_1*x42
-    d_m_squared_d_rho_prime_2 = d_m_1_d_rho_prime_2*x40 + d_m_2_d_rho_prime_2*x41 + d_m_3_d_rho_prime_2*x42
-    d_m_squared_d_rho_prime_3 = d_m_1_d_rho_prime_3*x40 + d_m_2_d_rho_prime_3*x41 + d_m_3_d_rho_prime_3*x42
-    del x40, x41, x42
+    x42 = 2.0*m_1
+    x43 = 2.0*m_2
+    x44 = 2.0*m_3
+    d_m_squared_d_rho_1 = d_m_1_d_rho_1*x42 + d_m_2_d_rho_1*x43 + d_m_3_d_rho_1*x44
+    d_m_squared_d_rho_2 = d_m_1_d_rho_2*x42 + d_m_2_d_rho_2*x43 + d_m_3_d_rho_2*x44
+    d_m_squared_d_rho_3 = d_m_1_d_rho_3*x42 + d_m_2_d_rho_3*x43 + d_m_3_d_rho_3*x44
+    d_m_squared_d_rho_prime_1 = d_m_1_d_rho_prime_1*x42 + d_m_2_d_rho_prime_1*x43 + d_m_3_d_rho_prime_1*x44
+    d_m_squared_d_rho_prime_2 = d_m_1_d_rho_prime_2*x42 + d_m_2_d_rho_prime_2*x43 + d_m_3_d_rho_prime_2*x44
+    d_m_squared_d_rho_prime_3 = d_m_1_d_rho_prime_3*x42 + d_m_2_d_rho_prime_3*x43 + d_m_3_d_rho_prime_3*x44
+    del x42, x43, x44
     r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3)
-    x43 = 2.0*r_1
-    x44 = 2.0*r_2
-    x45 = 2.0*r_3
-    d_r_squared_d_rho_1 = d_r_1_d_rho_1*x43 + d_r_2_d_rho_1*x44 + d_r_3_d_rho_1*x45
-    d_r_squared_d_rho_2 = d_r_1_d_rho_2*x43 + d_r_2_d_rho_2*x44 + d_r_3_d_rho_2*x45
-    d_r_squared_d_rho_3 = d_r_1_d_rho_3*x43 + d_r_2_d_rho_3*x44 + d_r_3_d_rho_3*x45
-    d_r_squared_d_rho_prime_1 = d_r_1_d_rho_prime_1*x43 + d_r_2_d_rho_prime_1*x44 + d_r_3_d_rho_prime_1*x45
-    d_r_squared_d_rho_prime_2 = d_r_1_d_rho_prime_2*x43 + d_r_2_d_rho_prime_2*x44 + d_r_3_d_rho_prime_2*x45
-    d_r_squared_d_rho_prime_3 = d_r_1_d_rho_prime_3*x43 + d_r_2_d_rho_prime_3*x44 + d_r_3_d_rho_prime_3*x45
-    del x43, x44, x45
+    x45 = 2.0*r_1
+    x46 = 2.0*r_2
+    x47 = 2.0*r_3
+    d_r_squared_d_rho_1 = d_r_1_d_rho_1*x45 + d_r_2_d_rho_1*x46 + d_r_3_d_rho_1*x47
+    d_r_squared_d_rho_2 = d_r_1_d_rho_2*x45 + d_r_2_d_rho_2*x46 + d_r_3_d_rho_2*x47
+    d_r_squared_d_rho_3 = d_r_1_d_rho_3*x45 + d_r_2_d_rho_3*x46 + d_r_3_d_rho_3*x47
+    d_r_squared_d_rho_prime_1 = d_r_1_d_rho_prime_1*x45 + d_r_2_d_rho_prime_1*x46 + d_r_3_d_rho_prime_1*x47
+    d_r_squared_d_rho_prime_2 = d_r_1_d_rho_prime_2*x45 + d_r_2_d_rho_prime_2*x46 + d_r_3_d_rho_prime_2*x47
+    d_r_squared_d_rho_prime_3 = d_r_1_d_rho_prime_3*x45 + d_r_2_d_rho_prime_3*x46 + d_r_3_d_rho_prime_3*x47
+    del x45, x46, x47
     x4 = (S*S)
     d_x4_d_angle = 2.0*S*d_S_d_angle
     along_m = m_squared*x4
@@ -794,15 +810,20 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_along_m_d_rho_prime_3 = d_m_squared_d_rho_prime_3*x4
     d_along_m_d_angle = d_x4_d_angle*m_squared
     del d_x4_d_angle
-    x46 = (C*C)
-    along_n = r_squared*x46
-    d_along_n_d_rho_1 = d_r_squared_d_rho_1*x46
-    d_along_n_d_rho_2 = d_r_squared_d_rho_2*x46
-    d_along_n_d_rho_3 = d_r_squared_d_rho_3*x46
-    d_along_n_d_rho_prime_1 = d_r_squared_d_rho_prime_1*x46
-    d_along_n_d_rho_prime_2 = d_r_squared_d_rho_prime_2*x46
-    d_along_n_d_rho_prime_3 = d_r_squared_d_rho_prime_3*x46
-    del x46
+    x48 = (C*C)
+    along_n = r_squared*x48
+    d_along_n_d_rho_1 = d_r_squared_d_rho_1*x48
+    del d_r_squared_d_rho_1
+    d_along_n_d_rho_2 = d_r_squared_d_rho_2*x48
+    del d_r_squared_d_rho_2
+    d_along_n_d_rho_3 = d_r_squared_d_rho_3*x48
+    del d_r_squared_d_rho_3
+    d_along_n_d_rho_prime_1 = d_r_squared_d_rho_prime_1*x48
+    del d_r_squared_d_rho_prime_1
+    d_along_n_d_rho_prime_2 = d_r_squared_d_rho_prime_2*x48
+    del d_r_squared_d_rho_prime_2
+    d_along_n_d_rho_prime_3 = d_r_squared_d_rho_prime_3*x48
+    del d_r_squared_d_rho_prime_3, x48
     d_along_n_d_angle = 2.0*C*d_C_d_angle*r_squared
     root_squared = along_m - along_n
     del along_n
@@ -861,21 +882,27 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     del along_m
     band = np.where(rounding < x7, rounding, x7)
     del rounding, x7
-    two = root_squared > band
-    area_squared = m_squared*r_squared
-    d_area_squared_d_rho_1 = d_m_squared_d_rho_1*r_squared + d_r_squared_d_rho_1*m_squared
-    del d_r_squared_d_rho_1
-    d_area_squared_d_rho_2 = d_m_squared_d_rho_2*r_squared + d_r_squared_d_rho_2*m_squared
-    del d_r_squared_d_rho_2
-    d_area_squared_d_rho_3 = d_m_squared_d_rho_3*r_squared + d_r_squared_d_rho_3*m_squared
-    del d_r_squared_d_rho_3
-    d_area_squared_d_rho_prime_1 = d_m_squared_d_rho_prime_1*r_squared + d_r_squared_d_rho_prime_1*m_squared
-    del d_r_squared_d_rho_prime_1
-    d_area_squared_d_rho_prime_2 = d_m_squared_d_rho_prime_2*r_squared + d_r_squared_d_rho_prime_2*m_squared
-    del d_r_squared_d_rho_prime_2
-    d_area_squared_d_rho_prime_3 = d_m_squared_d_rho_prime_3*r_squared + d_r_squared_d_rho_prime_3*m_squared
-    del d_r_squared_d_rho_prime_3
-    plane = area_squared > 0.0
+    both = length_product > 0.0
+    del length_product
+    x11 = np.abs(excess)
+    apart = x11 > 9.313225746154785e-10
+    x8 = length_squared*x3
+    del length_squared, x3
+    x9 = 64.0*x8
+    two = (both) & (~((apart) & (m_squared <= x9))) & (root_squared > band)
+    del both
+    area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3)
+    x49 = 2.0*w_1
+    x50 = 2.0*w_2
+    x51 = 2.0*w_3
+    d_area_squared_d_rho_1 = d_w_1_d_rho_1*x49 + d_w_2_d_rho_1*x50 + d_w_3_d_rho_1*x51
+    d_area_squared_d_rho_2 = d_w_1_d_rho_2*x49 + d_w_2_d_rho_2*x50 + d_w_3_d_rho_2*x51
+    d_area_squared_d_rho_3 = d_w_1_d_rho_3*x49 + d_w_2_d_rho_3*x50 + d_w_3_d_rho_3*x51
+    d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x49 + d_w_2_d_rho_prime_1*x50 + d_w_3_d_rho_prime_1*x51
+    d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x49 + d_w_2_d_rho_prime_2*x50 + d_w_3_d_rho_prime_2*x51
+    d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x49 + d_w_2_d_rho_prime_3*x50 + d_w_3_d_rho_prime_3*x51
+    del x49, x50, x51
+    plane = area_squared > 0.5*m_squared*r_squared
     across_1 = np.where(np.abs(u_1) < np.abs(u_3), 0.0, -u_2)
     d_across_1_d_rho_2 = np.where(np.abs(u_1) < np.abs(u_3), 0.0, -scale_before)
     across_2 = np.where(np.abs(u_1) < np.abs(u_3), -u_3, u_1)
@@ -887,13 +914,13 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     del scale_before, u_1, u_3
     select_3 = np.where(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3))
     del area_squared
-    x47 = 2.0*across_2
-    d_select_3_d_rho_1 = np.where(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x47)
+    x52 = 2.0*across_2
+    d_select_3_d_rho_1 = np.where(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x52)
     del d_area_squared_d_rho_1
     d_select_3_d_rho_2 = np.where(plane, d_area_squared_d_rho_2, 2.0*across_1*d_across_1_d_rho_2 + 2.0*across_3*d_across_3_d_rho_2)
     del d_area_squared_d_rho_2
-    d_select_3_d_rho_3 = np.where(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x47)
-    del d_area_squared_d_rho_3, x47
+    d_select_3_d_rho_3 = np.where(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x52)
+    del d_area_squared_d_rho_3, x52
     d_select_3_d_rho_prime_1 = np.where(plane, d_area_squared_d_rho_prime_1, 0.0)
     del d_area_squared_d_rho_prime_1
     d_select_3_d_rho_prime_2 = np.where(plane, d_area_squared_d_rho_prime_2, 0.0)
@@ -916,25 +943,25 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     del d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3
     d_under_root_d_angle = np.where(two, d_root_squared_d_angle, 0.0)
     del d_root_squared_d_angle
-    x48 = np.sqrt(under_root)
+    x53 = np.sqrt(under_root)
     del under_root
-    root = x48
-    x49 = 0.5/x48
-    del x48
-    d_root_d_rho_1 = d_under_root_d_rho_1*x49
+    root = x53
+    x54 = 0.5/x53
+    del x53
+    d_root_d_rho_1 = d_under_root_d_rho_1*x54
     del d_under_root_d_rho_1
-    d_root_d_rho_2 = d_under_root_d_rho_2*x49
+    d_root_d_rho_2 = d_under_root_d_rho_2*x54
     del d_under_root_d_rho_2
-    d_root_d_rho_3 = d_under_root_d_rho_3*x49
+    d_root_d_rho_3 = d_under_root_d_rho_3*x54
     del d_under_root_d_rho_3
-    d_root_d_rho_prime_1 = d_under_root_d_rho_prime_1*x49
+    d_root_d_rho_prime_1 = d_under_root_d_rho_prime_1*x54
     del d_under_root_d_rho_prime_1
-    d_root_d_rho_prime_2 = d_under_root_d_rho_prime_2*x49
+    d_root_d_rho_prime_2 = d_under_root_d_rho_prime_2*x54
     del d_under_root_d_rho_prime_2
-    d_root_d_rho_prime_3 = d_under_root_d_rho_prime_3*x49
+    d_root_d_rho_prime_3 = d_under_root_d_rho_prime_3*x54
     del d_under_root_d_rho_prime_3
-    d_root_d_angle = d_under_root_d_angle*x49
-    del d_under_root_d_angle, x49
+    d_root_d_angle = d_under_root_d_angle*x54
+    del d_under_root_d_angle, x54
     select_4 = np.where(root > 0.0, root, 1.0)
     d_select_4_d_rho_1 = np.where(root > 0.0, d_root_d_rho_1, 0.0)
     d_select_4_d_rho_2 = np.where(root > 0.0, d_root_d_rho_2, 0.0)
@@ -960,22 +987,22 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_divisor_d_angle = np.where(two, d_S_d_angle*m_squared, d_select_4_d_angle)
     del d_S_d_angle, d_select_4_d_angle
     inverse = 1.0/divisor
-    x50 = 1.0/(divisor*divisor)
+    x55 = 1.0/(divisor*divisor)
     del divisor
-    d_inverse_d_rho_1 = -d_divisor_d_rho_1*x50
+    d_inverse_d_rho_1 = -d_divisor_d_rho_1*x55
     del d_divisor_d_rho_1
-    d_inverse_d_rho_2 = -d_divisor_d_rho_2*x50
+    d_inverse_d_rho_2 = -d_divisor_d_rho_2*x55
     del d_divisor_d_rho_2
-    d_inverse_d_rho_3 = -d_divisor_d_rho_3*x50
+    d_inverse_d_rho_3 = -d_divisor_d_rho_3*x55
     del d_divisor_d_rho_3
-    d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x50
+    d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x55
     del d_divisor_d_rho_prime_1
-    d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x50
+    d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x55
     del d_divisor_d_rho_prime_2
-    d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x50
+    d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x55
     del d_divisor_d_rho_prime_3
-    d_inverse_d_angle = -d_divisor_d_angle*x50
-    del d_divisor_d_angle, x50
+    d_inverse_d_angle = -d_divisor_d_angle*x55
+    del d_divisor_d_angle, x55
     select_5 = np.where(C < 0.0, -1.0, 1.0)
     select_6 = np.where(two, C, select_5)
     del C, select_5
@@ -1005,6 +1032,7 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     del d_root_d_rho_prime_3
     d_m_factor_d_angle = np.where(two, d_inverse_d_angle*root + d_root_d_angle*inverse, 0.0)
     del d_root_d_angle
+    select_7 = np.where(root > 0.0, across_1*inverse, 0.0)
     d_select_7_d_rho_1 = np.where(root > 0.0, across_1*d_inverse_d_rho_1, 0.0)
     d_select_7_d_rho_2 = np.where(root > 0.0, across_1*d_inverse_d_rho_2 + d_across_1_d_rho_2*inverse, 0.0)
     del d_across_1_d_rho_2
@@ -1014,6 +1042,8 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_select_7_d_rho_prime_3 = np.where(root > 0.0, across_1*d_inverse_d_rho_prime_3, 0.0)
     d_select_7_d_angle = np.where(root > 0.0, across_1*d_inverse_d_angle, 0.0)
     del across_1
+    base_1 = np.where((plane) | (two), w_1*w_factor, select_7)
+    del select_7
     d_base_1_d_rho_1 = np.where((plane) | (two), d_w_1_d_rho_1*w_factor + d_w_factor_d_rho_1*w_1, d_select_7_d_rho_1)
     del d_select_7_d_rho_1, d_w_1_d_rho_1
     d_base_1_d_rho_2 = np.where((plane) | (two), d_w_1_d_rho_2*w_factor + d_w_factor_d_rho_2*w_1, d_select_7_d_rho_2)
@@ -1028,6 +1058,7 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     del d_select_7_d_rho_prime_3, d_w_1_d_rho_prime_3
     d_base_1_d_angle = np.where((plane) | (two), d_w_factor_d_angle*w_1, d_select_7_d_angle)
     del d_select_7_d_angle, w_1
+    select_8 = np.where(root > 0.0, across_2*inverse, 0.0)
     d_select_8_d_rho_1 = np.where(root > 0.0, across_2*d_inverse_d_rho_1 + d_across_2_d_rho_1*inverse, 0.0)
     del d_across_2_d_rho_1
     d_select_8_d_rho_2 = np.where(root > 0.0, across_2*d_inverse_d_rho_2, 0.0)
@@ -1038,6 +1069,8 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_select_8_d_rho_prime_3 = np.where(root > 0.0, across_2*d_inverse_d_rho_prime_3, 0.0)
     d_select_8_d_angle = np.where(root > 0.0, across_2*d_inverse_d_angle, 0.0)
     del across_2
+    base_2 = np.where((plane) | (two), w_2*w_factor, select_8)
+    del select_8
     d_base_2_d_rho_1 = np.where((plane) | (two), d_w_2_d_rho_1*w_factor + d_w_factor_d_rho_1*w_2, d_select_8_d_rho_1)
     del d_select_8_d_rho_1, d_w_2_d_rho_1
     d_base_2_d_rho_2 = np.where((plane) | (two), d_w_2_d_rho_2*w_factor + d_w_factor_d_rho_2*w_2, d_select_8_d_rho_2)
@@ -1052,6 +1085,7 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     del d_select_8_d_rho_prime_3, d_w_2_d_rho_prime_3
     d_base_2_d_angle = np.where((plane) | (two), d_w_factor_d_angle*w_2, d_select_8_d_angle)
     del d_select_8_d_angle, w_2
+    select_9 = np.where(root > 0.0, across_3*inverse, 1.0)
     d_select_9_d_rho_1 = np.where(root > 0.0, across_3*d_inverse_d_rho_1, 0.0)
     del d_inverse_d_rho_1
     d_select_9_d_rho_2 = np.where(root > 0.0, across_3*d_inverse_d_rho_2 + d_across_3_d_rho_2*inverse, 0.0)
@@ -1066,6 +1100,8 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     del d_inverse_d_rho_prime_3
     d_select_9_d_angle = np.where(root > 0.0, across_3*d_inverse_d_angle, 0.0)
     del across_3, d_inverse_d_angle, root
+    base_3 = np.where((plane) | (two), w_3*w_factor, select_9)
+    del select_9
     d_base_3_d_rho_1 = np.where((plane) | (two), d_w_3_d_rho_1*w_factor + d_w_factor_d_rho_1*w_3, d_select_9_d_rho_1)
     del d_select_9_d_rho_1, d_w_3_d_rho_1, d_w_factor_d_rho_1
     d_base_3_d_rho_2 = np.where((plane) | (two), d_w_3_d_rho_2*w_factor + d_w_factor_d_rho_2*w_3, d_select_9_d_rho_2)
@@ -1080,6 +1116,7 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     del d_select_9_d_rho_prime_3, d_w_3_d_rho_prime_3, d_w_factor_d_rho_prime_3, w_factor
     d_base_3_d_angle = np.where((plane) | (two), d_w_factor_d_angle*w_3, d_select_9_d_angle)
     del d_select_9_d_angle, d_w_factor_d_angle, plane, w_3
+    offset_1 = m_1*m_factor
     d_offset_1_d_rho_1 = d_m_1_d_rho_1*m_factor + d_m_factor_d_rho_1*m_1
     del d_m_1_d_rho_1
     d_offset_1_d_rho_2 = d_m_1_d_rho_2*m_factor + d_m_factor_d_rho_2*m_1
@@ -1094,6 +1131,7 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     del d_m_1_d_rho_prime_3
     d_offset_1_d_angle = d_m_factor_d_angle*m_1
     del m_1
+    offset_2 = m_2*m_factor
     d_offset_2_d_rho_1 = d_m_2_d_rho_1*m_factor + d_m_factor_d_rho_1*m_2
     del d_m_2_d_rho_1
     d_offset_2_d_rho_2 = d_m_2_d_rho_2*m_factor + d_m_factor_d_rho_2*m_2
@@ -1108,6 +1146,7 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     del d_m_2_d_rho_prime_3
     d_offset_2_d_angle = d_m_factor_d_angle*m_2
     del m_2
+    offset_3 = m_3*m_factor
     d_offset_3_d_rho_1 = d_m_3_d_rho_1*m_factor + d_m_factor_d_rho_1*m_3
     del d_m_3_d_rho_1, d_m_factor_d_rho_1
     d_offset_3_d_rho_2 = d_m_3_d_rho_2*m_factor + d_m_factor_d_rho_2*m_3
@@ -1123,90 +1162,214 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_offset_3_d_angle = d_m_factor_d_angle*m_3
     del d_m_factor_d_angle, m_3
     valid = (size_after <= largest) & (size_before <= largest) & (np.abs(angle) <= largest)
-    d_axes_1_1_d_rho_1 = np.where(valid, d_base_1_d_rho_1 + d_offset_1_d_rho_1, np.nan)
-    d_axes_1_1_d_rho_2 = np.where(valid, d_base_1_d_rho_2 + d_offset_1_d_rho_2, np.nan)
-    d_axes_1_1_d_rho_3 = np.where(valid, d_base_1_d_rho_3 + d_offset_1_d_rho_3, np.nan)
-    d_axes_1_1_d_rho_prime_1 = np.where(valid, d_base_1_d_rho_prime_1 + d_offset_1_d_rho_prime_1, np.nan)
-    d_axes_1_1_d_rho_prime_2 = np.where(valid, d_base_1_d_rho_prime_2 + d_offset_1_d_rho_prime_2, np.nan)
-    d_axes_1_1_d_rho_prime_3 = np.where(valid, d_base_1_d_rho_prime_3 + d_offset_1_d_rho_prime_3, np.nan)
-    d_axes_1_1_d_angle = np.where(valid, d_base_1_d_angle + d_offset_1_d_angle, np.nan)
-    d_axes_1_2_d_rho_1 = np.where(valid, d_base_2_d_rho_1 + d_offset_2_d_rho_1, np.nan)
-    d_axes_1_2_d_rho_2 = np.where(valid, d_base_2_d_rho_2 + d_offset_2_d_rho_2, np.nan)
-    d_axes_1_2_d_rho_3 = np.where(valid, d_base_2_d_rho_3 + d_offset_2_d_rho_3, np.nan)
-    d_axes_1_2_d_rho_prime_1 = np.where(valid, d_base_2_d_rho_prime_1 + d_offset_2_d_rho_prime_1, np.nan)
-    d_axes_1_2_d_rho_prime_2 = np.where(valid, d_base_2_d_rho_prime_2 + d_offset_2_d_rho_prime_2, np.nan)
-    d_axes_1_2_d_rho_prime_3 = np.where(valid, d_base_2_d_rho_prime_3 + d_offset_2_d_rho_prime_3, np.nan)
-    d_axes_1_2_d_angle = np.where(valid, d_base_2_d_angle + d_offset_2_d_angle, np.nan)
-    d_axes_1_3_d_rho_1 = np.where(valid, d_base_3_d_rho_1 + d_offset_3_d_rho_1, np.nan)
-    d_axes_1_3_d_rho_2 = np.where(valid, d_base_3_d_rho_2 + d_offset_3_d_rho_2, np.nan)
-    d_axes_1_3_d_rho_3 = np.where(valid, d_base_3_d_rho_3 + d_offset_3_d_rho_3, np.nan)
-    d_axes_1_3_d_rho_prime_1 = np.where(valid, d_base_3_d_rho_prime_1 + d_offset_3_d_rho_prime_1, np.nan)
-    d_axes_1_3_d_rho_prime_2 = np.where(valid, d_base_3_d_rho_prime_2 + d_offset_3_d_rho_prime_2, np.nan)
-    d_axes_1_3_d_rho_prime_3 = np.where(valid, d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3, np.nan)
-    d_axes_1_3_d_angle = np.where(valid, d_base_3_d_angle + d_offset_3_d_angle, np.nan)
-    d_axes_2_1_d_rho_1 = np.where(valid, d_base_1_d_rho_1 - d_offset_1_d_rho_1, np.nan)
+    plus_1 = base_1 + offset_1
+    d_plus_1_d_rho_1 = d_base_1_d_rho_1 + d_offset_1_d_rho_1
+    d_plus_1_d_rho_2 = d_base_1_d_rho_2 + d_offset_1_d_rho_2
+    d_plus_1_d_rho_3 = d_base_1_d_rho_3 + d_offset_1_d_rho_3
+    d_plus_1_d_rho_prime_1 = d_base_1_d_rho_prime_1 + d_offset_1_d_rho_prime_1
+    d_plus_1_d_rho_prime_2 = d_base_1_d_rho_prime_2 + d_offset_1_d_rho_prime_2
+    d_plus_1_d_rho_prime_3 = d_base_1_d_rho_prime_3 + d_offset_1_d_rho_prime_3
+    d_plus_1_d_angle = d_base_1_d_angle + d_offset_1_d_angle
+    plus_2 = base_2 + offset_2
+    d_plus_2_d_rho_1 = d_base_2_d_rho_1 + d_offset_2_d_rho_1
+    d_plus_2_d_rho_2 = d_base_2_d_rho_2 + d_offset_2_d_rho_2
+    d_plus_2_d_rho_3 = d_base_2_d_rho_3 + d_offset_2_d_rho_3
+    d_plus_2_d_rho_prime_1 = d_base_2_d_rho_prime_1 + d_offset_2_d_rho_prime_1
+    d_plus_2_d_rho_prime_2 = d_base_2_d_rho_prime_2 + d_offset_2_d_rho_prime_2
+    d_plus_2_d_rho_prime_3 = d_base_2_d_rho_prime_3 + d_offset_2_d_rho_prime_3
+    d_plus_2_d_angle = d_base_2_d_angle + d_offset_2_d_angle
+    plus_3 = base_3 + offset_3
+    d_plus_3_d_rho_1 = d_base_3_d_rho_1 + d_offset_3_d_rho_1
+    d_plus_3_d_rho_2 = d_base_3_d_rho_2 + d_offset_3_d_rho_2
+    d_plus_3_d_rho_3 = d_base_3_d_rho_3 + d_offset_3_d_rho_3
+    d_plus_3_d_rho_prime_1 = d_base_3_d_rho_prime_1 + d_offset_3_d_rho_prime_1
+    d_plus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 + d_offset_3_d_rho_prime_2
+    d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3
+    d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle
+    x56 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)
+    plus_factor = np.where(apart, 1.0/np.sqrt(x56), 1.0)
+    x57 = 1.0/np.power(x56, 1.5)
+    del x56
+    x58 = plus_1*x57
+    x59 = plus_2*x57
+    x60 = plus_3*x57
+    del x57
+    d_plus_factor_d_rho_1 = np.where(apart, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, 0.0)
+    d_plus_factor_d_rho_2 = np.where(apart, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, 0.0)
+    d_plus_factor_d_rho_3 = np.where(apart, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, 0.0)
+    d_plus_factor_d_rho_prime_1 = np.where(apart, -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60, 0.0)
+    d_plus_factor_d_rho_prime_2 = np.where(apart, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, 0.0)
+    d_plus_factor_d_rho_prime_3 = np.where(apart, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, 0.0)
+    d_plus_factor_d_angle = np.where(apart, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, 0.0)
+    del x58, x59, x60
+    minus_1 = base_1 - offset_1
+    del base_1, offset_1
+    d_minus_1_d_rho_1 = d_base_1_d_rho_1 - d_offset_1_d_rho_1
     del d_base_1_d_rho_1, d_offset_1_d_rho_1
-    d_axes_2_1_d_rho_2 = np.where(valid, d_base_1_d_rho_2 - d_offset_1_d_rho_2, np.nan)
+    d_minus_1_d_rho_2 = d_base_1_d_rho_2 - d_offset_1_d_rho_2
     del d_base_1_d_rho_2, d_offset_1_d_rho_2
-    d_axes_2_1_d_rho_3 = np.where(valid, d_base_1_d_rho_3 - d_offset_1_d_rho_3, np.nan)
+    d_minus_1_d_rho_3 = d_base_1_d_rho_3 - d_offset_1_d_rho_3
     del d_base_1_d_rho_3, d_offset_1_d_rho_3
-    d_axes_2_1_d_rho_prime_1 = np.where(valid, d_base_1_d_rho_prime_1 - d_offset_1_d_rho_prime_1, np.nan)
+    d_minus_1_d_rho_prime_1 = d_base_1_d_rho_prime_1 - d_offset_1_d_rho_prime_1
     del d_base_1_d_rho_prime_1, d_offset_1_d_rho_prime_1
-    d_axes_2_1_d_rho_prime_2 = np.where(valid, d_base_1_d_rho_prime_2 - d_offset_1_d_rho_prime_2, np.nan)
+    d_minus_1_d_rho_prime_2 = d_base_1_d_rho_prime_2 - d_offset_1_d_rho_prime_2
     del d_base_1_d_rho_prime_2, d_offset_1_d_rho_prime_2
-    d_axes_2_1_d_rho_prime_3 = np.where(valid, d_base_1_d_rho_prime_3 - d_offset_1_d_rho_prime_3, np.nan)
+    d_minus_1_d_rho_prime_3 = d_base_1_d_rho_prime_3 - d_offset_1_d_rho_prime_3
     del d_base_1_d_rho_prime_3, d_offset_1_d_rho_prime_3
-    d_axes_2_1_d_angle = np.where(valid, d_base_1_d_angle - d_offset_1_d_angle, np.nan)
+    d_minus_1_d_angle = d_base_1_d_angle - d_offset_1_d_angle
     del d_base_1_d_angle, d_offset_1_d_angle
-    d_axes_2_2_d_rho_1 = np.where(valid, d_base_2_d_rho_1 - d_offset_2_d_rho_1, np.nan)
+    minus_2 = base_2 - offset_2
+    del base_2, offset_2
+    d_minus_2_d_rho_1 = d_base_2_d_rho_1 - d_offset_2_d_rho_1
     del d_base_2_d_rho_1, d_offset_2_d_rho_1
-    d_axes_2_2_d_rho_2 = np.where(valid, d_base_2_d_rho_2 - d_offset_2_d_rho_2, np.nan)
+    d_minus_2_d_rho_2 = d_base_2_d_rho_2 - d_offset_2_d_rho_2
     del d_base_2_d_rho_2, d_offset_2_d_rho_2
-    d_axes_2_2_d_rho_3 = np.where(valid, d_base_2_d_rho_3 - d_offset_2_d_rho_3, np.nan)
+    d_minus_2_d_rho_3 = d_base_2_d_rho_3 - d_offset_2_d_rho_3
     del d_base_2_d_rho_3, d_offset_2_d_rho_3
-    d_axes_2_2_d_rho_prime_1 = np.where(valid, d_base_2_d_rho_prime_1 - d_offset_2_d_rho_prime_1, np.nan)
+    d_minus_2_d_rho_prime_1 = d_base_2_d_rho_prime_1 - d_offset_2_d_rho_prime_1
     del d_base_2_d_rho_prime_1, d_offset_2_d_rho_prime_1
-    d_axes_2_2_d_rho_prime_2 = np.where(valid, d_base_2_d_rho_prime_2 - d_offset_2_d_rho_prime_2, np.nan)
+    d_minus_2_d_rho_prime_2 = d_base_2_d_rho_prime_2 - d_offset_2_d_rho_prime_2
     del d_base_2_d_rho_prime_2, d_offset_2_d_rho_prime_2
-    d_axes_2_2_d_rho_prime_3 = np.where(valid, d_base_2_d_rho_prime_3 - d_offset_2_d_rho_prime_3, np.nan)
+    d_minus_2_d_rho_prime_3 = d_base_2_d_rho_prime_3 - d_offset_2_d_rho_prime_3
     del d_base_2_d_rho_prime_3, d_offset_2_d_rho_prime_3
-    d_axes_2_2_d_angle = np.where(valid, d_base_2_d_angle - d_offset_2_d_angle, np.nan)
+    d_minus_2_d_angle = d_base_2_d_angle - d_offset_2_d_angle
     del d_base_2_d_angle, d_offset_2_d_angle
-    d_axes_2_3_d_rho_1 = np.where(valid, d_base_3_d_rho_1 - d_offset_3_d_rho_1, np.nan)
+    minus_3 = base_3 - offset_3
+    del base_3, offset_3
+    d_minus_3_d_rho_1 = d_base_3_d_rho_1 - d_offset_3_d_rho_1
     del d_base_3_d_rho_1, d_offset_3_d_rho_1
-    d_axes_2_3_d_rho_2 = np.where(valid, d_base_3_d_rho_2 - d_offset_3_d_rho_2, np.nan)
+    d_minus_3_d_rho_2 = d_base_3_d_rho_2 - d_offset_3_d_rho_2
     del d_base_3_d_rho_2, d_offset_3_d_rho_2
-    d_axes_2_3_d_rho_3 = np.where(valid, d_base_3_d_rho_3 - d_offset_3_d_rho_3, np.nan)
+    d_minus_3_d_rho_3 = d_base_3_d_rho_3 - d_offset_3_d_rho_3
     del d_base_3_d_rho_3, d_offset_3_d_rho_3
-    d_axes_2_3_d_rho_prime_1 = np.where(valid, d_base_3_d_rho_prime_1 - d_offset_3_d_rho_prime_1, np.nan)
+    d_minus_3_d_rho_prime_1 = d_base_3_d_rho_prime_1 - d_offset_3_d_rho_prime_1
     del d_base_3_d_rho_prime_1, d_offset_3_d_rho_prime_1
-    d_axes_2_3_d_rho_prime_2 = np.where(valid, d_base_3_d_rho_prime_2 - d_offset_3_d_rho_prime_2, np.nan)
+    d_minus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 - d_offset_3_d_rho_prime_2
     del d_base_3_d_rho_prime_2, d_offset_3_d_rho_prime_2
-    d_axes_2_3_d_rho_prime_3 = np.where(valid, d_base_3_d_rho_prime_3 - d_offset_3_d_rho_prime_3, np.nan)
+    d_minus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 - d_offset_3_d_rho_prime_3
     del d_base_3_d_rho_prime_3, d_offset_3_d_rho_prime_3
-    d_axes_2_3_d_angle = np.where(valid, d_base_3_d_angle - d_offset_3_d_angle, np.nan)
+    d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle
     del d_base_3_d_angle, d_offset_3_d_angle
+    x61 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)
+    minus_factor = np.where(apart, 1.0/np.sqrt(x61), 1.0)
+    x62 = 1.0/np.power(x61, 1.5)
+    del x61
+    x63 = minus_1*x62
+    x64 = minus_2*x62
+    x65 = minus_3*x62
+    del x62
+    d_minus_factor_d_rho_1 = np.where(apart, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, 0.0)
+    d_minus_factor_d_rho_2 = np.where(apart, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, 0.0)
+    d_minus_factor_d_rho_3 = np.where(apart, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, 0.0)
+    d_minus_factor_d_rho_prime_1 = np.where(apart, -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65, 0.0)
+    d_minus_factor_d_rho_prime_2 = np.where(apart, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, 0.0)
+    d_minus_factor_d_rho_prime_3 = np.where(apart, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, 0.0)
+    d_minus_factor_d_angle = np.where(apart, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, 0.0)
+    del apart, x63, x64, x65
+    d_axes_1_1_d_rho_1 = np.where(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, np.nan)
+    del d_plus_1_d_rho_1
+    d_axes_1_1_d_rho_2 = np.where(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, np.nan)
+    del d_plus_1_d_rho_2
+    d_axes_1_1_d_rho_3 = np.where(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, np.nan)
+    del d_plus_1_d_rho_3
+    d_axes_1_1_d_rho_prime_1 = np.where(valid, d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1, np.nan)
+    del d_plus_1_d_rho_prime_1
+    d_axes_1_1_d_rho_prime_2 = np.where(valid, d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1, np.nan)
+    del d_plus_1_d_rho_prime_2
+    d_axes_1_1_d_rho_prime_3 = np.where(valid, d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1, np.nan)
+    del d_plus_1_d_rho_prime_3
+    d_axes_1_1_d_angle = np.where(valid, d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1, np.nan)
+    del d_plus_1_d_angle, plus_1
+    d_axes_1_2_d_rho_1 = np.where(valid, d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2, np.nan)
+    del d_plus_2_d_rho_1
+    d_axes_1_2_d_rho_2 = np.where(valid, d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2, np.nan)
+    del d_plus_2_d_rho_2
+    d_axes_1_2_d_rho_3 = np.where(valid, d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2, np.nan)
+    del d_plus_2_d_rho_3
+    d_axes_1_2_d_rho_prime_1 = np.where(valid, d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2, np.nan)
+    del d_plus_2_d_rho_prime_1
+    d_axes_1_2_d_rho_prime_2 = np.where(valid, d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2, np.nan)
+    del d_plus_2_d_rho_prime_2
+    d_axes_1_2_d_rho_prime_3 = np.where(valid, d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2, np.nan)
+    del d_plus_2_d_rho_prime_3
+    d_axes_1_2_d_angle = np.where(valid, d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2, np.nan)
+    del d_plus_2_d_angle, plus_2
+    d_axes_1_3_d_rho_1 = np.where(valid, d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3, np.nan)
+    del d_plus_3_d_rho_1, d_plus_factor_d_rho_1
+    d_axes_1_3_d_rho_2 = np.where(valid, d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3, np.nan)
+    del d_plus_3_d_rho_2, d_plus_factor_d_rho_2
+    d_axes_1_3_d_rho_3 = np.where(valid, d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3, np.nan)
+    del d_plus_3_d_rho_3, d_plus_factor_d_rho_3
+    d_axes_1_3_d_rho_prime_1 = np.where(valid, d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3, np.nan)
+    del d_plus_3_d_rho_prime_1, d_plus_factor_d_rho_prime_1
+    d_axes_1_3_d_rho_prime_2 = np.where(valid, d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3, np.nan)
+    del d_plus_3_d_rho_prime_2, d_plus_factor_d_rho_prime_2
+    d_axes_1_3_d_rho_prime_3 = np.where(valid, d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3, np.nan)
+    del d_plus_3_d_rho_prime_3, d_plus_factor_d_rho_prime_3
+    d_axes_1_3_d_angle = np.where(valid, d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3, np.nan)
+    del d_plus_3_d_angle, d_plus_factor_d_angle, plus_3, plus_factor
+    d_axes_2_1_d_rho_1 = np.where(valid, d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1, np.nan)
+    del d_minus_1_d_rho_1
+    d_axes_2_1_d_rho_2 = np.where(valid, d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1, np.nan)
+    del d_minus_1_d_rho_2
+    d_axes_2_1_d_rho_3 = np.where(valid, d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1, np.nan)
+    del d_minus_1_d_rho_3
+    d_axes_2_1_d_rho_prime_1 = np.where(valid, d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1, np.nan)
+    del d_minus_1_d_rho_prime_1
+    d_axes_2_1_d_rho_prime_2 = np.where(valid, d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1, np.nan)
+    del d_minus_1_d_rho_prime_2
+    d_axes_2_1_d_rho_prime_3 = np.where(valid, d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1, np.nan)
+    del d_minus_1_d_rho_prime_3
+    d_axes_2_1_d_angle = np.where(valid, d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1, np.nan)
+    del d_minus_1_d_angle, minus_1
+    d_axes_2_2_d_rho_1 = np.where(valid, d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2, np.nan)
+    del d_minus_2_d_rho_1
+    d_axes_2_2_d_rho_2 = np.where(valid, d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2, np.nan)
+    del d_minus_2_d_rho_2
+    d_axes_2_2_d_rho_3 = np.where(valid, d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2, np.nan)
+    del d_minus_2_d_rho_3
+    d_axes_2_2_d_rho_prime_1 = np.where(valid, d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2, np.nan)
+    del d_minus_2_d_rho_prime_1
+    d_axes_2_2_d_rho_prime_2 = np.where(valid, d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2, np.nan)
+    del d_minus_2_d_rho_prime_2
+    d_axes_2_2_d_rho_prime_3 = np.where(valid, d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2, np.nan)
+    del d_minus_2_d_rho_prime_3
+    d_axes_2_2_d_angle = np.where(valid, d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2, np.nan)
+    del d_minus_2_d_angle, minus_2
+    d_axes_2_3_d_rho_1 = np.where(valid, d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3, np.nan)
+    del d_minus_3_d_rho_1, d_minus_factor_d_rho_1
+    d_axes_2_3_d_rho_2 = np.where(valid, d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3, np.nan)
+    del d_minus_3_d_rho_2, d_minus_factor_d_rho_2
+    d_axes_2_3_d_rho_3 = np.where(valid, d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3, np.nan)
+    del d_minus_3_d_rho_3, d_minus_factor_d_rho_3
+    d_axes_2_3_d_rho_prime_1 = np.where(valid, d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3, np.nan)
+    del d_minus_3_d_rho_prime_1, d_minus_factor_d_rho_prime_1
+    d_axes_2_3_d_rho_prime_2 = np.where(valid, d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3, np.nan)
+    del d_minus_3_d_rho_prime_2, d_minus_factor_d_rho_prime_2
+    d_axes_2_3_d_rho_prime_3 = np.where(valid, d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3, np.nan)
+    del d_minus_3_d_rho_prime_3, d_minus_factor_d_rho_prime_3
+    d_axes_2_3_d_angle = np.where(valid, d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3, np.nan)
+    del d_minus_3_d_angle, d_minus_factor_d_angle, minus_3, minus_factor
     both_zero = (size_after == 0.0) & (size_before == 0.0)
     one_zero = (size_after == 0.0) | (size_before == 0.0)
     del size_after, size_before
-    x8 = length_squared*x3
-    del length_squared, x3
     coincident = 16.0*x8
-    x9 = eps*x5
+    del x8
+    x10 = eps*x5
     del x5
-    no_turn = (sine_size <= (eps*eps*eps*eps)) | (sine_size <= x9)
+    no_turn = (sine_size <= (eps*eps*eps*eps)) | (sine_size <= x10)
     del sine_size
     every = (no_turn) & (r_squared <= coincident)
-    opposite = (m_squared <= coincident) & (np.abs(cosine) <= x9)
-    del coincident, cosine, m_squared, x9
+    opposite = (m_squared <= coincident) & (np.abs(cosine) <= x10)
+    del coincident, cosine, m_squared, x10
     too_small = (no_turn) | (root_squared < -4.0*band)
     del band, no_turn, root_squared
-    parallel = r_squared*(turn_scale*turn_scale) <= 64.0*x4*x8
-    del r_squared, turn_scale, x4, x8
+    parallel = r_squared*(turn_scale*turn_scale) <= x4*x9
+    del r_squared, turn_scale, x4, x9
     least_tolerance = np.where(length_tolerance > x6, length_tolerance, x6)
     del x6
-    lengths_agree = (comparable) & (np.abs(excess) <= least_tolerance*(1.0 - excess))
-    del comparable, excess, least_tolerance
+    lengths_agree = (comparable) & (x11 <= least_tolerance*(1.0 - excess))
+    del comparable, excess, least_tolerance, x11
     select_10 = np.where(parallel, 3.0, 0.0)
     del parallel
     select_11 = np.where(~(two), 1.0, select_10)
@@ -1356,7 +1519,7 @@ axis_covariance.types = ["ddddddd->db", "fffffff->fb"]
 
 
 def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, cov_rho_1_1, cov_rho_1_2, cov_rho_1_3, cov_rho_2_1, cov_rho_2_2, cov_rho_2_3, cov_rho_3_1, cov_rho_3_2, cov_rho_3_3, cov_rho_prime_1_1, cov_rho_prime_1_2, cov_rho_prime_1_3, cov_rho_prime_2_1, cov_rho_prime_2_2, cov_rho_prime_2_3, cov_rho_prime_3_1, cov_rho_prime_3_2, cov_rho_prime_3_3, var_angle, eps, largest):
-    # 424 add, 679 mul, 7 div, 2 sqrt, 155 select, 62 compare, 26 abs, 1 cos, 3 power_of_two_scale, 1 sign, 1 sin
+    # 512 add, 839 mul, 11 div, 4 sqrt, 177 select, 68 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
     size_before = 0.25*np.abs(rho_1) + 0.25*np.abs(rho_2) + 0.25*np.abs(rho_3)
     size_after = 0.25*np.abs(rho_prime_1) + 0.25*np.abs(rho_prime_2) + 0.25*np.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
@@ -1380,36 +1543,36 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     total_2 = u_2 + v_2
     total_3 = u_3 + v_3
     length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3)
-    x11 = 2.0*scale_before
-    d_length_squared_d_rho_1 = u_1*x11
-    d_length_squared_d_rho_2 = u_2*x11
-    d_length_squared_d_rho_3 = u_3*x11
-    del x11
-    length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3)
-    x12 = 2.0*scale
-    d_length_prime_squared_d_rho_prime_1 = v_1*x12
-    d_length_prime_squared_d_rho_prime_2 = v_2*x12
-    d_length_prime_squared_d_rho_prime_3 = v_3*x12
-    del x12
-    x13 = np.sqrt(length_prime_squared*length_squared)
-    length_product = x13
-    x14 = 0.5*x13
+    x13 = 2.0*scale_before
+    d_length_squared_d_rho_1 = u_1*x13
+    d_length_squared_d_rho_2 = u_2*x13
+    d_length_squared_d_rho_3 = u_3*x13
     del x13
-    x15 = x14/length_squared
-    d_length_product_d_rho_1 = d_length_squared_d_rho_1*x15
-    del d_length_squared_d_rho_1
-    d_length_product_d_rho_2 = d_length_squared_d_rho_2*x15
-    del d_length_squared_d_rho_2
-    d_length_product_d_rho_3 = d_length_squared_d_rho_3*x15
-    del d_length_squared_d_rho_3, x15
-    x16 = x14/length_prime_squared
+    length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3)
+    x14 = 2.0*scale
+    d_length_prime_squared_d_rho_prime_1 = v_1*x14
+    d_length_prime_squared_d_rho_prime_2 = v_2*x14
+    d_length_prime_squared_d_rho_prime_3 = v_3*x14
     del x14
-    d_length_product_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1*x16
-    d_length_product_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2*x16
-    d_length_product_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3*x16
+    x15 = np.sqrt(length_prime_squared*length_squared)
+    length_product = x15
+    x16 = 0.5*x15
+    del x15
+    x17 = x16/length_squared
+    d_length_product_d_rho_1 = d_length_squared_d_rho_1*x17
+    del d_length_squared_d_rho_1
+    d_length_product_d_rho_2 = d_length_squared_d_rho_2*x17
+    del d_length_squared_d_rho_2
+    d_length_product_d_rho_3 = d_length_squared_d_rho_3*x17
+    del d_length_squared_d_rho_3, x17
+    x18 = x16/length_prime_squared
     del x16
+    d_length_product_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1*x18
+    d_length_product_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2*x18
+    d_length_product_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3*x18
+    del x18
     excess_divisor = length_prime_squared + length_product
-    del length_prime_squared, length_product
+    del length_prime_squared
     d_excess_divisor_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1 + d_length_product_d_rho_prime_1
     del d_length_prime_squared_d_rho_prime_1, d_length_product_d_rho_prime_1
     d_excess_divisor_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2 + d_length_product_d_rho_prime_2
@@ -1425,20 +1588,20 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_gain_d_rho_prime_2 = difference_2*scale + scale*total_2
     d_gain_d_rho_prime_3 = difference_3*scale + scale*total_3
     select_0 = np.where(nonzero, 1.0/excess_divisor, 1.0)
-    x17 = 1.0/(excess_divisor*excess_divisor)
+    x19 = 1.0/(excess_divisor*excess_divisor)
     del excess_divisor
-    d_select_0_d_rho_1 = np.where(nonzero, -d_length_product_d_rho_1*x17, 0.0)
+    d_select_0_d_rho_1 = np.where(nonzero, -d_length_product_d_rho_1*x19, 0.0)
     del d_length_product_d_rho_1
-    d_select_0_d_rho_2 = np.where(nonzero, -d_length_product_d_rho_2*x17, 0.0)
+    d_select_0_d_rho_2 = np.where(nonzero, -d_length_product_d_rho_2*x19, 0.0)
     del d_length_product_d_rho_2
-    d_select_0_d_rho_3 = np.where(nonzero, -d_length_product_d_rho_3*x17, 0.0)
+    d_select_0_d_rho_3 = np.where(nonzero, -d_length_product_d_rho_3*x19, 0.0)
     del d_length_product_d_rho_3
-    d_select_0_d_rho_prime_1 = np.where(nonzero, -d_excess_divisor_d_rho_prime_1*x17, 0.0)
+    d_select_0_d_rho_prime_1 = np.where(nonzero, -d_excess_divisor_d_rho_prime_1*x19, 0.0)
     del d_excess_divisor_d_rho_prime_1
-    d_select_0_d_rho_prime_2 = np.where(nonzero, -d_excess_divisor_d_rho_prime_2*x17, 0.0)
+    d_select_0_d_rho_prime_2 = np.where(nonzero, -d_excess_divisor_d_rho_prime_2*x19, 0.0)
     del d_excess_divisor_d_rho_prime_2
-    d_select_0_d_rho_prime_3 = np.where(nonzero, -d_excess_divisor_d_rho_prime_3*x17, 0.0)
-    del d_excess_divisor_d_rho_prime_3, nonzero, x17
+    d_select_0_d_rho_prime_3 = np.where(nonzero, -d_excess_divisor_d_rho_prime_3*x19, 0.0)
+    del d_excess_divisor_d_rho_prime_3, nonzero, x19
     excess = gain*select_0
     d_excess_d_rho_1 = d_gain_d_rho_1*select_0 + d_select_0_d_rho_1*gain
     del d_gain_d_rho_1, d_select_0_d_rho_1
@@ -1456,8 +1619,8 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_x0_d_rho_1 = d_excess_d_rho_1*v_1
     d_x0_d_rho_2 = d_excess_d_rho_2*v_1
     d_x0_d_rho_3 = d_excess_d_rho_3*v_1
-    x18 = excess*scale
-    d_x0_d_rho_prime_1 = d_excess_d_rho_prime_1*v_1 + x18
+    x20 = excess*scale
+    d_x0_d_rho_prime_1 = d_excess_d_rho_prime_1*v_1 + x20
     d_x0_d_rho_prime_2 = d_excess_d_rho_prime_2*v_1
     d_x0_d_rho_prime_3 = d_excess_d_rho_prime_3*v_1
     del v_1
@@ -1466,9 +1629,9 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_m_1_d_rho_1 = scale_before - d_x0_d_rho_1
     d_m_1_d_rho_2 = -d_x0_d_rho_2
     d_m_1_d_rho_3 = -d_x0_d_rho_3
-    x23 = scale - d_x0_d_rho_prime_1
+    x25 = scale - d_x0_d_rho_prime_1
     del d_x0_d_rho_prime_1
-    d_m_1_d_rho_prime_1 = x23
+    d_m_1_d_rho_prime_1 = x25
     d_m_1_d_rho_prime_2 = -d_x0_d_rho_prime_2
     d_m_1_d_rho_prime_3 = -d_x0_d_rho_prime_3
     x1 = excess*v_2
@@ -1476,7 +1639,7 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_x1_d_rho_2 = d_excess_d_rho_2*v_2
     d_x1_d_rho_3 = d_excess_d_rho_3*v_2
     d_x1_d_rho_prime_1 = d_excess_d_rho_prime_1*v_2
-    d_x1_d_rho_prime_2 = d_excess_d_rho_prime_2*v_2 + x18
+    d_x1_d_rho_prime_2 = d_excess_d_rho_prime_2*v_2 + x20
     d_x1_d_rho_prime_3 = d_excess_d_rho_prime_3*v_2
     del v_2
     m_2 = total_2 - x1
@@ -1485,9 +1648,9 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_m_2_d_rho_2 = scale_before - d_x1_d_rho_2
     d_m_2_d_rho_3 = -d_x1_d_rho_3
     d_m_2_d_rho_prime_1 = -d_x1_d_rho_prime_1
-    x30 = scale - d_x1_d_rho_prime_2
+    x32 = scale - d_x1_d_rho_prime_2
     del d_x1_d_rho_prime_2
-    d_m_2_d_rho_prime_2 = x30
+    d_m_2_d_rho_prime_2 = x32
     d_m_2_d_rho_prime_3 = -d_x1_d_rho_prime_3
     x2 = excess*v_3
     d_x2_d_rho_1 = d_excess_d_rho_1*v_3
@@ -1500,8 +1663,8 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     del d_excess_d_rho_prime_1
     d_x2_d_rho_prime_2 = d_excess_d_rho_prime_2*v_3
     del d_excess_d_rho_prime_2
-    d_x2_d_rho_prime_3 = d_excess_d_rho_prime_3*v_3 + x18
-    del d_excess_d_rho_prime_3, v_3, x18
+    d_x2_d_rho_prime_3 = d_excess_d_rho_prime_3*v_3 + x20
+    del d_excess_d_rho_prime_3, v_3, x20
     m_3 = total_3 - x2
     del total_3
     d_m_3_d_rho_1 = -d_x2_d_rho_1
@@ -1509,9 +1672,9 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_m_3_d_rho_3 = scale_before - d_x2_d_rho_3
     d_m_3_d_rho_prime_1 = -d_x2_d_rho_prime_1
     d_m_3_d_rho_prime_2 = -d_x2_d_rho_prime_2
-    x37 = scale - d_x2_d_rho_prime_3
+    x39 = scale - d_x2_d_rho_prime_3
     del d_x2_d_rho_prime_3, scale
-    d_m_3_d_rho_prime_3 = x37
+    d_m_3_d_rho_prime_3 = x39
     r_1 = difference_1 - x0
     del difference_1, x0
     d_r_1_d_rho_1 = d_difference_1_d_rho_1 - d_x0_d_rho_1
@@ -1520,8 +1683,8 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     del d_x0_d_rho_2
     d_r_1_d_rho_3 = -d_x0_d_rho_3
     del d_x0_d_rho_3
-    d_r_1_d_rho_prime_1 = x23
-    del x23
+    d_r_1_d_rho_prime_1 = x25
+    del x25
     d_r_1_d_rho_prime_2 = -d_x0_d_rho_prime_2
     del d_x0_d_rho_prime_2
     d_r_1_d_rho_prime_3 = -d_x0_d_rho_prime_3
@@ -1536,8 +1699,8 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     del d_x1_d_rho_3
     d_r_2_d_rho_prime_1 = -d_x1_d_rho_prime_1
     del d_x1_d_rho_prime_1
-    d_r_2_d_rho_prime_2 = x30
-    del x30
+    d_r_2_d_rho_prime_2 = x32
+    del x32
     d_r_2_d_rho_prime_3 = -d_x1_d_rho_prime_3
     del d_x1_d_rho_prime_3
     r_3 = difference_3 - x2
@@ -1552,17 +1715,17 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     del d_x2_d_rho_prime_1
     d_r_3_d_rho_prime_2 = -d_x2_d_rho_prime_2
     del d_x2_d_rho_prime_2
-    d_r_3_d_rho_prime_3 = x37
-    del x37
-    half_angle = 0.5*angle
-    x38 = np.sin(half_angle)
-    sine = x38
-    x39 = np.cos(half_angle)
-    d_sine_d_angle = 0.5*x39
-    cosine = x39
+    d_r_3_d_rho_prime_3 = x39
     del x39
-    d_cosine_d_angle = -0.5*x38
-    del x38
+    half_angle = 0.5*angle
+    x40 = np.sin(half_angle)
+    sine = x40
+    x41 = np.cos(half_angle)
+    d_sine_d_angle = 0.5*x41
+    cosine = x41
+    del x41
+    d_cosine_d_angle = -0.5*x40
+    del x40
     sine_size = np.abs(sine)
     d_sine_size_d_angle = d_sine_d_angle*np.sign(sine)
     del d_sine_d_angle
@@ -1581,27 +1744,27 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_C_d_angle = d_select_2_d_angle*turn_scale
     del d_select_2_d_angle
     m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3)
-    x40 = 2.0*m_1
-    x41 = 2.0*m_2
-    x42 = 2.0*m_3
-    d_m_squared_d_rho_1 = d_m_1_d_rho_1*x40 + d_m_2_d_rho_1*x41 + d_m_3_d_rho_1*x42
-    d_m_squared_d_rho_2 = d_m_1_d_rho_2*x40 + d_m_2_d_rho_2*x41 + d_m_3_d_rho_2*x42
-    d_m_squared_d_rho_3 = d_m_1_d_rho_3*x40 + d_m_2_d_rho_3*x41 + d_m_3_d_rho_3*x42
-    d_m_squared_d_rho_prime_1 = d_m_1_d_rho_prime_1*x40 + d_m_2_d_rho_prime_1*x41 + d_m_3_d_rho_prime_1*x42
-    d_m_squared_d_rho_prime_2 = d_m_1_d_rho_prime_2*x40 + d_m_2_d_rho_prime_2*x41 + d_m_3_d_rho_prime_2*x42
-    d_m_squared_d_rho_prime_3 = d_m_1_d_rho_prime_3*x40 + d_m_2_d_rho_prime_3*x41 + d_m_3_d_rho_prime_3*x42
-    del x40, x41, x42
+    x42 = 2.0*m_1
+    x43 = 2.0*m_2
+    x44 = 2.0*m_3
+    d_m_squared_d_rho_1 = d_m_1_d_rho_1*x42 + d_m_2_d_rho_1*x43 + d_m_3_d_rho_1*x44
+    d_m_squared_d_rho_2 = d_m_1_d_rho_2*x42 + d_m_2_d_rho_2*x43 + d_m_3_d_rho_2*x44
+    d_m_squared_d_rho_3 = d_m_1_d_rho_3*x42 + d_m_2_d_rho_3*x43 + d_m_3_d_rho_3*x44
+    d_m_squared_d_rho_prime_1 = d_m_1_d_rho_prime_1*x42 + d_m_2_d_rho_prime_1*x43 + d_m_3_d_rho_prime_1*x44
+    d_m_squared_d_rho_prime_2 = d_m_1_d_rho_prime_2*x42 + d_m_2_d_rho_prime_2*x43 + d_m_3_d_rho_prime_2*x44
+    d_m_squared_d_rho_prime_3 = d_m_1_d_rho_prime_3*x42 + d_m_2_d_rho_prime_3*x43 + d_m_3_d_rho_prime_3*x44
+    del x42, x43, x44
     r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3)
-    x43 = 2.0*r_1
-    x44 = 2.0*r_2
-    x45 = 2.0*r_3
-    d_r_squared_d_rho_1 = d_r_1_d_rho_1*x43 + d_r_2_d_rho_1*x44 + d_r_3_d_rho_1*x45
-    d_r_squared_d_rho_2 = d_r_1_d_rho_2*x43 + d_r_2_d_rho_2*x44 + d_r_3_d_rho_2*x45
-    d_r_squared_d_rho_3 = d_r_1_d_rho_3*x43 + d_r_2_d_rho_3*x44 + d_r_3_d_rho_3*x45
-    d_r_squared_d_rho_prime_1 = d_r_1_d_rho_prime_1*x43 + d_r_2_d_rho_prime_1*x44 + d_r_3_d_rho_prime_1*x45
-    d_r_squared_d_rho_prime_2 = d_r_1_d_rho_prime_2*x43 + d_r_2_d_rho_prime_2*x44 + d_r_3_d_rho_prime_2*x45
-    d_r_squared_d_rho_prime_3 = d_r_1_d_rho_prime_3*x43 + d_r_2_d_rho_prime_3*x44 + d_r_3_d_rho_prime_3*x45
-    del x43, x44, x45
+    x45 = 2.0*r_1
+    x46 = 2.0*r_2
+    x47 = 2.0*r_3
+    d_r_squared_d_rho_1 = d_r_1_d_rho_1*x45 + d_r_2_d_rho_1*x46 + d_r_3_d_rho_1*x47
+    d_r_squared_d_rho_2 = d_r_1_d_rho_2*x45 + d_r_2_d_rho_2*x46 + d_r_3_d_rho_2*x47
+    d_r_squared_d_rho_3 = d_r_1_d_rho_3*x45 + d_r_2_d_rho_3*x46 + d_r_3_d_rho_3*x47
+    d_r_squared_d_rho_prime_1 = d_r_1_d_rho_prime_1*x45 + d_r_2_d_rho_prime_1*x46 + d_r_3_d_rho_prime_1*x47
+    d_r_squared_d_rho_prime_2 = d_r_1_d_rho_prime_2*x45 + d_r_2_d_rho_prime_2*x46 + d_r_3_d_rho_prime_2*x47
+    d_r_squared_d_rho_prime_3 = d_r_1_d_rho_prime_3*x45 + d_r_2_d_rho_prime_3*x46 + d_r_3_d_rho_prime_3*x47
+    del x45, x46, x47
     x4 = (S*S)
     d_x4_d_angle = 2.0*S*d_S_d_angle
     along_m = m_squared*x4
@@ -1613,15 +1776,20 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_along_m_d_rho_prime_3 = d_m_squared_d_rho_prime_3*x4
     d_along_m_d_angle = d_x4_d_angle*m_squared
     del d_x4_d_angle
-    x46 = (C*C)
-    along_n = r_squared*x46
-    d_along_n_d_rho_1 = d_r_squared_d_rho_1*x46
-    d_along_n_d_rho_2 = d_r_squared_d_rho_2*x46
-    d_along_n_d_rho_3 = d_r_squared_d_rho_3*x46
-    d_along_n_d_rho_prime_1 = d_r_squared_d_rho_prime_1*x46
-    d_along_n_d_rho_prime_2 = d_r_squared_d_rho_prime_2*x46
-    d_along_n_d_rho_prime_3 = d_r_squared_d_rho_prime_3*x46
-    del x46
+    x48 = (C*C)
+    along_n = r_squared*x48
+    d_along_n_d_rho_1 = d_r_squared_d_rho_1*x48
+    del d_r_squared_d_rho_1
+    d_along_n_d_rho_2 = d_r_squared_d_rho_2*x48
+    del d_r_squared_d_rho_2
+    d_along_n_d_rho_3 = d_r_squared_d_rho_3*x48
+    del d_r_squared_d_rho_3
+    d_along_n_d_rho_prime_1 = d_r_squared_d_rho_prime_1*x48
+    del d_r_squared_d_rho_prime_1
+    d_along_n_d_rho_prime_2 = d_r_squared_d_rho_prime_2*x48
+    del d_r_squared_d_rho_prime_2
+    d_along_n_d_rho_prime_3 = d_r_squared_d_rho_prime_3*x48
+    del d_r_squared_d_rho_prime_3, x48
     d_along_n_d_angle = 2.0*C*d_C_d_angle*r_squared
     root_squared = along_m - along_n
     del along_n
@@ -1680,21 +1848,27 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     del along_m
     band = np.where(rounding < x7, rounding, x7)
     del rounding, x7
-    two = root_squared > band
-    area_squared = m_squared*r_squared
-    d_area_squared_d_rho_1 = d_m_squared_d_rho_1*r_squared + d_r_squared_d_rho_1*m_squared
-    del d_r_squared_d_rho_1
-    d_area_squared_d_rho_2 = d_m_squared_d_rho_2*r_squared + d_r_squared_d_rho_2*m_squared
-    del d_r_squared_d_rho_2
-    d_area_squared_d_rho_3 = d_m_squared_d_rho_3*r_squared + d_r_squared_d_rho_3*m_squared
-    del d_r_squared_d_rho_3
-    d_area_squared_d_rho_prime_1 = d_m_squared_d_rho_prime_1*r_squared + d_r_squared_d_rho_prime_1*m_squared
-    del d_r_squared_d_rho_prime_1
-    d_area_squared_d_rho_prime_2 = d_m_squared_d_rho_prime_2*r_squared + d_r_squared_d_rho_prime_2*m_squared
-    del d_r_squared_d_rho_prime_2
-    d_area_squared_d_rho_prime_3 = d_m_squared_d_rho_prime_3*r_squared + d_r_squared_d_rho_prime_3*m_squared
-    del d_r_squared_d_rho_prime_3
-    plane = area_squared > 0.0
+    both = length_product > 0.0
+    del length_product
+    x11 = np.abs(excess)
+    apart = x11 > 9.313225746154785e-10
+    x8 = length_squared*x3
+    del length_squared, x3
+    x9 = 64.0*x8
+    two = (both) & (~((apart) & (m_squared <= x9))) & (root_squared > band)
+    del both
+    area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3)
+    x49 = 2.0*w_1
+    x50 = 2.0*w_2
+    x51 = 2.0*w_3
+    d_area_squared_d_rho_1 = d_w_1_d_rho_1*x49 + d_w_2_d_rho_1*x50 + d_w_3_d_rho_1*x51
+    d_area_squared_d_rho_2 = d_w_1_d_rho_2*x49 + d_w_2_d_rho_2*x50 + d_w_3_d_rho_2*x51
+    d_area_squared_d_rho_3 = d_w_1_d_rho_3*x49 + d_w_2_d_rho_3*x50 + d_w_3_d_rho_3*x51
+    d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x49 + d_w_2_d_rho_prime_1*x50 + d_w_3_d_rho_prime_1*x51
+    d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x49 + d_w_2_d_rho_prime_2*x50 + d_w_3_d_rho_prime_2*x51
+    d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x49 + d_w_2_d_rho_prime_3*x50 + d_w_3_d_rho_prime_3*x51
+    del x49, x50, x51
+    plane = area_squared > 0.5*m_squared*r_squared
     across_1 = np.where(np.abs(u_1) < np.abs(u_3), 0.0, -u_2)
     d_across_1_d_rho_2 = np.where(np.abs(u_1) < np.abs(u_3), 0.0, -scale_before)
     across_2 = np.where(np.abs(u_1) < np.abs(u_3), -u_3, u_1)
@@ -1706,13 +1880,13 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     del scale_before, u_1, u_3
     select_3 = np.where(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3))
     del area_squared
-    x47 = 2.0*across_2
-    d_select_3_d_rho_1 = np.where(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x47)
+    x52 = 2.0*across_2
+    d_select_3_d_rho_1 = np.where(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x52)
     del d_area_squared_d_rho_1
     d_select_3_d_rho_2 = np.where(plane, d_area_squared_d_rho_2, 2.0*across_1*d_across_1_d_rho_2 + 2.0*across_3*d_across_3_d_rho_2)
     del d_area_squared_d_rho_2
-    d_select_3_d_rho_3 = np.where(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x47)
-    del d_area_squared_d_rho_3, x47
+    d_select_3_d_rho_3 = np.where(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x52)
+    del d_area_squared_d_rho_3, x52
     d_select_3_d_rho_prime_1 = np.where(plane, d_area_squared_d_rho_prime_1, 0.0)
     del d_area_squared_d_rho_prime_1
     d_select_3_d_rho_prime_2 = np.where(plane, d_area_squared_d_rho_prime_2, 0.0)
@@ -1735,25 +1909,25 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     del d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3
     d_under_root_d_angle = np.where(two, d_root_squared_d_angle, 0.0)
     del d_root_squared_d_angle
-    x48 = np.sqrt(under_root)
+    x53 = np.sqrt(under_root)
     del under_root
-    root = x48
-    x49 = 0.5/x48
-    del x48
-    d_root_d_rho_1 = d_under_root_d_rho_1*x49
+    root = x53
+    x54 = 0.5/x53
+    del x53
+    d_root_d_rho_1 = d_under_root_d_rho_1*x54
     del d_under_root_d_rho_1
-    d_root_d_rho_2 = d_under_root_d_rho_2*x49
+    d_root_d_rho_2 = d_under_root_d_rho_2*x54
     del d_under_root_d_rho_2
-    d_root_d_rho_3 = d_under_root_d_rho_3*x49
+    d_root_d_rho_3 = d_under_root_d_rho_3*x54
     del d_under_root_d_rho_3
-    d_root_d_rho_prime_1 = d_under_root_d_rho_prime_1*x49
+    d_root_d_rho_prime_1 = d_under_root_d_rho_prime_1*x54
     del d_under_root_d_rho_prime_1
-    d_root_d_rho_prime_2 = d_under_root_d_rho_prime_2*x49
+    d_root_d_rho_prime_2 = d_under_root_d_rho_prime_2*x54
     del d_under_root_d_rho_prime_2
-    d_root_d_rho_prime_3 = d_under_root_d_rho_prime_3*x49
+    d_root_d_rho_prime_3 = d_under_root_d_rho_prime_3*x54
     del d_under_root_d_rho_prime_3
-    d_root_d_angle = d_under_root_d_angle*x49
-    del d_under_root_d_angle, x49
+    d_root_d_angle = d_under_root_d_angle*x54
+    del d_under_root_d_angle, x54
     select_4 = np.where(root > 0.0, root, 1.0)
     d_select_4_d_rho_1 = np.where(root > 0.0, d_root_d_rho_1, 0.0)
     d_select_4_d_rho_2 = np.where(root > 0.0, d_root_d_rho_2, 0.0)
@@ -1779,22 +1953,22 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_divisor_d_angle = np.where(two, d_S_d_angle*m_squared, d_select_4_d_angle)
     del d_S_d_angle, d_select_4_d_angle
     inverse = 1.0/divisor
-    x50 = 1.0/(divisor*divisor)
+    x55 = 1.0/(divisor*divisor)
     del divisor
-    d_inverse_d_rho_1 = -d_divisor_d_rho_1*x50
+    d_inverse_d_rho_1 = -d_divisor_d_rho_1*x55
     del d_divisor_d_rho_1
-    d_inverse_d_rho_2 = -d_divisor_d_rho_2*x50
+    d_inverse_d_rho_2 = -d_divisor_d_rho_2*x55
     del d_divisor_d_rho_2
-    d_inverse_d_rho_3 = -d_divisor_d_rho_3*x50
+    d_inverse_d_rho_3 = -d_divisor_d_rho_3*x55
     del d_divisor_d_rho_3
-    d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x50
+    d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x55
     del d_divisor_d_rho_prime_1
-    d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x50
+    d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x55
     del d_divisor_d_rho_prime_2
-    d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x50
+    d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x55
     del d_divisor_d_rho_prime_3
-    d_inverse_d_angle = -d_divisor_d_angle*x50
-    del d_divisor_d_angle, x50
+    d_inverse_d_angle = -d_divisor_d_angle*x55
+    del d_divisor_d_angle, x55
     select_5 = np.where(C < 0.0, -1.0, 1.0)
     select_6 = np.where(two, C, select_5)
     del C, select_5
@@ -1824,6 +1998,7 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     del d_root_d_rho_prime_3
     d_m_factor_d_angle = np.where(two, d_inverse_d_angle*root + d_root_d_angle*inverse, 0.0)
     del d_root_d_angle
+    select_7 = np.where(root > 0.0, across_1*inverse, 0.0)
     d_select_7_d_rho_1 = np.where(root > 0.0, across_1*d_inverse_d_rho_1, 0.0)
     d_select_7_d_rho_2 = np.where(root > 0.0, across_1*d_inverse_d_rho_2 + d_across_1_d_rho_2*inverse, 0.0)
     del d_across_1_d_rho_2
@@ -1833,6 +2008,8 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_select_7_d_rho_prime_3 = np.where(root > 0.0, across_1*d_inverse_d_rho_prime_3, 0.0)
     d_select_7_d_angle = np.where(root > 0.0, across_1*d_inverse_d_angle, 0.0)
     del across_1
+    base_1 = np.where((plane) | (two), w_1*w_factor, select_7)
+    del select_7
     d_base_1_d_rho_1 = np.where((plane) | (two), d_w_1_d_rho_1*w_factor + d_w_factor_d_rho_1*w_1, d_select_7_d_rho_1)
     del d_select_7_d_rho_1, d_w_1_d_rho_1
     d_base_1_d_rho_2 = np.where((plane) | (two), d_w_1_d_rho_2*w_factor + d_w_factor_d_rho_2*w_1, d_select_7_d_rho_2)
@@ -1847,6 +2024,7 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     del d_select_7_d_rho_prime_3, d_w_1_d_rho_prime_3
     d_base_1_d_angle = np.where((plane) | (two), d_w_factor_d_angle*w_1, d_select_7_d_angle)
     del d_select_7_d_angle, w_1
+    select_8 = np.where(root > 0.0, across_2*inverse, 0.0)
     d_select_8_d_rho_1 = np.where(root > 0.0, across_2*d_inverse_d_rho_1 + d_across_2_d_rho_1*inverse, 0.0)
     del d_across_2_d_rho_1
     d_select_8_d_rho_2 = np.where(root > 0.0, across_2*d_inverse_d_rho_2, 0.0)
@@ -1857,6 +2035,8 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_select_8_d_rho_prime_3 = np.where(root > 0.0, across_2*d_inverse_d_rho_prime_3, 0.0)
     d_select_8_d_angle = np.where(root > 0.0, across_2*d_inverse_d_angle, 0.0)
     del across_2
+    base_2 = np.where((plane) | (two), w_2*w_factor, select_8)
+    del select_8
     d_base_2_d_rho_1 = np.where((plane) | (two), d_w_2_d_rho_1*w_factor + d_w_factor_d_rho_1*w_2, d_select_8_d_rho_1)
     del d_select_8_d_rho_1, d_w_2_d_rho_1
     d_base_2_d_rho_2 = np.where((plane) | (two), d_w_2_d_rho_2*w_factor + d_w_factor_d_rho_2*w_2, d_select_8_d_rho_2)
@@ -1871,6 +2051,7 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     del d_select_8_d_rho_prime_3, d_w_2_d_rho_prime_3
     d_base_2_d_angle = np.where((plane) | (two), d_w_factor_d_angle*w_2, d_select_8_d_angle)
     del d_select_8_d_angle, w_2
+    select_9 = np.where(root > 0.0, across_3*inverse, 1.0)
     d_select_9_d_rho_1 = np.where(root > 0.0, across_3*d_inverse_d_rho_1, 0.0)
     del d_inverse_d_rho_1
     d_select_9_d_rho_2 = np.where(root > 0.0, across_3*d_inverse_d_rho_2 + d_across_3_d_rho_2*inverse, 0.0)
@@ -1885,6 +2066,8 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     del d_inverse_d_rho_prime_3
     d_select_9_d_angle = np.where(root > 0.0, across_3*d_inverse_d_angle, 0.0)
     del across_3, d_inverse_d_angle, root
+    base_3 = np.where((plane) | (two), w_3*w_factor, select_9)
+    del select_9
     d_base_3_d_rho_1 = np.where((plane) | (two), d_w_3_d_rho_1*w_factor + d_w_factor_d_rho_1*w_3, d_select_9_d_rho_1)
     del d_select_9_d_rho_1, d_w_3_d_rho_1, d_w_factor_d_rho_1
     d_base_3_d_rho_2 = np.where((plane) | (two), d_w_3_d_rho_2*w_factor + d_w_factor_d_rho_2*w_3, d_select_9_d_rho_2)
@@ -1899,6 +2082,7 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     del d_select_9_d_rho_prime_3, d_w_3_d_rho_prime_3, d_w_factor_d_rho_prime_3, w_factor
     d_base_3_d_angle = np.where((plane) | (two), d_w_factor_d_angle*w_3, d_select_9_d_angle)
     del d_select_9_d_angle, d_w_factor_d_angle, plane, w_3
+    offset_1 = m_1*m_factor
     d_offset_1_d_rho_1 = d_m_1_d_rho_1*m_factor + d_m_factor_d_rho_1*m_1
     del d_m_1_d_rho_1
     d_offset_1_d_rho_2 = d_m_1_d_rho_2*m_factor + d_m_factor_d_rho_2*m_1
@@ -1913,6 +2097,7 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     del d_m_1_d_rho_prime_3
     d_offset_1_d_angle = d_m_factor_d_angle*m_1
     del m_1
+    offset_2 = m_2*m_factor
     d_offset_2_d_rho_1 = d_m_2_d_rho_1*m_factor + d_m_factor_d_rho_1*m_2
     del d_m_2_d_rho_1
     d_offset_2_d_rho_2 = d_m_2_d_rho_2*m_factor + d_m_factor_d_rho_2*m_2
@@ -1927,6 +2112,7 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     del d_m_2_d_rho_prime_3
     d_offset_2_d_angle = d_m_factor_d_angle*m_2
     del m_2
+    offset_3 = m_3*m_factor
     d_offset_3_d_rho_1 = d_m_3_d_rho_1*m_factor + d_m_factor_d_rho_1*m_3
     del d_m_3_d_rho_1, d_m_factor_d_rho_1
     d_offset_3_d_rho_2 = d_m_3_d_rho_2*m_factor + d_m_factor_d_rho_2*m_3
@@ -1942,90 +2128,214 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_offset_3_d_angle = d_m_factor_d_angle*m_3
     del d_m_factor_d_angle, m_3
     valid = (size_after <= largest) & (size_before <= largest) & (np.abs(angle) <= largest)
-    d_axes_1_1_d_rho_1 = np.where(valid, d_base_1_d_rho_1 + d_offset_1_d_rho_1, np.nan)
-    d_axes_1_1_d_rho_2 = np.where(valid, d_base_1_d_rho_2 + d_offset_1_d_rho_2, np.nan)
-    d_axes_1_1_d_rho_3 = np.where(valid, d_base_1_d_rho_3 + d_offset_1_d_rho_3, np.nan)
-    d_axes_1_1_d_rho_prime_1 = np.where(valid, d_base_1_d_rho_prime_1 + d_offset_1_d_rho_prime_1, np.nan)
-    d_axes_1_1_d_rho_prime_2 = np.where(valid, d_base_1_d_rho_prime_2 + d_offset_1_d_rho_prime_2, np.nan)
-    d_axes_1_1_d_rho_prime_3 = np.where(valid, d_base_1_d_rho_prime_3 + d_offset_1_d_rho_prime_3, np.nan)
-    d_axes_1_1_d_angle = np.where(valid, d_base_1_d_angle + d_offset_1_d_angle, np.nan)
-    d_axes_1_2_d_rho_1 = np.where(valid, d_base_2_d_rho_1 + d_offset_2_d_rho_1, np.nan)
-    d_axes_1_2_d_rho_2 = np.where(valid, d_base_2_d_rho_2 + d_offset_2_d_rho_2, np.nan)
-    d_axes_1_2_d_rho_3 = np.where(valid, d_base_2_d_rho_3 + d_offset_2_d_rho_3, np.nan)
-    d_axes_1_2_d_rho_prime_1 = np.where(valid, d_base_2_d_rho_prime_1 + d_offset_2_d_rho_prime_1, np.nan)
-    d_axes_1_2_d_rho_prime_2 = np.where(valid, d_base_2_d_rho_prime_2 + d_offset_2_d_rho_prime_2, np.nan)
-    d_axes_1_2_d_rho_prime_3 = np.where(valid, d_base_2_d_rho_prime_3 + d_offset_2_d_rho_prime_3, np.nan)
-    d_axes_1_2_d_angle = np.where(valid, d_base_2_d_angle + d_offset_2_d_angle, np.nan)
-    d_axes_1_3_d_rho_1 = np.where(valid, d_base_3_d_rho_1 + d_offset_3_d_rho_1, np.nan)
-    d_axes_1_3_d_rho_2 = np.where(valid, d_base_3_d_rho_2 + d_offset_3_d_rho_2, np.nan)
-    d_axes_1_3_d_rho_3 = np.where(valid, d_base_3_d_rho_3 + d_offset_3_d_rho_3, np.nan)
-    d_axes_1_3_d_rho_prime_1 = np.where(valid, d_base_3_d_rho_prime_1 + d_offset_3_d_rho_prime_1, np.nan)
-    d_axes_1_3_d_rho_prime_2 = np.where(valid, d_base_3_d_rho_prime_2 + d_offset_3_d_rho_prime_2, np.nan)
-    d_axes_1_3_d_rho_prime_3 = np.where(valid, d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3, np.nan)
-    d_axes_1_3_d_angle = np.where(valid, d_base_3_d_angle + d_offset_3_d_angle, np.nan)
-    d_axes_2_1_d_rho_1 = np.where(valid, d_base_1_d_rho_1 - d_offset_1_d_rho_1, np.nan)
+    plus_1 = base_1 + offset_1
+    d_plus_1_d_rho_1 = d_base_1_d_rho_1 + d_offset_1_d_rho_1
+    d_plus_1_d_rho_2 = d_base_1_d_rho_2 + d_offset_1_d_rho_2
+    d_plus_1_d_rho_3 = d_base_1_d_rho_3 + d_offset_1_d_rho_3
+    d_plus_1_d_rho_prime_1 = d_base_1_d_rho_prime_1 + d_offset_1_d_rho_prime_1
+    d_plus_1_d_rho_prime_2 = d_base_1_d_rho_prime_2 + d_offset_1_d_rho_prime_2
+    d_plus_1_d_rho_prime_3 = d_base_1_d_rho_prime_3 + d_offset_1_d_rho_prime_3
+    d_plus_1_d_angle = d_base_1_d_angle + d_offset_1_d_angle
+    plus_2 = base_2 + offset_2
+    d_plus_2_d_rho_1 = d_base_2_d_rho_1 + d_offset_2_d_rho_1
+    d_plus_2_d_rho_2 = d_base_2_d_rho_2 + d_offset_2_d_rho_2
+    d_plus_2_d_rho_3 = d_base_2_d_rho_3 + d_offset_2_d_rho_3
+    d_plus_2_d_rho_prime_1 = d_base_2_d_rho_prime_1 + d_offset_2_d_rho_prime_1
+    d_plus_2_d_rho_prime_2 = d_base_2_d_rho_prime_2 + d_offset_2_d_rho_prime_2
+    d_plus_2_d_rho_prime_3 = d_base_2_d_rho_prime_3 + d_offset_2_d_rho_prime_3
+    d_plus_2_d_angle = d_base_2_d_angle + d_offset_2_d_angle
+    plus_3 = base_3 + offset_3
+    d_plus_3_d_rho_1 = d_base_3_d_rho_1 + d_offset_3_d_rho_1
+    d_plus_3_d_rho_2 = d_base_3_d_rho_2 + d_offset_3_d_rho_2
+    d_plus_3_d_rho_3 = d_base_3_d_rho_3 + d_offset_3_d_rho_3
+    d_plus_3_d_rho_prime_1 = d_base_3_d_rho_prime_1 + d_offset_3_d_rho_prime_1
+    d_plus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 + d_offset_3_d_rho_prime_2
+    d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3
+    d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle
+    x56 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)
+    plus_factor = np.where(apart, 1.0/np.sqrt(x56), 1.0)
+    x57 = 1.0/np.power(x56, 1.5)
+    del x56
+    x58 = plus_1*x57
+    x59 = plus_2*x57
+    x60 = plus_3*x57
+    del x57
+    d_plus_factor_d_rho_1 = np.where(apart, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, 0.0)
+    d_plus_factor_d_rho_2 = np.where(apart, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, 0.0)
+    d_plus_factor_d_rho_3 = np.where(apart, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, 0.0)
+    d_plus_factor_d_rho_prime_1 = np.where(apart, -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60, 0.0)
+    d_plus_factor_d_rho_prime_2 = np.where(apart, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, 0.0)
+    d_plus_factor_d_rho_prime_3 = np.where(apart, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, 0.0)
+    d_plus_factor_d_angle = np.where(apart, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, 0.0)
+    del x58, x59, x60
+    minus_1 = base_1 - offset_1
+    del base_1, offset_1
+    d_minus_1_d_rho_1 = d_base_1_d_rho_1 - d_offset_1_d_rho_1
     del d_base_1_d_rho_1, d_offset_1_d_rho_1
-    d_axes_2_1_d_rho_2 = np.where(valid, d_base_1_d_rho_2 - d_offset_1_d_rho_2, np.nan)
+    d_minus_1_d_rho_2 = d_base_1_d_rho_2 - d_offset_1_d_rho_2
     del d_base_1_d_rho_2, d_offset_1_d_rho_2
-    d_axes_2_1_d_rho_3 = np.where(valid, d_base_1_d_rho_3 - d_offset_1_d_rho_3, np.nan)
+    d_minus_1_d_rho_3 = d_base_1_d_rho_3 - d_offset_1_d_rho_3
     del d_base_1_d_rho_3, d_offset_1_d_rho_3
-    d_axes_2_1_d_rho_prime_1 = np.where(valid, d_base_1_d_rho_prime_1 - d_offset_1_d_rho_prime_1, np.nan)
+    d_minus_1_d_rho_prime_1 = d_base_1_d_rho_prime_1 - d_offset_1_d_rho_prime_1
     del d_base_1_d_rho_prime_1, d_offset_1_d_rho_prime_1
-    d_axes_2_1_d_rho_prime_2 = np.where(valid, d_base_1_d_rho_prime_2 - d_offset_1_d_rho_prime_2, np.nan)
+    d_minus_1_d_rho_prime_2 = d_base_1_d_rho_prime_2 - d_offset_1_d_rho_prime_2
     del d_base_1_d_rho_prime_2, d_offset_1_d_rho_prime_2
-    d_axes_2_1_d_rho_prime_3 = np.where(valid, d_base_1_d_rho_prime_3 - d_offset_1_d_rho_prime_3, np.nan)
+    d_minus_1_d_rho_prime_3 = d_base_1_d_rho_prime_3 - d_offset_1_d_rho_prime_3
     del d_base_1_d_rho_prime_3, d_offset_1_d_rho_prime_3
-    d_axes_2_1_d_angle = np.where(valid, d_base_1_d_angle - d_offset_1_d_angle, np.nan)
+    d_minus_1_d_angle = d_base_1_d_angle - d_offset_1_d_angle
     del d_base_1_d_angle, d_offset_1_d_angle
-    d_axes_2_2_d_rho_1 = np.where(valid, d_base_2_d_rho_1 - d_offset_2_d_rho_1, np.nan)
+    minus_2 = base_2 - offset_2
+    del base_2, offset_2
+    d_minus_2_d_rho_1 = d_base_2_d_rho_1 - d_offset_2_d_rho_1
     del d_base_2_d_rho_1, d_offset_2_d_rho_1
-    d_axes_2_2_d_rho_2 = np.where(valid, d_base_2_d_rho_2 - d_offset_2_d_rho_2, np.nan)
+    d_minus_2_d_rho_2 = d_base_2_d_rho_2 - d_offset_2_d_rho_2
     del d_base_2_d_rho_2, d_offset_2_d_rho_2
-    d_axes_2_2_d_rho_3 = np.where(valid, d_base_2_d_rho_3 - d_offset_2_d_rho_3, np.nan)
+    d_minus_2_d_rho_3 = d_base_2_d_rho_3 - d_offset_2_d_rho_3
     del d_base_2_d_rho_3, d_offset_2_d_rho_3
-    d_axes_2_2_d_rho_prime_1 = np.where(valid, d_base_2_d_rho_prime_1 - d_offset_2_d_rho_prime_1, np.nan)
+    d_minus_2_d_rho_prime_1 = d_base_2_d_rho_prime_1 - d_offset_2_d_rho_prime_1
     del d_base_2_d_rho_prime_1, d_offset_2_d_rho_prime_1
-    d_axes_2_2_d_rho_prime_2 = np.where(valid, d_base_2_d_rho_prime_2 - d_offset_2_d_rho_prime_2, np.nan)
+    d_minus_2_d_rho_prime_2 = d_base_2_d_rho_prime_2 - d_offset_2_d_rho_prime_2
     del d_base_2_d_rho_prime_2, d_offset_2_d_rho_prime_2
-    d_axes_2_2_d_rho_prime_3 = np.where(valid, d_base_2_d_rho_prime_3 - d_offset_2_d_rho_prime_3, np.nan)
+    d_minus_2_d_rho_prime_3 = d_base_2_d_rho_prime_3 - d_offset_2_d_rho_prime_3
     del d_base_2_d_rho_prime_3, d_offset_2_d_rho_prime_3
-    d_axes_2_2_d_angle = np.where(valid, d_base_2_d_angle - d_offset_2_d_angle, np.nan)
+    d_minus_2_d_angle = d_base_2_d_angle - d_offset_2_d_angle
     del d_base_2_d_angle, d_offset_2_d_angle
-    d_axes_2_3_d_rho_1 = np.where(valid, d_base_3_d_rho_1 - d_offset_3_d_rho_1, np.nan)
+    minus_3 = base_3 - offset_3
+    del base_3, offset_3
+    d_minus_3_d_rho_1 = d_base_3_d_rho_1 - d_offset_3_d_rho_1
     del d_base_3_d_rho_1, d_offset_3_d_rho_1
-    d_axes_2_3_d_rho_2 = np.where(valid, d_base_3_d_rho_2 - d_offset_3_d_rho_2, np.nan)
+    d_minus_3_d_rho_2 = d_base_3_d_rho_2 - d_offset_3_d_rho_2
     del d_base_3_d_rho_2, d_offset_3_d_rho_2
-    d_axes_2_3_d_rho_3 = np.where(valid, d_base_3_d_rho_3 - d_offset_3_d_rho_3, np.nan)
+    d_minus_3_d_rho_3 = d_base_3_d_rho_3 - d_offset_3_d_rho_3
     del d_base_3_d_rho_3, d_offset_3_d_rho_3
-    d_axes_2_3_d_rho_prime_1 = np.where(valid, d_base_3_d_rho_prime_1 - d_offset_3_d_rho_prime_1, np.nan)
+    d_minus_3_d_rho_prime_1 = d_base_3_d_rho_prime_1 - d_offset_3_d_rho_prime_1
     del d_base_3_d_rho_prime_1, d_offset_3_d_rho_prime_1
-    d_axes_2_3_d_rho_prime_2 = np.where(valid, d_base_3_d_rho_prime_2 - d_offset_3_d_rho_prime_2, np.nan)
+    d_minus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 - d_offset_3_d_rho_prime_2
     del d_base_3_d_rho_prime_2, d_offset_3_d_rho_prime_2
-    d_axes_2_3_d_rho_prime_3 = np.where(valid, d_base_3_d_rho_prime_3 - d_offset_3_d_rho_prime_3, np.nan)
+    d_minus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 - d_offset_3_d_rho_prime_3
     del d_base_3_d_rho_prime_3, d_offset_3_d_rho_prime_3
-    d_axes_2_3_d_angle = np.where(valid, d_base_3_d_angle - d_offset_3_d_angle, np.nan)
+    d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle
     del d_base_3_d_angle, d_offset_3_d_angle
+    x61 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)
+    minus_factor = np.where(apart, 1.0/np.sqrt(x61), 1.0)
+    x62 = 1.0/np.power(x61, 1.5)
+    del x61
+    x63 = minus_1*x62
+    x64 = minus_2*x62
+    x65 = minus_3*x62
+    del x62
+    d_minus_factor_d_rho_1 = np.where(apart, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, 0.0)
+    d_minus_factor_d_rho_2 = np.where(apart, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, 0.0)
+    d_minus_factor_d_rho_3 = np.where(apart, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, 0.0)
+    d_minus_factor_d_rho_prime_1 = np.where(apart, -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65, 0.0)
+    d_minus_factor_d_rho_prime_2 = np.where(apart, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, 0.0)
+    d_minus_factor_d_rho_prime_3 = np.where(apart, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, 0.0)
+    d_minus_factor_d_angle = np.where(apart, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, 0.0)
+    del apart, x63, x64, x65
+    d_axes_1_1_d_rho_1 = np.where(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, np.nan)
+    del d_plus_1_d_rho_1
+    d_axes_1_1_d_rho_2 = np.where(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, np.nan)
+    del d_plus_1_d_rho_2
+    d_axes_1_1_d_rho_3 = np.where(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, np.nan)
+    del d_plus_1_d_rho_3
+    d_axes_1_1_d_rho_prime_1 = np.where(valid, d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1, np.nan)
+    del d_plus_1_d_rho_prime_1
+    d_axes_1_1_d_rho_prime_2 = np.where(valid, d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1, np.nan)
+    del d_plus_1_d_rho_prime_2
+    d_axes_1_1_d_rho_prime_3 = np.where(valid, d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1, np.nan)
+    del d_plus_1_d_rho_prime_3
+    d_axes_1_1_d_angle = np.where(valid, d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1, np.nan)
+    del d_plus_1_d_angle, plus_1
+    d_axes_1_2_d_rho_1 = np.where(valid, d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2, np.nan)
+    del d_plus_2_d_rho_1
+    d_axes_1_2_d_rho_2 = np.where(valid, d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2, np.nan)
+    del d_plus_2_d_rho_2
+    d_axes_1_2_d_rho_3 = np.where(valid, d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2, np.nan)
+    del d_plus_2_d_rho_3
+    d_axes_1_2_d_rho_prime_1 = np.where(valid, d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2, np.nan)
+    del d_plus_2_d_rho_prime_1
+    d_axes_1_2_d_rho_prime_2 = np.where(valid, d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2, np.nan)
+    del d_plus_2_d_rho_prime_2
+    d_axes_1_2_d_rho_prime_3 = np.where(valid, d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2, np.nan)
+    del d_plus_2_d_rho_prime_3
+    d_axes_1_2_d_angle = np.where(valid, d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2, np.nan)
+    del d_plus_2_d_angle, plus_2
+    d_axes_1_3_d_rho_1 = np.where(valid, d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3, np.nan)
+    del d_plus_3_d_rho_1, d_plus_factor_d_rho_1
+    d_axes_1_3_d_rho_2 = np.where(valid, d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3, np.nan)
+    del d_plus_3_d_rho_2, d_plus_factor_d_rho_2
+    d_axes_1_3_d_rho_3 = np.where(valid, d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3, np.nan)
+    del d_plus_3_d_rho_3, d_plus_factor_d_rho_3
+    d_axes_1_3_d_rho_prime_1 = np.where(valid, d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3, np.nan)
+    del d_plus_3_d_rho_prime_1, d_plus_factor_d_rho_prime_1
+    d_axes_1_3_d_rho_prime_2 = np.where(valid, d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3, np.nan)
+    del d_plus_3_d_rho_prime_2, d_plus_factor_d_rho_prime_2
+    d_axes_1_3_d_rho_prime_3 = np.where(valid, d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3, np.nan)
+    del d_plus_3_d_rho_prime_3, d_plus_factor_d_rho_prime_3
+    d_axes_1_3_d_angle = np.where(valid, d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3, np.nan)
+    del d_plus_3_d_angle, d_plus_factor_d_angle, plus_3, plus_factor
+    d_axes_2_1_d_rho_1 = np.where(valid, d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1, np.nan)
+    del d_minus_1_d_rho_1
+    d_axes_2_1_d_rho_2 = np.where(valid, d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1, np.nan)
+    del d_minus_1_d_rho_2
+    d_axes_2_1_d_rho_3 = np.where(valid, d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1, np.nan)
+    del d_minus_1_d_rho_3
+    d_axes_2_1_d_rho_prime_1 = np.where(valid, d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1, np.nan)
+    del d_minus_1_d_rho_prime_1
+    d_axes_2_1_d_rho_prime_2 = np.where(valid, d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1, np.nan)
+    del d_minus_1_d_rho_prime_2
+    d_axes_2_1_d_rho_prime_3 = np.where(valid, d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1, np.nan)
+    del d_minus_1_d_rho_prime_3
+    d_axes_2_1_d_angle = np.where(valid, d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1, np.nan)
+    del d_minus_1_d_angle, minus_1
+    d_axes_2_2_d_rho_1 = np.where(valid, d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2, np.nan)
+    del d_minus_2_d_rho_1
+    d_axes_2_2_d_rho_2 = np.where(valid, d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2, np.nan)
+    del d_minus_2_d_rho_2
+    d_axes_2_2_d_rho_3 = np.where(valid, d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2, np.nan)
+    del d_minus_2_d_rho_3
+    d_axes_2_2_d_rho_prime_1 = np.where(valid, d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2, np.nan)
+    del d_minus_2_d_rho_prime_1
+    d_axes_2_2_d_rho_prime_2 = np.where(valid, d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2, np.nan)
+    del d_minus_2_d_rho_prime_2
+    d_axes_2_2_d_rho_prime_3 = np.where(valid, d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2, np.nan)
+    del d_minus_2_d_rho_prime_3
+    d_axes_2_2_d_angle = np.where(valid, d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2, np.nan)
+    del d_minus_2_d_angle, minus_2
+    d_axes_2_3_d_rho_1 = np.where(valid, d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3, np.nan)
+    del d_minus_3_d_rho_1, d_minus_factor_d_rho_1
+    d_axes_2_3_d_rho_2 = np.where(valid, d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3, np.nan)
+    del d_minus_3_d_rho_2, d_minus_factor_d_rho_2
+    d_axes_2_3_d_rho_3 = np.where(valid, d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3, np.nan)
+    del d_minus_3_d_rho_3, d_minus_factor_d_rho_3
+    d_axes_2_3_d_rho_prime_1 = np.where(valid, d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3, np.nan)
+    del d_minus_3_d_rho_prime_1, d_minus_factor_d_rho_prime_1
+    d_axes_2_3_d_rho_prime_2 = np.where(valid, d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3, np.nan)
+    del d_minus_3_d_rho_prime_2, d_minus_factor_d_rho_prime_2
+    d_axes_2_3_d_rho_prime_3 = np.where(valid, d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3, np.nan)
+    del d_minus_3_d_rho_prime_3, d_minus_factor_d_rho_prime_3
+    d_axes_2_3_d_angle = np.where(valid, d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3, np.nan)
+    del d_minus_3_d_angle, d_minus_factor_d_angle, minus_3, minus_factor
     both_zero = (size_after == 0.0) & (size_before == 0.0)
     one_zero = (size_after == 0.0) | (size_before == 0.0)
     del size_after, size_before
-    x8 = length_squared*x3
-    del length_squared, x3
     coincident = 16.0*x8
-    x9 = eps*x5
+    del x8
+    x10 = eps*x5
     del x5
-    no_turn = (sine_size <= (eps*eps*eps*eps)) | (sine_size <= x9)
+    no_turn = (sine_size <= (eps*eps*eps*eps)) | (sine_size <= x10)
     del sine_size
     every = (no_turn) & (r_squared <= coincident)
-    opposite = (m_squared <= coincident) & (np.abs(cosine) <= x9)
-    del coincident, cosine, m_squared, x9
+    opposite = (m_squared <= coincident) & (np.abs(cosine) <= x10)
+    del coincident, cosine, m_squared, x10
     too_small = (no_turn) | (root_squared < -4.0*band)
     del band, no_turn, root_squared
-    parallel = r_squared*(turn_scale*turn_scale) <= 64.0*x4*x8
-    del r_squared, turn_scale, x4, x8
+    parallel = r_squared*(turn_scale*turn_scale) <= x4*x9
+    del r_squared, turn_scale, x4, x9
     least_tolerance = np.where(length_tolerance > x6, length_tolerance, x6)
     del x6
-    lengths_agree = (comparable) & (np.abs(excess) <= least_tolerance*(1.0 - excess))
-    del comparable, excess, least_tolerance
+    lengths_agree = (comparable) & (x11 <= least_tolerance*(1.0 - excess))
+    del comparable, excess, least_tolerance, x11
     select_10 = np.where(parallel, 3.0, 0.0)
     del parallel
     select_11 = np.where(~(two), 1.0, select_10)
@@ -2165,47 +2475,47 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     half_prime_b_3_2 = axes_jacobian_2_3_4*cov_rho_prime_1_2 + axes_jacobian_2_3_5*cov_rho_prime_2_2 + axes_jacobian_2_3_6*cov_rho_prime_3_2
     half_prime_b_3_3 = axes_jacobian_2_3_4*cov_rho_prime_1_3 + axes_jacobian_2_3_5*cov_rho_prime_2_3 + axes_jacobian_2_3_6*cov_rho_prime_3_3
     covariance_1_1_1 = axes_jacobian_1_1_1*half_rho_a_1_1 + axes_jacobian_1_1_2*half_rho_a_1_2 + axes_jacobian_1_1_3*half_rho_a_1_3 + axes_jacobian_1_1_4*half_prime_a_1_1 + axes_jacobian_1_1_5*half_prime_a_1_2 + axes_jacobian_1_1_6*half_prime_a_1_3 + (axes_jacobian_1_1_7*axes_jacobian_1_1_7)*var_angle
-    x51 = axes_jacobian_1_1_7*var_angle
+    x66 = axes_jacobian_1_1_7*var_angle
     del axes_jacobian_1_1_7
-    x52 = axes_jacobian_1_2_7*x51
-    covariance_1_1_2 = axes_jacobian_1_2_1*half_rho_a_1_1 + axes_jacobian_1_2_2*half_rho_a_1_2 + axes_jacobian_1_2_3*half_rho_a_1_3 + axes_jacobian_1_2_4*half_prime_a_1_1 + axes_jacobian_1_2_5*half_prime_a_1_2 + axes_jacobian_1_2_6*half_prime_a_1_3 + x52
-    x53 = axes_jacobian_1_3_7*x51
-    del x51
-    covariance_1_1_3 = axes_jacobian_1_3_1*half_rho_a_1_1 + axes_jacobian_1_3_2*half_rho_a_1_2 + axes_jacobian_1_3_3*half_rho_a_1_3 + axes_jacobian_1_3_4*half_prime_a_1_1 + axes_jacobian_1_3_5*half_prime_a_1_2 + axes_jacobian_1_3_6*half_prime_a_1_3 + x53
+    x67 = axes_jacobian_1_2_7*x66
+    covariance_1_1_2 = axes_jacobian_1_2_1*half_rho_a_1_1 + axes_jacobian_1_2_2*half_rho_a_1_2 + axes_jacobian_1_2_3*half_rho_a_1_3 + axes_jacobian_1_2_4*half_prime_a_1_1 + axes_jacobian_1_2_5*half_prime_a_1_2 + axes_jacobian_1_2_6*half_prime_a_1_3 + x67
+    x68 = axes_jacobian_1_3_7*x66
+    del x66
+    covariance_1_1_3 = axes_jacobian_1_3_1*half_rho_a_1_1 + axes_jacobian_1_3_2*half_rho_a_1_2 + axes_jacobian_1_3_3*half_rho_a_1_3 + axes_jacobian_1_3_4*half_prime_a_1_1 + axes_jacobian_1_3_5*half_prime_a_1_2 + axes_jacobian_1_3_6*half_prime_a_1_3 + x68
     del half_prime_a_1_1, half_prime_a_1_2, half_prime_a_1_3, half_rho_a_1_1, half_rho_a_1_2, half_rho_a_1_3
-    covariance_1_2_1 = axes_jacobian_1_1_1*half_rho_a_2_1 + axes_jacobian_1_1_2*half_rho_a_2_2 + axes_jacobian_1_1_3*half_rho_a_2_3 + axes_jacobian_1_1_4*half_prime_a_2_1 + axes_jacobian_1_1_5*half_prime_a_2_2 + axes_jacobian_1_1_6*half_prime_a_2_3 + x52
-    del x52
+    covariance_1_2_1 = axes_jacobian_1_1_1*half_rho_a_2_1 + axes_jacobian_1_1_2*half_rho_a_2_2 + axes_jacobian_1_1_3*half_rho_a_2_3 + axes_jacobian_1_1_4*half_prime_a_2_1 + axes_jacobian_1_1_5*half_prime_a_2_2 + axes_jacobian_1_1_6*half_prime_a_2_3 + x67
+    del x67
     covariance_1_2_2 = axes_jacobian_1_2_1*half_rho_a_2_1 + axes_jacobian_1_2_2*half_rho_a_2_2 + axes_jacobian_1_2_3*half_rho_a_2_3 + axes_jacobian_1_2_4*half_prime_a_2_1 + axes_jacobian_1_2_5*half_prime_a_2_2 + axes_jacobian_1_2_6*half_prime_a_2_3 + (axes_jacobian_1_2_7*axes_jacobian_1_2_7)*var_angle
-    x54 = axes_jacobian_1_2_7*axes_jacobian_1_3_7*var_angle
+    x69 = axes_jacobian_1_2_7*axes_jacobian_1_3_7*var_angle
     del axes_jacobian_1_2_7
-    covariance_1_2_3 = axes_jacobian_1_3_1*half_rho_a_2_1 + axes_jacobian_1_3_2*half_rho_a_2_2 + axes_jacobian_1_3_3*half_rho_a_2_3 + axes_jacobian_1_3_4*half_prime_a_2_1 + axes_jacobian_1_3_5*half_prime_a_2_2 + axes_jacobian_1_3_6*half_prime_a_2_3 + x54
+    covariance_1_2_3 = axes_jacobian_1_3_1*half_rho_a_2_1 + axes_jacobian_1_3_2*half_rho_a_2_2 + axes_jacobian_1_3_3*half_rho_a_2_3 + axes_jacobian_1_3_4*half_prime_a_2_1 + axes_jacobian_1_3_5*half_prime_a_2_2 + axes_jacobian_1_3_6*half_prime_a_2_3 + x69
     del half_prime_a_2_1, half_prime_a_2_2, half_prime_a_2_3, half_rho_a_2_1, half_rho_a_2_2, half_rho_a_2_3
-    covariance_1_3_1 = axes_jacobian_1_1_1*half_rho_a_3_1 + axes_jacobian_1_1_2*half_rho_a_3_2 + axes_jacobian_1_1_3*half_rho_a_3_3 + axes_jacobian_1_1_4*half_prime_a_3_1 + axes_jacobian_1_1_5*half_prime_a_3_2 + axes_jacobian_1_1_6*half_prime_a_3_3 + x53
-    del axes_jacobian_1_1_1, axes_jacobian_1_1_2, axes_jacobian_1_1_3, axes_jacobian_1_1_4, axes_jacobian_1_1_5, axes_jacobian_1_1_6, x53
-    covariance_1_3_2 = axes_jacobian_1_2_1*half_rho_a_3_1 + axes_jacobian_1_2_2*half_rho_a_3_2 + axes_jacobian_1_2_3*half_rho_a_3_3 + axes_jacobian_1_2_4*half_prime_a_3_1 + axes_jacobian_1_2_5*half_prime_a_3_2 + axes_jacobian_1_2_6*half_prime_a_3_3 + x54
-    del axes_jacobian_1_2_1, axes_jacobian_1_2_2, axes_jacobian_1_2_3, axes_jacobian_1_2_4, axes_jacobian_1_2_5, axes_jacobian_1_2_6, x54
+    covariance_1_3_1 = axes_jacobian_1_1_1*half_rho_a_3_1 + axes_jacobian_1_1_2*half_rho_a_3_2 + axes_jacobian_1_1_3*half_rho_a_3_3 + axes_jacobian_1_1_4*half_prime_a_3_1 + axes_jacobian_1_1_5*half_prime_a_3_2 + axes_jacobian_1_1_6*half_prime_a_3_3 + x68
+    del axes_jacobian_1_1_1, axes_jacobian_1_1_2, axes_jacobian_1_1_3, axes_jacobian_1_1_4, axes_jacobian_1_1_5, axes_jacobian_1_1_6, x68
+    covariance_1_3_2 = axes_jacobian_1_2_1*half_rho_a_3_1 + axes_jacobian_1_2_2*half_rho_a_3_2 + axes_jacobian_1_2_3*half_rho_a_3_3 + axes_jacobian_1_2_4*half_prime_a_3_1 + axes_jacobian_1_2_5*half_prime_a_3_2 + axes_jacobian_1_2_6*half_prime_a_3_3 + x69
+    del axes_jacobian_1_2_1, axes_jacobian_1_2_2, axes_jacobian_1_2_3, axes_jacobian_1_2_4, axes_jacobian_1_2_5, axes_jacobian_1_2_6, x69
     covariance_1_3_3 = axes_jacobian_1_3_1*half_rho_a_3_1 + axes_jacobian_1_3_2*half_rho_a_3_2 + axes_jacobian_1_3_3*half_rho_a_3_3 + axes_jacobian_1_3_4*half_prime_a_3_1 + axes_jacobian_1_3_5*half_prime_a_3_2 + axes_jacobian_1_3_6*half_prime_a_3_3 + (axes_jacobian_1_3_7*axes_jacobian_1_3_7)*var_angle
     del axes_jacobian_1_3_1, axes_jacobian_1_3_2, axes_jacobian_1_3_3, axes_jacobian_1_3_4, axes_jacobian_1_3_5, axes_jacobian_1_3_6, axes_jacobian_1_3_7, half_prime_a_3_1, half_prime_a_3_2, half_prime_a_3_3, half_rho_a_3_1, half_rho_a_3_2, half_rho_a_3_3
     covariance_2_1_1 = axes_jacobian_2_1_1*half_rho_b_1_1 + axes_jacobian_2_1_2*half_rho_b_1_2 + axes_jacobian_2_1_3*half_rho_b_1_3 + axes_jacobian_2_1_4*half_prime_b_1_1 + axes_jacobian_2_1_5*half_prime_b_1_2 + axes_jacobian_2_1_6*half_prime_b_1_3 + (axes_jacobian_2_1_7*axes_jacobian_2_1_7)*var_angle
-    x55 = axes_jacobian_2_1_7*var_angle
+    x70 = axes_jacobian_2_1_7*var_angle
     del axes_jacobian_2_1_7
-    x56 = axes_jacobian_2_2_7*x55
-    covariance_2_1_2 = axes_jacobian_2_2_1*half_rho_b_1_1 + axes_jacobian_2_2_2*half_rho_b_1_2 + axes_jacobian_2_2_3*half_rho_b_1_3 + axes_jacobian_2_2_4*half_prime_b_1_1 + axes_jacobian_2_2_5*half_prime_b_1_2 + axes_jacobian_2_2_6*half_prime_b_1_3 + x56
-    x57 = axes_jacobian_2_3_7*x55
-    del x55
-    covariance_2_1_3 = axes_jacobian_2_3_1*half_rho_b_1_1 + axes_jacobian_2_3_2*half_rho_b_1_2 + axes_jacobian_2_3_3*half_rho_b_1_3 + axes_jacobian_2_3_4*half_prime_b_1_1 + axes_jacobian_2_3_5*half_prime_b_1_2 + axes_jacobian_2_3_6*half_prime_b_1_3 + x57
+    x71 = axes_jacobian_2_2_7*x70
+    covariance_2_1_2 = axes_jacobian_2_2_1*half_rho_b_1_1 + axes_jacobian_2_2_2*half_rho_b_1_2 + axes_jacobian_2_2_3*half_rho_b_1_3 + axes_jacobian_2_2_4*half_prime_b_1_1 + axes_jacobian_2_2_5*half_prime_b_1_2 + axes_jacobian_2_2_6*half_prime_b_1_3 + x71
+    x72 = axes_jacobian_2_3_7*x70
+    del x70
+    covariance_2_1_3 = axes_jacobian_2_3_1*half_rho_b_1_1 + axes_jacobian_2_3_2*half_rho_b_1_2 + axes_jacobian_2_3_3*half_rho_b_1_3 + axes_jacobian_2_3_4*half_prime_b_1_1 + axes_jacobian_2_3_5*half_prime_b_1_2 + axes_jacobian_2_3_6*half_prime_b_1_3 + x72
     del half_prime_b_1_1, half_prime_b_1_2, half_prime_b_1_3, half_rho_b_1_1, half_rho_b_1_2, half_rho_b_1_3
-    covariance_2_2_1 = axes_jacobian_2_1_1*half_rho_b_2_1 + axes_jacobian_2_1_2*half_rho_b_2_2 + axes_jacobian_2_1_3*half_rho_b_2_3 + axes_jacobian_2_1_4*half_prime_b_2_1 + axes_jacobian_2_1_5*half_prime_b_2_2 + axes_jacobian_2_1_6*half_prime_b_2_3 + x56
-    del x56
+    covariance_2_2_1 = axes_jacobian_2_1_1*half_rho_b_2_1 + axes_jacobian_2_1_2*half_rho_b_2_2 + axes_jacobian_2_1_3*half_rho_b_2_3 + axes_jacobian_2_1_4*half_prime_b_2_1 + axes_jacobian_2_1_5*half_prime_b_2_2 + axes_jacobian_2_1_6*half_prime_b_2_3 + x71
+    del x71
     covariance_2_2_2 = axes_jacobian_2_2_1*half_rho_b_2_1 + axes_jacobian_2_2_2*half_rho_b_2_2 + axes_jacobian_2_2_3*half_rho_b_2_3 + axes_jacobian_2_2_4*half_prime_b_2_1 + axes_jacobian_2_2_5*half_prime_b_2_2 + axes_jacobian_2_2_6*half_prime_b_2_3 + (axes_jacobian_2_2_7*axes_jacobian_2_2_7)*var_angle
-    x58 = axes_jacobian_2_2_7*axes_jacobian_2_3_7*var_angle
+    x73 = axes_jacobian_2_2_7*axes_jacobian_2_3_7*var_angle
     del axes_jacobian_2_2_7
-    covariance_2_2_3 = axes_jacobian_2_3_1*half_rho_b_2_1 + axes_jacobian_2_3_2*half_rho_b_2_2 + axes_jacobian_2_3_3*half_rho_b_2_3 + axes_jacobian_2_3_4*half_prime_b_2_1 + axes_jacobian_2_3_5*half_prime_b_2_2 + axes_jacobian_2_3_6*half_prime_b_2_3 + x58
+    covariance_2_2_3 = axes_jacobian_2_3_1*half_rho_b_2_1 + axes_jacobian_2_3_2*half_rho_b_2_2 + axes_jacobian_2_3_3*half_rho_b_2_3 + axes_jacobian_2_3_4*half_prime_b_2_1 + axes_jacobian_2_3_5*half_prime_b_2_2 + axes_jacobian_2_3_6*half_prime_b_2_3 + x73
     del half_prime_b_2_1, half_prime_b_2_2, half_prime_b_2_3, half_rho_b_2_1, half_rho_b_2_2, half_rho_b_2_3
-    covariance_2_3_1 = axes_jacobian_2_1_1*half_rho_b_3_1 + axes_jacobian_2_1_2*half_rho_b_3_2 + axes_jacobian_2_1_3*half_rho_b_3_3 + axes_jacobian_2_1_4*half_prime_b_3_1 + axes_jacobian_2_1_5*half_prime_b_3_2 + axes_jacobian_2_1_6*half_prime_b_3_3 + x57
-    del axes_jacobian_2_1_1, axes_jacobian_2_1_2, axes_jacobian_2_1_3, axes_jacobian_2_1_4, axes_jacobian_2_1_5, axes_jacobian_2_1_6, x57
-    covariance_2_3_2 = axes_jacobian_2_2_1*half_rho_b_3_1 + axes_jacobian_2_2_2*half_rho_b_3_2 + axes_jacobian_2_2_3*half_rho_b_3_3 + axes_jacobian_2_2_4*half_prime_b_3_1 + axes_jacobian_2_2_5*half_prime_b_3_2 + axes_jacobian_2_2_6*half_prime_b_3_3 + x58
-    del axes_jacobian_2_2_1, axes_jacobian_2_2_2, axes_jacobian_2_2_3, axes_jacobian_2_2_4, axes_jacobian_2_2_5, axes_jacobian_2_2_6, x58
+    covariance_2_3_1 = axes_jacobian_2_1_1*half_rho_b_3_1 + axes_jacobian_2_1_2*half_rho_b_3_2 + axes_jacobian_2_1_3*half_rho_b_3_3 + axes_jacobian_2_1_4*half_prime_b_3_1 + axes_jacobian_2_1_5*half_prime_b_3_2 + axes_jacobian_2_1_6*half_prime_b_3_3 + x72
+    del axes_jacobian_2_1_1, axes_jacobian_2_1_2, axes_jacobian_2_1_3, axes_jacobian_2_1_4, axes_jacobian_2_1_5, axes_jacobian_2_1_6, x72
+    covariance_2_3_2 = axes_jacobian_2_2_1*half_rho_b_3_1 + axes_jacobian_2_2_2*half_rho_b_3_2 + axes_jacobian_2_2_3*half_rho_b_3_3 + axes_jacobian_2_2_4*half_prime_b_3_1 + axes_jacobian_2_2_5*half_prime_b_3_2 + axes_jacobian_2_2_6*half_prime_b_3_3 + x73
+    del axes_jacobian_2_2_1, axes_jacobian_2_2_2, axes_jacobian_2_2_3, axes_jacobian_2_2_4, axes_jacobian_2_2_5, axes_jacobian_2_2_6, x73
     covariance_2_3_3 = axes_jacobian_2_3_1*half_rho_b_3_1 + axes_jacobian_2_3_2*half_rho_b_3_2 + axes_jacobian_2_3_3*half_rho_b_3_3 + axes_jacobian_2_3_4*half_prime_b_3_1 + axes_jacobian_2_3_5*half_prime_b_3_2 + axes_jacobian_2_3_6*half_prime_b_3_3 + (axes_jacobian_2_3_7*axes_jacobian_2_3_7)*var_angle
     del axes_jacobian_2_3_1, axes_jacobian_2_3_2, axes_jacobian_2_3_3, axes_jacobian_2_3_4, axes_jacobian_2_3_5, axes_jacobian_2_3_6, axes_jacobian_2_3_7, half_prime_b_3_1, half_prime_b_3_2, half_prime_b_3_3, half_rho_b_3_1, half_rho_b_3_2, half_rho_b_3_3
     axis_status = status
@@ -2431,21 +2741,34 @@ def _evaluate(body, usual, name, arguments, inputs, outputs, out):
         for r, (_, core, _) in zip(filled, outputs)
     ]
     limits = np.finfo(real)
+    numbers = float(limits.eps), float(limits.max)
     with np.errstate(all="ignore"):
         for start in range(0, count, BLOCK):
             block = slice(start, start + BLOCK)
             rows = (c[block] if len(c) != 1 else c for c in columns)
             components = [component for r in rows for component in np.ascontiguousarray(r.T)]
-            numbers = float(limits.eps), float(limits.max)
-            values = usual(*components, *numbers) if usual else ()
-            if not usual or not np.all(values[-1]):
-                values = body(*components, *numbers)
-            values = iter(values)
-            for target in targets:
-                for k in range(target.shape[1]):
-                    target[block, k] = next(values)
+            rest = block
+            if usual:
+                *values, is_usual = usual(*components, *numbers)
+                _fill(targets, block, values)
+                here = np.flatnonzero(~is_usual)
+                if here.size == 0:
+                    continue
+                components = [c[here] if len(c) != 1 else c for c in components]
+                rest = start + here
+                if 2 * here.size > BLOCK:
+                    usual = None  # it does not pay here
+            _fill(targets, rest, body(*components, *numbers))
     for result, target in zip(filled, targets):
         if not np.shares_memory(result, target):
             result[...] = target.reshape(result.shape)
     filled = [r if r.ndim or out is not None else r[()] for r in filled]
     return filled[0] if len(filled) == 1 else tuple(filled)
+
+
+def _fill(targets, rows, values):
+    """Put the components of every output into the given rows."""
+    values = iter(values)
+    for target in targets:
+        for k in range(target.shape[1]):
+            target[rows, k] = next(values)

@@ -177,21 +177,34 @@ def _evaluate(body, usual, name, arguments, inputs, outputs, out):
         for r, (_, core, _) in zip(filled, outputs)
     ]
     limits = np.finfo(real)
+    numbers = float(limits.eps), float(limits.max)
     with np.errstate(all="ignore"):
         for start in range(0, count, BLOCK):
             block = slice(start, start + BLOCK)
             rows = (c[block] if len(c) != 1 else c for c in columns)
             components = [component for r in rows for component in np.ascontiguousarray(r.T)]
-            numbers = float(limits.eps), float(limits.max)
-            values = usual(*components, *numbers) if usual else ()
-            if not usual or not np.all(values[-1]):
-                values = body(*components, *numbers)
-            values = iter(values)
-            for target in targets:
-                for k in range(target.shape[1]):
-                    target[block, k] = next(values)
+            rest = block
+            if usual:
+                *values, is_usual = usual(*components, *numbers)
+                _fill(targets, block, values)
+                here = np.flatnonzero(~is_usual)
+                if here.size == 0:
+                    continue
+                components = [c[here] if len(c) != 1 else c for c in components]
+                rest = start + here
+                if 2 * here.size > BLOCK:
+                    usual = None  # it does not pay here
+            _fill(targets, rest, body(*components, *numbers))
     for result, target in zip(filled, targets):
         if not np.shares_memory(result, target):
             result[...] = target.reshape(result.shape)
     filled = [r if r.ndim or out is not None else r[()] for r in filled]
     return filled[0] if len(filled) == 1 else tuple(filled)
+
+
+def _fill(targets, rows, values):
+    """Put the components of every output into the given rows."""
+    values = iter(values)
+    for target in targets:
+        for k in range(target.shape[1]):
+            target[rows, k] = next(values)
