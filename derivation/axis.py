@@ -266,14 +266,13 @@ def solve_axis():
     rounding = k.let("rounding", 8 * EPS * (1 + abs(half)) * length_squared * S * abs(C))
     band = k.let("band", select(rounding < along_m / 2, rounding, along_m / 2))
     both = k.let("both", sp.Symbol("length_product", real=True) > 0)
-    # Of lengths that differ, rounding leaves an m and r that are not perpendicular where one of them nearly vanishes:
-    # then m says nothing below a few rounding units, and the rows are brought to unit length.
-    apart = k.let("apart", abs(excess) > sp.Integer(2) ** -30)
-    vanished = apart & (m_squared <= 64 * EPS**2 * length_squared)
-    two = k.let("two", both & (root_squared > band) & sp.Not(vanished))
-    # m and r are perpendicular, unless one of them is mere rounding
+    # m and r are perpendicular, unless one of them is mere rounding: of an m like that the axes say nothing.
     area_squared = k.let("area_squared", w.dot(w))
-    plane = k.let("plane", area_squared > m_squared * r_squared / 2)
+    product = m_squared * r_squared
+    plane = k.let("plane", (area_squared > product / 2) & (area_squared > EPS**4))  # above what underflows
+    two = k.let("two", both & (root_squared > band) & (plane | (m_squared >= r_squared)))
+    # An r that is not quite perpendicular makes the rows longer or shorter; 32 units are more than rounding makes.
+    crooked = k.let("crooked", area_squared < (1 - 32 * EPS) * product)
     across = k.let(
         "across",
         select(abs(u[2]) > abs(u[0]), sp.Matrix([0, -u[2], u[1]]), sp.Matrix([-u[1], u[0], 0])),
@@ -292,8 +291,8 @@ def solve_axis():
     rows = []
     for name, row in (("plus", base + offset), ("minus", base - offset)):
         row = k.let(name, row)
-        square = select(apart, row.dot(row), 1)
-        rows.append(row * k.let(f"{name}_factor", select(apart, 1 / sp.sqrt(square), 1)))
+        square = select(crooked, row.dot(row), 1)
+        rows.append(row * k.let(f"{name}_factor", select(crooked, 1 / sp.sqrt(square), 1)))
     axes = [select(valid, row, sp.Matrix([sp.nan] * 3)).T for row in rows]
     k.output("axes", sp.Matrix.vstack(*axes), unit="1", doc="two unit axes, one a row")
 
@@ -347,7 +346,7 @@ def solve_axis():
         comparable=True,
         excess=0,
         **corrected,
-        apart=False,
+        crooked=False,
         lengths_agree=True,
         both_zero=False,
         one_zero=False,
@@ -375,8 +374,8 @@ def renamed(value, **vectors):
     return value.subs(names)
 
 
-kept = solver.expand("axes", keep=("m", "r", "w", "S", "C", "two", "apart", "valid"))
-usually = {sp.Symbol("two"): True, sp.Symbol("apart"): False, sp.Symbol("valid"): True}
+kept = solver.expand("axes", keep=("m", "r", "w", "S", "C", "two", "crooked", "valid"))
+usually = {sp.Symbol("two"): True, sp.Symbol("crooked"): False, sp.Symbol("valid"): True}
 kept = renamed(kept.subs(usually), m=m, r=r, w=w)
 d.check(
     "kernel-axes",

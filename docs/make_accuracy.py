@@ -262,9 +262,8 @@ def measure(
         error = np.min([np.linalg.norm(f - axes, axis=-1).max(axis=-1) for f in orders], axis=0)
     error = np.where(np.isnan(error), np.inf, error)
     eps = 2.0 ** (-52 if bits == 64 else -23)
-    return Figures(
-        float(error.max()), float(np.median(error) / eps), float((error / (condition * eps)).max())
-    )
+    worst = float((error / (condition * eps)).max())
+    return Figures(float(error.max()), float(np.median(error) / eps), worst, int((~two).sum()))
 
 
 PAGE = """# Accuracy of the axis solver
@@ -328,20 +327,15 @@ def page() -> str:
     header = [
         "family",
         *(f"{name} {what}" for name in solvers for what in ("largest error", "worst")),
-        "median",
+        *("median", "merged"),
     ]
     float64 = table([*header, "paper largest error", "paper median"], rows)
     rows = []
     for family in FAMILIES:
         if family.float32:
             figures = measure(gufunc, family.name, 32)
-            cells = [
-                number(figures.largest),
-                number(figures.worst),
-                number(figures.median),
-                str(figures.merged),
-            ]
-            rows.append([family.name, *cells])
+            numbers = (figures.largest, figures.worst, figures.median)
+            rows.append([family.name, *map(number, numbers), str(figures.merged)])
     float32 = table(["family", "largest error", "worst", "median", "merged"], rows)
     return PAGE.format(
         seed=SEED, count=COUNT, digits=DIGITS, backend=rodgen.backend, float64=float64, float32=float32

@@ -1,0 +1,202 @@
+"""The emitted C without Python, under the address and undefined-behaviour sanitizers, on the same references.
+
+A driver is written for the occasion: it reads the inputs from a file into heap blocks of exactly their size, calls
+every kernel one element at a time, as a batch, and through the loop of its gufunc, and writes the results.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import C_FOLDER, C_MODULES, C_WARNINGS
+from kernel_reference import KERNELS, MODULE_OF, expected
+
+SANITIZERS = [
+    "-fsanitize=address,undefined",
+    "-fno-sanitize-recover=all",
+    "-fno-omit-frame-pointer",
+    "-g",
+    "-O1",
+]
+MANNERS = ("one", "batch", "loop")
+
+DRIVER = """
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+{includes}
+{declarations}
+
+static void *read_block(FILE *file, size_t bytes) {{
+  void *block = malloc(bytes);
+  if (block == NULL || fread(block, 1, bytes, file) != bytes)
+    exit(3);
+  return block;
+}}
+
+static void write_block(FILE *file, void *block, size_t bytes) {{
+  if (fwrite(block, 1, bytes, file) != bytes)
+    exit(4);
+  free(block);
+}}
+{functions}
+int main(int count, char **words) {{
+  if (count != 5)
+    return 2;
+  FILE *in = fopen(words[3], "rb"), *out = fopen(words[4], "wb");
+  size_t n;
+  if (in == NULL || out == NULL || fread(&n, sizeof n, 1, in) != 1)
+    return 2;
+{calls}
+  fclose(in);
+  return fclose(out);
+}}
+"""
+
+
+def function(name: str, bits: int, manner: str) -> str:
+    kernel = KERNELS[name]
+    real = "double" if bits == 64 else "float"
+    call = f"{MODULE_OF[name]}_{name}"
+    lines, frees, writes = [], [], []
+    for port in kernel.inputs:
+        lines.append(f"{real} *{port.name} = read_block(in, n * {port.size} * sizeof({real}));")
+        frees.append(f"free({port.name});")
+    for port in kernel.outputs:
+        kind = "int8_t" if port.is_status else real
+        lines.append(f"{kind} *{port.name} = malloc(n * {port.size} * sizeof({kind}));")
+        lines.append(f"if ({port.name} == NULL) exit(3);")
+        writes.append(f"write_block(out, {port.name}, n * {port.size} * sizeof({kind}));")
+    ports = [*kernel.inputs, *kernel.outputs]
+    if manner == "batch":
+        lines.append(f"{call}_batch_f{bits}(n, {', '.join(p.name for p in ports)});")
+    elif manner == "one":
+        arguments = [f"{p.name}[i]" if p.shape == () else f"{p.name} + {p.size} * i" for p in kernel.inputs]
+        arguments += [f"{p.name} + {p.size} * i" for p in kernel.outputs]
+        lines.append(f"for (size_t i = 0; i < n; ++i) {call}_f{bits}({', '.join(arguments)});")
+    else:
+        width = [1 if p.is_status else bits // 8 for p in ports]
+        steps = [str(p.size * w) for p, w in zip(ports, width, strict=True)]
+        for port, w in zip(ports, width, strict=True):
+            for axis in range(len(port.shape)):
+                steps.append(str(w * int(np.prod(port.shape[axis + 1 :]))))
+        lines.append(f"char *args[] = {{{', '.join(f'(char *){p.name}' for p in ports)}}};")
+        lines.append(f"const ptrdiff_t dimensions[] = {{(ptrdiff_t)n}}, steps[] = {{{', '.join(steps)}}};")
+        lines.append(f"{call}_loop_f{bits}_baseline(args, dimensions, steps, NULL);")
+    body = "\n  ".join([*lines, *frees, *writes])
+    return f"static void {name}_{bits}_{manner}(FILE *in, FILE *out, size_t n) {{\n  {body}\n}}\n"
+
+
+@pytest.fixture(scope="module")
+def driver(compiler: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("sanitized")
+    (folder / "probe.c").write_text("int main(void) { return 0; }\n")
+    probe = [compiler, *SANITIZERS, str(folder / "probe.c"), "-o", str(folder / "probe")]
+    if subprocess.run(probe, capture_output=True, check=False).returncode:
+        pytest.skip(f"{compiler} has no address and undefined-behaviour sanitizers")
+    if subprocess.run([folder / "probe"], capture_output=True, check=False).returncode:
+        pytest.skip("programs with the address sanitizer do not run here")
+    kinds = [(name, bits, manner) for name in sorted(KERNELS) for bits in (64, 32) for manner in MANNERS]
+    declarations = [
+        f"void {MODULE_OF[name]}_{name}_loop_f{bits}_baseline(char **, const ptrdiff_t *, const ptrdiff_t *, void *);"
+        for name, bits, manner in kinds
+        if manner == "loop"
+    ]
+    calls = [
+        f'  if (strcmp(words[1], "{name}") == 0 && strcmp(words[2], "{bits}{manner}") == 0) '
+        f"{name}_{bits}_{manner}(in, out, n);"
+        for name, bits, manner in kinds
+    ]
+    text = DRIVER.format(
+        includes="\n".join(f'#include "{module}.h"' for module in C_MODULES),
+        declarations="\n".join(declarations),
+        functions="\n".join(function(*kind) for kind in kinds),
+        calls="\n".join(calls),
+    )
+    (folder / "driver.c").write_text(text)
+    loops = C_FOLDER.parent / "gufunc"
+    objects = []
+    sources = [folder / "driver.c", *(C_FOLDER / f"{m}.c" for m in C_MODULES), *loops.glob("*_loops.c")]
+    running = []
+    for source in sources:
+        objects.append(folder / f"{source.stem}.o")
+        standard = ["-std=c11", "-fopenmp-simd"] if source.parent == loops else C_WARNINGS
+        command = [
+            compiler,
+            *standard,
+            *SANITIZERS,
+            "-I",
+            str(C_FOLDER),
+            "-c",
+            str(source),
+            "-o",
+            str(objects[-1]),
+        ]
+        running.append(subprocess.Popen(command, stderr=subprocess.PIPE, text=True))
+    for process in running:
+        _, errors = process.communicate()
+        assert process.returncode == 0, errors
+    command = [compiler, *SANITIZERS, *map(str, objects), "-o", str(folder / "driver"), "-lm"]
+    subprocess.run(command, check=True)
+    return folder / "driver"
+
+
+@pytest.mark.parametrize("manner", MANNERS)
+@pytest.mark.parametrize("bits", [64, 32])
+@pytest.mark.parametrize("name", sorted(KERNELS))
+def test_sanitizers_find_nothing_and_results_are_right(
+    driver: Path, name: str, bits: int, manner: str, tmp_path: Path
+) -> None:
+    kernel, reference = KERNELS[name], expected(name, bits)
+    rows = np.concatenate([np.arange(len(reference.inputs[0])), [0, 1, 2]])  # no multiple of a block
+    with open(tmp_path / "in", "wb") as file:
+        file.write(np.uint64(len(rows)).tobytes())
+        for array in reference.inputs:
+            file.write(array[rows].tobytes())
+    environment = {**os.environ, "ASAN_OPTIONS": "detect_leaks=1", "UBSAN_OPTIONS": "print_stacktrace=1"}
+    command = [driver, name, f"{bits}{manner}", tmp_path / "in", tmp_path / "out"]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    if "LeakSanitizer has encountered a fatal error" in done.stderr:  # it cannot trace inside some containers
+        environment["ASAN_OPTIONS"] = "detect_leaks=0"
+        done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    content, results = (tmp_path / "out").read_bytes(), []
+    for port in kernel.outputs:
+        kind = np.dtype(np.int8 if port.is_status else f"f{bits // 8}")
+        size = len(rows) * port.size * kind.itemsize
+        results.append(np.frombuffer(content[:size], kind).reshape(len(rows), *port.shape))
+        content = content[size:]
+    assert content == b""
+    reference.check(tuple(results), rows)
+
+
+@pytest.mark.parametrize("module", C_MODULES)
+def test_emitted_c_allocates_nothing_and_has_no_globals(module: str) -> None:
+    """So it runs on a controller: nothing but functions, constants and libm."""
+    text = re.sub(r"/\*.*?\*/", "", (C_FOLDER / f"{module}.c").read_text(), flags=re.S)
+    assert not re.search(r"\b(malloc|calloc|realloc|free|printf|static\s+(?!inline|const)\w+)\b", text)
+    included = set(re.findall(r"#include [<\"](\S+)[>\"]", text))
+    assert included <= {f"{module}.h", "float.h", "math.h", "string.h"}
+    outside = re.sub(r"\{[^{}]*\}", "{}", text)
+    outside = re.sub(r"\{[^{}]*\}", "{}", outside)
+    assert "=" not in re.sub(r"#.*", "", outside)
+
+
+@pytest.mark.parametrize("module", C_MODULES)
+def test_header_serves_cxx_and_stands_alone(module: str, compiler: str, tmp_path: Path) -> None:
+    source = tmp_path / "alone.c"
+    source.write_text(f'#include "{module}.h"\n#include "{module}.h"\nint main(void) {{ return 0; }}\n')
+    for language in ("c", "c++"):
+        standard = "-std=c99" if language == "c" else "-std=c++11"
+        flags = [standard, "-Wall", "-Wextra", "-pedantic", "-Werror", "-fsyntax-only", "-x", language]
+        command = [compiler, *flags, "-I", str(C_FOLDER), str(source)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if language == "c++" and "cc1plus" in done.stderr:
+            pytest.skip("the compiler has no C++")
+        assert done.returncode == 0, done.stderr
