@@ -9,10 +9,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-# A sample during which the thread was off the processor for a twentieth of the time is taken again.
-UNDISTURBED = 0.95
-TRIES = 4
-
 
 @dataclass
 class Entry:
@@ -20,7 +16,10 @@ class Entry:
     solves: int  # solved by one call
     repeats: int = 1  # calls in one sample
     threads: int = 1
-    samples: list[float] = field(default_factory=list)  # ns per solve, one a round
+    # ns per solve, one a round: processor time, which leaves out what the system gave to others meanwhile;
+    # wall time where there are more threads than one.
+    samples: list[float] = field(default_factory=list)
+    walls: list[float] = field(default_factory=list)
 
     @property
     def median(self) -> float:
@@ -34,20 +33,15 @@ class Entry:
         low, _, high = statistics.quantiles(self.samples, n=4)
         return (high - low) / self.median
 
-    def once(self) -> float:
-        """Time one sample, in ns per solve."""
-        call = self.call
-        if self.repeats == 1:
-            start = time.perf_counter_ns()
+    def once(self) -> tuple[float, float]:
+        """Take one sample: processor time of this thread, and wall time, in ns per solve."""
+        call, loop = self.call, range(self.repeats)
+        wall, processor = time.perf_counter_ns(), time.thread_time_ns()
+        for _ in loop:
             call()
-            spent = time.perf_counter_ns() - start
-        else:
-            loop = range(self.repeats)
-            start = time.perf_counter_ns()
-            for _ in loop:
-                call()
-            spent = time.perf_counter_ns() - start
-        return spent / (self.repeats * self.solves)
+        processor, wall = time.thread_time_ns() - processor, time.perf_counter_ns() - wall
+        solves = self.repeats * self.solves
+        return processor / solves, wall / solves
 
 
 def calibrate(entry: Entry, shortest_s: float) -> None:
@@ -78,21 +72,23 @@ def alternate(entries: dict[str, Entry], rounds: int, seed: int = 0, budget_s: f
             order.shuffle(names)
             for name in names:
                 entry = entries[name]
-                for _ in range(TRIES):
-                    begun = time.perf_counter(), time.thread_time()
-                    sample = entry.once()
-                    spent = time.perf_counter() - begun[0], time.thread_time() - begun[1]
-                    if entry.threads > 1 or spent[1] > UNDISTURBED * spent[0]:
-                        break
-                entry.samples.append(sample)
+                own, outside = entry.once()
+                entry.samples.append(own if entry.threads == 1 else outside)
+                entry.walls.append(outside)
                 if entry.threads == 1:
-                    wall += spent[0]
-                    processor += spent[1]
+                    processor += own * entry.repeats * entry.solves
+                    wall += outside * entry.repeats * entry.solves
     finally:
         gc.enable()
     return processor / wall
 
 
 def ratio(entry: Entry, base: Entry) -> float:
-    """Median over the rounds of entry/base: both sides of a quotient saw the same minute."""
-    return statistics.median(a / b for a, b in zip(entry.samples, base.samples, strict=True))
+    """Median over the rounds of entry/base: both sides of a quotient saw the same minute.
+
+    Where either side has several threads, both count wall time.
+    """
+    pairs = zip(entry.samples, base.samples, strict=True)
+    if entry.threads > 1 or base.threads > 1:
+        pairs = zip(entry.walls, base.walls, strict=True)
+    return statistics.median(a / b for a, b in pairs)

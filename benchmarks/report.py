@@ -30,8 +30,9 @@ Read these first:
 - One machine, one run, and a shared one: other tenants use its memory and its last-level cache. Ratios are
   taken within a round, so they are steadier than the nanoseconds; *spread* is the interquartile range over
   the median of the gufunc's own samples. A ratio that differs by less than the spread means nothing.
-- A sample during which the operating system took the thread off its processor for a twentieth of the time or
-  more is taken again, up to three times; what then remained is shown as the share of a processor below.
+- One-thread figures are the thread's processor time, so what the system gave to others meanwhile is left out
+  (the caches that they spoil are not); two-thread figures and their ratios are wall time. How much of a
+  processor the samples had is said below: well under 100 %, the machine was busy and all figures are worse.
 - The problem is small (some fifty operations and one tangent), so this compares how well each tool turns a
   short formula into a loop over memory. It says nothing of large expressions, derivatives or other subjects.
 - Every closed-form peer evaluates the compact form e± = (κ m×r ± sqrt(max(|m|² − κ²|r|², 0)) m)/|m|²,

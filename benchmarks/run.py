@@ -192,7 +192,7 @@ def main() -> None:
             for contender in contenders:
                 entry = clock.Entry(contender.bind(few), 20)
                 clock.calibrate(entry, 0.0)
-                known[contender.name] = entry.once()
+                known[contender.name], _ = entry.once()
         sizes[n], shares[n] = measure(n, rounds, contenders, known)
         if n > 1:
             known |= {name: entry.median for name, entry in sizes[n].items()}
