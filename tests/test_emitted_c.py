@@ -16,6 +16,7 @@ import pytest
 from conftest import C_FOLDER, C_MODULES, C_WARNINGS
 from kernel_reference import KERNELS, MODULE_OF, expected
 
+# -O0: the instrumented loops take a minute to compile with -O1
 SANITIZERS = [
     "-fsanitize=address,undefined",
     "-fno-sanitize-recover=all",

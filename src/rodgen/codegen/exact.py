@@ -92,6 +92,8 @@ def _value(tree: sp.Basic, environment: Mapping[sp.Symbol, Real]) -> Real:
         return any(_value(a, environment) for a in tree.args)
     if isinstance(tree, sp.Not):
         return not _value(tree.args[0], environment)
+    if isinstance(tree, sp.ITE):  # SymPy makes this of a select inside a condition
+        return _value(tree.args[1] if _value(tree.args[0], environment) else tree.args[2], environment)
     if tree in (sp.true, sp.false):
         return tree is sp.true
     if tree is sp.nan:

@@ -1,0 +1,519 @@
+"""From a spec to code: what a builder refuses, what a kernel keeps, derivatives, printers, and the files on disk."""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import os
+import subprocess
+import sys
+from enum import IntEnum
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+import sympy as sp
+from conftest import compile_shared
+from kernel_reference import KERNELS, pairs
+
+import rodgen
+import rodgen.generated
+from rodgen.codegen import Kernel, KernelBuilder, KernelError
+from rodgen.codegen.printers import CPrinter, NumPyPrinter, VectorCPrinter
+from rodgen.codegen.project import KernelModule, check_kernels, render, render_extension, write_kernels
+from rodgen.symbolic import EPS, LARGEST, Derivation, power_of_two_scale, select
+
+
+class Sign(IntEnum):
+    """Which sign a number has."""
+
+    MINUS = -1
+    ZERO = 0
+    PLUS = 1
+
+
+def builder(name: str = "sample") -> KernelBuilder:
+    return KernelBuilder(name, summary="A sample.", source="none")
+
+
+# The spec ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["2x", "a b", "a-b", "", "lambda", "double", "np", "out", "eps", "größe"])
+def test_names_that_no_target_can_have_are_refused(name: str) -> None:
+    with pytest.raises(KernelError, match="no name for generated code"):
+        builder(name)
+    with pytest.raises(KernelError, match=r"no name for generated code|used twice"):
+        builder().input(name, unit="1", doc="")
+
+
+def test_a_name_is_used_once() -> None:
+    k = builder()
+    x = k.input("x", 3, unit="1", doc="")
+    for again in ("x", "x_2"):
+        with pytest.raises(KernelError, match=f"the name {again} is used twice"):
+            k.let(again, x[0])
+    with pytest.raises(KernelError, match="used twice"):
+        k.output("x", x[0], unit="1", doc="")
+
+
+def test_symbols_from_elsewhere_are_refused() -> None:
+    k = builder()
+    k.input("x", unit="1", doc="")
+    with pytest.raises(KernelError, match="y uses stranger; expected inputs and earlier steps only"):
+        k.let("y", sp.Symbol("stranger", real=True) + 1)
+
+
+def test_a_kernel_without_output_is_refused() -> None:
+    with pytest.raises(KernelError, match="has no output"):
+        builder().build()
+
+
+def test_usual_case_of_unknown_steps_is_refused() -> None:
+    k = builder()
+    x = k.input("x", unit="1", doc="")
+    with pytest.raises(KernelError, match="the usual case names nothing"):
+        k.usual(x > 0, nothing=1)
+
+
+def test_missing_ports_steps_and_cases_are_told() -> None:
+    k = builder()
+    k.output("y", k.input("x", unit="1", doc="") ** 2, unit="1", doc="")
+    kernel = k.build()
+    with pytest.raises(KeyError, match="no port z"):
+        kernel.port("z")
+    with pytest.raises(KeyError, match="no output or step z"):
+        kernel.expand("z")
+    with pytest.raises(KernelError, match="no usual case"):
+        kernel.usual_case()
+    with pytest.raises(ValueError, match=r"x has shape \(2,\); expected \(\)"):
+        kernel.evaluate({"x": [1, 2]})
+
+
+def shared_kernel() -> Kernel:
+    k = builder("shared")
+    x, y = k.input("x", unit="1", doc=""), k.input("y", unit="1", doc="")
+    named = k.let("named", x + y)
+    k.let("unused", x * 17)
+    k.output("first", sp.sqrt(x**2 + y**2) + named, unit="1", doc="")
+    k.output("second", 1 / sp.sqrt(x**2 + y**2), unit="1", doc="")
+    return k.build()
+
+
+def test_elimination_keeps_named_steps_shares_the_rest_and_drops_what_nothing_needs() -> None:
+    kernel = shared_kernel()
+    names = [a.symbol.name for a in kernel.assignments]
+    assert "named" in names
+    assert "unused" not in names
+    # x² + y² and its root, once: an addition there, two more for named and first
+    assert kernel.operations == {"add": 3, "mul": 2, "div": 1, "sqrt": 1}
+    seen = {s for p in kernel.inputs for s in p.symbols}
+    for assignment in kernel.assignments:  # every line uses what stands above it
+        assert assignment.value.free_symbols <= seen
+        seen.add(assignment.symbol)
+
+
+def test_expand_writes_an_output_in_the_inputs() -> None:
+    kernel = shared_kernel()
+    x, y = (p.symbols[0] for p in kernel.inputs)
+    assert sp.simplify(kernel.expand("first") - (sp.sqrt(x**2 + y**2) + x + y)) == 0
+    named = sp.Symbol("named", real=True)
+    assert kernel.expand("first", keep=("named",)).has(named)
+    assert kernel.expand("named") == x + y
+
+
+@pytest.mark.parametrize("name", sorted(KERNELS))
+def test_every_kernel_is_in_order_and_assigns_once(name: str) -> None:
+    kernel = KERNELS[name]
+    seen = {s for p in kernel.inputs for s in p.symbols} | {EPS, LARGEST}
+    for assignment in kernel.assignments:
+        assert assignment.value.free_symbols <= seen
+        assert assignment.symbol not in seen
+        seen.add(assignment.symbol)
+    assert {s for p in kernel.outputs for s in p.symbols} <= seen
+
+
+# Exact evaluation ----------------------------------------------------------------------------------------
+
+
+def test_exact_evaluation_has_the_digits_that_are_asked_for() -> None:
+    value = shared_kernel().evaluate({"x": Fraction(1, 3), "y": 2}, digits=80)["second"]
+    with mpmath.workdps(80):
+        assert mpmath.almosteq(value, 1 / mpmath.sqrt(mpmath.mpf(1) / 9 + 4), rel_eps=mpmath.mpf(10) ** -78)
+
+
+def test_exact_evaluation_takes_floats_as_they_are() -> None:
+    k = builder()
+    k.output("y", k.input("x", unit="1", doc="") * 10, unit="1", doc="")
+    value = k.build().evaluate({"x": 0.1})["y"]
+    with mpmath.workdps(50):
+        assert value == mpmath.mpf(0.1) * 10
+        assert value != 1
+
+
+def test_exact_evaluation_means_what_floating_point_means() -> None:
+    k = builder()
+    x, y = k.input("x", unit="1", doc=""), k.input("y", unit="1", doc="")
+    k.output("quotient", x / y, unit="1", doc="")
+    k.output("root", sp.sqrt(x), unit="1", doc="")
+    k.output("chosen", select(x > y, 1, 2), unit="1", doc="")
+    kernel = k.build()
+    assert kernel.evaluate({"x": 1, "y": 0})["quotient"] == mpmath.inf
+    assert kernel.evaluate({"x": -1, "y": 0})["quotient"] == -mpmath.inf
+    assert mpmath.isnan(kernel.evaluate({"x": 0, "y": 0})["quotient"])
+    assert mpmath.isnan(kernel.evaluate({"x": -1, "y": 1})["root"])
+    assert kernel.evaluate({"x": float("nan"), "y": 1})["chosen"] == 2
+    assert kernel.evaluate({"x": float("inf"), "y": 1})["chosen"] == 1
+
+
+# The usual case ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", sorted(n for n, k in KERNELS.items() if k.usual is not None))
+def test_usual_case_is_the_kernel_where_its_guard_holds(name: str) -> None:
+    """With all digits the two differ by what the guard lets pass: less than a rounding unit times the condition."""
+    kernel, usual = KERNELS[name], KERNELS[name].usual_case()
+    inputs = pairs()
+    held = 0
+    for rho, rho_prime, angle in zip(*inputs.values(), strict=True):
+        values = {"rho": rho, "rho_prime": rho_prime, "angle": angle, "length_tolerance": 1e-8}
+        full, short = kernel.evaluate(values), usual.evaluate(values)
+        if not short.pop("is_usual"):
+            continue
+        held += 1
+        condition = float(KERNELS["axis_condition"].evaluate({k: values[k] for k in inputs})["condition"])
+        for port in kernel.outputs:
+            if port.is_status:
+                assert short[port.name] == full[port.name]
+            else:
+                difference = np.abs((short[port.name] - full[port.name]).astype(float)).max()
+                assert difference <= 2.0**-52 * max(condition, 1)
+    assert held >= 8  # the ordinary ones
+
+
+# Derivatives ---------------------------------------------------------------------------------------------
+
+
+def functions_kernel() -> Kernel:
+    k = builder("functions")
+    x, y = k.input("x", unit="1", doc=""), k.input("y", unit="1", doc="")
+    z = k.let("z", x * y + sp.Rational(1, 3))
+    k.output("trigonometric", sp.Matrix([sp.sin(z), sp.cos(x), sp.tan(y), sp.atan2(x, y)]), unit="1", doc="")
+    k.output("inverse", sp.Matrix([sp.asin(x / 4), sp.acos(y / 4), sp.atan(z)]), unit="1", doc="")
+    k.output(
+        "growing", sp.Matrix([sp.exp(x), sp.log(y), sp.sinh(x), sp.cosh(y), sp.tanh(z)]), unit="1", doc=""
+    )
+    k.output("powers", sp.Matrix([sp.sqrt(y), 1 / x, x**3 / y**2, y ** sp.Rational(3, 2)]), unit="1", doc="")
+    cases = [abs(x), select(x < y, x**2, sp.sin(y)), select(z > 100, 1 / (z - z**2), y)]
+    k.output("cases", sp.Matrix(cases), unit="1", doc="")
+    k.output("scaled", x * power_of_two_scale(abs(x)), unit="1", doc="")
+    return k.build()
+
+
+@pytest.mark.parametrize("point", [(0.7, 1.3), (-0.7, 1.3), (1.9, 0.6), (-2.5, 3.1)])
+def test_derivatives_against_differences_with_many_digits(point: tuple[float, float]) -> None:
+    kernel = functions_kernel()
+    jacobian = kernel.jacobian().evaluate(dict(zip("xy", point, strict=True)), digits=50)
+    step = mpmath.mpf(10) ** -15
+    for column, name in enumerate("xy"):
+        values = []
+        for sign in (1, -1):
+            moved = {n: mpmath.mpf(p) for n, p in zip("xy", point, strict=True)}
+            with mpmath.workdps(50):
+                moved[name] += sign * step
+            values.append(kernel.evaluate(moved, digits=50))
+        for port in kernel.outputs:
+            with mpmath.workdps(50):
+                difference = (values[0][port.name] - values[1][port.name]) / (2 * step)
+                found = jacobian[f"{port.name}_jacobian"][..., column] - difference
+            # central differences are off by step²/6 times the third derivative, 1e-28 here
+            assert np.all(np.abs(np.asarray(found, dtype=float)) < 1e-25)
+
+
+def test_derivatives_keep_values_and_statuses_where_asked() -> None:
+    k = builder()
+    x = k.input("x", unit="1", doc="")
+    k.output("y", x**2, unit="1", doc="")
+    k.status("sign", sp.Piecewise((1, x > 0), (-1, x < 0), (0, True)), Sign, doc="")
+    kernel = k.build().jacobian(values=True)
+    assert [p.name for p in kernel.outputs] == ["y", "y_jacobian", "sign"]
+    result = kernel.evaluate({"x": -3})
+    assert (result["y"], result["y_jacobian"][0], result["sign"]) == (9, -6, -1)
+    with pytest.raises(KernelError, match="a status has no derivative"):
+        k.build().jacobian(outputs=["sign"])
+
+
+# Printers ------------------------------------------------------------------------------------------------
+
+X, Y = sp.symbols("x y", real=True)
+CONSTRUCTS: dict[str, Any] = {
+    "integer": sp.Integer(3) + X,
+    "negative_integer": X * -3,
+    "dyadic": X * sp.Rational(3, 8),
+    "rational": X * sp.Rational(2, 7) - sp.Rational(1, 3),
+    "pi": sp.pi * X,
+    "difference": X - Y - (X - 2 * Y),
+    "nested_sum": X - (Y - (X + Y * 3)),
+    "product_of_sums": (X + Y) * (X - Y),
+    "quotient": X / Y,
+    "quotient_of_products": X * Y / (3 * (X + 5) * Y**2),
+    "quotient_of_quotients": (X / Y) / (Y / (X + 7)),
+    "reciprocal": 1 / (X + Y + 5),
+    "minus_reciprocal": -1 / (X + 5),
+    "square": (X + Y) ** 2,
+    "fourth": X**4,
+    "seventh": X**7,
+    "minus_third": (X + 6) ** -3,
+    "root": sp.sqrt(X**2 + Y**2),
+    "reciprocal_root": 1 / sp.sqrt(X**2 + Y**2),
+    "root_cubed": (X**2 + 1) ** sp.Rational(3, 2),
+    "power": (X**2 + 1) ** sp.Rational(1, 3),
+    "absolute": sp.Abs(X - Y),
+    "sign": sp.sign(X - Y),
+    "scale": power_of_two_scale(sp.Abs(X) + 1),
+    "less": select(X < Y, X, Y),
+    "less_equal": select(X <= Y, -X, 2 * Y),
+    "equal": select(sp.Eq(X, Y), 1, X),
+    "unequal": select(sp.Ne(X, Y), 1, X),
+    "conjunction": select((X > 0) & (Y > 0) & (X < 2), 1, 2),
+    "disjunction": select((X > 1) | (Y < 0), 1, 2),
+    "negation": select(sp.Not((X > 0) & (Y > 0)), 1, 2),
+    "mixed_condition": select(((X > 0) | (Y > 1)) & sp.Not(sp.Eq(X, 1)), X, Y),
+    "three_cases": sp.Piecewise((1, X > 1), (2, X > 0), (3, True)),
+    "select_in_a_sum": 1 + 2 * select(X > 0, X, Y) - select(Y > 0, X, Y),
+    "select_in_a_condition": select(select(X > 0, X, Y) > 1, 1, 2),
+    "not_a_number": select(X > 0, X, sp.nan),
+    "rounding_unit": 1 + 4 * EPS * X,
+    "largest_number": select(sp.Abs(X) <= LARGEST, X, 0),
+}
+ELEMENTARY: dict[str, Any] = {
+    "sine": sp.sin(X),
+    "cosine": sp.cos(X),
+    "tangent": sp.tan(X),
+    "arc_sine": sp.asin(X / 4),
+    "arc_cosine": sp.acos(X / 4),
+    "arc_tangent": sp.atan(X),
+    "arc_tangent_2": sp.atan2(X, Y),
+    "hyperbolic_sine": sp.sinh(X),
+    "hyperbolic_cosine": sp.cosh(X),
+    "hyperbolic_tangent": sp.tanh(X),
+    "exponential": sp.exp(X),
+    "logarithm": sp.log(X**2 + 1),
+}
+POINTS = np.array(
+    [
+        (0.7, 1.3),
+        (-0.7, 1.3),
+        (1.9, -0.6),
+        (-2.5, -3.1),
+        (1.0, 1.0),
+        (3.0, 0.25),
+        (0.0, 2.0),
+        (2.0, -2.0),
+        (1e-3, 0.5),
+    ]
+)
+
+
+def constructs_module(constructs: dict[str, Any]) -> KernelModule:
+    k = builder("constructs")
+    k.input("x", unit="1", doc="")
+    k.input("y", unit="1", doc="")
+    for name, value in constructs.items():
+        k.output(name, value, unit="1", doc="")
+    return KernelModule("printed", "Every construct.", "none", (k.build(),))
+
+
+def check_constructs(module: KernelModule, results: tuple[np.ndarray, ...], bits: int) -> None:
+    kernel = module.kernels[0]
+    limits = np.finfo(f"f{bits // 8}")
+    for row, (x, y) in enumerate(POINTS.astype(limits.dtype)):
+        exact = kernel.evaluate(
+            {"x": float(x), "y": float(y)}, eps=float(limits.eps), largest=float(limits.max)
+        )
+        for port, result in zip(kernel.outputs, results, strict=True):
+            # a dozen operations on numbers up to 7^7 at worst, cancellation included
+            expected = float(exact[port.name])
+            bound = 16 * float(limits.eps) * max(abs(expected), 8)
+            assert result[row] == pytest.approx(expected, abs=bound, nan_ok=True), port.name
+
+
+@pytest.mark.parametrize("bits", [64, 32])
+def test_numpy_printer_writes_every_construct(bits: int) -> None:
+    module = constructs_module(CONSTRUCTS | ELEMENTARY)
+    namespace: dict[str, Any] = {"__name__": "printed"}
+    exec(compile(render(module)["numpy/printed.py"], "printed.py", "exec"), namespace)
+    results = namespace["constructs"](*POINTS.T.astype(f"f{bits // 8}"))
+    assert {r.dtype for r in results} == {np.dtype(f"f{bits // 8}")}
+    check_constructs(module, results, bits)
+
+
+@pytest.mark.parametrize("bits", [64, 32])
+def test_c_printer_writes_every_construct(bits: int, compiler: str, tmp_path: Path) -> None:
+    module = constructs_module(CONSTRUCTS | ELEMENTARY)
+    for name in ("c/printed.h", "c/printed.c"):
+        (tmp_path / Path(name).name).write_text(render(module)[name])
+    library = ctypes.CDLL(
+        str(compile_shared(compiler, [tmp_path / "printed.c"], tmp_path / "printed.so", "-O1"))
+    )
+    real = np.dtype(f"f{bits // 8}")
+    inputs = [np.ascontiguousarray(c, dtype=real) for c in POINTS.T]
+    outputs = [np.zeros(len(POINTS), real) for _ in module.kernels[0].outputs]
+    function = getattr(library, f"printed_constructs_batch_f{bits}")
+    function.restype = None
+    function(ctypes.c_size_t(len(POINTS)), *(ctypes.c_void_p(a.ctypes.data) for a in (*inputs, *outputs)))
+    check_constructs(module, tuple(outputs), bits)
+
+
+@pytest.mark.parametrize("bits", [64, 32])
+def test_vector_printer_writes_every_construct(bits: int, compiler: str, tmp_path: Path) -> None:
+    """The loop of a gufunc, without NumPy: sine and cosine by polynomials, conditions as masks."""
+    k = builder("constructs")
+    x, _ = k.input("x", unit="1", doc=""), k.input("y", unit="1", doc="")
+    for name, value in CONSTRUCTS.items():
+        if not value.has(sp.Rational(1, 3)) and "power" not in name and name not in ("root_cubed", "seventh"):
+            k.output(name, value, unit="1", doc="")  # general powers have no vector form
+    k.output("sine", sp.sin(x), unit="1", doc="")
+    k.output("cosine", sp.cos(x), unit="1", doc="")
+    module = KernelModule("printed", "Every construct.", "none", (k.build(),))
+    for name, text in {**render(module), **render_extension([module])}.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    library = tmp_path / "loops.so"
+    sources = [str(tmp_path / "c/printed.c"), str(tmp_path / "gufunc/printed_loops.c")]
+    command = [
+        compiler,
+        "-std=c11",
+        "-O2",
+        "-fopenmp-simd",
+        "-fPIC",
+        "-shared",
+        *sources,
+        "-o",
+        str(library),
+        "-lm",
+    ]
+    subprocess.run(command, check=True)
+    real = np.dtype(f"f{bits // 8}")
+    repeated = np.concatenate([POINTS, POINTS, POINTS])  # a whole block and a part of one
+    arrays = [np.ascontiguousarray(c, dtype=real) for c in repeated.T]
+    arrays += [np.zeros(len(repeated), real) for _ in module.kernels[0].outputs]
+    pointers = (ctypes.c_void_p * len(arrays))(*(a.ctypes.data for a in arrays))
+    steps = (ctypes.c_ssize_t * len(arrays))(*(real.itemsize for _ in arrays))
+    count = (ctypes.c_ssize_t * 1)(len(repeated))
+    function = getattr(ctypes.CDLL(str(library)), f"printed_constructs_loop_f{bits}_baseline")
+    function.restype = None
+    function(pointers, count, steps, None)
+    for part in range(3):
+        block = slice(part * len(POINTS), (part + 1) * len(POINTS))
+        check_constructs(module, tuple(a[block] for a in arrays[2:]), bits)
+
+
+@pytest.mark.parametrize(
+    "printer", [NumPyPrinter(), CPrinter("double"), CPrinter("float"), VectorCPrinter("double")]
+)
+def test_printers_refuse_what_they_cannot_write(printer: Any) -> None:
+    with pytest.raises(KernelError, match="gamma"):
+        printer.line(sp.gamma(X))
+    with pytest.raises(KernelError, match="exact number"):
+        printer.line(X * sp.Float(0.1))
+
+
+# Files ---------------------------------------------------------------------------------------------------
+
+
+def small_derivation(factor: int = 2) -> Derivation:
+    derivation = Derivation("small", title="Small.", source="none")
+    k = builder("twice")
+    k.output("y", factor * k.input("x", unit="1", doc="a number"), unit="1", doc="a multiple")
+    derivation.kernel(k.build())
+    return derivation
+
+
+def test_fresh_files_compare_equal_and_are_not_written_again(tmp_path: Path) -> None:
+    written = write_kernels([small_derivation()], tmp_path, extension=True)
+    assert {p.relative_to(tmp_path).as_posix() for p in written} >= {
+        "numpy/small.py",
+        "c/small.c",
+        "c/small.h",
+    }
+    assert check_kernels([small_derivation()], tmp_path, extension=True) == ""
+    assert write_kernels([small_derivation()], tmp_path, extension=True) == []
+
+
+def test_changed_files_are_told_by_a_diff(tmp_path: Path) -> None:
+    write_kernels([small_derivation()], tmp_path)
+    difference = check_kernels([small_derivation(3)], tmp_path)
+    assert "--- committed/c/small.c" in difference
+    assert "+++ regenerated/c/small.c" in difference
+    assert any(line.startswith("-") and "2.0*x" in line for line in difference.splitlines())
+    assert any(line.startswith("+") and "3.0*x" in line for line in difference.splitlines())
+
+
+def test_missing_and_stale_files_are_told(tmp_path: Path) -> None:
+    write_kernels([small_derivation()], tmp_path)
+    (tmp_path / "c" / "small.h").unlink()
+    (tmp_path / "c" / "old.c").write_text("/* no kernel makes this */\n")
+    difference = check_kernels([small_derivation()], tmp_path)
+    assert "+++ regenerated/c/small.h" in difference
+    assert "c/old.c: no kernel makes this file; delete it" in difference
+
+
+def test_line_endings_of_a_checkout_do_not_hide_a_change(tmp_path: Path) -> None:
+    write_kernels([small_derivation()], tmp_path)
+    path = tmp_path / "c" / "small.c"
+    path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
+    assert check_kernels([small_derivation()], tmp_path) != ""
+
+
+HASH = """
+import hashlib, importlib, sys
+from rodgen.codegen.project import _files
+derivations = [importlib.import_module(f"rodgen.derivation.{name}").derivation for name in sys.argv[1:]]
+text = "".join(name + content for name, content in sorted(_files(derivations, True).items()))
+print("bytes", hashlib.sha256(text.encode()).hexdigest())
+"""
+
+
+def bytes_with_seed(seed: int, *names: str) -> str:
+    """What a fresh process makes; sets and dicts iterate in another order there."""
+    environment = {**os.environ, "PYTHONHASHSEED": str(seed)}
+    command = [sys.executable, "-c", HASH, *names]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=True)
+    return done.stdout.splitlines()[-1]
+
+
+def test_bytes_are_the_same_in_every_process() -> None:
+    assert bytes_with_seed(0, "rotations") == bytes_with_seed(12345, "rotations")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2, 99])
+def test_bytes_of_all_derivations_are_the_same_in_every_process(seed: int) -> None:
+    names = ("axis", "rodrigues", "rotations")
+    assert bytes_with_seed(0, *names) == bytes_with_seed(seed, *names)
+
+
+def test_generated_text_names_no_time_place_or_machine() -> None:
+    folder = Path(rodgen.generated.__file__).parent
+    for path in [*folder.glob("c/*"), *folder.glob("gufunc/*"), *folder.glob("numpy/*.py")]:
+        text = path.read_text()
+        assert "Generated by rodgen; do not edit." in text
+        assert str(folder) not in text
+        assert rodgen.__version__ not in text
+
+
+def test_hash_of_the_text_does_not_depend_on_the_order_of_derivations(tmp_path: Path) -> None:
+    other = Derivation("other", title="Other.", source="none")
+    k = builder("thrice")
+    k.output("y", 3 * k.input("x", unit="1", doc="a number"), unit="1", doc="a multiple")
+    other.kernel(k.build())
+    digests = []
+    for n, derivations in enumerate(([small_derivation(), other], [other, small_derivation()])):
+        write_kernels(derivations, tmp_path / str(n))
+        files = sorted(p for p in (tmp_path / str(n)).rglob("*") if p.is_file())
+        digests.append([hashlib.sha256(p.read_bytes()).hexdigest() for p in files])
+    assert digests[0] == digests[1]
