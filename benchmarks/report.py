@@ -39,9 +39,11 @@ Read these first:
   κ = cot(χ/2), and nothing else. rodgen's kernel does more work a solve: it rescales the input, corrects
   unequal lengths, keeps its accuracy near χ = π, ρ′ ≈ −ρ and tangency, and writes a status. The inputs here
   are generic ones ({condition}), where the compact form is accurate too.
-- The kernel decides block by block: where all elements are ordinary and |ρ′| = |ρ| to rounding it runs a short
-  form, otherwise the general one. Exact pairs, which the peers need to be right, are its best case; the rows
-  "measured lengths" show the same problems with |ρ′| off by 1e-6, which the peers would answer wrongly by as much.
+- The kernel decides block by block: where all elements are ordinary (two axes, well apart, |ρ′| = |ρ| to
+  rounding) it runs a short form, otherwise the general one. The inputs here are ordinary throughout, which is
+  its best case. In the row "measured lengths" |ρ′| is off by 1e-6, as measured points are: rodgen corrects that,
+  in the general form; the peers would answer wrongly by as much. In the row "1 % lengths differ" one element in
+  a hundred is not ordinary.
 - Each peer is set up as one who knows it would: outputs given and touched beforehand, `-O3 -march=native`
   where it is compiled, blocks that fit the cache where it is NumPy, analytic Jacobians and good starts where
   it iterates. rodgen ships portable code and chooses its instruction set when it runs.
