@@ -36,8 +36,9 @@ Read these first:
 - The problem is small (some fifty operations and one tangent), so this compares how well each tool turns a
   short formula into a loop over memory. It says nothing of large expressions, derivatives or other subjects.
 - Every closed-form peer evaluates the compact form e± = (κ m×r ± sqrt(max(|m|² − κ²|r|², 0)) m)/|m|²,
-  κ = cot(χ/2), and nothing else. rodgen's kernel does more work a solve: it rescales the input, corrects
-  unequal lengths, keeps its accuracy near χ = π, ρ′ ≈ −ρ and tangency, and writes a status. The inputs here
+  κ = cot(χ/2), and nothing else. rodgen's general form does more work a solve: it rescales the input,
+  corrects unequal lengths, keeps its accuracy near χ = π, ρ′ ≈ −ρ and tangency. Its short form (below) tests
+  whether it may be used, and both write a status. The inputs here
   are generic ones ({condition}), where the compact form is accurate too.
 - The kernel decides block by block: where all elements are ordinary (two axes, well apart, |ρ′| = |ρ| to
   rounding) it runs a short form, otherwise the general one. The inputs here are ordinary throughout, which is
@@ -295,9 +296,10 @@ def _headline(result: dict) -> list[str]:
             f"- NumPy fallback at N = 1e5: the fastest NumPy peer, {peer['name']}, takes "
             f"{quotient:.2f} times as long."
         )
+    busy = ", on a machine too busy to tell" if min(result["processor share"].values()) < 0.9 else ""
     for name, sizes in result["threads"].items():
         for n, found in sizes.items():
-            lines.append(f"- {name}, N = {n}: {1 / found['ratio']:.2f} times as fast as one thread.")
+            lines.append(f"- {name}, N = {n}: {1 / found['ratio']:.2f} times as fast as one thread{busy}.")
     return [*lines, ""]
 
 
@@ -366,4 +368,8 @@ def _threads(result: dict) -> list[str]:
         for n, found in sizes.items()
     ]
     header = ["", "N", "ns a solve", "times as fast as one thread", "fraction of two threads' bandwidth"]
+    if min(result["processor share"].values()) < 0.9:
+        parts.append(
+            "The machine was busy in this run: two threads did not have two processors, so no gain shows.\n"
+        )
     return [*parts, _table(header, rows) + "\n"]
