@@ -597,6 +597,28 @@ def test_errata_are_those_of_the_derivation(lens, capsys):
     assert (erratum["label"], erratum["id"], erratum["place"]) == ("L1", "magnification", "eq. (2)")
     assert erratum["counterexample"] == {"a": "3", "f": "1"}
     assert erratum["there"] == [["1/2", "-1/2"]]
+    assert (erratum["origin"], erratum["words"]) == ("printed", "")
+    assert erratum["claims"] == ["Eq(b/a, f/(-a + f))"]
+
+
+def test_errata_name_what_the_source_only_says_or_takes_for_granted(lens, capsys):
+    lens.write_text(
+        LENS
+        + 'said = d.state("image", sp.Gt(b, 0), said="there is an image", place="p. 1")\n'
+        + 'said.refute({a: 1, f: 2}, sp.Eq(1 / a + 1 / b, 1 / f), because="Behind it.", label="L2")\n'
+        + 'tacit = d.state("apart", sp.Ne(a, f), tacit=True)\n'
+        + 'tacit.refute({a: 1, f: 1}, sp.Eq(1 / a + 1 / b, 1 / f), because="At infinity.", label="L3")\n'
+    )
+    assert cli.main(["errata", str(lens)]) == 0
+    text = capsys.readouterr().out
+    assert "    said:     “there is an image”\n    meaning:  b > 0\n" in text
+    assert "    tacit:    a != f\n" in text
+    assert cli.main(["errata", str(lens), "--format", "json"]) == 0
+    (source,) = json.loads(capsys.readouterr().out)
+    assert [(e["origin"], e["words"], e["claims"]) for e in source["errata"][1:]] == [
+        ("said", "there is an image", ["b > 0"]),
+        ("tacit", "", ["Ne(a, f)"]),
+    ]
 
 
 def test_derivation_of_the_paper_is_closed_and_finds_its_misprints(capsys):

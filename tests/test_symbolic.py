@@ -208,13 +208,47 @@ def test_errata_list_printed_counterexample_and_correction_in_both_forms(derivat
         assert part in markdown
 
 
+def test_errata_tell_what_is_printed_said_and_tacit(derivation, slip):
+    """Words are quoted and what they mean is no formula of the source; a tacit one has no words."""
+    slip.refute({x: 3, y: 4}, RIGHT, because="Sides do not add.", label="E1")
+    said = derivation.state("sum", equal(x + x, x), place="p. 2", said="x twice is x")
+    said.refute({x: 1}, equal(x + x, 2 * x), because="It is twice x.", label="E2")
+    tacit = derivation.state("divisor", sp.Ne(y, 0), place="p. 3", tacit=True)
+    tacit.refute({y: 0}, equal(y + y, 2 * y), because="It may be 0.", label="E3")
+    own = derivation.check("own", equal(x + x, 2 * x)).prove()
+    assert [entry.origin for entry in derivation] == ["printed", "said", "tacit", "own"]
+    text, markdown = errata(derivation), errata(derivation, form="markdown")
+    assert "    printed:  c = x + y\n" in text
+    assert "    said:     “x twice is x”\n    meaning:  2*x = x\n    wrong:" in text
+    assert "    tacit:    y != 0\n" in text
+    for name in ("printed", "said", "meaning", "tacit"):
+        assert text.count(f"{name}:") == 1
+    assert "\nPrinted (I.47):\n\n$$ c = x + y $$" in markdown
+    assert "\nSaid (p. 2): “x twice is x” That is,\n\n$$" in markdown
+    assert "\nTacit (p. 3):\n\n$$" in markdown
+    assert said._repr_markdown_().startswith("**sum**, said, p. 2. “x twice is x” That is,\n\n$$")
+    assert tacit._repr_markdown_().startswith("**divisor**, tacit, p. 3.\n\n$$")
+    assert own._repr_markdown_().startswith("**own**.\n\n$$")
+
+
+def test_what_is_said_is_not_tacit(derivation):
+    with pytest.raises(DerivationError, match="give `said` or `tacit`, not both"):
+        derivation.state("it", sp.Eq(x, y), said="x is y", tacit=True)
+
+
+def test_errata_say_where_nothing_is_refuted(derivation):
+    derivation.check("it", equal(x + x, 2 * x)).prove()
+    for form in ("text", "markdown"):
+        assert errata(derivation, form=form).endswith("\n\nNothing is refuted.\n")
+
+
 def test_report_and_markdown_show_the_verdicts(derivation, slip):
     derivation.check("later", sp.Eq(x, y))
     slip.refute({x: 3, y: 4}, RIGHT, because="Sides do not add.", label="E1")
     report = derivation.report()
     assert "0 proved, 1 refuted, 1 open" in report
     page = slip._repr_markdown_()
-    assert "**hypotenuse**, I.47" in page
+    assert "**hypotenuse**, printed, I.47." in page
     assert "Refuted (E1)" in page
     assert "s in proofs" not in page
     assert "| `c` | $c$ | hypotenuse | m |" in derivation._repr_markdown_()

@@ -40,11 +40,13 @@ exit codes:
   0  done
   1  a check failed: a statement is not proved, or generated files are stale
   2  bad input: one line on standard error, FILE: PLACE: what was found; what was expected
+  130  interrupted (Ctrl-C)
+  141  whoever read the output closed it
 """
 
 _PAIRS = """\
 The table, CSV (gzip or not) or Parquet, has one row a pair of points, seen before and after a rotation by a
-known angle, with a unit in brackets after each column's name; further columns are kept:
+known angle, with a unit in brackets after each column's name; it may have further columns:
 
   rho_x [mm],rho_y [mm],rho_z [mm],rho_prime_x [mm],rho_prime_y [mm],rho_prime_z [mm],angle [deg]
 
@@ -79,7 +81,9 @@ rodgen.symbolic.Derivation in the module-level name 'derivation'.
 """
 
 _ERRATA = """\
-Print what the sources print wrongly: each formula as printed, an exact counterexample, and the correction.
+Print what is wrong in the sources, with an exact counterexample and the correction. Each claim is marked: 'printed' is
+a formula of the source, 'said' are its words (with their meaning as a formula), 'tacit' is a hypothesis that it needs
+and does not state.
 """
 
 _KERNELS = """\
@@ -283,7 +287,7 @@ def _parser() -> argparse.ArgumentParser:
     derive.add_argument("derivation", metavar="NAME|SCRIPT.py", help="one of rodgen's own, or a script")
     derive.add_argument("--notebook", metavar="FILE.ipynb", help="also run it as a notebook, and write that")
 
-    errata = command("errata", _errata, "what the sources print wrongly", _ERRATA)
+    errata = command("errata", _errata, "what is wrong in the sources", _ERRATA)
     errata.add_argument(
         "derivation", metavar="NAME|SCRIPT.py", nargs="?", help="default: all of rodgen's own derivations"
     )
@@ -441,7 +445,9 @@ def _refutations(derivation: Derivation) -> dict[str, Any]:
                 "label": wrong.label,
                 "id": entry.id,
                 "place": entry.place,
-                "printed": [str(claim) for claim in entry.claims],
+                "origin": entry.origin,
+                "words": entry.words,
+                "claims": [str(claim) for claim in entry.claims],
                 "because": wrong.because,
                 "counterexample": {str(symbol): str(value) for symbol, value in wrong.counterexample},
                 "there": [[str(left), str(right)] for left, right in wrong.values],

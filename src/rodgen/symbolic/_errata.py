@@ -1,4 +1,4 @@
-"""Errata: what a source prints wrongly, made from the refuted entries of its derivation."""
+"""Errata: what is wrong in a source, made from the refuted entries of its derivation."""
 
 from __future__ import annotations
 
@@ -11,9 +11,14 @@ from rodgen.symbolic.derivation import Derivation, Entry, Refutation
 
 __all__ = ["errata"]
 
+NOTHING = "Nothing is refuted."
+
 
 def errata(*derivations: Derivation, form: Literal["text", "markdown"] = "text") -> str:
-    """List the refuted entries: formula as printed, what is wrong, counterexample, correction.
+    """List the refuted entries: the claim, what is wrong, counterexample, correction.
+
+    Each claim is marked: *printed* is a formula of the source, *said* are its words (with what they mean as
+    a formula), and *tacit* is a hypothesis that the source needs and does not state.
 
     Parameters
     ----------
@@ -71,9 +76,14 @@ def _plain(claim: sp.Basic) -> str:
 
 def _text(derivation: Derivation) -> str:
     lines = [derivation.source, ""]
-    for entry, wrong in _refuted(derivation):
+    refuted = _refuted(derivation)
+    if not refuted:
+        lines += [NOTHING, ""]
+    for entry, wrong in refuted:
         lines.append(f"{wrong.label:3} {entry.id}" + (f" ({entry.place})" if entry.place else ""))
-        rows = [("printed", _plain(claim)) for claim in entry.claims]
+        rows = [("said", f"“{entry.words}”")] if entry.words else []
+        written = "meaning" if entry.words else entry.origin
+        rows += [(written, _plain(claim)) for claim in entry.claims]
         rows.append(("wrong", wrong.because))
         rows.append(("at", ", ".join(f"{symbol} = {_plain(v)}" for symbol, v in wrong.counterexample)))
         rows += [("there", _there(left, right)) for left, right in wrong.values]
@@ -91,9 +101,14 @@ def _there(left: sp.Basic, right: sp.Basic) -> str:
 
 def _markdown(derivation: Derivation) -> str:
     lines = [f"# Errata: {derivation.source}", ""]
-    for entry, wrong in _refuted(derivation):
+    refuted = _refuted(derivation)
+    if not refuted:
+        lines += [NOTHING, ""]
+    for entry, wrong in refuted:
         heading = f"{wrong.label}. {entry.id}" if wrong.label else entry.id
-        lines += [f"## {heading}", "", f"Printed{f' ({entry.place})' if entry.place else ''}:", ""]
+        where = f" ({entry.place})" if entry.place else ""
+        said = f" “{entry.words}” That is," if entry.words else ""
+        lines += [f"## {heading}", "", f"{entry.origin.capitalize()}{where}:{said}", ""]
         lines += [f"$$ {derivation.latex(claim)} $$" for claim in entry.claims]
         at = ", ".join(f"${derivation.latex(s)} = {derivation.latex(v)}$" for s, v in wrong.counterexample)
         lines += ["", f"{wrong.because} At {at}:", ""]

@@ -22,7 +22,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import sympy as sp
 from sympy.logic.boolalg import Boolean
@@ -35,6 +35,9 @@ __all__ = ["Derivation", "DerivationError", "Entry", "Refutation", "SymbolRow", 
 
 Substitution = Mapping[Any, Any]
 """Values for symbols and vectors: expressions, numbers or triples of numbers."""
+
+Origin = Literal["printed", "said", "tacit", "own"]
+"""Where a claim is from: the source prints the formula, says it in words or takes it for granted; or it is ours."""
 
 
 class DerivationError(ValueError):
@@ -67,7 +70,7 @@ class SymbolRow:
 
 @dataclass(frozen=True)
 class Refutation:
-    """Why a printed formula is wrong, and what is right."""
+    """Why a claim is wrong, and what is right."""
 
     label: str
     because: str
@@ -79,7 +82,7 @@ class Refutation:
 
 @dataclass
 class Entry:
-    """A formula as it is printed, with the record of its proof or refutation.
+    """A formula, with where it is from and the record of its proof or refutation.
 
     Entries are made by :meth:`Derivation.state` and :meth:`Derivation.check`.
     """
@@ -90,7 +93,9 @@ class Entry:
     text: str
     place: str
     assumptions: tuple[sp.Basic | str, ...]
-    printed: bool
+    origin: Origin
+    words: str = ""
+    """What the source says where it prints no formula."""
     verdict: str = "open"
     because: str = ""
     given: tuple[tuple[sp.Basic, sp.Basic], ...] = ()
@@ -286,12 +291,15 @@ class Entry:
         self.seconds = time.perf_counter() - start
 
     def latex(self) -> str:
-        """Typeset the formula as it is printed."""
+        """Typeset the formula as it is written."""
         return r" \\ ".join(self.derivation.latex(claim) for claim in self.claims)
 
     def _repr_markdown_(self) -> str:
-        where = f", {self.place}" if self.place else ""
-        lines = [f"**{self.id}**{where}. {self.text}".rstrip(), *_displayed(self.derivation, self.claims)]
+        origin = "" if self.origin == "own" else self.origin
+        heading = ", ".join(part for part in (f"**{self.id}**", origin, self.place) if part)
+        said = f"“{self.words}” That is," if self.words else ""
+        lines = [" ".join(part for part in (f"{heading}.", self.text, said) if part)]
+        lines += _displayed(self.derivation, self.claims)
         if self.assumptions:
             lines.append("Assuming " + "; ".join(_inline(self.derivation, a) for a in self.assumptions) + ".")
         if self.refutation is None:
@@ -398,8 +406,10 @@ class Derivation:
         text: str = "",
         place: str = "",
         assumptions: Sequence[sp.Basic | str] = (),
+        said: str = "",
+        tacit: bool = False,
     ) -> Entry:
-        """State a formula that the source prints.
+        """State a formula that the source prints, or a claim that it makes without one.
 
         Parameters
         ----------
@@ -414,14 +424,26 @@ class Derivation:
             Where it is in the source.
         assumptions : sequence of relations or strings, optional
             Conditions under which it is claimed. A counterexample must satisfy the relations.
+        said : str, optional
+            The words of the source, where it says in words what `claims` writes as a formula.
+        tacit : bool, optional
+            Whether the source takes it for granted and neither prints nor says it.
+
+        Raises
+        ------
+        DerivationError
+            When the name is taken, nothing is claimed, or the claim is both said and tacit.
         """
-        return self._record(id, claims, text, place, assumptions, printed=True)
+        if said and tacit:
+            raise DerivationError(f"{id}: what is said is not tacit; give `said` or `tacit`, not both")
+        origin: Origin = "said" if said else "tacit" if tacit else "printed"
+        return self._record(id, claims, text, place, assumptions, origin, said)
 
     def check(
         self, id: str, *claims: sp.Basic, text: str = "", assumptions: Sequence[sp.Basic | str] = ()
     ) -> Entry:
-        """State a fact that the source does not print; it must be proved as well."""
-        return self._record(id, claims, text, "", assumptions, printed=False)
+        """State a fact of one's own; it must be proved as well."""
+        return self._record(id, claims, text, "", assumptions, "own")
 
     def _record(
         self,
@@ -430,8 +452,8 @@ class Derivation:
         text: str,
         place: str,
         assumptions: Sequence[sp.Basic | str],
-        *,
-        printed: bool,
+        origin: Origin,
+        words: str = "",
     ) -> Entry:
         if id in self.entries:
             raise DerivationError(f"{self.name}: the entry {id} is stated twice")
@@ -442,7 +464,7 @@ class Derivation:
                 raise DerivationError(
                     f"{id}: SymPy evaluated a claim to {claim}; keep it as printed with equal(left, right)"
                 )
-        entry = Entry(self, id, tuple(claims), text, place, tuple(assumptions), printed)
+        entry = Entry(self, id, tuple(claims), text, place, tuple(assumptions), origin, words)
         self.entries[id] = entry
         return entry
 
