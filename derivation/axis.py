@@ -483,10 +483,9 @@ def axis_condition():
     S, C, turn_scale = half_turn_parts(k, angle)
     root_squared = root_parts(k, S, C, m, r)[-1]
     length_squared = sp.Symbol("length_squared", real=True)
+    length = sp.sqrt(k.let("positive", select(sp.Eq(length_squared, 0), 1, length_squared)))
     under = k.let("under_root", select(root_squared > 0, root_squared, 0))
-    k.output(
-        "condition", turn_scale * sp.sqrt(length_squared) / sp.sqrt(under), unit="1", doc="condition number"
-    )
+    k.output("condition", turn_scale * length / sp.sqrt(under), unit="1", doc="condition number")
     return k.build()
 
 
@@ -522,7 +521,10 @@ def axis_covariance():
         half_rho = k.let(f"half_rho_{'ab'[row]}", J[:, 0:3] * cov_rho)
         half_prime = k.let(f"half_prime_{'ab'[row]}", J[:, 3:6] * cov_prime)
         covariance.append(half_rho * J[:, 0:3].T + half_prime * J[:, 3:6].T + var_angle * J[:, 6] * J[:, 6].T)
-    blocks = sp.ImmutableDenseNDimArray([list(block) for block in covariance]).reshape(2, 3, 3)
+    # where the axes meet, or are not those of the formula, no number would be true
+    two = sp.Symbol("two")
+    blocks = [[select(two, number, sp.nan) for number in block] for block in covariance]
+    blocks = sp.ImmutableDenseNDimArray(blocks).reshape(2, 3, 3)
     k.output("covariance", blocks, unit="1", doc="covariance of each axis, one 3x3 matrix a row")
     k.status("axis_status", derivatives["status"], AxisStatus, doc="what the axes are")
     return k.build()

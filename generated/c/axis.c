@@ -37,7 +37,7 @@ static inline float power_of_two_scale_f32(float x) {
 static inline double sign_f64(double x) { return (double)((x > 0.0) - (x < 0.0)); }
 static inline float sign_f32(float x) { return (float)((x > 0.0f) - (x < 0.0f)); }
 
-/* solve_axis: 47 add, 98 mul, 4 div, 4 sqrt, 39 select, 35 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
+/* solve_axis: 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 36 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
 void axis_solve_axis_f64(const double rho[3], const double rho_prime[3], double angle, double length_tolerance, double axes[6], int8_t *status) {
   /* inputs */
   const double rho_1 = rho[0];
@@ -104,13 +104,12 @@ void axis_solve_axis_f64(const double rho[3], const double rho_prime[3], double 
   const double x7 = 0.5*along_m;
   const double band = ((rounding < x7) ? rounding : x7);
   const int both = length_product > 0.0;
-  const double x11 = fabs(excess);
-  const int apart = x11 > 9.313225746154785e-10;
-  const double x8 = length_squared*x3;
-  const double x9 = 64.0*x8;
-  const int two = (both) && (!((apart) && (m_squared <= x9))) && (root_squared > band);
   const double area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
-  const int plane = area_squared > 0.5*m_squared*r_squared;
+  const double x9 = (DBL_EPSILON*DBL_EPSILON*DBL_EPSILON*DBL_EPSILON);
+  const double x11 = m_squared*r_squared;
+  const int plane = (area_squared > 0.5*x11) && (area_squared > x9);
+  const int two = (both) && ((plane) || (m_squared >= r_squared)) && (root_squared > band);
+  const int crooked = area_squared < x11*(1.0 - 32.0*DBL_EPSILON);
   const double across_1 = ((fabs(u_1) < fabs(u_3)) ? 0.0 : -u_2);
   const double across_2 = ((fabs(u_1) < fabs(u_3)) ? -u_3 : u_1);
   const double across_3 = ((fabs(u_1) < fabs(u_3)) ? u_2 : 0.0);
@@ -130,30 +129,31 @@ void axis_solve_axis_f64(const double rho[3], const double rho_prime[3], double 
   const double plus_1 = base_1 + offset_1;
   const double plus_2 = base_2 + offset_2;
   const double plus_3 = base_3 + offset_3;
-  const double plus_factor = ((apart) ? 1.0/sqrt((plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)) : 1.0);
+  const double plus_factor = ((crooked) ? 1.0/sqrt((plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)) : 1.0);
   const double minus_1 = base_1 - offset_1;
   const double minus_2 = base_2 - offset_2;
   const double minus_3 = base_3 - offset_3;
-  const double minus_factor = ((apart) ? 1.0/sqrt((minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)) : 1.0);
+  const double minus_factor = ((crooked) ? 1.0/sqrt((minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)) : 1.0);
   const int both_zero = (size_after == 0.0) && (size_before == 0.0);
   const int one_zero = (size_after == 0.0) || (size_before == 0.0);
+  const double x8 = length_squared*x3;
   const double coincident = 16.0*x8;
   const double x10 = DBL_EPSILON*x5;
-  const int no_turn = (sine_size <= (DBL_EPSILON*DBL_EPSILON*DBL_EPSILON*DBL_EPSILON)) || (sine_size <= x10);
+  const int no_turn = (sine_size <= x10) || (sine_size <= x9);
   const int every = (no_turn) && (r_squared <= coincident);
   const int opposite = (m_squared <= coincident) && (fabs(cosine) <= x10);
   const int too_small = (no_turn) || (root_squared < -4.0*band);
-  const int parallel = r_squared*(turn_scale*turn_scale) <= x4*x9;
+  const int parallel = r_squared*(turn_scale*turn_scale) <= 64.0*x4*x8;
   const double least_tolerance = ((length_tolerance > x6) ? length_tolerance : x6);
-  const int lengths_agree = (comparable) && (x11 <= least_tolerance*(1.0 - excess));
+  const int lengths_agree = (comparable) && (fabs(excess) <= least_tolerance*(1.0 - excess));
   const double status_value = ((!(valid)) ? 7.0 : ((both_zero) ? 5.0 : ((one_zero) ? 2.0 : ((!(lengths_agree)) ? 6.0 : ((every) ? 5.0 : ((opposite) ? 4.0 : ((too_small) ? 2.0 : ((!(two)) ? 1.0 : ((parallel) ? 3.0 : 0.0)))))))));
   /* outputs */
-  axes[0] = ((valid) ? plus_1*plus_factor : NAN);
-  axes[1] = ((valid) ? plus_2*plus_factor : NAN);
-  axes[2] = ((valid) ? plus_3*plus_factor : NAN);
-  axes[3] = ((valid) ? minus_1*minus_factor : NAN);
-  axes[4] = ((valid) ? minus_2*minus_factor : NAN);
-  axes[5] = ((valid) ? minus_3*minus_factor : NAN);
+  axes[0] = ((valid) ? plus_1*plus_factor : (double)NAN);
+  axes[1] = ((valid) ? plus_2*plus_factor : (double)NAN);
+  axes[2] = ((valid) ? plus_3*plus_factor : (double)NAN);
+  axes[3] = ((valid) ? minus_1*minus_factor : (double)NAN);
+  axes[4] = ((valid) ? minus_2*minus_factor : (double)NAN);
+  axes[5] = ((valid) ? minus_3*minus_factor : (double)NAN);
   *status = (int8_t)status_value;
 }
 
@@ -162,7 +162,7 @@ void axis_solve_axis_batch_f64(size_t count, const double *rho, const double *rh
     axis_solve_axis_f64(rho + 3 * i, rho_prime + 3 * i, angle[i], length_tolerance[i], axes + 6 * i, status + i);
 }
 
-/* solve_axis: 47 add, 98 mul, 4 div, 4 sqrt, 39 select, 35 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
+/* solve_axis: 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 36 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
 void axis_solve_axis_f32(const float rho[3], const float rho_prime[3], float angle, float length_tolerance, float axes[6], int8_t *status) {
   /* inputs */
   const float rho_1 = rho[0];
@@ -229,13 +229,12 @@ void axis_solve_axis_f32(const float rho[3], const float rho_prime[3], float ang
   const float x7 = 0.5f*along_m;
   const float band = ((rounding < x7) ? rounding : x7);
   const int both = length_product > 0.0f;
-  const float x11 = fabsf(excess);
-  const int apart = x11 > 9.313225746154785e-10f;
-  const float x8 = length_squared*x3;
-  const float x9 = 64.0f*x8;
-  const int two = (both) && (!((apart) && (m_squared <= x9))) && (root_squared > band);
   const float area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
-  const int plane = area_squared > 0.5f*m_squared*r_squared;
+  const float x9 = (FLT_EPSILON*FLT_EPSILON*FLT_EPSILON*FLT_EPSILON);
+  const float x11 = m_squared*r_squared;
+  const int plane = (area_squared > 0.5f*x11) && (area_squared > x9);
+  const int two = (both) && ((plane) || (m_squared >= r_squared)) && (root_squared > band);
+  const int crooked = area_squared < x11*(1.0f - 32.0f*FLT_EPSILON);
   const float across_1 = ((fabsf(u_1) < fabsf(u_3)) ? 0.0f : -u_2);
   const float across_2 = ((fabsf(u_1) < fabsf(u_3)) ? -u_3 : u_1);
   const float across_3 = ((fabsf(u_1) < fabsf(u_3)) ? u_2 : 0.0f);
@@ -255,30 +254,31 @@ void axis_solve_axis_f32(const float rho[3], const float rho_prime[3], float ang
   const float plus_1 = base_1 + offset_1;
   const float plus_2 = base_2 + offset_2;
   const float plus_3 = base_3 + offset_3;
-  const float plus_factor = ((apart) ? 1.0f/sqrtf((plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)) : 1.0f);
+  const float plus_factor = ((crooked) ? 1.0f/sqrtf((plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)) : 1.0f);
   const float minus_1 = base_1 - offset_1;
   const float minus_2 = base_2 - offset_2;
   const float minus_3 = base_3 - offset_3;
-  const float minus_factor = ((apart) ? 1.0f/sqrtf((minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)) : 1.0f);
+  const float minus_factor = ((crooked) ? 1.0f/sqrtf((minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)) : 1.0f);
   const int both_zero = (size_after == 0.0f) && (size_before == 0.0f);
   const int one_zero = (size_after == 0.0f) || (size_before == 0.0f);
+  const float x8 = length_squared*x3;
   const float coincident = 16.0f*x8;
   const float x10 = FLT_EPSILON*x5;
-  const int no_turn = (sine_size <= (FLT_EPSILON*FLT_EPSILON*FLT_EPSILON*FLT_EPSILON)) || (sine_size <= x10);
+  const int no_turn = (sine_size <= x10) || (sine_size <= x9);
   const int every = (no_turn) && (r_squared <= coincident);
   const int opposite = (m_squared <= coincident) && (fabsf(cosine) <= x10);
   const int too_small = (no_turn) || (root_squared < -4.0f*band);
-  const int parallel = r_squared*(turn_scale*turn_scale) <= x4*x9;
+  const int parallel = r_squared*(turn_scale*turn_scale) <= 64.0f*x4*x8;
   const float least_tolerance = ((length_tolerance > x6) ? length_tolerance : x6);
-  const int lengths_agree = (comparable) && (x11 <= least_tolerance*(1.0f - excess));
+  const int lengths_agree = (comparable) && (fabsf(excess) <= least_tolerance*(1.0f - excess));
   const float status_value = ((!(valid)) ? 7.0f : ((both_zero) ? 5.0f : ((one_zero) ? 2.0f : ((!(lengths_agree)) ? 6.0f : ((every) ? 5.0f : ((opposite) ? 4.0f : ((too_small) ? 2.0f : ((!(two)) ? 1.0f : ((parallel) ? 3.0f : 0.0f)))))))));
   /* outputs */
-  axes[0] = ((valid) ? plus_1*plus_factor : NAN);
-  axes[1] = ((valid) ? plus_2*plus_factor : NAN);
-  axes[2] = ((valid) ? plus_3*plus_factor : NAN);
-  axes[3] = ((valid) ? minus_1*minus_factor : NAN);
-  axes[4] = ((valid) ? minus_2*minus_factor : NAN);
-  axes[5] = ((valid) ? minus_3*minus_factor : NAN);
+  axes[0] = ((valid) ? plus_1*plus_factor : (float)NAN);
+  axes[1] = ((valid) ? plus_2*plus_factor : (float)NAN);
+  axes[2] = ((valid) ? plus_3*plus_factor : (float)NAN);
+  axes[3] = ((valid) ? minus_1*minus_factor : (float)NAN);
+  axes[4] = ((valid) ? minus_2*minus_factor : (float)NAN);
+  axes[5] = ((valid) ? minus_3*minus_factor : (float)NAN);
   *status = (int8_t)status_value;
 }
 
@@ -369,7 +369,7 @@ void axis_length_mismatch_batch_f32(size_t count, const float *rho, const float 
     axis_length_mismatch_f32(rho + 3 * i, rho_prime + 3 * i, mismatch + i);
 }
 
-/* axis_condition: 28 add, 43 mul, 2 div, 3 sqrt, 5 select, 6 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin */
+/* axis_condition: 28 add, 43 mul, 2 div, 3 sqrt, 6 select, 7 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin */
 void axis_axis_condition_f64(const double rho[3], const double rho_prime[3], double angle, double *condition) {
   /* inputs */
   const double rho_1 = rho[0];
@@ -426,9 +426,10 @@ void axis_axis_condition_f64(const double rho[3], const double rho_prime[3], dou
   const double along_m = (S*S)*m_squared;
   const double along_n = (C*C)*r_squared;
   const double root_squared = along_m - along_n;
+  const double positive = ((length_squared == 0.0) ? 1.0 : length_squared);
   const double under_root = ((root_squared > 0.0) ? root_squared : 0.0);
   /* outputs */
-  *condition = sqrt(length_squared)*turn_scale/sqrt(under_root);
+  *condition = sqrt(positive)*turn_scale/sqrt(under_root);
 }
 
 void axis_axis_condition_batch_f64(size_t count, const double *rho, const double *rho_prime, const double *angle, double *condition) {
@@ -436,7 +437,7 @@ void axis_axis_condition_batch_f64(size_t count, const double *rho, const double
     axis_axis_condition_f64(rho + 3 * i, rho_prime + 3 * i, angle[i], condition + i);
 }
 
-/* axis_condition: 28 add, 43 mul, 2 div, 3 sqrt, 5 select, 6 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin */
+/* axis_condition: 28 add, 43 mul, 2 div, 3 sqrt, 6 select, 7 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin */
 void axis_axis_condition_f32(const float rho[3], const float rho_prime[3], float angle, float *condition) {
   /* inputs */
   const float rho_1 = rho[0];
@@ -493,9 +494,10 @@ void axis_axis_condition_f32(const float rho[3], const float rho_prime[3], float
   const float along_m = (S*S)*m_squared;
   const float along_n = (C*C)*r_squared;
   const float root_squared = along_m - along_n;
+  const float positive = ((length_squared == 0.0f) ? 1.0f : length_squared);
   const float under_root = ((root_squared > 0.0f) ? root_squared : 0.0f);
   /* outputs */
-  *condition = sqrtf(length_squared)*turn_scale/sqrtf(under_root);
+  *condition = sqrtf(positive)*turn_scale/sqrtf(under_root);
 }
 
 void axis_axis_condition_batch_f32(size_t count, const float *rho, const float *rho_prime, const float *angle, float *condition) {
@@ -503,7 +505,7 @@ void axis_axis_condition_batch_f32(size_t count, const float *rho, const float *
     axis_axis_condition_f32(rho + 3 * i, rho_prime + 3 * i, angle[i], condition + i);
 }
 
-/* axis_jacobian: 332 add, 601 mul, 11 div, 4 sqrt, 177 select, 68 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
+/* axis_jacobian: 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
 void axis_axis_jacobian_f64(const double rho[3], const double rho_prime[3], double angle, double length_tolerance, double axes_jacobian[42], int8_t *status) {
   /* inputs */
   const double rho_1 = rho[0];
@@ -741,11 +743,6 @@ void axis_axis_jacobian_f64(const double rho[3], const double rho_prime[3], doub
   const double x7 = 0.5*along_m;
   const double band = ((rounding < x7) ? rounding : x7);
   const int both = length_product > 0.0;
-  const double x11 = fabs(excess);
-  const int apart = x11 > 9.313225746154785e-10;
-  const double x8 = length_squared*x3;
-  const double x9 = 64.0*x8;
-  const int two = (both) && (!((apart) && (m_squared <= x9))) && (root_squared > band);
   const double area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
   const double x49 = 2.0*w_1;
   const double x50 = 2.0*w_2;
@@ -756,7 +753,11 @@ void axis_axis_jacobian_f64(const double rho[3], const double rho_prime[3], doub
   const double d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x49 + d_w_2_d_rho_prime_1*x50 + d_w_3_d_rho_prime_1*x51;
   const double d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x49 + d_w_2_d_rho_prime_2*x50 + d_w_3_d_rho_prime_2*x51;
   const double d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x49 + d_w_2_d_rho_prime_3*x50 + d_w_3_d_rho_prime_3*x51;
-  const int plane = area_squared > 0.5*m_squared*r_squared;
+  const double x9 = (DBL_EPSILON*DBL_EPSILON*DBL_EPSILON*DBL_EPSILON);
+  const double x11 = m_squared*r_squared;
+  const int plane = (area_squared > 0.5*x11) && (area_squared > x9);
+  const int two = (both) && ((plane) || (m_squared >= r_squared)) && (root_squared > band);
+  const int crooked = area_squared < x11*(1.0 - 32.0*DBL_EPSILON);
   const double across_1 = ((fabs(u_1) < fabs(u_3)) ? 0.0 : -u_2);
   const double d_across_1_d_rho_2 = ((fabs(u_1) < fabs(u_3)) ? 0.0 : -scale_before);
   const double across_2 = ((fabs(u_1) < fabs(u_3)) ? -u_3 : u_1);
@@ -932,18 +933,18 @@ void axis_axis_jacobian_f64(const double rho[3], const double rho_prime[3], doub
   const double d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3;
   const double d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle;
   const double x56 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3);
-  const double plus_factor = ((apart) ? 1.0/sqrt(x56) : 1.0);
+  const double plus_factor = ((crooked) ? 1.0/sqrt(x56) : 1.0);
   const double x57 = 1.0/pow(x56, 1.5);
   const double x58 = plus_1*x57;
   const double x59 = plus_2*x57;
   const double x60 = plus_3*x57;
-  const double d_plus_factor_d_rho_1 = ((apart) ? -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60 : 0.0);
-  const double d_plus_factor_d_rho_2 = ((apart) ? -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60 : 0.0);
-  const double d_plus_factor_d_rho_3 = ((apart) ? -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60 : 0.0);
-  const double d_plus_factor_d_rho_prime_1 = ((apart) ? -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60 : 0.0);
-  const double d_plus_factor_d_rho_prime_2 = ((apart) ? -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60 : 0.0);
-  const double d_plus_factor_d_rho_prime_3 = ((apart) ? -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60 : 0.0);
-  const double d_plus_factor_d_angle = ((apart) ? -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60 : 0.0);
+  const double d_plus_factor_d_rho_1 = ((crooked) ? -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60 : 0.0);
+  const double d_plus_factor_d_rho_2 = ((crooked) ? -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60 : 0.0);
+  const double d_plus_factor_d_rho_3 = ((crooked) ? -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60 : 0.0);
+  const double d_plus_factor_d_rho_prime_1 = ((crooked) ? -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60 : 0.0);
+  const double d_plus_factor_d_rho_prime_2 = ((crooked) ? -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60 : 0.0);
+  const double d_plus_factor_d_rho_prime_3 = ((crooked) ? -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60 : 0.0);
+  const double d_plus_factor_d_angle = ((crooked) ? -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60 : 0.0);
   const double minus_1 = base_1 - offset_1;
   const double d_minus_1_d_rho_1 = d_base_1_d_rho_1 - d_offset_1_d_rho_1;
   const double d_minus_1_d_rho_2 = d_base_1_d_rho_2 - d_offset_1_d_rho_2;
@@ -969,71 +970,72 @@ void axis_axis_jacobian_f64(const double rho[3], const double rho_prime[3], doub
   const double d_minus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 - d_offset_3_d_rho_prime_3;
   const double d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle;
   const double x61 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3);
-  const double minus_factor = ((apart) ? 1.0/sqrt(x61) : 1.0);
+  const double minus_factor = ((crooked) ? 1.0/sqrt(x61) : 1.0);
   const double x62 = 1.0/pow(x61, 1.5);
   const double x63 = minus_1*x62;
   const double x64 = minus_2*x62;
   const double x65 = minus_3*x62;
-  const double d_minus_factor_d_rho_1 = ((apart) ? -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65 : 0.0);
-  const double d_minus_factor_d_rho_2 = ((apart) ? -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65 : 0.0);
-  const double d_minus_factor_d_rho_3 = ((apart) ? -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65 : 0.0);
-  const double d_minus_factor_d_rho_prime_1 = ((apart) ? -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65 : 0.0);
-  const double d_minus_factor_d_rho_prime_2 = ((apart) ? -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65 : 0.0);
-  const double d_minus_factor_d_rho_prime_3 = ((apart) ? -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65 : 0.0);
-  const double d_minus_factor_d_angle = ((apart) ? -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65 : 0.0);
-  const double d_axes_1_1_d_rho_1 = ((valid) ? d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1 : NAN);
-  const double d_axes_1_1_d_rho_2 = ((valid) ? d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1 : NAN);
-  const double d_axes_1_1_d_rho_3 = ((valid) ? d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1 : NAN);
-  const double d_axes_1_1_d_rho_prime_1 = ((valid) ? d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1 : NAN);
-  const double d_axes_1_1_d_rho_prime_2 = ((valid) ? d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1 : NAN);
-  const double d_axes_1_1_d_rho_prime_3 = ((valid) ? d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1 : NAN);
-  const double d_axes_1_1_d_angle = ((valid) ? d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1 : NAN);
-  const double d_axes_1_2_d_rho_1 = ((valid) ? d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2 : NAN);
-  const double d_axes_1_2_d_rho_2 = ((valid) ? d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2 : NAN);
-  const double d_axes_1_2_d_rho_3 = ((valid) ? d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2 : NAN);
-  const double d_axes_1_2_d_rho_prime_1 = ((valid) ? d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2 : NAN);
-  const double d_axes_1_2_d_rho_prime_2 = ((valid) ? d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2 : NAN);
-  const double d_axes_1_2_d_rho_prime_3 = ((valid) ? d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2 : NAN);
-  const double d_axes_1_2_d_angle = ((valid) ? d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2 : NAN);
-  const double d_axes_1_3_d_rho_1 = ((valid) ? d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3 : NAN);
-  const double d_axes_1_3_d_rho_2 = ((valid) ? d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3 : NAN);
-  const double d_axes_1_3_d_rho_3 = ((valid) ? d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3 : NAN);
-  const double d_axes_1_3_d_rho_prime_1 = ((valid) ? d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3 : NAN);
-  const double d_axes_1_3_d_rho_prime_2 = ((valid) ? d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3 : NAN);
-  const double d_axes_1_3_d_rho_prime_3 = ((valid) ? d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3 : NAN);
-  const double d_axes_1_3_d_angle = ((valid) ? d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3 : NAN);
-  const double d_axes_2_1_d_rho_1 = ((valid) ? d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1 : NAN);
-  const double d_axes_2_1_d_rho_2 = ((valid) ? d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1 : NAN);
-  const double d_axes_2_1_d_rho_3 = ((valid) ? d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1 : NAN);
-  const double d_axes_2_1_d_rho_prime_1 = ((valid) ? d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1 : NAN);
-  const double d_axes_2_1_d_rho_prime_2 = ((valid) ? d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1 : NAN);
-  const double d_axes_2_1_d_rho_prime_3 = ((valid) ? d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1 : NAN);
-  const double d_axes_2_1_d_angle = ((valid) ? d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1 : NAN);
-  const double d_axes_2_2_d_rho_1 = ((valid) ? d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2 : NAN);
-  const double d_axes_2_2_d_rho_2 = ((valid) ? d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2 : NAN);
-  const double d_axes_2_2_d_rho_3 = ((valid) ? d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2 : NAN);
-  const double d_axes_2_2_d_rho_prime_1 = ((valid) ? d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2 : NAN);
-  const double d_axes_2_2_d_rho_prime_2 = ((valid) ? d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2 : NAN);
-  const double d_axes_2_2_d_rho_prime_3 = ((valid) ? d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2 : NAN);
-  const double d_axes_2_2_d_angle = ((valid) ? d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2 : NAN);
-  const double d_axes_2_3_d_rho_1 = ((valid) ? d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3 : NAN);
-  const double d_axes_2_3_d_rho_2 = ((valid) ? d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3 : NAN);
-  const double d_axes_2_3_d_rho_3 = ((valid) ? d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3 : NAN);
-  const double d_axes_2_3_d_rho_prime_1 = ((valid) ? d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3 : NAN);
-  const double d_axes_2_3_d_rho_prime_2 = ((valid) ? d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3 : NAN);
-  const double d_axes_2_3_d_rho_prime_3 = ((valid) ? d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3 : NAN);
-  const double d_axes_2_3_d_angle = ((valid) ? d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3 : NAN);
+  const double d_minus_factor_d_rho_1 = ((crooked) ? -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65 : 0.0);
+  const double d_minus_factor_d_rho_2 = ((crooked) ? -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65 : 0.0);
+  const double d_minus_factor_d_rho_3 = ((crooked) ? -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65 : 0.0);
+  const double d_minus_factor_d_rho_prime_1 = ((crooked) ? -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65 : 0.0);
+  const double d_minus_factor_d_rho_prime_2 = ((crooked) ? -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65 : 0.0);
+  const double d_minus_factor_d_rho_prime_3 = ((crooked) ? -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65 : 0.0);
+  const double d_minus_factor_d_angle = ((crooked) ? -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65 : 0.0);
+  const double d_axes_1_1_d_rho_1 = ((valid) ? d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1 : (double)NAN);
+  const double d_axes_1_1_d_rho_2 = ((valid) ? d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1 : (double)NAN);
+  const double d_axes_1_1_d_rho_3 = ((valid) ? d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1 : (double)NAN);
+  const double d_axes_1_1_d_rho_prime_1 = ((valid) ? d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1 : (double)NAN);
+  const double d_axes_1_1_d_rho_prime_2 = ((valid) ? d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1 : (double)NAN);
+  const double d_axes_1_1_d_rho_prime_3 = ((valid) ? d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1 : (double)NAN);
+  const double d_axes_1_1_d_angle = ((valid) ? d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1 : (double)NAN);
+  const double d_axes_1_2_d_rho_1 = ((valid) ? d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2 : (double)NAN);
+  const double d_axes_1_2_d_rho_2 = ((valid) ? d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2 : (double)NAN);
+  const double d_axes_1_2_d_rho_3 = ((valid) ? d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2 : (double)NAN);
+  const double d_axes_1_2_d_rho_prime_1 = ((valid) ? d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2 : (double)NAN);
+  const double d_axes_1_2_d_rho_prime_2 = ((valid) ? d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2 : (double)NAN);
+  const double d_axes_1_2_d_rho_prime_3 = ((valid) ? d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2 : (double)NAN);
+  const double d_axes_1_2_d_angle = ((valid) ? d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2 : (double)NAN);
+  const double d_axes_1_3_d_rho_1 = ((valid) ? d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3 : (double)NAN);
+  const double d_axes_1_3_d_rho_2 = ((valid) ? d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3 : (double)NAN);
+  const double d_axes_1_3_d_rho_3 = ((valid) ? d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3 : (double)NAN);
+  const double d_axes_1_3_d_rho_prime_1 = ((valid) ? d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3 : (double)NAN);
+  const double d_axes_1_3_d_rho_prime_2 = ((valid) ? d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3 : (double)NAN);
+  const double d_axes_1_3_d_rho_prime_3 = ((valid) ? d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3 : (double)NAN);
+  const double d_axes_1_3_d_angle = ((valid) ? d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3 : (double)NAN);
+  const double d_axes_2_1_d_rho_1 = ((valid) ? d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1 : (double)NAN);
+  const double d_axes_2_1_d_rho_2 = ((valid) ? d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1 : (double)NAN);
+  const double d_axes_2_1_d_rho_3 = ((valid) ? d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1 : (double)NAN);
+  const double d_axes_2_1_d_rho_prime_1 = ((valid) ? d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1 : (double)NAN);
+  const double d_axes_2_1_d_rho_prime_2 = ((valid) ? d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1 : (double)NAN);
+  const double d_axes_2_1_d_rho_prime_3 = ((valid) ? d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1 : (double)NAN);
+  const double d_axes_2_1_d_angle = ((valid) ? d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1 : (double)NAN);
+  const double d_axes_2_2_d_rho_1 = ((valid) ? d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2 : (double)NAN);
+  const double d_axes_2_2_d_rho_2 = ((valid) ? d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2 : (double)NAN);
+  const double d_axes_2_2_d_rho_3 = ((valid) ? d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2 : (double)NAN);
+  const double d_axes_2_2_d_rho_prime_1 = ((valid) ? d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2 : (double)NAN);
+  const double d_axes_2_2_d_rho_prime_2 = ((valid) ? d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2 : (double)NAN);
+  const double d_axes_2_2_d_rho_prime_3 = ((valid) ? d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2 : (double)NAN);
+  const double d_axes_2_2_d_angle = ((valid) ? d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2 : (double)NAN);
+  const double d_axes_2_3_d_rho_1 = ((valid) ? d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3 : (double)NAN);
+  const double d_axes_2_3_d_rho_2 = ((valid) ? d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3 : (double)NAN);
+  const double d_axes_2_3_d_rho_3 = ((valid) ? d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3 : (double)NAN);
+  const double d_axes_2_3_d_rho_prime_1 = ((valid) ? d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3 : (double)NAN);
+  const double d_axes_2_3_d_rho_prime_2 = ((valid) ? d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3 : (double)NAN);
+  const double d_axes_2_3_d_rho_prime_3 = ((valid) ? d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3 : (double)NAN);
+  const double d_axes_2_3_d_angle = ((valid) ? d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3 : (double)NAN);
   const int both_zero = (size_after == 0.0) && (size_before == 0.0);
   const int one_zero = (size_after == 0.0) || (size_before == 0.0);
+  const double x8 = length_squared*x3;
   const double coincident = 16.0*x8;
   const double x10 = DBL_EPSILON*x5;
-  const int no_turn = (sine_size <= (DBL_EPSILON*DBL_EPSILON*DBL_EPSILON*DBL_EPSILON)) || (sine_size <= x10);
+  const int no_turn = (sine_size <= x10) || (sine_size <= x9);
   const int every = (no_turn) && (r_squared <= coincident);
   const int opposite = (m_squared <= coincident) && (fabs(cosine) <= x10);
   const int too_small = (no_turn) || (root_squared < -4.0*band);
-  const int parallel = r_squared*(turn_scale*turn_scale) <= x4*x9;
+  const int parallel = r_squared*(turn_scale*turn_scale) <= 64.0*x4*x8;
   const double least_tolerance = ((length_tolerance > x6) ? length_tolerance : x6);
-  const int lengths_agree = (comparable) && (x11 <= least_tolerance*(1.0 - excess));
+  const int lengths_agree = (comparable) && (fabs(excess) <= least_tolerance*(1.0 - excess));
   const double select_10 = ((parallel) ? 3.0 : 0.0);
   const double select_11 = ((!(two)) ? 1.0 : select_10);
   const double select_12 = ((too_small) ? 2.0 : select_11);
@@ -1094,7 +1096,7 @@ void axis_axis_jacobian_batch_f64(size_t count, const double *rho, const double 
     axis_axis_jacobian_f64(rho + 3 * i, rho_prime + 3 * i, angle[i], length_tolerance[i], axes_jacobian + 42 * i, status + i);
 }
 
-/* axis_jacobian: 332 add, 601 mul, 11 div, 4 sqrt, 177 select, 68 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
+/* axis_jacobian: 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
 void axis_axis_jacobian_f32(const float rho[3], const float rho_prime[3], float angle, float length_tolerance, float axes_jacobian[42], int8_t *status) {
   /* inputs */
   const float rho_1 = rho[0];
@@ -1332,11 +1334,6 @@ void axis_axis_jacobian_f32(const float rho[3], const float rho_prime[3], float 
   const float x7 = 0.5f*along_m;
   const float band = ((rounding < x7) ? rounding : x7);
   const int both = length_product > 0.0f;
-  const float x11 = fabsf(excess);
-  const int apart = x11 > 9.313225746154785e-10f;
-  const float x8 = length_squared*x3;
-  const float x9 = 64.0f*x8;
-  const int two = (both) && (!((apart) && (m_squared <= x9))) && (root_squared > band);
   const float area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
   const float x49 = 2.0f*w_1;
   const float x50 = 2.0f*w_2;
@@ -1347,7 +1344,11 @@ void axis_axis_jacobian_f32(const float rho[3], const float rho_prime[3], float 
   const float d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x49 + d_w_2_d_rho_prime_1*x50 + d_w_3_d_rho_prime_1*x51;
   const float d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x49 + d_w_2_d_rho_prime_2*x50 + d_w_3_d_rho_prime_2*x51;
   const float d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x49 + d_w_2_d_rho_prime_3*x50 + d_w_3_d_rho_prime_3*x51;
-  const int plane = area_squared > 0.5f*m_squared*r_squared;
+  const float x9 = (FLT_EPSILON*FLT_EPSILON*FLT_EPSILON*FLT_EPSILON);
+  const float x11 = m_squared*r_squared;
+  const int plane = (area_squared > 0.5f*x11) && (area_squared > x9);
+  const int two = (both) && ((plane) || (m_squared >= r_squared)) && (root_squared > band);
+  const int crooked = area_squared < x11*(1.0f - 32.0f*FLT_EPSILON);
   const float across_1 = ((fabsf(u_1) < fabsf(u_3)) ? 0.0f : -u_2);
   const float d_across_1_d_rho_2 = ((fabsf(u_1) < fabsf(u_3)) ? 0.0f : -scale_before);
   const float across_2 = ((fabsf(u_1) < fabsf(u_3)) ? -u_3 : u_1);
@@ -1523,18 +1524,18 @@ void axis_axis_jacobian_f32(const float rho[3], const float rho_prime[3], float 
   const float d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3;
   const float d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle;
   const float x56 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3);
-  const float plus_factor = ((apart) ? 1.0f/sqrtf(x56) : 1.0f);
+  const float plus_factor = ((crooked) ? 1.0f/sqrtf(x56) : 1.0f);
   const float x57 = 1.0f/powf(x56, 1.5f);
   const float x58 = plus_1*x57;
   const float x59 = plus_2*x57;
   const float x60 = plus_3*x57;
-  const float d_plus_factor_d_rho_1 = ((apart) ? -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60 : 0.0f);
-  const float d_plus_factor_d_rho_2 = ((apart) ? -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60 : 0.0f);
-  const float d_plus_factor_d_rho_3 = ((apart) ? -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60 : 0.0f);
-  const float d_plus_factor_d_rho_prime_1 = ((apart) ? -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60 : 0.0f);
-  const float d_plus_factor_d_rho_prime_2 = ((apart) ? -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60 : 0.0f);
-  const float d_plus_factor_d_rho_prime_3 = ((apart) ? -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60 : 0.0f);
-  const float d_plus_factor_d_angle = ((apart) ? -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60 : 0.0f);
+  const float d_plus_factor_d_rho_1 = ((crooked) ? -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60 : 0.0f);
+  const float d_plus_factor_d_rho_2 = ((crooked) ? -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60 : 0.0f);
+  const float d_plus_factor_d_rho_3 = ((crooked) ? -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60 : 0.0f);
+  const float d_plus_factor_d_rho_prime_1 = ((crooked) ? -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60 : 0.0f);
+  const float d_plus_factor_d_rho_prime_2 = ((crooked) ? -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60 : 0.0f);
+  const float d_plus_factor_d_rho_prime_3 = ((crooked) ? -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60 : 0.0f);
+  const float d_plus_factor_d_angle = ((crooked) ? -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60 : 0.0f);
   const float minus_1 = base_1 - offset_1;
   const float d_minus_1_d_rho_1 = d_base_1_d_rho_1 - d_offset_1_d_rho_1;
   const float d_minus_1_d_rho_2 = d_base_1_d_rho_2 - d_offset_1_d_rho_2;
@@ -1560,71 +1561,72 @@ void axis_axis_jacobian_f32(const float rho[3], const float rho_prime[3], float 
   const float d_minus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 - d_offset_3_d_rho_prime_3;
   const float d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle;
   const float x61 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3);
-  const float minus_factor = ((apart) ? 1.0f/sqrtf(x61) : 1.0f);
+  const float minus_factor = ((crooked) ? 1.0f/sqrtf(x61) : 1.0f);
   const float x62 = 1.0f/powf(x61, 1.5f);
   const float x63 = minus_1*x62;
   const float x64 = minus_2*x62;
   const float x65 = minus_3*x62;
-  const float d_minus_factor_d_rho_1 = ((apart) ? -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65 : 0.0f);
-  const float d_minus_factor_d_rho_2 = ((apart) ? -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65 : 0.0f);
-  const float d_minus_factor_d_rho_3 = ((apart) ? -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65 : 0.0f);
-  const float d_minus_factor_d_rho_prime_1 = ((apart) ? -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65 : 0.0f);
-  const float d_minus_factor_d_rho_prime_2 = ((apart) ? -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65 : 0.0f);
-  const float d_minus_factor_d_rho_prime_3 = ((apart) ? -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65 : 0.0f);
-  const float d_minus_factor_d_angle = ((apart) ? -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65 : 0.0f);
-  const float d_axes_1_1_d_rho_1 = ((valid) ? d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1 : NAN);
-  const float d_axes_1_1_d_rho_2 = ((valid) ? d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1 : NAN);
-  const float d_axes_1_1_d_rho_3 = ((valid) ? d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1 : NAN);
-  const float d_axes_1_1_d_rho_prime_1 = ((valid) ? d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1 : NAN);
-  const float d_axes_1_1_d_rho_prime_2 = ((valid) ? d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1 : NAN);
-  const float d_axes_1_1_d_rho_prime_3 = ((valid) ? d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1 : NAN);
-  const float d_axes_1_1_d_angle = ((valid) ? d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1 : NAN);
-  const float d_axes_1_2_d_rho_1 = ((valid) ? d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2 : NAN);
-  const float d_axes_1_2_d_rho_2 = ((valid) ? d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2 : NAN);
-  const float d_axes_1_2_d_rho_3 = ((valid) ? d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2 : NAN);
-  const float d_axes_1_2_d_rho_prime_1 = ((valid) ? d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2 : NAN);
-  const float d_axes_1_2_d_rho_prime_2 = ((valid) ? d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2 : NAN);
-  const float d_axes_1_2_d_rho_prime_3 = ((valid) ? d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2 : NAN);
-  const float d_axes_1_2_d_angle = ((valid) ? d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2 : NAN);
-  const float d_axes_1_3_d_rho_1 = ((valid) ? d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3 : NAN);
-  const float d_axes_1_3_d_rho_2 = ((valid) ? d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3 : NAN);
-  const float d_axes_1_3_d_rho_3 = ((valid) ? d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3 : NAN);
-  const float d_axes_1_3_d_rho_prime_1 = ((valid) ? d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3 : NAN);
-  const float d_axes_1_3_d_rho_prime_2 = ((valid) ? d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3 : NAN);
-  const float d_axes_1_3_d_rho_prime_3 = ((valid) ? d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3 : NAN);
-  const float d_axes_1_3_d_angle = ((valid) ? d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3 : NAN);
-  const float d_axes_2_1_d_rho_1 = ((valid) ? d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1 : NAN);
-  const float d_axes_2_1_d_rho_2 = ((valid) ? d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1 : NAN);
-  const float d_axes_2_1_d_rho_3 = ((valid) ? d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1 : NAN);
-  const float d_axes_2_1_d_rho_prime_1 = ((valid) ? d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1 : NAN);
-  const float d_axes_2_1_d_rho_prime_2 = ((valid) ? d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1 : NAN);
-  const float d_axes_2_1_d_rho_prime_3 = ((valid) ? d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1 : NAN);
-  const float d_axes_2_1_d_angle = ((valid) ? d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1 : NAN);
-  const float d_axes_2_2_d_rho_1 = ((valid) ? d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2 : NAN);
-  const float d_axes_2_2_d_rho_2 = ((valid) ? d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2 : NAN);
-  const float d_axes_2_2_d_rho_3 = ((valid) ? d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2 : NAN);
-  const float d_axes_2_2_d_rho_prime_1 = ((valid) ? d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2 : NAN);
-  const float d_axes_2_2_d_rho_prime_2 = ((valid) ? d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2 : NAN);
-  const float d_axes_2_2_d_rho_prime_3 = ((valid) ? d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2 : NAN);
-  const float d_axes_2_2_d_angle = ((valid) ? d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2 : NAN);
-  const float d_axes_2_3_d_rho_1 = ((valid) ? d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3 : NAN);
-  const float d_axes_2_3_d_rho_2 = ((valid) ? d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3 : NAN);
-  const float d_axes_2_3_d_rho_3 = ((valid) ? d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3 : NAN);
-  const float d_axes_2_3_d_rho_prime_1 = ((valid) ? d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3 : NAN);
-  const float d_axes_2_3_d_rho_prime_2 = ((valid) ? d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3 : NAN);
-  const float d_axes_2_3_d_rho_prime_3 = ((valid) ? d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3 : NAN);
-  const float d_axes_2_3_d_angle = ((valid) ? d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3 : NAN);
+  const float d_minus_factor_d_rho_1 = ((crooked) ? -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65 : 0.0f);
+  const float d_minus_factor_d_rho_2 = ((crooked) ? -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65 : 0.0f);
+  const float d_minus_factor_d_rho_3 = ((crooked) ? -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65 : 0.0f);
+  const float d_minus_factor_d_rho_prime_1 = ((crooked) ? -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65 : 0.0f);
+  const float d_minus_factor_d_rho_prime_2 = ((crooked) ? -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65 : 0.0f);
+  const float d_minus_factor_d_rho_prime_3 = ((crooked) ? -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65 : 0.0f);
+  const float d_minus_factor_d_angle = ((crooked) ? -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65 : 0.0f);
+  const float d_axes_1_1_d_rho_1 = ((valid) ? d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1 : (float)NAN);
+  const float d_axes_1_1_d_rho_2 = ((valid) ? d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1 : (float)NAN);
+  const float d_axes_1_1_d_rho_3 = ((valid) ? d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1 : (float)NAN);
+  const float d_axes_1_1_d_rho_prime_1 = ((valid) ? d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1 : (float)NAN);
+  const float d_axes_1_1_d_rho_prime_2 = ((valid) ? d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1 : (float)NAN);
+  const float d_axes_1_1_d_rho_prime_3 = ((valid) ? d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1 : (float)NAN);
+  const float d_axes_1_1_d_angle = ((valid) ? d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1 : (float)NAN);
+  const float d_axes_1_2_d_rho_1 = ((valid) ? d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2 : (float)NAN);
+  const float d_axes_1_2_d_rho_2 = ((valid) ? d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2 : (float)NAN);
+  const float d_axes_1_2_d_rho_3 = ((valid) ? d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2 : (float)NAN);
+  const float d_axes_1_2_d_rho_prime_1 = ((valid) ? d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2 : (float)NAN);
+  const float d_axes_1_2_d_rho_prime_2 = ((valid) ? d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2 : (float)NAN);
+  const float d_axes_1_2_d_rho_prime_3 = ((valid) ? d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2 : (float)NAN);
+  const float d_axes_1_2_d_angle = ((valid) ? d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2 : (float)NAN);
+  const float d_axes_1_3_d_rho_1 = ((valid) ? d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3 : (float)NAN);
+  const float d_axes_1_3_d_rho_2 = ((valid) ? d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3 : (float)NAN);
+  const float d_axes_1_3_d_rho_3 = ((valid) ? d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3 : (float)NAN);
+  const float d_axes_1_3_d_rho_prime_1 = ((valid) ? d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3 : (float)NAN);
+  const float d_axes_1_3_d_rho_prime_2 = ((valid) ? d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3 : (float)NAN);
+  const float d_axes_1_3_d_rho_prime_3 = ((valid) ? d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3 : (float)NAN);
+  const float d_axes_1_3_d_angle = ((valid) ? d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3 : (float)NAN);
+  const float d_axes_2_1_d_rho_1 = ((valid) ? d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1 : (float)NAN);
+  const float d_axes_2_1_d_rho_2 = ((valid) ? d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1 : (float)NAN);
+  const float d_axes_2_1_d_rho_3 = ((valid) ? d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1 : (float)NAN);
+  const float d_axes_2_1_d_rho_prime_1 = ((valid) ? d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1 : (float)NAN);
+  const float d_axes_2_1_d_rho_prime_2 = ((valid) ? d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1 : (float)NAN);
+  const float d_axes_2_1_d_rho_prime_3 = ((valid) ? d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1 : (float)NAN);
+  const float d_axes_2_1_d_angle = ((valid) ? d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1 : (float)NAN);
+  const float d_axes_2_2_d_rho_1 = ((valid) ? d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2 : (float)NAN);
+  const float d_axes_2_2_d_rho_2 = ((valid) ? d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2 : (float)NAN);
+  const float d_axes_2_2_d_rho_3 = ((valid) ? d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2 : (float)NAN);
+  const float d_axes_2_2_d_rho_prime_1 = ((valid) ? d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2 : (float)NAN);
+  const float d_axes_2_2_d_rho_prime_2 = ((valid) ? d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2 : (float)NAN);
+  const float d_axes_2_2_d_rho_prime_3 = ((valid) ? d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2 : (float)NAN);
+  const float d_axes_2_2_d_angle = ((valid) ? d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2 : (float)NAN);
+  const float d_axes_2_3_d_rho_1 = ((valid) ? d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3 : (float)NAN);
+  const float d_axes_2_3_d_rho_2 = ((valid) ? d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3 : (float)NAN);
+  const float d_axes_2_3_d_rho_3 = ((valid) ? d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3 : (float)NAN);
+  const float d_axes_2_3_d_rho_prime_1 = ((valid) ? d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3 : (float)NAN);
+  const float d_axes_2_3_d_rho_prime_2 = ((valid) ? d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3 : (float)NAN);
+  const float d_axes_2_3_d_rho_prime_3 = ((valid) ? d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3 : (float)NAN);
+  const float d_axes_2_3_d_angle = ((valid) ? d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3 : (float)NAN);
   const int both_zero = (size_after == 0.0f) && (size_before == 0.0f);
   const int one_zero = (size_after == 0.0f) || (size_before == 0.0f);
+  const float x8 = length_squared*x3;
   const float coincident = 16.0f*x8;
   const float x10 = FLT_EPSILON*x5;
-  const int no_turn = (sine_size <= (FLT_EPSILON*FLT_EPSILON*FLT_EPSILON*FLT_EPSILON)) || (sine_size <= x10);
+  const int no_turn = (sine_size <= x10) || (sine_size <= x9);
   const int every = (no_turn) && (r_squared <= coincident);
   const int opposite = (m_squared <= coincident) && (fabsf(cosine) <= x10);
   const int too_small = (no_turn) || (root_squared < -4.0f*band);
-  const int parallel = r_squared*(turn_scale*turn_scale) <= x4*x9;
+  const int parallel = r_squared*(turn_scale*turn_scale) <= 64.0f*x4*x8;
   const float least_tolerance = ((length_tolerance > x6) ? length_tolerance : x6);
-  const int lengths_agree = (comparable) && (x11 <= least_tolerance*(1.0f - excess));
+  const int lengths_agree = (comparable) && (fabsf(excess) <= least_tolerance*(1.0f - excess));
   const float select_10 = ((parallel) ? 3.0f : 0.0f);
   const float select_11 = ((!(two)) ? 1.0f : select_10);
   const float select_12 = ((too_small) ? 2.0f : select_11);
@@ -1685,7 +1687,7 @@ void axis_axis_jacobian_batch_f32(size_t count, const float *rho, const float *r
     axis_axis_jacobian_f32(rho + 3 * i, rho_prime + 3 * i, angle[i], length_tolerance[i], axes_jacobian + 42 * i, status + i);
 }
 
-/* axis_covariance: 512 add, 839 mul, 11 div, 4 sqrt, 177 select, 68 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
+/* axis_covariance: 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
 void axis_axis_covariance_f64(const double rho[3], const double rho_prime[3], double angle, double length_tolerance, const double cov_rho[9], const double cov_rho_prime[9], double var_angle, double covariance[18], int8_t *axis_status) {
   /* inputs */
   const double rho_1 = rho[0];
@@ -1941,11 +1943,6 @@ void axis_axis_covariance_f64(const double rho[3], const double rho_prime[3], do
   const double x7 = 0.5*along_m;
   const double band = ((rounding < x7) ? rounding : x7);
   const int both = length_product > 0.0;
-  const double x11 = fabs(excess);
-  const int apart = x11 > 9.313225746154785e-10;
-  const double x8 = length_squared*x3;
-  const double x9 = 64.0*x8;
-  const int two = (both) && (!((apart) && (m_squared <= x9))) && (root_squared > band);
   const double area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
   const double x49 = 2.0*w_1;
   const double x50 = 2.0*w_2;
@@ -1956,7 +1953,11 @@ void axis_axis_covariance_f64(const double rho[3], const double rho_prime[3], do
   const double d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x49 + d_w_2_d_rho_prime_1*x50 + d_w_3_d_rho_prime_1*x51;
   const double d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x49 + d_w_2_d_rho_prime_2*x50 + d_w_3_d_rho_prime_2*x51;
   const double d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x49 + d_w_2_d_rho_prime_3*x50 + d_w_3_d_rho_prime_3*x51;
-  const int plane = area_squared > 0.5*m_squared*r_squared;
+  const double x9 = (DBL_EPSILON*DBL_EPSILON*DBL_EPSILON*DBL_EPSILON);
+  const double x11 = m_squared*r_squared;
+  const int plane = (area_squared > 0.5*x11) && (area_squared > x9);
+  const int two = (both) && ((plane) || (m_squared >= r_squared)) && (root_squared > band);
+  const int crooked = area_squared < x11*(1.0 - 32.0*DBL_EPSILON);
   const double across_1 = ((fabs(u_1) < fabs(u_3)) ? 0.0 : -u_2);
   const double d_across_1_d_rho_2 = ((fabs(u_1) < fabs(u_3)) ? 0.0 : -scale_before);
   const double across_2 = ((fabs(u_1) < fabs(u_3)) ? -u_3 : u_1);
@@ -2132,18 +2133,18 @@ void axis_axis_covariance_f64(const double rho[3], const double rho_prime[3], do
   const double d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3;
   const double d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle;
   const double x56 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3);
-  const double plus_factor = ((apart) ? 1.0/sqrt(x56) : 1.0);
+  const double plus_factor = ((crooked) ? 1.0/sqrt(x56) : 1.0);
   const double x57 = 1.0/pow(x56, 1.5);
   const double x58 = plus_1*x57;
   const double x59 = plus_2*x57;
   const double x60 = plus_3*x57;
-  const double d_plus_factor_d_rho_1 = ((apart) ? -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60 : 0.0);
-  const double d_plus_factor_d_rho_2 = ((apart) ? -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60 : 0.0);
-  const double d_plus_factor_d_rho_3 = ((apart) ? -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60 : 0.0);
-  const double d_plus_factor_d_rho_prime_1 = ((apart) ? -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60 : 0.0);
-  const double d_plus_factor_d_rho_prime_2 = ((apart) ? -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60 : 0.0);
-  const double d_plus_factor_d_rho_prime_3 = ((apart) ? -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60 : 0.0);
-  const double d_plus_factor_d_angle = ((apart) ? -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60 : 0.0);
+  const double d_plus_factor_d_rho_1 = ((crooked) ? -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60 : 0.0);
+  const double d_plus_factor_d_rho_2 = ((crooked) ? -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60 : 0.0);
+  const double d_plus_factor_d_rho_3 = ((crooked) ? -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60 : 0.0);
+  const double d_plus_factor_d_rho_prime_1 = ((crooked) ? -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60 : 0.0);
+  const double d_plus_factor_d_rho_prime_2 = ((crooked) ? -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60 : 0.0);
+  const double d_plus_factor_d_rho_prime_3 = ((crooked) ? -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60 : 0.0);
+  const double d_plus_factor_d_angle = ((crooked) ? -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60 : 0.0);
   const double minus_1 = base_1 - offset_1;
   const double d_minus_1_d_rho_1 = d_base_1_d_rho_1 - d_offset_1_d_rho_1;
   const double d_minus_1_d_rho_2 = d_base_1_d_rho_2 - d_offset_1_d_rho_2;
@@ -2169,71 +2170,72 @@ void axis_axis_covariance_f64(const double rho[3], const double rho_prime[3], do
   const double d_minus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 - d_offset_3_d_rho_prime_3;
   const double d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle;
   const double x61 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3);
-  const double minus_factor = ((apart) ? 1.0/sqrt(x61) : 1.0);
+  const double minus_factor = ((crooked) ? 1.0/sqrt(x61) : 1.0);
   const double x62 = 1.0/pow(x61, 1.5);
   const double x63 = minus_1*x62;
   const double x64 = minus_2*x62;
   const double x65 = minus_3*x62;
-  const double d_minus_factor_d_rho_1 = ((apart) ? -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65 : 0.0);
-  const double d_minus_factor_d_rho_2 = ((apart) ? -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65 : 0.0);
-  const double d_minus_factor_d_rho_3 = ((apart) ? -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65 : 0.0);
-  const double d_minus_factor_d_rho_prime_1 = ((apart) ? -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65 : 0.0);
-  const double d_minus_factor_d_rho_prime_2 = ((apart) ? -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65 : 0.0);
-  const double d_minus_factor_d_rho_prime_3 = ((apart) ? -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65 : 0.0);
-  const double d_minus_factor_d_angle = ((apart) ? -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65 : 0.0);
-  const double d_axes_1_1_d_rho_1 = ((valid) ? d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1 : NAN);
-  const double d_axes_1_1_d_rho_2 = ((valid) ? d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1 : NAN);
-  const double d_axes_1_1_d_rho_3 = ((valid) ? d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1 : NAN);
-  const double d_axes_1_1_d_rho_prime_1 = ((valid) ? d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1 : NAN);
-  const double d_axes_1_1_d_rho_prime_2 = ((valid) ? d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1 : NAN);
-  const double d_axes_1_1_d_rho_prime_3 = ((valid) ? d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1 : NAN);
-  const double d_axes_1_1_d_angle = ((valid) ? d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1 : NAN);
-  const double d_axes_1_2_d_rho_1 = ((valid) ? d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2 : NAN);
-  const double d_axes_1_2_d_rho_2 = ((valid) ? d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2 : NAN);
-  const double d_axes_1_2_d_rho_3 = ((valid) ? d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2 : NAN);
-  const double d_axes_1_2_d_rho_prime_1 = ((valid) ? d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2 : NAN);
-  const double d_axes_1_2_d_rho_prime_2 = ((valid) ? d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2 : NAN);
-  const double d_axes_1_2_d_rho_prime_3 = ((valid) ? d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2 : NAN);
-  const double d_axes_1_2_d_angle = ((valid) ? d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2 : NAN);
-  const double d_axes_1_3_d_rho_1 = ((valid) ? d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3 : NAN);
-  const double d_axes_1_3_d_rho_2 = ((valid) ? d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3 : NAN);
-  const double d_axes_1_3_d_rho_3 = ((valid) ? d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3 : NAN);
-  const double d_axes_1_3_d_rho_prime_1 = ((valid) ? d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3 : NAN);
-  const double d_axes_1_3_d_rho_prime_2 = ((valid) ? d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3 : NAN);
-  const double d_axes_1_3_d_rho_prime_3 = ((valid) ? d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3 : NAN);
-  const double d_axes_1_3_d_angle = ((valid) ? d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3 : NAN);
-  const double d_axes_2_1_d_rho_1 = ((valid) ? d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1 : NAN);
-  const double d_axes_2_1_d_rho_2 = ((valid) ? d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1 : NAN);
-  const double d_axes_2_1_d_rho_3 = ((valid) ? d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1 : NAN);
-  const double d_axes_2_1_d_rho_prime_1 = ((valid) ? d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1 : NAN);
-  const double d_axes_2_1_d_rho_prime_2 = ((valid) ? d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1 : NAN);
-  const double d_axes_2_1_d_rho_prime_3 = ((valid) ? d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1 : NAN);
-  const double d_axes_2_1_d_angle = ((valid) ? d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1 : NAN);
-  const double d_axes_2_2_d_rho_1 = ((valid) ? d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2 : NAN);
-  const double d_axes_2_2_d_rho_2 = ((valid) ? d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2 : NAN);
-  const double d_axes_2_2_d_rho_3 = ((valid) ? d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2 : NAN);
-  const double d_axes_2_2_d_rho_prime_1 = ((valid) ? d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2 : NAN);
-  const double d_axes_2_2_d_rho_prime_2 = ((valid) ? d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2 : NAN);
-  const double d_axes_2_2_d_rho_prime_3 = ((valid) ? d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2 : NAN);
-  const double d_axes_2_2_d_angle = ((valid) ? d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2 : NAN);
-  const double d_axes_2_3_d_rho_1 = ((valid) ? d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3 : NAN);
-  const double d_axes_2_3_d_rho_2 = ((valid) ? d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3 : NAN);
-  const double d_axes_2_3_d_rho_3 = ((valid) ? d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3 : NAN);
-  const double d_axes_2_3_d_rho_prime_1 = ((valid) ? d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3 : NAN);
-  const double d_axes_2_3_d_rho_prime_2 = ((valid) ? d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3 : NAN);
-  const double d_axes_2_3_d_rho_prime_3 = ((valid) ? d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3 : NAN);
-  const double d_axes_2_3_d_angle = ((valid) ? d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3 : NAN);
+  const double d_minus_factor_d_rho_1 = ((crooked) ? -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65 : 0.0);
+  const double d_minus_factor_d_rho_2 = ((crooked) ? -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65 : 0.0);
+  const double d_minus_factor_d_rho_3 = ((crooked) ? -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65 : 0.0);
+  const double d_minus_factor_d_rho_prime_1 = ((crooked) ? -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65 : 0.0);
+  const double d_minus_factor_d_rho_prime_2 = ((crooked) ? -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65 : 0.0);
+  const double d_minus_factor_d_rho_prime_3 = ((crooked) ? -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65 : 0.0);
+  const double d_minus_factor_d_angle = ((crooked) ? -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65 : 0.0);
+  const double d_axes_1_1_d_rho_1 = ((valid) ? d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1 : (double)NAN);
+  const double d_axes_1_1_d_rho_2 = ((valid) ? d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1 : (double)NAN);
+  const double d_axes_1_1_d_rho_3 = ((valid) ? d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1 : (double)NAN);
+  const double d_axes_1_1_d_rho_prime_1 = ((valid) ? d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1 : (double)NAN);
+  const double d_axes_1_1_d_rho_prime_2 = ((valid) ? d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1 : (double)NAN);
+  const double d_axes_1_1_d_rho_prime_3 = ((valid) ? d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1 : (double)NAN);
+  const double d_axes_1_1_d_angle = ((valid) ? d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1 : (double)NAN);
+  const double d_axes_1_2_d_rho_1 = ((valid) ? d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2 : (double)NAN);
+  const double d_axes_1_2_d_rho_2 = ((valid) ? d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2 : (double)NAN);
+  const double d_axes_1_2_d_rho_3 = ((valid) ? d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2 : (double)NAN);
+  const double d_axes_1_2_d_rho_prime_1 = ((valid) ? d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2 : (double)NAN);
+  const double d_axes_1_2_d_rho_prime_2 = ((valid) ? d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2 : (double)NAN);
+  const double d_axes_1_2_d_rho_prime_3 = ((valid) ? d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2 : (double)NAN);
+  const double d_axes_1_2_d_angle = ((valid) ? d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2 : (double)NAN);
+  const double d_axes_1_3_d_rho_1 = ((valid) ? d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3 : (double)NAN);
+  const double d_axes_1_3_d_rho_2 = ((valid) ? d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3 : (double)NAN);
+  const double d_axes_1_3_d_rho_3 = ((valid) ? d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3 : (double)NAN);
+  const double d_axes_1_3_d_rho_prime_1 = ((valid) ? d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3 : (double)NAN);
+  const double d_axes_1_3_d_rho_prime_2 = ((valid) ? d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3 : (double)NAN);
+  const double d_axes_1_3_d_rho_prime_3 = ((valid) ? d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3 : (double)NAN);
+  const double d_axes_1_3_d_angle = ((valid) ? d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3 : (double)NAN);
+  const double d_axes_2_1_d_rho_1 = ((valid) ? d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1 : (double)NAN);
+  const double d_axes_2_1_d_rho_2 = ((valid) ? d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1 : (double)NAN);
+  const double d_axes_2_1_d_rho_3 = ((valid) ? d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1 : (double)NAN);
+  const double d_axes_2_1_d_rho_prime_1 = ((valid) ? d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1 : (double)NAN);
+  const double d_axes_2_1_d_rho_prime_2 = ((valid) ? d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1 : (double)NAN);
+  const double d_axes_2_1_d_rho_prime_3 = ((valid) ? d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1 : (double)NAN);
+  const double d_axes_2_1_d_angle = ((valid) ? d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1 : (double)NAN);
+  const double d_axes_2_2_d_rho_1 = ((valid) ? d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2 : (double)NAN);
+  const double d_axes_2_2_d_rho_2 = ((valid) ? d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2 : (double)NAN);
+  const double d_axes_2_2_d_rho_3 = ((valid) ? d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2 : (double)NAN);
+  const double d_axes_2_2_d_rho_prime_1 = ((valid) ? d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2 : (double)NAN);
+  const double d_axes_2_2_d_rho_prime_2 = ((valid) ? d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2 : (double)NAN);
+  const double d_axes_2_2_d_rho_prime_3 = ((valid) ? d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2 : (double)NAN);
+  const double d_axes_2_2_d_angle = ((valid) ? d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2 : (double)NAN);
+  const double d_axes_2_3_d_rho_1 = ((valid) ? d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3 : (double)NAN);
+  const double d_axes_2_3_d_rho_2 = ((valid) ? d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3 : (double)NAN);
+  const double d_axes_2_3_d_rho_3 = ((valid) ? d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3 : (double)NAN);
+  const double d_axes_2_3_d_rho_prime_1 = ((valid) ? d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3 : (double)NAN);
+  const double d_axes_2_3_d_rho_prime_2 = ((valid) ? d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3 : (double)NAN);
+  const double d_axes_2_3_d_rho_prime_3 = ((valid) ? d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3 : (double)NAN);
+  const double d_axes_2_3_d_angle = ((valid) ? d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3 : (double)NAN);
   const int both_zero = (size_after == 0.0) && (size_before == 0.0);
   const int one_zero = (size_after == 0.0) || (size_before == 0.0);
+  const double x8 = length_squared*x3;
   const double coincident = 16.0*x8;
   const double x10 = DBL_EPSILON*x5;
-  const int no_turn = (sine_size <= (DBL_EPSILON*DBL_EPSILON*DBL_EPSILON*DBL_EPSILON)) || (sine_size <= x10);
+  const int no_turn = (sine_size <= x10) || (sine_size <= x9);
   const int every = (no_turn) && (r_squared <= coincident);
   const int opposite = (m_squared <= coincident) && (fabs(cosine) <= x10);
   const int too_small = (no_turn) || (root_squared < -4.0*band);
-  const int parallel = r_squared*(turn_scale*turn_scale) <= x4*x9;
+  const int parallel = r_squared*(turn_scale*turn_scale) <= 64.0*x4*x8;
   const double least_tolerance = ((length_tolerance > x6) ? length_tolerance : x6);
-  const int lengths_agree = (comparable) && (x11 <= least_tolerance*(1.0 - excess));
+  const int lengths_agree = (comparable) && (fabs(excess) <= least_tolerance*(1.0 - excess));
   const double select_10 = ((parallel) ? 3.0 : 0.0);
   const double select_11 = ((!(two)) ? 1.0 : select_10);
   const double select_12 = ((too_small) ? 2.0 : select_11);
@@ -2331,24 +2333,24 @@ void axis_axis_covariance_f64(const double rho[3], const double rho_prime[3], do
   const double x73 = axes_jacobian_2_2_7*axes_jacobian_2_3_7*var_angle;
   const double axis_status_value = status;
   /* outputs */
-  covariance[0] = axes_jacobian_1_1_1*half_rho_a_1_1 + axes_jacobian_1_1_2*half_rho_a_1_2 + axes_jacobian_1_1_3*half_rho_a_1_3 + axes_jacobian_1_1_4*half_prime_a_1_1 + axes_jacobian_1_1_5*half_prime_a_1_2 + axes_jacobian_1_1_6*half_prime_a_1_3 + (axes_jacobian_1_1_7*axes_jacobian_1_1_7)*var_angle;
-  covariance[1] = axes_jacobian_1_2_1*half_rho_a_1_1 + axes_jacobian_1_2_2*half_rho_a_1_2 + axes_jacobian_1_2_3*half_rho_a_1_3 + axes_jacobian_1_2_4*half_prime_a_1_1 + axes_jacobian_1_2_5*half_prime_a_1_2 + axes_jacobian_1_2_6*half_prime_a_1_3 + x67;
-  covariance[2] = axes_jacobian_1_3_1*half_rho_a_1_1 + axes_jacobian_1_3_2*half_rho_a_1_2 + axes_jacobian_1_3_3*half_rho_a_1_3 + axes_jacobian_1_3_4*half_prime_a_1_1 + axes_jacobian_1_3_5*half_prime_a_1_2 + axes_jacobian_1_3_6*half_prime_a_1_3 + x68;
-  covariance[3] = axes_jacobian_1_1_1*half_rho_a_2_1 + axes_jacobian_1_1_2*half_rho_a_2_2 + axes_jacobian_1_1_3*half_rho_a_2_3 + axes_jacobian_1_1_4*half_prime_a_2_1 + axes_jacobian_1_1_5*half_prime_a_2_2 + axes_jacobian_1_1_6*half_prime_a_2_3 + x67;
-  covariance[4] = axes_jacobian_1_2_1*half_rho_a_2_1 + axes_jacobian_1_2_2*half_rho_a_2_2 + axes_jacobian_1_2_3*half_rho_a_2_3 + axes_jacobian_1_2_4*half_prime_a_2_1 + axes_jacobian_1_2_5*half_prime_a_2_2 + axes_jacobian_1_2_6*half_prime_a_2_3 + (axes_jacobian_1_2_7*axes_jacobian_1_2_7)*var_angle;
-  covariance[5] = axes_jacobian_1_3_1*half_rho_a_2_1 + axes_jacobian_1_3_2*half_rho_a_2_2 + axes_jacobian_1_3_3*half_rho_a_2_3 + axes_jacobian_1_3_4*half_prime_a_2_1 + axes_jacobian_1_3_5*half_prime_a_2_2 + axes_jacobian_1_3_6*half_prime_a_2_3 + x69;
-  covariance[6] = axes_jacobian_1_1_1*half_rho_a_3_1 + axes_jacobian_1_1_2*half_rho_a_3_2 + axes_jacobian_1_1_3*half_rho_a_3_3 + axes_jacobian_1_1_4*half_prime_a_3_1 + axes_jacobian_1_1_5*half_prime_a_3_2 + axes_jacobian_1_1_6*half_prime_a_3_3 + x68;
-  covariance[7] = axes_jacobian_1_2_1*half_rho_a_3_1 + axes_jacobian_1_2_2*half_rho_a_3_2 + axes_jacobian_1_2_3*half_rho_a_3_3 + axes_jacobian_1_2_4*half_prime_a_3_1 + axes_jacobian_1_2_5*half_prime_a_3_2 + axes_jacobian_1_2_6*half_prime_a_3_3 + x69;
-  covariance[8] = axes_jacobian_1_3_1*half_rho_a_3_1 + axes_jacobian_1_3_2*half_rho_a_3_2 + axes_jacobian_1_3_3*half_rho_a_3_3 + axes_jacobian_1_3_4*half_prime_a_3_1 + axes_jacobian_1_3_5*half_prime_a_3_2 + axes_jacobian_1_3_6*half_prime_a_3_3 + (axes_jacobian_1_3_7*axes_jacobian_1_3_7)*var_angle;
-  covariance[9] = axes_jacobian_2_1_1*half_rho_b_1_1 + axes_jacobian_2_1_2*half_rho_b_1_2 + axes_jacobian_2_1_3*half_rho_b_1_3 + axes_jacobian_2_1_4*half_prime_b_1_1 + axes_jacobian_2_1_5*half_prime_b_1_2 + axes_jacobian_2_1_6*half_prime_b_1_3 + (axes_jacobian_2_1_7*axes_jacobian_2_1_7)*var_angle;
-  covariance[10] = axes_jacobian_2_2_1*half_rho_b_1_1 + axes_jacobian_2_2_2*half_rho_b_1_2 + axes_jacobian_2_2_3*half_rho_b_1_3 + axes_jacobian_2_2_4*half_prime_b_1_1 + axes_jacobian_2_2_5*half_prime_b_1_2 + axes_jacobian_2_2_6*half_prime_b_1_3 + x71;
-  covariance[11] = axes_jacobian_2_3_1*half_rho_b_1_1 + axes_jacobian_2_3_2*half_rho_b_1_2 + axes_jacobian_2_3_3*half_rho_b_1_3 + axes_jacobian_2_3_4*half_prime_b_1_1 + axes_jacobian_2_3_5*half_prime_b_1_2 + axes_jacobian_2_3_6*half_prime_b_1_3 + x72;
-  covariance[12] = axes_jacobian_2_1_1*half_rho_b_2_1 + axes_jacobian_2_1_2*half_rho_b_2_2 + axes_jacobian_2_1_3*half_rho_b_2_3 + axes_jacobian_2_1_4*half_prime_b_2_1 + axes_jacobian_2_1_5*half_prime_b_2_2 + axes_jacobian_2_1_6*half_prime_b_2_3 + x71;
-  covariance[13] = axes_jacobian_2_2_1*half_rho_b_2_1 + axes_jacobian_2_2_2*half_rho_b_2_2 + axes_jacobian_2_2_3*half_rho_b_2_3 + axes_jacobian_2_2_4*half_prime_b_2_1 + axes_jacobian_2_2_5*half_prime_b_2_2 + axes_jacobian_2_2_6*half_prime_b_2_3 + (axes_jacobian_2_2_7*axes_jacobian_2_2_7)*var_angle;
-  covariance[14] = axes_jacobian_2_3_1*half_rho_b_2_1 + axes_jacobian_2_3_2*half_rho_b_2_2 + axes_jacobian_2_3_3*half_rho_b_2_3 + axes_jacobian_2_3_4*half_prime_b_2_1 + axes_jacobian_2_3_5*half_prime_b_2_2 + axes_jacobian_2_3_6*half_prime_b_2_3 + x73;
-  covariance[15] = axes_jacobian_2_1_1*half_rho_b_3_1 + axes_jacobian_2_1_2*half_rho_b_3_2 + axes_jacobian_2_1_3*half_rho_b_3_3 + axes_jacobian_2_1_4*half_prime_b_3_1 + axes_jacobian_2_1_5*half_prime_b_3_2 + axes_jacobian_2_1_6*half_prime_b_3_3 + x72;
-  covariance[16] = axes_jacobian_2_2_1*half_rho_b_3_1 + axes_jacobian_2_2_2*half_rho_b_3_2 + axes_jacobian_2_2_3*half_rho_b_3_3 + axes_jacobian_2_2_4*half_prime_b_3_1 + axes_jacobian_2_2_5*half_prime_b_3_2 + axes_jacobian_2_2_6*half_prime_b_3_3 + x73;
-  covariance[17] = axes_jacobian_2_3_1*half_rho_b_3_1 + axes_jacobian_2_3_2*half_rho_b_3_2 + axes_jacobian_2_3_3*half_rho_b_3_3 + axes_jacobian_2_3_4*half_prime_b_3_1 + axes_jacobian_2_3_5*half_prime_b_3_2 + axes_jacobian_2_3_6*half_prime_b_3_3 + (axes_jacobian_2_3_7*axes_jacobian_2_3_7)*var_angle;
+  covariance[0] = ((two) ? axes_jacobian_1_1_1*half_rho_a_1_1 + axes_jacobian_1_1_2*half_rho_a_1_2 + axes_jacobian_1_1_3*half_rho_a_1_3 + axes_jacobian_1_1_4*half_prime_a_1_1 + axes_jacobian_1_1_5*half_prime_a_1_2 + axes_jacobian_1_1_6*half_prime_a_1_3 + (axes_jacobian_1_1_7*axes_jacobian_1_1_7)*var_angle : (double)NAN);
+  covariance[1] = ((two) ? axes_jacobian_1_2_1*half_rho_a_1_1 + axes_jacobian_1_2_2*half_rho_a_1_2 + axes_jacobian_1_2_3*half_rho_a_1_3 + axes_jacobian_1_2_4*half_prime_a_1_1 + axes_jacobian_1_2_5*half_prime_a_1_2 + axes_jacobian_1_2_6*half_prime_a_1_3 + x67 : (double)NAN);
+  covariance[2] = ((two) ? axes_jacobian_1_3_1*half_rho_a_1_1 + axes_jacobian_1_3_2*half_rho_a_1_2 + axes_jacobian_1_3_3*half_rho_a_1_3 + axes_jacobian_1_3_4*half_prime_a_1_1 + axes_jacobian_1_3_5*half_prime_a_1_2 + axes_jacobian_1_3_6*half_prime_a_1_3 + x68 : (double)NAN);
+  covariance[3] = ((two) ? axes_jacobian_1_1_1*half_rho_a_2_1 + axes_jacobian_1_1_2*half_rho_a_2_2 + axes_jacobian_1_1_3*half_rho_a_2_3 + axes_jacobian_1_1_4*half_prime_a_2_1 + axes_jacobian_1_1_5*half_prime_a_2_2 + axes_jacobian_1_1_6*half_prime_a_2_3 + x67 : (double)NAN);
+  covariance[4] = ((two) ? axes_jacobian_1_2_1*half_rho_a_2_1 + axes_jacobian_1_2_2*half_rho_a_2_2 + axes_jacobian_1_2_3*half_rho_a_2_3 + axes_jacobian_1_2_4*half_prime_a_2_1 + axes_jacobian_1_2_5*half_prime_a_2_2 + axes_jacobian_1_2_6*half_prime_a_2_3 + (axes_jacobian_1_2_7*axes_jacobian_1_2_7)*var_angle : (double)NAN);
+  covariance[5] = ((two) ? axes_jacobian_1_3_1*half_rho_a_2_1 + axes_jacobian_1_3_2*half_rho_a_2_2 + axes_jacobian_1_3_3*half_rho_a_2_3 + axes_jacobian_1_3_4*half_prime_a_2_1 + axes_jacobian_1_3_5*half_prime_a_2_2 + axes_jacobian_1_3_6*half_prime_a_2_3 + x69 : (double)NAN);
+  covariance[6] = ((two) ? axes_jacobian_1_1_1*half_rho_a_3_1 + axes_jacobian_1_1_2*half_rho_a_3_2 + axes_jacobian_1_1_3*half_rho_a_3_3 + axes_jacobian_1_1_4*half_prime_a_3_1 + axes_jacobian_1_1_5*half_prime_a_3_2 + axes_jacobian_1_1_6*half_prime_a_3_3 + x68 : (double)NAN);
+  covariance[7] = ((two) ? axes_jacobian_1_2_1*half_rho_a_3_1 + axes_jacobian_1_2_2*half_rho_a_3_2 + axes_jacobian_1_2_3*half_rho_a_3_3 + axes_jacobian_1_2_4*half_prime_a_3_1 + axes_jacobian_1_2_5*half_prime_a_3_2 + axes_jacobian_1_2_6*half_prime_a_3_3 + x69 : (double)NAN);
+  covariance[8] = ((two) ? axes_jacobian_1_3_1*half_rho_a_3_1 + axes_jacobian_1_3_2*half_rho_a_3_2 + axes_jacobian_1_3_3*half_rho_a_3_3 + axes_jacobian_1_3_4*half_prime_a_3_1 + axes_jacobian_1_3_5*half_prime_a_3_2 + axes_jacobian_1_3_6*half_prime_a_3_3 + (axes_jacobian_1_3_7*axes_jacobian_1_3_7)*var_angle : (double)NAN);
+  covariance[9] = ((two) ? axes_jacobian_2_1_1*half_rho_b_1_1 + axes_jacobian_2_1_2*half_rho_b_1_2 + axes_jacobian_2_1_3*half_rho_b_1_3 + axes_jacobian_2_1_4*half_prime_b_1_1 + axes_jacobian_2_1_5*half_prime_b_1_2 + axes_jacobian_2_1_6*half_prime_b_1_3 + (axes_jacobian_2_1_7*axes_jacobian_2_1_7)*var_angle : (double)NAN);
+  covariance[10] = ((two) ? axes_jacobian_2_2_1*half_rho_b_1_1 + axes_jacobian_2_2_2*half_rho_b_1_2 + axes_jacobian_2_2_3*half_rho_b_1_3 + axes_jacobian_2_2_4*half_prime_b_1_1 + axes_jacobian_2_2_5*half_prime_b_1_2 + axes_jacobian_2_2_6*half_prime_b_1_3 + x71 : (double)NAN);
+  covariance[11] = ((two) ? axes_jacobian_2_3_1*half_rho_b_1_1 + axes_jacobian_2_3_2*half_rho_b_1_2 + axes_jacobian_2_3_3*half_rho_b_1_3 + axes_jacobian_2_3_4*half_prime_b_1_1 + axes_jacobian_2_3_5*half_prime_b_1_2 + axes_jacobian_2_3_6*half_prime_b_1_3 + x72 : (double)NAN);
+  covariance[12] = ((two) ? axes_jacobian_2_1_1*half_rho_b_2_1 + axes_jacobian_2_1_2*half_rho_b_2_2 + axes_jacobian_2_1_3*half_rho_b_2_3 + axes_jacobian_2_1_4*half_prime_b_2_1 + axes_jacobian_2_1_5*half_prime_b_2_2 + axes_jacobian_2_1_6*half_prime_b_2_3 + x71 : (double)NAN);
+  covariance[13] = ((two) ? axes_jacobian_2_2_1*half_rho_b_2_1 + axes_jacobian_2_2_2*half_rho_b_2_2 + axes_jacobian_2_2_3*half_rho_b_2_3 + axes_jacobian_2_2_4*half_prime_b_2_1 + axes_jacobian_2_2_5*half_prime_b_2_2 + axes_jacobian_2_2_6*half_prime_b_2_3 + (axes_jacobian_2_2_7*axes_jacobian_2_2_7)*var_angle : (double)NAN);
+  covariance[14] = ((two) ? axes_jacobian_2_3_1*half_rho_b_2_1 + axes_jacobian_2_3_2*half_rho_b_2_2 + axes_jacobian_2_3_3*half_rho_b_2_3 + axes_jacobian_2_3_4*half_prime_b_2_1 + axes_jacobian_2_3_5*half_prime_b_2_2 + axes_jacobian_2_3_6*half_prime_b_2_3 + x73 : (double)NAN);
+  covariance[15] = ((two) ? axes_jacobian_2_1_1*half_rho_b_3_1 + axes_jacobian_2_1_2*half_rho_b_3_2 + axes_jacobian_2_1_3*half_rho_b_3_3 + axes_jacobian_2_1_4*half_prime_b_3_1 + axes_jacobian_2_1_5*half_prime_b_3_2 + axes_jacobian_2_1_6*half_prime_b_3_3 + x72 : (double)NAN);
+  covariance[16] = ((two) ? axes_jacobian_2_2_1*half_rho_b_3_1 + axes_jacobian_2_2_2*half_rho_b_3_2 + axes_jacobian_2_2_3*half_rho_b_3_3 + axes_jacobian_2_2_4*half_prime_b_3_1 + axes_jacobian_2_2_5*half_prime_b_3_2 + axes_jacobian_2_2_6*half_prime_b_3_3 + x73 : (double)NAN);
+  covariance[17] = ((two) ? axes_jacobian_2_3_1*half_rho_b_3_1 + axes_jacobian_2_3_2*half_rho_b_3_2 + axes_jacobian_2_3_3*half_rho_b_3_3 + axes_jacobian_2_3_4*half_prime_b_3_1 + axes_jacobian_2_3_5*half_prime_b_3_2 + axes_jacobian_2_3_6*half_prime_b_3_3 + (axes_jacobian_2_3_7*axes_jacobian_2_3_7)*var_angle : (double)NAN);
   *axis_status = (int8_t)axis_status_value;
 }
 
@@ -2357,7 +2359,7 @@ void axis_axis_covariance_batch_f64(size_t count, const double *rho, const doubl
     axis_axis_covariance_f64(rho + 3 * i, rho_prime + 3 * i, angle[i], length_tolerance[i], cov_rho + 9 * i, cov_rho_prime + 9 * i, var_angle[i], covariance + 18 * i, axis_status + i);
 }
 
-/* axis_covariance: 512 add, 839 mul, 11 div, 4 sqrt, 177 select, 68 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
+/* axis_covariance: 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
 void axis_axis_covariance_f32(const float rho[3], const float rho_prime[3], float angle, float length_tolerance, const float cov_rho[9], const float cov_rho_prime[9], float var_angle, float covariance[18], int8_t *axis_status) {
   /* inputs */
   const float rho_1 = rho[0];
@@ -2613,11 +2615,6 @@ void axis_axis_covariance_f32(const float rho[3], const float rho_prime[3], floa
   const float x7 = 0.5f*along_m;
   const float band = ((rounding < x7) ? rounding : x7);
   const int both = length_product > 0.0f;
-  const float x11 = fabsf(excess);
-  const int apart = x11 > 9.313225746154785e-10f;
-  const float x8 = length_squared*x3;
-  const float x9 = 64.0f*x8;
-  const int two = (both) && (!((apart) && (m_squared <= x9))) && (root_squared > band);
   const float area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
   const float x49 = 2.0f*w_1;
   const float x50 = 2.0f*w_2;
@@ -2628,7 +2625,11 @@ void axis_axis_covariance_f32(const float rho[3], const float rho_prime[3], floa
   const float d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x49 + d_w_2_d_rho_prime_1*x50 + d_w_3_d_rho_prime_1*x51;
   const float d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x49 + d_w_2_d_rho_prime_2*x50 + d_w_3_d_rho_prime_2*x51;
   const float d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x49 + d_w_2_d_rho_prime_3*x50 + d_w_3_d_rho_prime_3*x51;
-  const int plane = area_squared > 0.5f*m_squared*r_squared;
+  const float x9 = (FLT_EPSILON*FLT_EPSILON*FLT_EPSILON*FLT_EPSILON);
+  const float x11 = m_squared*r_squared;
+  const int plane = (area_squared > 0.5f*x11) && (area_squared > x9);
+  const int two = (both) && ((plane) || (m_squared >= r_squared)) && (root_squared > band);
+  const int crooked = area_squared < x11*(1.0f - 32.0f*FLT_EPSILON);
   const float across_1 = ((fabsf(u_1) < fabsf(u_3)) ? 0.0f : -u_2);
   const float d_across_1_d_rho_2 = ((fabsf(u_1) < fabsf(u_3)) ? 0.0f : -scale_before);
   const float across_2 = ((fabsf(u_1) < fabsf(u_3)) ? -u_3 : u_1);
@@ -2804,18 +2805,18 @@ void axis_axis_covariance_f32(const float rho[3], const float rho_prime[3], floa
   const float d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3;
   const float d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle;
   const float x56 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3);
-  const float plus_factor = ((apart) ? 1.0f/sqrtf(x56) : 1.0f);
+  const float plus_factor = ((crooked) ? 1.0f/sqrtf(x56) : 1.0f);
   const float x57 = 1.0f/powf(x56, 1.5f);
   const float x58 = plus_1*x57;
   const float x59 = plus_2*x57;
   const float x60 = plus_3*x57;
-  const float d_plus_factor_d_rho_1 = ((apart) ? -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60 : 0.0f);
-  const float d_plus_factor_d_rho_2 = ((apart) ? -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60 : 0.0f);
-  const float d_plus_factor_d_rho_3 = ((apart) ? -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60 : 0.0f);
-  const float d_plus_factor_d_rho_prime_1 = ((apart) ? -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60 : 0.0f);
-  const float d_plus_factor_d_rho_prime_2 = ((apart) ? -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60 : 0.0f);
-  const float d_plus_factor_d_rho_prime_3 = ((apart) ? -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60 : 0.0f);
-  const float d_plus_factor_d_angle = ((apart) ? -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60 : 0.0f);
+  const float d_plus_factor_d_rho_1 = ((crooked) ? -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60 : 0.0f);
+  const float d_plus_factor_d_rho_2 = ((crooked) ? -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60 : 0.0f);
+  const float d_plus_factor_d_rho_3 = ((crooked) ? -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60 : 0.0f);
+  const float d_plus_factor_d_rho_prime_1 = ((crooked) ? -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60 : 0.0f);
+  const float d_plus_factor_d_rho_prime_2 = ((crooked) ? -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60 : 0.0f);
+  const float d_plus_factor_d_rho_prime_3 = ((crooked) ? -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60 : 0.0f);
+  const float d_plus_factor_d_angle = ((crooked) ? -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60 : 0.0f);
   const float minus_1 = base_1 - offset_1;
   const float d_minus_1_d_rho_1 = d_base_1_d_rho_1 - d_offset_1_d_rho_1;
   const float d_minus_1_d_rho_2 = d_base_1_d_rho_2 - d_offset_1_d_rho_2;
@@ -2841,71 +2842,72 @@ void axis_axis_covariance_f32(const float rho[3], const float rho_prime[3], floa
   const float d_minus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 - d_offset_3_d_rho_prime_3;
   const float d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle;
   const float x61 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3);
-  const float minus_factor = ((apart) ? 1.0f/sqrtf(x61) : 1.0f);
+  const float minus_factor = ((crooked) ? 1.0f/sqrtf(x61) : 1.0f);
   const float x62 = 1.0f/powf(x61, 1.5f);
   const float x63 = minus_1*x62;
   const float x64 = minus_2*x62;
   const float x65 = minus_3*x62;
-  const float d_minus_factor_d_rho_1 = ((apart) ? -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65 : 0.0f);
-  const float d_minus_factor_d_rho_2 = ((apart) ? -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65 : 0.0f);
-  const float d_minus_factor_d_rho_3 = ((apart) ? -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65 : 0.0f);
-  const float d_minus_factor_d_rho_prime_1 = ((apart) ? -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65 : 0.0f);
-  const float d_minus_factor_d_rho_prime_2 = ((apart) ? -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65 : 0.0f);
-  const float d_minus_factor_d_rho_prime_3 = ((apart) ? -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65 : 0.0f);
-  const float d_minus_factor_d_angle = ((apart) ? -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65 : 0.0f);
-  const float d_axes_1_1_d_rho_1 = ((valid) ? d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1 : NAN);
-  const float d_axes_1_1_d_rho_2 = ((valid) ? d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1 : NAN);
-  const float d_axes_1_1_d_rho_3 = ((valid) ? d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1 : NAN);
-  const float d_axes_1_1_d_rho_prime_1 = ((valid) ? d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1 : NAN);
-  const float d_axes_1_1_d_rho_prime_2 = ((valid) ? d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1 : NAN);
-  const float d_axes_1_1_d_rho_prime_3 = ((valid) ? d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1 : NAN);
-  const float d_axes_1_1_d_angle = ((valid) ? d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1 : NAN);
-  const float d_axes_1_2_d_rho_1 = ((valid) ? d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2 : NAN);
-  const float d_axes_1_2_d_rho_2 = ((valid) ? d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2 : NAN);
-  const float d_axes_1_2_d_rho_3 = ((valid) ? d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2 : NAN);
-  const float d_axes_1_2_d_rho_prime_1 = ((valid) ? d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2 : NAN);
-  const float d_axes_1_2_d_rho_prime_2 = ((valid) ? d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2 : NAN);
-  const float d_axes_1_2_d_rho_prime_3 = ((valid) ? d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2 : NAN);
-  const float d_axes_1_2_d_angle = ((valid) ? d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2 : NAN);
-  const float d_axes_1_3_d_rho_1 = ((valid) ? d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3 : NAN);
-  const float d_axes_1_3_d_rho_2 = ((valid) ? d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3 : NAN);
-  const float d_axes_1_3_d_rho_3 = ((valid) ? d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3 : NAN);
-  const float d_axes_1_3_d_rho_prime_1 = ((valid) ? d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3 : NAN);
-  const float d_axes_1_3_d_rho_prime_2 = ((valid) ? d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3 : NAN);
-  const float d_axes_1_3_d_rho_prime_3 = ((valid) ? d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3 : NAN);
-  const float d_axes_1_3_d_angle = ((valid) ? d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3 : NAN);
-  const float d_axes_2_1_d_rho_1 = ((valid) ? d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1 : NAN);
-  const float d_axes_2_1_d_rho_2 = ((valid) ? d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1 : NAN);
-  const float d_axes_2_1_d_rho_3 = ((valid) ? d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1 : NAN);
-  const float d_axes_2_1_d_rho_prime_1 = ((valid) ? d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1 : NAN);
-  const float d_axes_2_1_d_rho_prime_2 = ((valid) ? d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1 : NAN);
-  const float d_axes_2_1_d_rho_prime_3 = ((valid) ? d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1 : NAN);
-  const float d_axes_2_1_d_angle = ((valid) ? d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1 : NAN);
-  const float d_axes_2_2_d_rho_1 = ((valid) ? d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2 : NAN);
-  const float d_axes_2_2_d_rho_2 = ((valid) ? d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2 : NAN);
-  const float d_axes_2_2_d_rho_3 = ((valid) ? d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2 : NAN);
-  const float d_axes_2_2_d_rho_prime_1 = ((valid) ? d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2 : NAN);
-  const float d_axes_2_2_d_rho_prime_2 = ((valid) ? d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2 : NAN);
-  const float d_axes_2_2_d_rho_prime_3 = ((valid) ? d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2 : NAN);
-  const float d_axes_2_2_d_angle = ((valid) ? d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2 : NAN);
-  const float d_axes_2_3_d_rho_1 = ((valid) ? d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3 : NAN);
-  const float d_axes_2_3_d_rho_2 = ((valid) ? d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3 : NAN);
-  const float d_axes_2_3_d_rho_3 = ((valid) ? d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3 : NAN);
-  const float d_axes_2_3_d_rho_prime_1 = ((valid) ? d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3 : NAN);
-  const float d_axes_2_3_d_rho_prime_2 = ((valid) ? d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3 : NAN);
-  const float d_axes_2_3_d_rho_prime_3 = ((valid) ? d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3 : NAN);
-  const float d_axes_2_3_d_angle = ((valid) ? d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3 : NAN);
+  const float d_minus_factor_d_rho_1 = ((crooked) ? -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65 : 0.0f);
+  const float d_minus_factor_d_rho_2 = ((crooked) ? -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65 : 0.0f);
+  const float d_minus_factor_d_rho_3 = ((crooked) ? -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65 : 0.0f);
+  const float d_minus_factor_d_rho_prime_1 = ((crooked) ? -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65 : 0.0f);
+  const float d_minus_factor_d_rho_prime_2 = ((crooked) ? -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65 : 0.0f);
+  const float d_minus_factor_d_rho_prime_3 = ((crooked) ? -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65 : 0.0f);
+  const float d_minus_factor_d_angle = ((crooked) ? -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65 : 0.0f);
+  const float d_axes_1_1_d_rho_1 = ((valid) ? d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1 : (float)NAN);
+  const float d_axes_1_1_d_rho_2 = ((valid) ? d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1 : (float)NAN);
+  const float d_axes_1_1_d_rho_3 = ((valid) ? d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1 : (float)NAN);
+  const float d_axes_1_1_d_rho_prime_1 = ((valid) ? d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1 : (float)NAN);
+  const float d_axes_1_1_d_rho_prime_2 = ((valid) ? d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1 : (float)NAN);
+  const float d_axes_1_1_d_rho_prime_3 = ((valid) ? d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1 : (float)NAN);
+  const float d_axes_1_1_d_angle = ((valid) ? d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1 : (float)NAN);
+  const float d_axes_1_2_d_rho_1 = ((valid) ? d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2 : (float)NAN);
+  const float d_axes_1_2_d_rho_2 = ((valid) ? d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2 : (float)NAN);
+  const float d_axes_1_2_d_rho_3 = ((valid) ? d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2 : (float)NAN);
+  const float d_axes_1_2_d_rho_prime_1 = ((valid) ? d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2 : (float)NAN);
+  const float d_axes_1_2_d_rho_prime_2 = ((valid) ? d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2 : (float)NAN);
+  const float d_axes_1_2_d_rho_prime_3 = ((valid) ? d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2 : (float)NAN);
+  const float d_axes_1_2_d_angle = ((valid) ? d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2 : (float)NAN);
+  const float d_axes_1_3_d_rho_1 = ((valid) ? d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3 : (float)NAN);
+  const float d_axes_1_3_d_rho_2 = ((valid) ? d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3 : (float)NAN);
+  const float d_axes_1_3_d_rho_3 = ((valid) ? d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3 : (float)NAN);
+  const float d_axes_1_3_d_rho_prime_1 = ((valid) ? d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3 : (float)NAN);
+  const float d_axes_1_3_d_rho_prime_2 = ((valid) ? d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3 : (float)NAN);
+  const float d_axes_1_3_d_rho_prime_3 = ((valid) ? d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3 : (float)NAN);
+  const float d_axes_1_3_d_angle = ((valid) ? d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3 : (float)NAN);
+  const float d_axes_2_1_d_rho_1 = ((valid) ? d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1 : (float)NAN);
+  const float d_axes_2_1_d_rho_2 = ((valid) ? d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1 : (float)NAN);
+  const float d_axes_2_1_d_rho_3 = ((valid) ? d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1 : (float)NAN);
+  const float d_axes_2_1_d_rho_prime_1 = ((valid) ? d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1 : (float)NAN);
+  const float d_axes_2_1_d_rho_prime_2 = ((valid) ? d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1 : (float)NAN);
+  const float d_axes_2_1_d_rho_prime_3 = ((valid) ? d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1 : (float)NAN);
+  const float d_axes_2_1_d_angle = ((valid) ? d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1 : (float)NAN);
+  const float d_axes_2_2_d_rho_1 = ((valid) ? d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2 : (float)NAN);
+  const float d_axes_2_2_d_rho_2 = ((valid) ? d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2 : (float)NAN);
+  const float d_axes_2_2_d_rho_3 = ((valid) ? d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2 : (float)NAN);
+  const float d_axes_2_2_d_rho_prime_1 = ((valid) ? d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2 : (float)NAN);
+  const float d_axes_2_2_d_rho_prime_2 = ((valid) ? d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2 : (float)NAN);
+  const float d_axes_2_2_d_rho_prime_3 = ((valid) ? d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2 : (float)NAN);
+  const float d_axes_2_2_d_angle = ((valid) ? d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2 : (float)NAN);
+  const float d_axes_2_3_d_rho_1 = ((valid) ? d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3 : (float)NAN);
+  const float d_axes_2_3_d_rho_2 = ((valid) ? d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3 : (float)NAN);
+  const float d_axes_2_3_d_rho_3 = ((valid) ? d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3 : (float)NAN);
+  const float d_axes_2_3_d_rho_prime_1 = ((valid) ? d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3 : (float)NAN);
+  const float d_axes_2_3_d_rho_prime_2 = ((valid) ? d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3 : (float)NAN);
+  const float d_axes_2_3_d_rho_prime_3 = ((valid) ? d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3 : (float)NAN);
+  const float d_axes_2_3_d_angle = ((valid) ? d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3 : (float)NAN);
   const int both_zero = (size_after == 0.0f) && (size_before == 0.0f);
   const int one_zero = (size_after == 0.0f) || (size_before == 0.0f);
+  const float x8 = length_squared*x3;
   const float coincident = 16.0f*x8;
   const float x10 = FLT_EPSILON*x5;
-  const int no_turn = (sine_size <= (FLT_EPSILON*FLT_EPSILON*FLT_EPSILON*FLT_EPSILON)) || (sine_size <= x10);
+  const int no_turn = (sine_size <= x10) || (sine_size <= x9);
   const int every = (no_turn) && (r_squared <= coincident);
   const int opposite = (m_squared <= coincident) && (fabsf(cosine) <= x10);
   const int too_small = (no_turn) || (root_squared < -4.0f*band);
-  const int parallel = r_squared*(turn_scale*turn_scale) <= x4*x9;
+  const int parallel = r_squared*(turn_scale*turn_scale) <= 64.0f*x4*x8;
   const float least_tolerance = ((length_tolerance > x6) ? length_tolerance : x6);
-  const int lengths_agree = (comparable) && (x11 <= least_tolerance*(1.0f - excess));
+  const int lengths_agree = (comparable) && (fabsf(excess) <= least_tolerance*(1.0f - excess));
   const float select_10 = ((parallel) ? 3.0f : 0.0f);
   const float select_11 = ((!(two)) ? 1.0f : select_10);
   const float select_12 = ((too_small) ? 2.0f : select_11);
@@ -3003,24 +3005,24 @@ void axis_axis_covariance_f32(const float rho[3], const float rho_prime[3], floa
   const float x73 = axes_jacobian_2_2_7*axes_jacobian_2_3_7*var_angle;
   const float axis_status_value = status;
   /* outputs */
-  covariance[0] = axes_jacobian_1_1_1*half_rho_a_1_1 + axes_jacobian_1_1_2*half_rho_a_1_2 + axes_jacobian_1_1_3*half_rho_a_1_3 + axes_jacobian_1_1_4*half_prime_a_1_1 + axes_jacobian_1_1_5*half_prime_a_1_2 + axes_jacobian_1_1_6*half_prime_a_1_3 + (axes_jacobian_1_1_7*axes_jacobian_1_1_7)*var_angle;
-  covariance[1] = axes_jacobian_1_2_1*half_rho_a_1_1 + axes_jacobian_1_2_2*half_rho_a_1_2 + axes_jacobian_1_2_3*half_rho_a_1_3 + axes_jacobian_1_2_4*half_prime_a_1_1 + axes_jacobian_1_2_5*half_prime_a_1_2 + axes_jacobian_1_2_6*half_prime_a_1_3 + x67;
-  covariance[2] = axes_jacobian_1_3_1*half_rho_a_1_1 + axes_jacobian_1_3_2*half_rho_a_1_2 + axes_jacobian_1_3_3*half_rho_a_1_3 + axes_jacobian_1_3_4*half_prime_a_1_1 + axes_jacobian_1_3_5*half_prime_a_1_2 + axes_jacobian_1_3_6*half_prime_a_1_3 + x68;
-  covariance[3] = axes_jacobian_1_1_1*half_rho_a_2_1 + axes_jacobian_1_1_2*half_rho_a_2_2 + axes_jacobian_1_1_3*half_rho_a_2_3 + axes_jacobian_1_1_4*half_prime_a_2_1 + axes_jacobian_1_1_5*half_prime_a_2_2 + axes_jacobian_1_1_6*half_prime_a_2_3 + x67;
-  covariance[4] = axes_jacobian_1_2_1*half_rho_a_2_1 + axes_jacobian_1_2_2*half_rho_a_2_2 + axes_jacobian_1_2_3*half_rho_a_2_3 + axes_jacobian_1_2_4*half_prime_a_2_1 + axes_jacobian_1_2_5*half_prime_a_2_2 + axes_jacobian_1_2_6*half_prime_a_2_3 + (axes_jacobian_1_2_7*axes_jacobian_1_2_7)*var_angle;
-  covariance[5] = axes_jacobian_1_3_1*half_rho_a_2_1 + axes_jacobian_1_3_2*half_rho_a_2_2 + axes_jacobian_1_3_3*half_rho_a_2_3 + axes_jacobian_1_3_4*half_prime_a_2_1 + axes_jacobian_1_3_5*half_prime_a_2_2 + axes_jacobian_1_3_6*half_prime_a_2_3 + x69;
-  covariance[6] = axes_jacobian_1_1_1*half_rho_a_3_1 + axes_jacobian_1_1_2*half_rho_a_3_2 + axes_jacobian_1_1_3*half_rho_a_3_3 + axes_jacobian_1_1_4*half_prime_a_3_1 + axes_jacobian_1_1_5*half_prime_a_3_2 + axes_jacobian_1_1_6*half_prime_a_3_3 + x68;
-  covariance[7] = axes_jacobian_1_2_1*half_rho_a_3_1 + axes_jacobian_1_2_2*half_rho_a_3_2 + axes_jacobian_1_2_3*half_rho_a_3_3 + axes_jacobian_1_2_4*half_prime_a_3_1 + axes_jacobian_1_2_5*half_prime_a_3_2 + axes_jacobian_1_2_6*half_prime_a_3_3 + x69;
-  covariance[8] = axes_jacobian_1_3_1*half_rho_a_3_1 + axes_jacobian_1_3_2*half_rho_a_3_2 + axes_jacobian_1_3_3*half_rho_a_3_3 + axes_jacobian_1_3_4*half_prime_a_3_1 + axes_jacobian_1_3_5*half_prime_a_3_2 + axes_jacobian_1_3_6*half_prime_a_3_3 + (axes_jacobian_1_3_7*axes_jacobian_1_3_7)*var_angle;
-  covariance[9] = axes_jacobian_2_1_1*half_rho_b_1_1 + axes_jacobian_2_1_2*half_rho_b_1_2 + axes_jacobian_2_1_3*half_rho_b_1_3 + axes_jacobian_2_1_4*half_prime_b_1_1 + axes_jacobian_2_1_5*half_prime_b_1_2 + axes_jacobian_2_1_6*half_prime_b_1_3 + (axes_jacobian_2_1_7*axes_jacobian_2_1_7)*var_angle;
-  covariance[10] = axes_jacobian_2_2_1*half_rho_b_1_1 + axes_jacobian_2_2_2*half_rho_b_1_2 + axes_jacobian_2_2_3*half_rho_b_1_3 + axes_jacobian_2_2_4*half_prime_b_1_1 + axes_jacobian_2_2_5*half_prime_b_1_2 + axes_jacobian_2_2_6*half_prime_b_1_3 + x71;
-  covariance[11] = axes_jacobian_2_3_1*half_rho_b_1_1 + axes_jacobian_2_3_2*half_rho_b_1_2 + axes_jacobian_2_3_3*half_rho_b_1_3 + axes_jacobian_2_3_4*half_prime_b_1_1 + axes_jacobian_2_3_5*half_prime_b_1_2 + axes_jacobian_2_3_6*half_prime_b_1_3 + x72;
-  covariance[12] = axes_jacobian_2_1_1*half_rho_b_2_1 + axes_jacobian_2_1_2*half_rho_b_2_2 + axes_jacobian_2_1_3*half_rho_b_2_3 + axes_jacobian_2_1_4*half_prime_b_2_1 + axes_jacobian_2_1_5*half_prime_b_2_2 + axes_jacobian_2_1_6*half_prime_b_2_3 + x71;
-  covariance[13] = axes_jacobian_2_2_1*half_rho_b_2_1 + axes_jacobian_2_2_2*half_rho_b_2_2 + axes_jacobian_2_2_3*half_rho_b_2_3 + axes_jacobian_2_2_4*half_prime_b_2_1 + axes_jacobian_2_2_5*half_prime_b_2_2 + axes_jacobian_2_2_6*half_prime_b_2_3 + (axes_jacobian_2_2_7*axes_jacobian_2_2_7)*var_angle;
-  covariance[14] = axes_jacobian_2_3_1*half_rho_b_2_1 + axes_jacobian_2_3_2*half_rho_b_2_2 + axes_jacobian_2_3_3*half_rho_b_2_3 + axes_jacobian_2_3_4*half_prime_b_2_1 + axes_jacobian_2_3_5*half_prime_b_2_2 + axes_jacobian_2_3_6*half_prime_b_2_3 + x73;
-  covariance[15] = axes_jacobian_2_1_1*half_rho_b_3_1 + axes_jacobian_2_1_2*half_rho_b_3_2 + axes_jacobian_2_1_3*half_rho_b_3_3 + axes_jacobian_2_1_4*half_prime_b_3_1 + axes_jacobian_2_1_5*half_prime_b_3_2 + axes_jacobian_2_1_6*half_prime_b_3_3 + x72;
-  covariance[16] = axes_jacobian_2_2_1*half_rho_b_3_1 + axes_jacobian_2_2_2*half_rho_b_3_2 + axes_jacobian_2_2_3*half_rho_b_3_3 + axes_jacobian_2_2_4*half_prime_b_3_1 + axes_jacobian_2_2_5*half_prime_b_3_2 + axes_jacobian_2_2_6*half_prime_b_3_3 + x73;
-  covariance[17] = axes_jacobian_2_3_1*half_rho_b_3_1 + axes_jacobian_2_3_2*half_rho_b_3_2 + axes_jacobian_2_3_3*half_rho_b_3_3 + axes_jacobian_2_3_4*half_prime_b_3_1 + axes_jacobian_2_3_5*half_prime_b_3_2 + axes_jacobian_2_3_6*half_prime_b_3_3 + (axes_jacobian_2_3_7*axes_jacobian_2_3_7)*var_angle;
+  covariance[0] = ((two) ? axes_jacobian_1_1_1*half_rho_a_1_1 + axes_jacobian_1_1_2*half_rho_a_1_2 + axes_jacobian_1_1_3*half_rho_a_1_3 + axes_jacobian_1_1_4*half_prime_a_1_1 + axes_jacobian_1_1_5*half_prime_a_1_2 + axes_jacobian_1_1_6*half_prime_a_1_3 + (axes_jacobian_1_1_7*axes_jacobian_1_1_7)*var_angle : (float)NAN);
+  covariance[1] = ((two) ? axes_jacobian_1_2_1*half_rho_a_1_1 + axes_jacobian_1_2_2*half_rho_a_1_2 + axes_jacobian_1_2_3*half_rho_a_1_3 + axes_jacobian_1_2_4*half_prime_a_1_1 + axes_jacobian_1_2_5*half_prime_a_1_2 + axes_jacobian_1_2_6*half_prime_a_1_3 + x67 : (float)NAN);
+  covariance[2] = ((two) ? axes_jacobian_1_3_1*half_rho_a_1_1 + axes_jacobian_1_3_2*half_rho_a_1_2 + axes_jacobian_1_3_3*half_rho_a_1_3 + axes_jacobian_1_3_4*half_prime_a_1_1 + axes_jacobian_1_3_5*half_prime_a_1_2 + axes_jacobian_1_3_6*half_prime_a_1_3 + x68 : (float)NAN);
+  covariance[3] = ((two) ? axes_jacobian_1_1_1*half_rho_a_2_1 + axes_jacobian_1_1_2*half_rho_a_2_2 + axes_jacobian_1_1_3*half_rho_a_2_3 + axes_jacobian_1_1_4*half_prime_a_2_1 + axes_jacobian_1_1_5*half_prime_a_2_2 + axes_jacobian_1_1_6*half_prime_a_2_3 + x67 : (float)NAN);
+  covariance[4] = ((two) ? axes_jacobian_1_2_1*half_rho_a_2_1 + axes_jacobian_1_2_2*half_rho_a_2_2 + axes_jacobian_1_2_3*half_rho_a_2_3 + axes_jacobian_1_2_4*half_prime_a_2_1 + axes_jacobian_1_2_5*half_prime_a_2_2 + axes_jacobian_1_2_6*half_prime_a_2_3 + (axes_jacobian_1_2_7*axes_jacobian_1_2_7)*var_angle : (float)NAN);
+  covariance[5] = ((two) ? axes_jacobian_1_3_1*half_rho_a_2_1 + axes_jacobian_1_3_2*half_rho_a_2_2 + axes_jacobian_1_3_3*half_rho_a_2_3 + axes_jacobian_1_3_4*half_prime_a_2_1 + axes_jacobian_1_3_5*half_prime_a_2_2 + axes_jacobian_1_3_6*half_prime_a_2_3 + x69 : (float)NAN);
+  covariance[6] = ((two) ? axes_jacobian_1_1_1*half_rho_a_3_1 + axes_jacobian_1_1_2*half_rho_a_3_2 + axes_jacobian_1_1_3*half_rho_a_3_3 + axes_jacobian_1_1_4*half_prime_a_3_1 + axes_jacobian_1_1_5*half_prime_a_3_2 + axes_jacobian_1_1_6*half_prime_a_3_3 + x68 : (float)NAN);
+  covariance[7] = ((two) ? axes_jacobian_1_2_1*half_rho_a_3_1 + axes_jacobian_1_2_2*half_rho_a_3_2 + axes_jacobian_1_2_3*half_rho_a_3_3 + axes_jacobian_1_2_4*half_prime_a_3_1 + axes_jacobian_1_2_5*half_prime_a_3_2 + axes_jacobian_1_2_6*half_prime_a_3_3 + x69 : (float)NAN);
+  covariance[8] = ((two) ? axes_jacobian_1_3_1*half_rho_a_3_1 + axes_jacobian_1_3_2*half_rho_a_3_2 + axes_jacobian_1_3_3*half_rho_a_3_3 + axes_jacobian_1_3_4*half_prime_a_3_1 + axes_jacobian_1_3_5*half_prime_a_3_2 + axes_jacobian_1_3_6*half_prime_a_3_3 + (axes_jacobian_1_3_7*axes_jacobian_1_3_7)*var_angle : (float)NAN);
+  covariance[9] = ((two) ? axes_jacobian_2_1_1*half_rho_b_1_1 + axes_jacobian_2_1_2*half_rho_b_1_2 + axes_jacobian_2_1_3*half_rho_b_1_3 + axes_jacobian_2_1_4*half_prime_b_1_1 + axes_jacobian_2_1_5*half_prime_b_1_2 + axes_jacobian_2_1_6*half_prime_b_1_3 + (axes_jacobian_2_1_7*axes_jacobian_2_1_7)*var_angle : (float)NAN);
+  covariance[10] = ((two) ? axes_jacobian_2_2_1*half_rho_b_1_1 + axes_jacobian_2_2_2*half_rho_b_1_2 + axes_jacobian_2_2_3*half_rho_b_1_3 + axes_jacobian_2_2_4*half_prime_b_1_1 + axes_jacobian_2_2_5*half_prime_b_1_2 + axes_jacobian_2_2_6*half_prime_b_1_3 + x71 : (float)NAN);
+  covariance[11] = ((two) ? axes_jacobian_2_3_1*half_rho_b_1_1 + axes_jacobian_2_3_2*half_rho_b_1_2 + axes_jacobian_2_3_3*half_rho_b_1_3 + axes_jacobian_2_3_4*half_prime_b_1_1 + axes_jacobian_2_3_5*half_prime_b_1_2 + axes_jacobian_2_3_6*half_prime_b_1_3 + x72 : (float)NAN);
+  covariance[12] = ((two) ? axes_jacobian_2_1_1*half_rho_b_2_1 + axes_jacobian_2_1_2*half_rho_b_2_2 + axes_jacobian_2_1_3*half_rho_b_2_3 + axes_jacobian_2_1_4*half_prime_b_2_1 + axes_jacobian_2_1_5*half_prime_b_2_2 + axes_jacobian_2_1_6*half_prime_b_2_3 + x71 : (float)NAN);
+  covariance[13] = ((two) ? axes_jacobian_2_2_1*half_rho_b_2_1 + axes_jacobian_2_2_2*half_rho_b_2_2 + axes_jacobian_2_2_3*half_rho_b_2_3 + axes_jacobian_2_2_4*half_prime_b_2_1 + axes_jacobian_2_2_5*half_prime_b_2_2 + axes_jacobian_2_2_6*half_prime_b_2_3 + (axes_jacobian_2_2_7*axes_jacobian_2_2_7)*var_angle : (float)NAN);
+  covariance[14] = ((two) ? axes_jacobian_2_3_1*half_rho_b_2_1 + axes_jacobian_2_3_2*half_rho_b_2_2 + axes_jacobian_2_3_3*half_rho_b_2_3 + axes_jacobian_2_3_4*half_prime_b_2_1 + axes_jacobian_2_3_5*half_prime_b_2_2 + axes_jacobian_2_3_6*half_prime_b_2_3 + x73 : (float)NAN);
+  covariance[15] = ((two) ? axes_jacobian_2_1_1*half_rho_b_3_1 + axes_jacobian_2_1_2*half_rho_b_3_2 + axes_jacobian_2_1_3*half_rho_b_3_3 + axes_jacobian_2_1_4*half_prime_b_3_1 + axes_jacobian_2_1_5*half_prime_b_3_2 + axes_jacobian_2_1_6*half_prime_b_3_3 + x72 : (float)NAN);
+  covariance[16] = ((two) ? axes_jacobian_2_2_1*half_rho_b_3_1 + axes_jacobian_2_2_2*half_rho_b_3_2 + axes_jacobian_2_2_3*half_rho_b_3_3 + axes_jacobian_2_2_4*half_prime_b_3_1 + axes_jacobian_2_2_5*half_prime_b_3_2 + axes_jacobian_2_2_6*half_prime_b_3_3 + x73 : (float)NAN);
+  covariance[17] = ((two) ? axes_jacobian_2_3_1*half_rho_b_3_1 + axes_jacobian_2_3_2*half_rho_b_3_2 + axes_jacobian_2_3_3*half_rho_b_3_3 + axes_jacobian_2_3_4*half_prime_b_3_1 + axes_jacobian_2_3_5*half_prime_b_3_2 + axes_jacobian_2_3_6*half_prime_b_3_3 + (axes_jacobian_2_3_7*axes_jacobian_2_3_7)*var_angle : (float)NAN);
   *axis_status = (int8_t)axis_status_value;
 }
 

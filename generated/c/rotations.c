@@ -133,9 +133,9 @@ void rotations_rodrigues_vector_from_axis_angle_f64(const double axis[3], double
   const double x4 = 2.0*((w > 0.25*DBL_EPSILON) ? 1.0/w : 4.0/DBL_EPSILON);
   const double status_value = ((!(good)) ? 4.0 : ((axis_deviation > 16.0*DBL_EPSILON) ? 3.0 : ((sine == 0.0) ? 1.0 : ((w <= DBL_EPSILON) ? 2.0 : 0.0))));
   /* outputs */
-  theta[0] = ((good) ? v_1*x4 : NAN);
-  theta[1] = ((good) ? v_2*x4 : NAN);
-  theta[2] = ((good) ? v_3*x4 : NAN);
+  theta[0] = ((good) ? v_1*x4 : (double)NAN);
+  theta[1] = ((good) ? v_2*x4 : (double)NAN);
+  theta[2] = ((good) ? v_3*x4 : (double)NAN);
   *status = (int8_t)status_value;
 }
 
@@ -179,9 +179,9 @@ void rotations_rodrigues_vector_from_axis_angle_f32(const float axis[3], float a
   const float x4 = 2.0f*((w > 0.25f*FLT_EPSILON) ? 1.0f/w : 4.0f/FLT_EPSILON);
   const float status_value = ((!(good)) ? 4.0f : ((axis_deviation > 16.0f*FLT_EPSILON) ? 3.0f : ((sine == 0.0f) ? 1.0f : ((w <= FLT_EPSILON) ? 2.0f : 0.0f))));
   /* outputs */
-  theta[0] = ((good) ? v_1*x4 : NAN);
-  theta[1] = ((good) ? v_2*x4 : NAN);
-  theta[2] = ((good) ? v_3*x4 : NAN);
+  theta[0] = ((good) ? v_1*x4 : (float)NAN);
+  theta[1] = ((good) ? v_2*x4 : (float)NAN);
+  theta[2] = ((good) ? v_3*x4 : (float)NAN);
   *status = (int8_t)status_value;
 }
 
@@ -234,15 +234,15 @@ void rotations_matrix_from_axis_angle_f64(const double axis[3], double angle, do
   const double x13 = 2.0*v_1*w;
   const double status_value = ((!(good)) ? 4.0 : ((axis_deviation > 16.0*DBL_EPSILON) ? 3.0 : ((sine == 0.0) ? 1.0 : ((w <= DBL_EPSILON) ? 2.0 : 0.0))));
   /* outputs */
-  matrix[0] = ((good) ? -x4 - x5 : NAN);
-  matrix[1] = ((good) ? x7 - x9 : NAN);
-  matrix[2] = ((good) ? x10 + x11 : NAN);
-  matrix[3] = ((good) ? x7 + x9 : NAN);
-  matrix[4] = ((good) ? -x12 - x5 : NAN);
-  matrix[5] = ((good) ? 2.0*v_2*v_3 - x13 : NAN);
-  matrix[6] = ((good) ? x10 - x11 : NAN);
-  matrix[7] = ((good) ? v_2*x8 + x13 : NAN);
-  matrix[8] = ((good) ? 1.0 - x12 - x4 : NAN);
+  matrix[0] = ((good) ? -x4 - x5 : (double)NAN);
+  matrix[1] = ((good) ? x7 - x9 : (double)NAN);
+  matrix[2] = ((good) ? x10 + x11 : (double)NAN);
+  matrix[3] = ((good) ? x7 + x9 : (double)NAN);
+  matrix[4] = ((good) ? -x12 - x5 : (double)NAN);
+  matrix[5] = ((good) ? 2.0*v_2*v_3 - x13 : (double)NAN);
+  matrix[6] = ((good) ? x10 - x11 : (double)NAN);
+  matrix[7] = ((good) ? v_2*x8 + x13 : (double)NAN);
+  matrix[8] = ((good) ? 1.0 - x12 - x4 : (double)NAN);
   *status = (int8_t)status_value;
 }
 
@@ -295,15 +295,15 @@ void rotations_matrix_from_axis_angle_f32(const float axis[3], float angle, floa
   const float x13 = 2.0f*v_1*w;
   const float status_value = ((!(good)) ? 4.0f : ((axis_deviation > 16.0f*FLT_EPSILON) ? 3.0f : ((sine == 0.0f) ? 1.0f : ((w <= FLT_EPSILON) ? 2.0f : 0.0f))));
   /* outputs */
-  matrix[0] = ((good) ? -x4 - x5 : NAN);
-  matrix[1] = ((good) ? x7 - x9 : NAN);
-  matrix[2] = ((good) ? x10 + x11 : NAN);
-  matrix[3] = ((good) ? x7 + x9 : NAN);
-  matrix[4] = ((good) ? -x12 - x5 : NAN);
-  matrix[5] = ((good) ? 2.0f*v_2*v_3 - x13 : NAN);
-  matrix[6] = ((good) ? x10 - x11 : NAN);
-  matrix[7] = ((good) ? v_2*x8 + x13 : NAN);
-  matrix[8] = ((good) ? 1.0f - x12 - x4 : NAN);
+  matrix[0] = ((good) ? -x4 - x5 : (float)NAN);
+  matrix[1] = ((good) ? x7 - x9 : (float)NAN);
+  matrix[2] = ((good) ? x10 + x11 : (float)NAN);
+  matrix[3] = ((good) ? x7 + x9 : (float)NAN);
+  matrix[4] = ((good) ? -x12 - x5 : (float)NAN);
+  matrix[5] = ((good) ? 2.0f*v_2*v_3 - x13 : (float)NAN);
+  matrix[6] = ((good) ? x10 - x11 : (float)NAN);
+  matrix[7] = ((good) ? v_2*x8 + x13 : (float)NAN);
+  matrix[8] = ((good) ? 1.0f - x12 - x4 : (float)NAN);
   *status = (int8_t)status_value;
 }
 
@@ -346,10 +346,10 @@ void rotations_quaternion_from_axis_angle_f64(const double axis[3], double angle
   const double sine = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
   const double status_value = ((!(good)) ? 4.0 : ((axis_deviation > 16.0*DBL_EPSILON) ? 3.0 : ((sine == 0.0) ? 1.0 : ((w <= DBL_EPSILON) ? 2.0 : 0.0))));
   /* outputs */
-  quaternion[0] = ((good) ? w : NAN);
-  quaternion[1] = ((good) ? v_1 : NAN);
-  quaternion[2] = ((good) ? v_2 : NAN);
-  quaternion[3] = ((good) ? v_3 : NAN);
+  quaternion[0] = ((good) ? w : (double)NAN);
+  quaternion[1] = ((good) ? v_1 : (double)NAN);
+  quaternion[2] = ((good) ? v_2 : (double)NAN);
+  quaternion[3] = ((good) ? v_3 : (double)NAN);
   *status = (int8_t)status_value;
 }
 
@@ -392,10 +392,10 @@ void rotations_quaternion_from_axis_angle_f32(const float axis[3], float angle, 
   const float sine = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
   const float status_value = ((!(good)) ? 4.0f : ((axis_deviation > 16.0f*FLT_EPSILON) ? 3.0f : ((sine == 0.0f) ? 1.0f : ((w <= FLT_EPSILON) ? 2.0f : 0.0f))));
   /* outputs */
-  quaternion[0] = ((good) ? w : NAN);
-  quaternion[1] = ((good) ? v_1 : NAN);
-  quaternion[2] = ((good) ? v_2 : NAN);
-  quaternion[3] = ((good) ? v_3 : NAN);
+  quaternion[0] = ((good) ? w : (float)NAN);
+  quaternion[1] = ((good) ? v_1 : (float)NAN);
+  quaternion[2] = ((good) ? v_2 : (float)NAN);
+  quaternion[3] = ((good) ? v_3 : (float)NAN);
   *status = (int8_t)status_value;
 }
 
@@ -433,10 +433,10 @@ void rotations_axis_angle_from_rodrigues_vector_f64(const double theta[3], doubl
   const double x3 = ((sine > 0.0) ? 1.0/x2 : 1.0);
   const double status_value = ((!(good)) ? 4.0 : ((sine == 0.0) ? 1.0 : ((w <= DBL_EPSILON) ? 2.0 : 0.0)));
   /* outputs */
-  axis[0] = ((good) ? ((sine > 0.0) ? v_scaled_1*x3 : 0.0) : NAN);
-  axis[1] = ((good) ? ((sine > 0.0) ? v_scaled_2*x3 : 0.0) : NAN);
-  axis[2] = ((good) ? ((sine > 0.0) ? v_scaled_3*x3 : 1.0) : NAN);
-  *angle = ((good) ? 2.0*atan2(sine, w) : NAN);
+  axis[0] = ((good) ? ((sine > 0.0) ? v_scaled_1*x3 : 0.0) : (double)NAN);
+  axis[1] = ((good) ? ((sine > 0.0) ? v_scaled_2*x3 : 0.0) : (double)NAN);
+  axis[2] = ((good) ? ((sine > 0.0) ? v_scaled_3*x3 : 1.0) : (double)NAN);
+  *angle = ((good) ? 2.0*atan2(sine, w) : (double)NAN);
   *status = (int8_t)status_value;
 }
 
@@ -474,10 +474,10 @@ void rotations_axis_angle_from_rodrigues_vector_f32(const float theta[3], float 
   const float x3 = ((sine > 0.0f) ? 1.0f/x2 : 1.0f);
   const float status_value = ((!(good)) ? 4.0f : ((sine == 0.0f) ? 1.0f : ((w <= FLT_EPSILON) ? 2.0f : 0.0f)));
   /* outputs */
-  axis[0] = ((good) ? ((sine > 0.0f) ? v_scaled_1*x3 : 0.0f) : NAN);
-  axis[1] = ((good) ? ((sine > 0.0f) ? v_scaled_2*x3 : 0.0f) : NAN);
-  axis[2] = ((good) ? ((sine > 0.0f) ? v_scaled_3*x3 : 1.0f) : NAN);
-  *angle = ((good) ? 2.0f*atan2f(sine, w) : NAN);
+  axis[0] = ((good) ? ((sine > 0.0f) ? v_scaled_1*x3 : 0.0f) : (float)NAN);
+  axis[1] = ((good) ? ((sine > 0.0f) ? v_scaled_2*x3 : 0.0f) : (float)NAN);
+  axis[2] = ((good) ? ((sine > 0.0f) ? v_scaled_3*x3 : 1.0f) : (float)NAN);
+  *angle = ((good) ? 2.0f*atan2f(sine, w) : (float)NAN);
   *status = (int8_t)status_value;
 }
 
@@ -523,15 +523,15 @@ void rotations_matrix_from_rodrigues_vector_f64(const double theta[3], double ma
   const double x11 = 2.0*v_1*w;
   const double status_value = ((!(good)) ? 4.0 : ((sine == 0.0) ? 1.0 : ((w <= DBL_EPSILON) ? 2.0 : 0.0)));
   /* outputs */
-  matrix[0] = ((good) ? -x2 - x3 : NAN);
-  matrix[1] = ((good) ? x5 - x7 : NAN);
-  matrix[2] = ((good) ? x8 + x9 : NAN);
-  matrix[3] = ((good) ? x5 + x7 : NAN);
-  matrix[4] = ((good) ? -x10 - x3 : NAN);
-  matrix[5] = ((good) ? 2.0*v_2*v_3 - x11 : NAN);
-  matrix[6] = ((good) ? x8 - x9 : NAN);
-  matrix[7] = ((good) ? v_2*x6 + x11 : NAN);
-  matrix[8] = ((good) ? 1.0 - x10 - x2 : NAN);
+  matrix[0] = ((good) ? -x2 - x3 : (double)NAN);
+  matrix[1] = ((good) ? x5 - x7 : (double)NAN);
+  matrix[2] = ((good) ? x8 + x9 : (double)NAN);
+  matrix[3] = ((good) ? x5 + x7 : (double)NAN);
+  matrix[4] = ((good) ? -x10 - x3 : (double)NAN);
+  matrix[5] = ((good) ? 2.0*v_2*v_3 - x11 : (double)NAN);
+  matrix[6] = ((good) ? x8 - x9 : (double)NAN);
+  matrix[7] = ((good) ? v_2*x6 + x11 : (double)NAN);
+  matrix[8] = ((good) ? 1.0 - x10 - x2 : (double)NAN);
   *status = (int8_t)status_value;
 }
 
@@ -577,15 +577,15 @@ void rotations_matrix_from_rodrigues_vector_f32(const float theta[3], float matr
   const float x11 = 2.0f*v_1*w;
   const float status_value = ((!(good)) ? 4.0f : ((sine == 0.0f) ? 1.0f : ((w <= FLT_EPSILON) ? 2.0f : 0.0f)));
   /* outputs */
-  matrix[0] = ((good) ? -x2 - x3 : NAN);
-  matrix[1] = ((good) ? x5 - x7 : NAN);
-  matrix[2] = ((good) ? x8 + x9 : NAN);
-  matrix[3] = ((good) ? x5 + x7 : NAN);
-  matrix[4] = ((good) ? -x10 - x3 : NAN);
-  matrix[5] = ((good) ? 2.0f*v_2*v_3 - x11 : NAN);
-  matrix[6] = ((good) ? x8 - x9 : NAN);
-  matrix[7] = ((good) ? v_2*x6 + x11 : NAN);
-  matrix[8] = ((good) ? 1.0f - x10 - x2 : NAN);
+  matrix[0] = ((good) ? -x2 - x3 : (float)NAN);
+  matrix[1] = ((good) ? x5 - x7 : (float)NAN);
+  matrix[2] = ((good) ? x8 + x9 : (float)NAN);
+  matrix[3] = ((good) ? x5 + x7 : (float)NAN);
+  matrix[4] = ((good) ? -x10 - x3 : (float)NAN);
+  matrix[5] = ((good) ? 2.0f*v_2*v_3 - x11 : (float)NAN);
+  matrix[6] = ((good) ? x8 - x9 : (float)NAN);
+  matrix[7] = ((good) ? v_2*x6 + x11 : (float)NAN);
+  matrix[8] = ((good) ? 1.0f - x10 - x2 : (float)NAN);
   *status = (int8_t)status_value;
 }
 
@@ -621,10 +621,10 @@ void rotations_quaternion_from_rodrigues_vector_f64(const double theta[3], doubl
   const double sine = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
   const double status_value = ((!(good)) ? 4.0 : ((sine == 0.0) ? 1.0 : ((w <= DBL_EPSILON) ? 2.0 : 0.0)));
   /* outputs */
-  quaternion[0] = ((good) ? w : NAN);
-  quaternion[1] = ((good) ? v_1 : NAN);
-  quaternion[2] = ((good) ? v_2 : NAN);
-  quaternion[3] = ((good) ? v_3 : NAN);
+  quaternion[0] = ((good) ? w : (double)NAN);
+  quaternion[1] = ((good) ? v_1 : (double)NAN);
+  quaternion[2] = ((good) ? v_2 : (double)NAN);
+  quaternion[3] = ((good) ? v_3 : (double)NAN);
   *status = (int8_t)status_value;
 }
 
@@ -660,10 +660,10 @@ void rotations_quaternion_from_rodrigues_vector_f32(const float theta[3], float 
   const float sine = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
   const float status_value = ((!(good)) ? 4.0f : ((sine == 0.0f) ? 1.0f : ((w <= FLT_EPSILON) ? 2.0f : 0.0f)));
   /* outputs */
-  quaternion[0] = ((good) ? w : NAN);
-  quaternion[1] = ((good) ? v_1 : NAN);
-  quaternion[2] = ((good) ? v_2 : NAN);
-  quaternion[3] = ((good) ? v_3 : NAN);
+  quaternion[0] = ((good) ? w : (float)NAN);
+  quaternion[1] = ((good) ? v_1 : (float)NAN);
+  quaternion[2] = ((good) ? v_2 : (float)NAN);
+  quaternion[3] = ((good) ? v_3 : (float)NAN);
   *status = (int8_t)status_value;
 }
 
@@ -744,10 +744,10 @@ void rotations_axis_angle_from_matrix_f64(const double matrix[9], double axis[3]
   const double x14 = ((sine > 0.0) ? 1.0/x13 : 1.0);
   const double status_value = ((!(good)) ? 4.0 : ((deviation > 64.0*DBL_EPSILON) ? 3.0 : ((sine == 0.0) ? 1.0 : ((w <= DBL_EPSILON) ? 2.0 : 0.0))));
   /* outputs */
-  axis[0] = ((good) ? ((sine > 0.0) ? v_scaled_1*x14 : 0.0) : NAN);
-  axis[1] = ((good) ? ((sine > 0.0) ? v_scaled_2*x14 : 0.0) : NAN);
-  axis[2] = ((good) ? ((sine > 0.0) ? v_scaled_3*x14 : 1.0) : NAN);
-  *angle = ((good) ? 2.0*atan2(sine, w) : NAN);
+  axis[0] = ((good) ? ((sine > 0.0) ? v_scaled_1*x14 : 0.0) : (double)NAN);
+  axis[1] = ((good) ? ((sine > 0.0) ? v_scaled_2*x14 : 0.0) : (double)NAN);
+  axis[2] = ((good) ? ((sine > 0.0) ? v_scaled_3*x14 : 1.0) : (double)NAN);
+  *angle = ((good) ? 2.0*atan2(sine, w) : (double)NAN);
   *status = (int8_t)status_value;
 }
 
@@ -828,10 +828,10 @@ void rotations_axis_angle_from_matrix_f32(const float matrix[9], float axis[3], 
   const float x14 = ((sine > 0.0f) ? 1.0f/x13 : 1.0f);
   const float status_value = ((!(good)) ? 4.0f : ((deviation > 64.0f*FLT_EPSILON) ? 3.0f : ((sine == 0.0f) ? 1.0f : ((w <= FLT_EPSILON) ? 2.0f : 0.0f))));
   /* outputs */
-  axis[0] = ((good) ? ((sine > 0.0f) ? v_scaled_1*x14 : 0.0f) : NAN);
-  axis[1] = ((good) ? ((sine > 0.0f) ? v_scaled_2*x14 : 0.0f) : NAN);
-  axis[2] = ((good) ? ((sine > 0.0f) ? v_scaled_3*x14 : 1.0f) : NAN);
-  *angle = ((good) ? 2.0f*atan2f(sine, w) : NAN);
+  axis[0] = ((good) ? ((sine > 0.0f) ? v_scaled_1*x14 : 0.0f) : (float)NAN);
+  axis[1] = ((good) ? ((sine > 0.0f) ? v_scaled_2*x14 : 0.0f) : (float)NAN);
+  axis[2] = ((good) ? ((sine > 0.0f) ? v_scaled_3*x14 : 1.0f) : (float)NAN);
+  *angle = ((good) ? 2.0f*atan2f(sine, w) : (float)NAN);
   *status = (int8_t)status_value;
 }
 
@@ -911,9 +911,9 @@ void rotations_rodrigues_vector_from_matrix_f64(const double matrix[9], double t
   const double x13 = 2.0*((w > 0.25*DBL_EPSILON) ? 1.0/w : 4.0/DBL_EPSILON);
   const double status_value = ((!(good)) ? 4.0 : ((deviation > 64.0*DBL_EPSILON) ? 3.0 : ((sine == 0.0) ? 1.0 : ((w <= DBL_EPSILON) ? 2.0 : 0.0))));
   /* outputs */
-  theta[0] = ((good) ? v_1*x13 : NAN);
-  theta[1] = ((good) ? v_2*x13 : NAN);
-  theta[2] = ((good) ? v_3*x13 : NAN);
+  theta[0] = ((good) ? v_1*x13 : (double)NAN);
+  theta[1] = ((good) ? v_2*x13 : (double)NAN);
+  theta[2] = ((good) ? v_3*x13 : (double)NAN);
   *status = (int8_t)status_value;
 }
 
@@ -993,9 +993,9 @@ void rotations_rodrigues_vector_from_matrix_f32(const float matrix[9], float the
   const float x13 = 2.0f*((w > 0.25f*FLT_EPSILON) ? 1.0f/w : 4.0f/FLT_EPSILON);
   const float status_value = ((!(good)) ? 4.0f : ((deviation > 64.0f*FLT_EPSILON) ? 3.0f : ((sine == 0.0f) ? 1.0f : ((w <= FLT_EPSILON) ? 2.0f : 0.0f))));
   /* outputs */
-  theta[0] = ((good) ? v_1*x13 : NAN);
-  theta[1] = ((good) ? v_2*x13 : NAN);
-  theta[2] = ((good) ? v_3*x13 : NAN);
+  theta[0] = ((good) ? v_1*x13 : (float)NAN);
+  theta[1] = ((good) ? v_2*x13 : (float)NAN);
+  theta[2] = ((good) ? v_3*x13 : (float)NAN);
   *status = (int8_t)status_value;
 }
 
@@ -1074,10 +1074,10 @@ void rotations_quaternion_from_matrix_f64(const double matrix[9], double quatern
   const double sine = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
   const double status_value = ((!(good)) ? 4.0 : ((deviation > 64.0*DBL_EPSILON) ? 3.0 : ((sine == 0.0) ? 1.0 : ((w <= DBL_EPSILON) ? 2.0 : 0.0))));
   /* outputs */
-  quaternion[0] = ((good) ? w : NAN);
-  quaternion[1] = ((good) ? v_1 : NAN);
-  quaternion[2] = ((good) ? v_2 : NAN);
-  quaternion[3] = ((good) ? v_3 : NAN);
+  quaternion[0] = ((good) ? w : (double)NAN);
+  quaternion[1] = ((good) ? v_1 : (double)NAN);
+  quaternion[2] = ((good) ? v_2 : (double)NAN);
+  quaternion[3] = ((good) ? v_3 : (double)NAN);
   *status = (int8_t)status_value;
 }
 
@@ -1156,10 +1156,10 @@ void rotations_quaternion_from_matrix_f32(const float matrix[9], float quaternio
   const float sine = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
   const float status_value = ((!(good)) ? 4.0f : ((deviation > 64.0f*FLT_EPSILON) ? 3.0f : ((sine == 0.0f) ? 1.0f : ((w <= FLT_EPSILON) ? 2.0f : 0.0f))));
   /* outputs */
-  quaternion[0] = ((good) ? w : NAN);
-  quaternion[1] = ((good) ? v_1 : NAN);
-  quaternion[2] = ((good) ? v_2 : NAN);
-  quaternion[3] = ((good) ? v_3 : NAN);
+  quaternion[0] = ((good) ? w : (float)NAN);
+  quaternion[1] = ((good) ? v_1 : (float)NAN);
+  quaternion[2] = ((good) ? v_2 : (float)NAN);
+  quaternion[3] = ((good) ? v_3 : (float)NAN);
   *status = (int8_t)status_value;
 }
 
@@ -1204,10 +1204,10 @@ void rotations_axis_angle_from_quaternion_f64(const double quaternion[4], double
   const double x3 = ((sine > 0.0) ? 1.0/x2 : 1.0);
   const double status_value = ((!(good)) ? 4.0 : ((quaternion_deviation > 16.0*DBL_EPSILON) ? 3.0 : ((sine == 0.0) ? 1.0 : ((w <= DBL_EPSILON) ? 2.0 : 0.0))));
   /* outputs */
-  axis[0] = ((good) ? ((sine > 0.0) ? v_scaled_1*x3 : 0.0) : NAN);
-  axis[1] = ((good) ? ((sine > 0.0) ? v_scaled_2*x3 : 0.0) : NAN);
-  axis[2] = ((good) ? ((sine > 0.0) ? v_scaled_3*x3 : 1.0) : NAN);
-  *angle = ((good) ? 2.0*atan2(sine, w) : NAN);
+  axis[0] = ((good) ? ((sine > 0.0) ? v_scaled_1*x3 : 0.0) : (double)NAN);
+  axis[1] = ((good) ? ((sine > 0.0) ? v_scaled_2*x3 : 0.0) : (double)NAN);
+  axis[2] = ((good) ? ((sine > 0.0) ? v_scaled_3*x3 : 1.0) : (double)NAN);
+  *angle = ((good) ? 2.0*atan2(sine, w) : (double)NAN);
   *status = (int8_t)status_value;
 }
 
@@ -1252,10 +1252,10 @@ void rotations_axis_angle_from_quaternion_f32(const float quaternion[4], float a
   const float x3 = ((sine > 0.0f) ? 1.0f/x2 : 1.0f);
   const float status_value = ((!(good)) ? 4.0f : ((quaternion_deviation > 16.0f*FLT_EPSILON) ? 3.0f : ((sine == 0.0f) ? 1.0f : ((w <= FLT_EPSILON) ? 2.0f : 0.0f))));
   /* outputs */
-  axis[0] = ((good) ? ((sine > 0.0f) ? v_scaled_1*x3 : 0.0f) : NAN);
-  axis[1] = ((good) ? ((sine > 0.0f) ? v_scaled_2*x3 : 0.0f) : NAN);
-  axis[2] = ((good) ? ((sine > 0.0f) ? v_scaled_3*x3 : 1.0f) : NAN);
-  *angle = ((good) ? 2.0f*atan2f(sine, w) : NAN);
+  axis[0] = ((good) ? ((sine > 0.0f) ? v_scaled_1*x3 : 0.0f) : (float)NAN);
+  axis[1] = ((good) ? ((sine > 0.0f) ? v_scaled_2*x3 : 0.0f) : (float)NAN);
+  axis[2] = ((good) ? ((sine > 0.0f) ? v_scaled_3*x3 : 1.0f) : (float)NAN);
+  *angle = ((good) ? 2.0f*atan2f(sine, w) : (float)NAN);
   *status = (int8_t)status_value;
 }
 
@@ -1299,9 +1299,9 @@ void rotations_rodrigues_vector_from_quaternion_f64(const double quaternion[4], 
   const double x2 = 2.0*((w > 0.25*DBL_EPSILON) ? 1.0/w : 4.0/DBL_EPSILON);
   const double status_value = ((!(good)) ? 4.0 : ((quaternion_deviation > 16.0*DBL_EPSILON) ? 3.0 : ((sine == 0.0) ? 1.0 : ((w <= DBL_EPSILON) ? 2.0 : 0.0))));
   /* outputs */
-  theta[0] = ((good) ? v_1*x2 : NAN);
-  theta[1] = ((good) ? v_2*x2 : NAN);
-  theta[2] = ((good) ? v_3*x2 : NAN);
+  theta[0] = ((good) ? v_1*x2 : (double)NAN);
+  theta[1] = ((good) ? v_2*x2 : (double)NAN);
+  theta[2] = ((good) ? v_3*x2 : (double)NAN);
   *status = (int8_t)status_value;
 }
 
@@ -1345,9 +1345,9 @@ void rotations_rodrigues_vector_from_quaternion_f32(const float quaternion[4], f
   const float x2 = 2.0f*((w > 0.25f*FLT_EPSILON) ? 1.0f/w : 4.0f/FLT_EPSILON);
   const float status_value = ((!(good)) ? 4.0f : ((quaternion_deviation > 16.0f*FLT_EPSILON) ? 3.0f : ((sine == 0.0f) ? 1.0f : ((w <= FLT_EPSILON) ? 2.0f : 0.0f))));
   /* outputs */
-  theta[0] = ((good) ? v_1*x2 : NAN);
-  theta[1] = ((good) ? v_2*x2 : NAN);
-  theta[2] = ((good) ? v_3*x2 : NAN);
+  theta[0] = ((good) ? v_1*x2 : (float)NAN);
+  theta[1] = ((good) ? v_2*x2 : (float)NAN);
+  theta[2] = ((good) ? v_3*x2 : (float)NAN);
   *status = (int8_t)status_value;
 }
 
@@ -1400,15 +1400,15 @@ void rotations_matrix_from_quaternion_f64(const double quaternion[4], double mat
   const double x11 = 2.0*v_1*w;
   const double status_value = ((!(good)) ? 4.0 : ((quaternion_deviation > 16.0*DBL_EPSILON) ? 3.0 : ((sine == 0.0) ? 1.0 : ((w <= DBL_EPSILON) ? 2.0 : 0.0))));
   /* outputs */
-  matrix[0] = ((good) ? -x2 - x3 : NAN);
-  matrix[1] = ((good) ? x5 - x7 : NAN);
-  matrix[2] = ((good) ? x8 + x9 : NAN);
-  matrix[3] = ((good) ? x5 + x7 : NAN);
-  matrix[4] = ((good) ? -x10 - x3 : NAN);
-  matrix[5] = ((good) ? 2.0*v_2*v_3 - x11 : NAN);
-  matrix[6] = ((good) ? x8 - x9 : NAN);
-  matrix[7] = ((good) ? v_2*x6 + x11 : NAN);
-  matrix[8] = ((good) ? 1.0 - x10 - x2 : NAN);
+  matrix[0] = ((good) ? -x2 - x3 : (double)NAN);
+  matrix[1] = ((good) ? x5 - x7 : (double)NAN);
+  matrix[2] = ((good) ? x8 + x9 : (double)NAN);
+  matrix[3] = ((good) ? x5 + x7 : (double)NAN);
+  matrix[4] = ((good) ? -x10 - x3 : (double)NAN);
+  matrix[5] = ((good) ? 2.0*v_2*v_3 - x11 : (double)NAN);
+  matrix[6] = ((good) ? x8 - x9 : (double)NAN);
+  matrix[7] = ((good) ? v_2*x6 + x11 : (double)NAN);
+  matrix[8] = ((good) ? 1.0 - x10 - x2 : (double)NAN);
   *status = (int8_t)status_value;
 }
 
@@ -1461,15 +1461,15 @@ void rotations_matrix_from_quaternion_f32(const float quaternion[4], float matri
   const float x11 = 2.0f*v_1*w;
   const float status_value = ((!(good)) ? 4.0f : ((quaternion_deviation > 16.0f*FLT_EPSILON) ? 3.0f : ((sine == 0.0f) ? 1.0f : ((w <= FLT_EPSILON) ? 2.0f : 0.0f))));
   /* outputs */
-  matrix[0] = ((good) ? -x2 - x3 : NAN);
-  matrix[1] = ((good) ? x5 - x7 : NAN);
-  matrix[2] = ((good) ? x8 + x9 : NAN);
-  matrix[3] = ((good) ? x5 + x7 : NAN);
-  matrix[4] = ((good) ? -x10 - x3 : NAN);
-  matrix[5] = ((good) ? 2.0f*v_2*v_3 - x11 : NAN);
-  matrix[6] = ((good) ? x8 - x9 : NAN);
-  matrix[7] = ((good) ? v_2*x6 + x11 : NAN);
-  matrix[8] = ((good) ? 1.0f - x10 - x2 : NAN);
+  matrix[0] = ((good) ? -x2 - x3 : (float)NAN);
+  matrix[1] = ((good) ? x5 - x7 : (float)NAN);
+  matrix[2] = ((good) ? x8 + x9 : (float)NAN);
+  matrix[3] = ((good) ? x5 + x7 : (float)NAN);
+  matrix[4] = ((good) ? -x10 - x3 : (float)NAN);
+  matrix[5] = ((good) ? 2.0f*v_2*v_3 - x11 : (float)NAN);
+  matrix[6] = ((good) ? x8 - x9 : (float)NAN);
+  matrix[7] = ((good) ? v_2*x6 + x11 : (float)NAN);
+  matrix[8] = ((good) ? 1.0f - x10 - x2 : (float)NAN);
   *status = (int8_t)status_value;
 }
 

@@ -24,8 +24,8 @@
 
 enum { BLOCK = 16 };
 
-/* solve_axis: 47 add, 98 mul, 4 div, 4 sqrt, 39 select, 35 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
-/* 47 add, 98 mul, 4 div, 4 sqrt, 39 select, 35 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
+/* solve_axis: 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 36 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
+/* 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 36 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
 static inline void solve_axis_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -94,13 +94,12 @@ static inline void solve_axis_f64(double (*restrict input)[BLOCK], double (*rest
     const double x7 = 0.5*along_m;
     const double band = blend_f64(mask_f64(rounding < x7), rounding, x7);
     const int64_t both = mask_f64(length_product > 0.0);
-    const double x11 = fabs(excess);
-    const int64_t apart = mask_f64(x11 > 9.313225746154785e-10);
-    const double x8 = length_squared*x3;
-    const double x9 = 64.0*x8;
-    const int64_t two = (both) & (~((apart) & (mask_f64(m_squared <= x9)))) & (mask_f64(root_squared > band));
     const double area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
-    const int64_t plane = mask_f64(area_squared > 0.5*m_squared*r_squared);
+    const double x9 = (DBL_EPSILON*DBL_EPSILON*DBL_EPSILON*DBL_EPSILON);
+    const double x11 = m_squared*r_squared;
+    const int64_t plane = (mask_f64(area_squared > 0.5*x11)) & (mask_f64(area_squared > x9));
+    const int64_t two = (both) & ((plane) | (mask_f64(m_squared >= r_squared))) & (mask_f64(root_squared > band));
+    const int64_t crooked = mask_f64(area_squared < x11*(1.0 - 32.0*DBL_EPSILON));
     const double across_1 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), 0.0, -u_2);
     const double across_2 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), -u_3, u_1);
     const double across_3 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), u_2, 0.0);
@@ -120,28 +119,29 @@ static inline void solve_axis_f64(double (*restrict input)[BLOCK], double (*rest
     const double plus_1 = base_1 + offset_1;
     const double plus_2 = base_2 + offset_2;
     const double plus_3 = base_3 + offset_3;
-    const double plus_factor = blend_f64(apart, 1.0/sqrt((plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)), 1.0);
+    const double plus_factor = blend_f64(crooked, 1.0/sqrt((plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)), 1.0);
     const double minus_1 = base_1 - offset_1;
     const double minus_2 = base_2 - offset_2;
     const double minus_3 = base_3 - offset_3;
-    const double minus_factor = blend_f64(apart, 1.0/sqrt((minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)), 1.0);
-    const double axes_1_1 = blend_f64(valid, plus_1*plus_factor, NAN);
-    const double axes_1_2 = blend_f64(valid, plus_2*plus_factor, NAN);
-    const double axes_1_3 = blend_f64(valid, plus_3*plus_factor, NAN);
-    const double axes_2_1 = blend_f64(valid, minus_1*minus_factor, NAN);
-    const double axes_2_2 = blend_f64(valid, minus_2*minus_factor, NAN);
-    const double axes_2_3 = blend_f64(valid, minus_3*minus_factor, NAN);
+    const double minus_factor = blend_f64(crooked, 1.0/sqrt((minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)), 1.0);
+    const double axes_1_1 = blend_f64(valid, plus_1*plus_factor, (double)NAN);
+    const double axes_1_2 = blend_f64(valid, plus_2*plus_factor, (double)NAN);
+    const double axes_1_3 = blend_f64(valid, plus_3*plus_factor, (double)NAN);
+    const double axes_2_1 = blend_f64(valid, minus_1*minus_factor, (double)NAN);
+    const double axes_2_2 = blend_f64(valid, minus_2*minus_factor, (double)NAN);
+    const double axes_2_3 = blend_f64(valid, minus_3*minus_factor, (double)NAN);
     const int64_t both_zero = (mask_f64(size_after == 0.0)) & (mask_f64(size_before == 0.0));
     const int64_t one_zero = (mask_f64(size_after == 0.0)) | (mask_f64(size_before == 0.0));
+    const double x8 = length_squared*x3;
     const double coincident = 16.0*x8;
     const double x10 = DBL_EPSILON*x5;
-    const int64_t no_turn = (mask_f64(sine_size <= (DBL_EPSILON*DBL_EPSILON*DBL_EPSILON*DBL_EPSILON))) | (mask_f64(sine_size <= x10));
+    const int64_t no_turn = (mask_f64(sine_size <= x10)) | (mask_f64(sine_size <= x9));
     const int64_t every = (no_turn) & (mask_f64(r_squared <= coincident));
     const int64_t opposite = (mask_f64(m_squared <= coincident)) & (mask_f64(fabs(cosine) <= x10));
     const int64_t too_small = (no_turn) | (mask_f64(root_squared < -4.0*band));
-    const int64_t parallel = mask_f64(r_squared*(turn_scale*turn_scale) <= x4*x9);
+    const int64_t parallel = mask_f64(r_squared*(turn_scale*turn_scale) <= 64.0*x4*x8);
     const double least_tolerance = blend_f64(mask_f64(length_tolerance > x6), length_tolerance, x6);
-    const int64_t lengths_agree = (comparable) & (mask_f64(x11 <= least_tolerance*(1.0 - excess)));
+    const int64_t lengths_agree = (comparable) & (mask_f64(fabs(excess) <= least_tolerance*(1.0 - excess)));
     const double status = blend_f64(~(valid), 7.0, blend_f64(both_zero, 5.0, blend_f64(one_zero, 2.0, blend_f64(~(lengths_agree), 6.0, blend_f64(every, 5.0, blend_f64(opposite, 4.0, blend_f64(too_small, 2.0, blend_f64(~(two), 1.0, blend_f64(parallel, 3.0, 0.0)))))))));
     output[0][i] = axes_1_1;
     output[1][i] = axes_1_2;
@@ -335,8 +335,8 @@ void LOOP(axis_solve_axis_loop_f64)(char **args, const ptrdiff_t *dimensions, co
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* solve_axis: 47 add, 98 mul, 4 div, 4 sqrt, 39 select, 35 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
-/* 47 add, 98 mul, 4 div, 4 sqrt, 39 select, 35 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
+/* solve_axis: 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 36 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
+/* 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 36 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
 static inline void solve_axis_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -405,13 +405,12 @@ static inline void solve_axis_f32(float (*restrict input)[BLOCK], float (*restri
     const float x7 = 0.5f*along_m;
     const float band = blend_f32(mask_f32(rounding < x7), rounding, x7);
     const int32_t both = mask_f32(length_product > 0.0f);
-    const float x11 = fabsf(excess);
-    const int32_t apart = mask_f32(x11 > 9.313225746154785e-10f);
-    const float x8 = length_squared*x3;
-    const float x9 = 64.0f*x8;
-    const int32_t two = (both) & (~((apart) & (mask_f32(m_squared <= x9)))) & (mask_f32(root_squared > band));
     const float area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
-    const int32_t plane = mask_f32(area_squared > 0.5f*m_squared*r_squared);
+    const float x9 = (FLT_EPSILON*FLT_EPSILON*FLT_EPSILON*FLT_EPSILON);
+    const float x11 = m_squared*r_squared;
+    const int32_t plane = (mask_f32(area_squared > 0.5f*x11)) & (mask_f32(area_squared > x9));
+    const int32_t two = (both) & ((plane) | (mask_f32(m_squared >= r_squared))) & (mask_f32(root_squared > band));
+    const int32_t crooked = mask_f32(area_squared < x11*(1.0f - 32.0f*FLT_EPSILON));
     const float across_1 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), 0.0f, -u_2);
     const float across_2 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), -u_3, u_1);
     const float across_3 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), u_2, 0.0f);
@@ -431,28 +430,29 @@ static inline void solve_axis_f32(float (*restrict input)[BLOCK], float (*restri
     const float plus_1 = base_1 + offset_1;
     const float plus_2 = base_2 + offset_2;
     const float plus_3 = base_3 + offset_3;
-    const float plus_factor = blend_f32(apart, 1.0f/sqrtf((plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)), 1.0f);
+    const float plus_factor = blend_f32(crooked, 1.0f/sqrtf((plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)), 1.0f);
     const float minus_1 = base_1 - offset_1;
     const float minus_2 = base_2 - offset_2;
     const float minus_3 = base_3 - offset_3;
-    const float minus_factor = blend_f32(apart, 1.0f/sqrtf((minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)), 1.0f);
-    const float axes_1_1 = blend_f32(valid, plus_1*plus_factor, NAN);
-    const float axes_1_2 = blend_f32(valid, plus_2*plus_factor, NAN);
-    const float axes_1_3 = blend_f32(valid, plus_3*plus_factor, NAN);
-    const float axes_2_1 = blend_f32(valid, minus_1*minus_factor, NAN);
-    const float axes_2_2 = blend_f32(valid, minus_2*minus_factor, NAN);
-    const float axes_2_3 = blend_f32(valid, minus_3*minus_factor, NAN);
+    const float minus_factor = blend_f32(crooked, 1.0f/sqrtf((minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)), 1.0f);
+    const float axes_1_1 = blend_f32(valid, plus_1*plus_factor, (float)NAN);
+    const float axes_1_2 = blend_f32(valid, plus_2*plus_factor, (float)NAN);
+    const float axes_1_3 = blend_f32(valid, plus_3*plus_factor, (float)NAN);
+    const float axes_2_1 = blend_f32(valid, minus_1*minus_factor, (float)NAN);
+    const float axes_2_2 = blend_f32(valid, minus_2*minus_factor, (float)NAN);
+    const float axes_2_3 = blend_f32(valid, minus_3*minus_factor, (float)NAN);
     const int32_t both_zero = (mask_f32(size_after == 0.0f)) & (mask_f32(size_before == 0.0f));
     const int32_t one_zero = (mask_f32(size_after == 0.0f)) | (mask_f32(size_before == 0.0f));
+    const float x8 = length_squared*x3;
     const float coincident = 16.0f*x8;
     const float x10 = FLT_EPSILON*x5;
-    const int32_t no_turn = (mask_f32(sine_size <= (FLT_EPSILON*FLT_EPSILON*FLT_EPSILON*FLT_EPSILON))) | (mask_f32(sine_size <= x10));
+    const int32_t no_turn = (mask_f32(sine_size <= x10)) | (mask_f32(sine_size <= x9));
     const int32_t every = (no_turn) & (mask_f32(r_squared <= coincident));
     const int32_t opposite = (mask_f32(m_squared <= coincident)) & (mask_f32(fabsf(cosine) <= x10));
     const int32_t too_small = (no_turn) | (mask_f32(root_squared < -4.0f*band));
-    const int32_t parallel = mask_f32(r_squared*(turn_scale*turn_scale) <= x4*x9);
+    const int32_t parallel = mask_f32(r_squared*(turn_scale*turn_scale) <= 64.0f*x4*x8);
     const float least_tolerance = blend_f32(mask_f32(length_tolerance > x6), length_tolerance, x6);
-    const int32_t lengths_agree = (comparable) & (mask_f32(x11 <= least_tolerance*(1.0f - excess)));
+    const int32_t lengths_agree = (comparable) & (mask_f32(fabsf(excess) <= least_tolerance*(1.0f - excess)));
     const float status = blend_f32(~(valid), 7.0f, blend_f32(both_zero, 5.0f, blend_f32(one_zero, 2.0f, blend_f32(~(lengths_agree), 6.0f, blend_f32(every, 5.0f, blend_f32(opposite, 4.0f, blend_f32(too_small, 2.0f, blend_f32(~(two), 1.0f, blend_f32(parallel, 3.0f, 0.0f)))))))));
     output[0][i] = axes_1_1;
     output[1][i] = axes_1_2;
@@ -830,8 +830,8 @@ void LOOP(axis_length_mismatch_loop_f32)(char **args, const ptrdiff_t *dimension
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* axis_condition: 28 add, 43 mul, 2 div, 3 sqrt, 5 select, 6 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin */
-/* 28 add, 43 mul, 2 div, 3 sqrt, 5 select, 6 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin */
+/* axis_condition: 28 add, 43 mul, 2 div, 3 sqrt, 6 select, 7 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin */
+/* 28 add, 43 mul, 2 div, 3 sqrt, 6 select, 7 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin */
 static inline void axis_condition_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -889,8 +889,9 @@ static inline void axis_condition_f64(double (*restrict input)[BLOCK], double (*
     const double along_m = (S*S)*m_squared;
     const double along_n = (C*C)*r_squared;
     const double root_squared = along_m - along_n;
+    const double positive = blend_f64(mask_f64(length_squared == 0.0), 1.0, length_squared);
     const double under_root = blend_f64(mask_f64(root_squared > 0.0), root_squared, 0.0);
-    const double condition = sqrt(length_squared)*turn_scale/sqrt(under_root);
+    const double condition = sqrt(positive)*turn_scale/sqrt(under_root);
     output[0][i] = condition;
     output[1][i] = fabs(half_angle);
   }
@@ -979,8 +980,8 @@ void LOOP(axis_axis_condition_loop_f64)(char **args, const ptrdiff_t *dimensions
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* axis_condition: 28 add, 43 mul, 2 div, 3 sqrt, 5 select, 6 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin */
-/* 28 add, 43 mul, 2 div, 3 sqrt, 5 select, 6 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin */
+/* axis_condition: 28 add, 43 mul, 2 div, 3 sqrt, 6 select, 7 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin */
+/* 28 add, 43 mul, 2 div, 3 sqrt, 6 select, 7 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin */
 static inline void axis_condition_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1038,8 +1039,9 @@ static inline void axis_condition_f32(float (*restrict input)[BLOCK], float (*re
     const float along_m = (S*S)*m_squared;
     const float along_n = (C*C)*r_squared;
     const float root_squared = along_m - along_n;
+    const float positive = blend_f32(mask_f32(length_squared == 0.0f), 1.0f, length_squared);
     const float under_root = blend_f32(mask_f32(root_squared > 0.0f), root_squared, 0.0f);
-    const float condition = sqrtf(length_squared)*turn_scale/sqrtf(under_root);
+    const float condition = sqrtf(positive)*turn_scale/sqrtf(under_root);
     output[0][i] = condition;
     output[1][i] = fabsf(half_angle);
   }
@@ -1128,8 +1130,8 @@ void LOOP(axis_axis_condition_loop_f32)(char **args, const ptrdiff_t *dimensions
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* axis_jacobian: 332 add, 601 mul, 11 div, 4 sqrt, 177 select, 68 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
-/* 332 add, 601 mul, 11 div, 4 sqrt, 177 select, 68 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
+/* axis_jacobian: 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
+/* 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
 static inline void axis_jacobian_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1369,11 +1371,6 @@ static inline void axis_jacobian_f64(double (*restrict input)[BLOCK], double (*r
     const double x7 = 0.5*along_m;
     const double band = blend_f64(mask_f64(rounding < x7), rounding, x7);
     const int64_t both = mask_f64(length_product > 0.0);
-    const double x11 = fabs(excess);
-    const int64_t apart = mask_f64(x11 > 9.313225746154785e-10);
-    const double x8 = length_squared*x3;
-    const double x9 = 64.0*x8;
-    const int64_t two = (both) & (~((apart) & (mask_f64(m_squared <= x9)))) & (mask_f64(root_squared > band));
     const double area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
     const double x49 = 2.0*w_1;
     const double x50 = 2.0*w_2;
@@ -1384,7 +1381,11 @@ static inline void axis_jacobian_f64(double (*restrict input)[BLOCK], double (*r
     const double d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x49 + d_w_2_d_rho_prime_1*x50 + d_w_3_d_rho_prime_1*x51;
     const double d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x49 + d_w_2_d_rho_prime_2*x50 + d_w_3_d_rho_prime_2*x51;
     const double d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x49 + d_w_2_d_rho_prime_3*x50 + d_w_3_d_rho_prime_3*x51;
-    const int64_t plane = mask_f64(area_squared > 0.5*m_squared*r_squared);
+    const double x9 = (DBL_EPSILON*DBL_EPSILON*DBL_EPSILON*DBL_EPSILON);
+    const double x11 = m_squared*r_squared;
+    const int64_t plane = (mask_f64(area_squared > 0.5*x11)) & (mask_f64(area_squared > x9));
+    const int64_t two = (both) & ((plane) | (mask_f64(m_squared >= r_squared))) & (mask_f64(root_squared > band));
+    const int64_t crooked = mask_f64(area_squared < x11*(1.0 - 32.0*DBL_EPSILON));
     const double across_1 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), 0.0, -u_2);
     const double d_across_1_d_rho_2 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), 0.0, -scale_before);
     const double across_2 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), -u_3, u_1);
@@ -1560,18 +1561,18 @@ static inline void axis_jacobian_f64(double (*restrict input)[BLOCK], double (*r
     const double d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3;
     const double d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle;
     const double x56 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3);
-    const double plus_factor = blend_f64(apart, 1.0/sqrt(x56), 1.0);
+    const double plus_factor = blend_f64(crooked, 1.0/sqrt(x56), 1.0);
     const double x57 = 1.0/pow(x56, 1.5);
     const double x58 = plus_1*x57;
     const double x59 = plus_2*x57;
     const double x60 = plus_3*x57;
-    const double d_plus_factor_d_rho_1 = blend_f64(apart, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, 0.0);
-    const double d_plus_factor_d_rho_2 = blend_f64(apart, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, 0.0);
-    const double d_plus_factor_d_rho_3 = blend_f64(apart, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, 0.0);
-    const double d_plus_factor_d_rho_prime_1 = blend_f64(apart, -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60, 0.0);
-    const double d_plus_factor_d_rho_prime_2 = blend_f64(apart, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, 0.0);
-    const double d_plus_factor_d_rho_prime_3 = blend_f64(apart, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, 0.0);
-    const double d_plus_factor_d_angle = blend_f64(apart, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, 0.0);
+    const double d_plus_factor_d_rho_1 = blend_f64(crooked, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, 0.0);
+    const double d_plus_factor_d_rho_2 = blend_f64(crooked, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, 0.0);
+    const double d_plus_factor_d_rho_3 = blend_f64(crooked, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, 0.0);
+    const double d_plus_factor_d_rho_prime_1 = blend_f64(crooked, -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60, 0.0);
+    const double d_plus_factor_d_rho_prime_2 = blend_f64(crooked, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, 0.0);
+    const double d_plus_factor_d_rho_prime_3 = blend_f64(crooked, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, 0.0);
+    const double d_plus_factor_d_angle = blend_f64(crooked, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, 0.0);
     const double minus_1 = base_1 - offset_1;
     const double d_minus_1_d_rho_1 = d_base_1_d_rho_1 - d_offset_1_d_rho_1;
     const double d_minus_1_d_rho_2 = d_base_1_d_rho_2 - d_offset_1_d_rho_2;
@@ -1597,71 +1598,72 @@ static inline void axis_jacobian_f64(double (*restrict input)[BLOCK], double (*r
     const double d_minus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 - d_offset_3_d_rho_prime_3;
     const double d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle;
     const double x61 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3);
-    const double minus_factor = blend_f64(apart, 1.0/sqrt(x61), 1.0);
+    const double minus_factor = blend_f64(crooked, 1.0/sqrt(x61), 1.0);
     const double x62 = 1.0/pow(x61, 1.5);
     const double x63 = minus_1*x62;
     const double x64 = minus_2*x62;
     const double x65 = minus_3*x62;
-    const double d_minus_factor_d_rho_1 = blend_f64(apart, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, 0.0);
-    const double d_minus_factor_d_rho_2 = blend_f64(apart, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, 0.0);
-    const double d_minus_factor_d_rho_3 = blend_f64(apart, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, 0.0);
-    const double d_minus_factor_d_rho_prime_1 = blend_f64(apart, -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65, 0.0);
-    const double d_minus_factor_d_rho_prime_2 = blend_f64(apart, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, 0.0);
-    const double d_minus_factor_d_rho_prime_3 = blend_f64(apart, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, 0.0);
-    const double d_minus_factor_d_angle = blend_f64(apart, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, 0.0);
-    const double d_axes_1_1_d_rho_1 = blend_f64(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, NAN);
-    const double d_axes_1_1_d_rho_2 = blend_f64(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, NAN);
-    const double d_axes_1_1_d_rho_3 = blend_f64(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, NAN);
-    const double d_axes_1_1_d_rho_prime_1 = blend_f64(valid, d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1, NAN);
-    const double d_axes_1_1_d_rho_prime_2 = blend_f64(valid, d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1, NAN);
-    const double d_axes_1_1_d_rho_prime_3 = blend_f64(valid, d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1, NAN);
-    const double d_axes_1_1_d_angle = blend_f64(valid, d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1, NAN);
-    const double d_axes_1_2_d_rho_1 = blend_f64(valid, d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2, NAN);
-    const double d_axes_1_2_d_rho_2 = blend_f64(valid, d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2, NAN);
-    const double d_axes_1_2_d_rho_3 = blend_f64(valid, d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2, NAN);
-    const double d_axes_1_2_d_rho_prime_1 = blend_f64(valid, d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2, NAN);
-    const double d_axes_1_2_d_rho_prime_2 = blend_f64(valid, d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2, NAN);
-    const double d_axes_1_2_d_rho_prime_3 = blend_f64(valid, d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2, NAN);
-    const double d_axes_1_2_d_angle = blend_f64(valid, d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2, NAN);
-    const double d_axes_1_3_d_rho_1 = blend_f64(valid, d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3, NAN);
-    const double d_axes_1_3_d_rho_2 = blend_f64(valid, d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3, NAN);
-    const double d_axes_1_3_d_rho_3 = blend_f64(valid, d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3, NAN);
-    const double d_axes_1_3_d_rho_prime_1 = blend_f64(valid, d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3, NAN);
-    const double d_axes_1_3_d_rho_prime_2 = blend_f64(valid, d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3, NAN);
-    const double d_axes_1_3_d_rho_prime_3 = blend_f64(valid, d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3, NAN);
-    const double d_axes_1_3_d_angle = blend_f64(valid, d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3, NAN);
-    const double d_axes_2_1_d_rho_1 = blend_f64(valid, d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1, NAN);
-    const double d_axes_2_1_d_rho_2 = blend_f64(valid, d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1, NAN);
-    const double d_axes_2_1_d_rho_3 = blend_f64(valid, d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1, NAN);
-    const double d_axes_2_1_d_rho_prime_1 = blend_f64(valid, d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1, NAN);
-    const double d_axes_2_1_d_rho_prime_2 = blend_f64(valid, d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1, NAN);
-    const double d_axes_2_1_d_rho_prime_3 = blend_f64(valid, d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1, NAN);
-    const double d_axes_2_1_d_angle = blend_f64(valid, d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1, NAN);
-    const double d_axes_2_2_d_rho_1 = blend_f64(valid, d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2, NAN);
-    const double d_axes_2_2_d_rho_2 = blend_f64(valid, d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2, NAN);
-    const double d_axes_2_2_d_rho_3 = blend_f64(valid, d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2, NAN);
-    const double d_axes_2_2_d_rho_prime_1 = blend_f64(valid, d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2, NAN);
-    const double d_axes_2_2_d_rho_prime_2 = blend_f64(valid, d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2, NAN);
-    const double d_axes_2_2_d_rho_prime_3 = blend_f64(valid, d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2, NAN);
-    const double d_axes_2_2_d_angle = blend_f64(valid, d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2, NAN);
-    const double d_axes_2_3_d_rho_1 = blend_f64(valid, d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3, NAN);
-    const double d_axes_2_3_d_rho_2 = blend_f64(valid, d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3, NAN);
-    const double d_axes_2_3_d_rho_3 = blend_f64(valid, d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3, NAN);
-    const double d_axes_2_3_d_rho_prime_1 = blend_f64(valid, d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3, NAN);
-    const double d_axes_2_3_d_rho_prime_2 = blend_f64(valid, d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3, NAN);
-    const double d_axes_2_3_d_rho_prime_3 = blend_f64(valid, d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3, NAN);
-    const double d_axes_2_3_d_angle = blend_f64(valid, d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3, NAN);
+    const double d_minus_factor_d_rho_1 = blend_f64(crooked, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, 0.0);
+    const double d_minus_factor_d_rho_2 = blend_f64(crooked, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, 0.0);
+    const double d_minus_factor_d_rho_3 = blend_f64(crooked, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, 0.0);
+    const double d_minus_factor_d_rho_prime_1 = blend_f64(crooked, -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65, 0.0);
+    const double d_minus_factor_d_rho_prime_2 = blend_f64(crooked, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, 0.0);
+    const double d_minus_factor_d_rho_prime_3 = blend_f64(crooked, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, 0.0);
+    const double d_minus_factor_d_angle = blend_f64(crooked, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, 0.0);
+    const double d_axes_1_1_d_rho_1 = blend_f64(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, (double)NAN);
+    const double d_axes_1_1_d_rho_2 = blend_f64(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, (double)NAN);
+    const double d_axes_1_1_d_rho_3 = blend_f64(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, (double)NAN);
+    const double d_axes_1_1_d_rho_prime_1 = blend_f64(valid, d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1, (double)NAN);
+    const double d_axes_1_1_d_rho_prime_2 = blend_f64(valid, d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1, (double)NAN);
+    const double d_axes_1_1_d_rho_prime_3 = blend_f64(valid, d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1, (double)NAN);
+    const double d_axes_1_1_d_angle = blend_f64(valid, d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1, (double)NAN);
+    const double d_axes_1_2_d_rho_1 = blend_f64(valid, d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2, (double)NAN);
+    const double d_axes_1_2_d_rho_2 = blend_f64(valid, d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2, (double)NAN);
+    const double d_axes_1_2_d_rho_3 = blend_f64(valid, d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2, (double)NAN);
+    const double d_axes_1_2_d_rho_prime_1 = blend_f64(valid, d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2, (double)NAN);
+    const double d_axes_1_2_d_rho_prime_2 = blend_f64(valid, d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2, (double)NAN);
+    const double d_axes_1_2_d_rho_prime_3 = blend_f64(valid, d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2, (double)NAN);
+    const double d_axes_1_2_d_angle = blend_f64(valid, d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2, (double)NAN);
+    const double d_axes_1_3_d_rho_1 = blend_f64(valid, d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3, (double)NAN);
+    const double d_axes_1_3_d_rho_2 = blend_f64(valid, d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3, (double)NAN);
+    const double d_axes_1_3_d_rho_3 = blend_f64(valid, d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3, (double)NAN);
+    const double d_axes_1_3_d_rho_prime_1 = blend_f64(valid, d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3, (double)NAN);
+    const double d_axes_1_3_d_rho_prime_2 = blend_f64(valid, d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3, (double)NAN);
+    const double d_axes_1_3_d_rho_prime_3 = blend_f64(valid, d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3, (double)NAN);
+    const double d_axes_1_3_d_angle = blend_f64(valid, d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3, (double)NAN);
+    const double d_axes_2_1_d_rho_1 = blend_f64(valid, d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1, (double)NAN);
+    const double d_axes_2_1_d_rho_2 = blend_f64(valid, d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1, (double)NAN);
+    const double d_axes_2_1_d_rho_3 = blend_f64(valid, d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1, (double)NAN);
+    const double d_axes_2_1_d_rho_prime_1 = blend_f64(valid, d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1, (double)NAN);
+    const double d_axes_2_1_d_rho_prime_2 = blend_f64(valid, d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1, (double)NAN);
+    const double d_axes_2_1_d_rho_prime_3 = blend_f64(valid, d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1, (double)NAN);
+    const double d_axes_2_1_d_angle = blend_f64(valid, d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1, (double)NAN);
+    const double d_axes_2_2_d_rho_1 = blend_f64(valid, d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2, (double)NAN);
+    const double d_axes_2_2_d_rho_2 = blend_f64(valid, d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2, (double)NAN);
+    const double d_axes_2_2_d_rho_3 = blend_f64(valid, d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2, (double)NAN);
+    const double d_axes_2_2_d_rho_prime_1 = blend_f64(valid, d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2, (double)NAN);
+    const double d_axes_2_2_d_rho_prime_2 = blend_f64(valid, d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2, (double)NAN);
+    const double d_axes_2_2_d_rho_prime_3 = blend_f64(valid, d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2, (double)NAN);
+    const double d_axes_2_2_d_angle = blend_f64(valid, d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2, (double)NAN);
+    const double d_axes_2_3_d_rho_1 = blend_f64(valid, d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3, (double)NAN);
+    const double d_axes_2_3_d_rho_2 = blend_f64(valid, d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3, (double)NAN);
+    const double d_axes_2_3_d_rho_3 = blend_f64(valid, d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3, (double)NAN);
+    const double d_axes_2_3_d_rho_prime_1 = blend_f64(valid, d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3, (double)NAN);
+    const double d_axes_2_3_d_rho_prime_2 = blend_f64(valid, d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3, (double)NAN);
+    const double d_axes_2_3_d_rho_prime_3 = blend_f64(valid, d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3, (double)NAN);
+    const double d_axes_2_3_d_angle = blend_f64(valid, d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3, (double)NAN);
     const int64_t both_zero = (mask_f64(size_after == 0.0)) & (mask_f64(size_before == 0.0));
     const int64_t one_zero = (mask_f64(size_after == 0.0)) | (mask_f64(size_before == 0.0));
+    const double x8 = length_squared*x3;
     const double coincident = 16.0*x8;
     const double x10 = DBL_EPSILON*x5;
-    const int64_t no_turn = (mask_f64(sine_size <= (DBL_EPSILON*DBL_EPSILON*DBL_EPSILON*DBL_EPSILON))) | (mask_f64(sine_size <= x10));
+    const int64_t no_turn = (mask_f64(sine_size <= x10)) | (mask_f64(sine_size <= x9));
     const int64_t every = (no_turn) & (mask_f64(r_squared <= coincident));
     const int64_t opposite = (mask_f64(m_squared <= coincident)) & (mask_f64(fabs(cosine) <= x10));
     const int64_t too_small = (no_turn) | (mask_f64(root_squared < -4.0*band));
-    const int64_t parallel = mask_f64(r_squared*(turn_scale*turn_scale) <= x4*x9);
+    const int64_t parallel = mask_f64(r_squared*(turn_scale*turn_scale) <= 64.0*x4*x8);
     const double least_tolerance = blend_f64(mask_f64(length_tolerance > x6), length_tolerance, x6);
-    const int64_t lengths_agree = (comparable) & (mask_f64(x11 <= least_tolerance*(1.0 - excess)));
+    const int64_t lengths_agree = (comparable) & (mask_f64(fabs(excess) <= least_tolerance*(1.0 - excess)));
     const double select_10 = blend_f64(parallel, 3.0, 0.0);
     const double select_11 = blend_f64(~(two), 1.0, select_10);
     const double select_12 = blend_f64(too_small, 2.0, select_11);
@@ -1860,8 +1862,8 @@ void LOOP(axis_axis_jacobian_loop_f64)(char **args, const ptrdiff_t *dimensions,
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* axis_jacobian: 332 add, 601 mul, 11 div, 4 sqrt, 177 select, 68 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
-/* 332 add, 601 mul, 11 div, 4 sqrt, 177 select, 68 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
+/* axis_jacobian: 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
+/* 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
 static inline void axis_jacobian_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -2101,11 +2103,6 @@ static inline void axis_jacobian_f32(float (*restrict input)[BLOCK], float (*res
     const float x7 = 0.5f*along_m;
     const float band = blend_f32(mask_f32(rounding < x7), rounding, x7);
     const int32_t both = mask_f32(length_product > 0.0f);
-    const float x11 = fabsf(excess);
-    const int32_t apart = mask_f32(x11 > 9.313225746154785e-10f);
-    const float x8 = length_squared*x3;
-    const float x9 = 64.0f*x8;
-    const int32_t two = (both) & (~((apart) & (mask_f32(m_squared <= x9)))) & (mask_f32(root_squared > band));
     const float area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
     const float x49 = 2.0f*w_1;
     const float x50 = 2.0f*w_2;
@@ -2116,7 +2113,11 @@ static inline void axis_jacobian_f32(float (*restrict input)[BLOCK], float (*res
     const float d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x49 + d_w_2_d_rho_prime_1*x50 + d_w_3_d_rho_prime_1*x51;
     const float d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x49 + d_w_2_d_rho_prime_2*x50 + d_w_3_d_rho_prime_2*x51;
     const float d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x49 + d_w_2_d_rho_prime_3*x50 + d_w_3_d_rho_prime_3*x51;
-    const int32_t plane = mask_f32(area_squared > 0.5f*m_squared*r_squared);
+    const float x9 = (FLT_EPSILON*FLT_EPSILON*FLT_EPSILON*FLT_EPSILON);
+    const float x11 = m_squared*r_squared;
+    const int32_t plane = (mask_f32(area_squared > 0.5f*x11)) & (mask_f32(area_squared > x9));
+    const int32_t two = (both) & ((plane) | (mask_f32(m_squared >= r_squared))) & (mask_f32(root_squared > band));
+    const int32_t crooked = mask_f32(area_squared < x11*(1.0f - 32.0f*FLT_EPSILON));
     const float across_1 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), 0.0f, -u_2);
     const float d_across_1_d_rho_2 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), 0.0f, -scale_before);
     const float across_2 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), -u_3, u_1);
@@ -2292,18 +2293,18 @@ static inline void axis_jacobian_f32(float (*restrict input)[BLOCK], float (*res
     const float d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3;
     const float d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle;
     const float x56 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3);
-    const float plus_factor = blend_f32(apart, 1.0f/sqrtf(x56), 1.0f);
+    const float plus_factor = blend_f32(crooked, 1.0f/sqrtf(x56), 1.0f);
     const float x57 = 1.0f/powf(x56, 1.5f);
     const float x58 = plus_1*x57;
     const float x59 = plus_2*x57;
     const float x60 = plus_3*x57;
-    const float d_plus_factor_d_rho_1 = blend_f32(apart, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, 0.0f);
-    const float d_plus_factor_d_rho_2 = blend_f32(apart, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, 0.0f);
-    const float d_plus_factor_d_rho_3 = blend_f32(apart, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, 0.0f);
-    const float d_plus_factor_d_rho_prime_1 = blend_f32(apart, -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60, 0.0f);
-    const float d_plus_factor_d_rho_prime_2 = blend_f32(apart, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, 0.0f);
-    const float d_plus_factor_d_rho_prime_3 = blend_f32(apart, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, 0.0f);
-    const float d_plus_factor_d_angle = blend_f32(apart, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, 0.0f);
+    const float d_plus_factor_d_rho_1 = blend_f32(crooked, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, 0.0f);
+    const float d_plus_factor_d_rho_2 = blend_f32(crooked, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, 0.0f);
+    const float d_plus_factor_d_rho_3 = blend_f32(crooked, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, 0.0f);
+    const float d_plus_factor_d_rho_prime_1 = blend_f32(crooked, -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60, 0.0f);
+    const float d_plus_factor_d_rho_prime_2 = blend_f32(crooked, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, 0.0f);
+    const float d_plus_factor_d_rho_prime_3 = blend_f32(crooked, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, 0.0f);
+    const float d_plus_factor_d_angle = blend_f32(crooked, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, 0.0f);
     const float minus_1 = base_1 - offset_1;
     const float d_minus_1_d_rho_1 = d_base_1_d_rho_1 - d_offset_1_d_rho_1;
     const float d_minus_1_d_rho_2 = d_base_1_d_rho_2 - d_offset_1_d_rho_2;
@@ -2329,71 +2330,72 @@ static inline void axis_jacobian_f32(float (*restrict input)[BLOCK], float (*res
     const float d_minus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 - d_offset_3_d_rho_prime_3;
     const float d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle;
     const float x61 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3);
-    const float minus_factor = blend_f32(apart, 1.0f/sqrtf(x61), 1.0f);
+    const float minus_factor = blend_f32(crooked, 1.0f/sqrtf(x61), 1.0f);
     const float x62 = 1.0f/powf(x61, 1.5f);
     const float x63 = minus_1*x62;
     const float x64 = minus_2*x62;
     const float x65 = minus_3*x62;
-    const float d_minus_factor_d_rho_1 = blend_f32(apart, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, 0.0f);
-    const float d_minus_factor_d_rho_2 = blend_f32(apart, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, 0.0f);
-    const float d_minus_factor_d_rho_3 = blend_f32(apart, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, 0.0f);
-    const float d_minus_factor_d_rho_prime_1 = blend_f32(apart, -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65, 0.0f);
-    const float d_minus_factor_d_rho_prime_2 = blend_f32(apart, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, 0.0f);
-    const float d_minus_factor_d_rho_prime_3 = blend_f32(apart, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, 0.0f);
-    const float d_minus_factor_d_angle = blend_f32(apart, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, 0.0f);
-    const float d_axes_1_1_d_rho_1 = blend_f32(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, NAN);
-    const float d_axes_1_1_d_rho_2 = blend_f32(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, NAN);
-    const float d_axes_1_1_d_rho_3 = blend_f32(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, NAN);
-    const float d_axes_1_1_d_rho_prime_1 = blend_f32(valid, d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1, NAN);
-    const float d_axes_1_1_d_rho_prime_2 = blend_f32(valid, d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1, NAN);
-    const float d_axes_1_1_d_rho_prime_3 = blend_f32(valid, d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1, NAN);
-    const float d_axes_1_1_d_angle = blend_f32(valid, d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1, NAN);
-    const float d_axes_1_2_d_rho_1 = blend_f32(valid, d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2, NAN);
-    const float d_axes_1_2_d_rho_2 = blend_f32(valid, d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2, NAN);
-    const float d_axes_1_2_d_rho_3 = blend_f32(valid, d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2, NAN);
-    const float d_axes_1_2_d_rho_prime_1 = blend_f32(valid, d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2, NAN);
-    const float d_axes_1_2_d_rho_prime_2 = blend_f32(valid, d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2, NAN);
-    const float d_axes_1_2_d_rho_prime_3 = blend_f32(valid, d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2, NAN);
-    const float d_axes_1_2_d_angle = blend_f32(valid, d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2, NAN);
-    const float d_axes_1_3_d_rho_1 = blend_f32(valid, d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3, NAN);
-    const float d_axes_1_3_d_rho_2 = blend_f32(valid, d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3, NAN);
-    const float d_axes_1_3_d_rho_3 = blend_f32(valid, d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3, NAN);
-    const float d_axes_1_3_d_rho_prime_1 = blend_f32(valid, d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3, NAN);
-    const float d_axes_1_3_d_rho_prime_2 = blend_f32(valid, d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3, NAN);
-    const float d_axes_1_3_d_rho_prime_3 = blend_f32(valid, d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3, NAN);
-    const float d_axes_1_3_d_angle = blend_f32(valid, d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3, NAN);
-    const float d_axes_2_1_d_rho_1 = blend_f32(valid, d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1, NAN);
-    const float d_axes_2_1_d_rho_2 = blend_f32(valid, d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1, NAN);
-    const float d_axes_2_1_d_rho_3 = blend_f32(valid, d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1, NAN);
-    const float d_axes_2_1_d_rho_prime_1 = blend_f32(valid, d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1, NAN);
-    const float d_axes_2_1_d_rho_prime_2 = blend_f32(valid, d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1, NAN);
-    const float d_axes_2_1_d_rho_prime_3 = blend_f32(valid, d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1, NAN);
-    const float d_axes_2_1_d_angle = blend_f32(valid, d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1, NAN);
-    const float d_axes_2_2_d_rho_1 = blend_f32(valid, d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2, NAN);
-    const float d_axes_2_2_d_rho_2 = blend_f32(valid, d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2, NAN);
-    const float d_axes_2_2_d_rho_3 = blend_f32(valid, d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2, NAN);
-    const float d_axes_2_2_d_rho_prime_1 = blend_f32(valid, d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2, NAN);
-    const float d_axes_2_2_d_rho_prime_2 = blend_f32(valid, d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2, NAN);
-    const float d_axes_2_2_d_rho_prime_3 = blend_f32(valid, d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2, NAN);
-    const float d_axes_2_2_d_angle = blend_f32(valid, d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2, NAN);
-    const float d_axes_2_3_d_rho_1 = blend_f32(valid, d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3, NAN);
-    const float d_axes_2_3_d_rho_2 = blend_f32(valid, d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3, NAN);
-    const float d_axes_2_3_d_rho_3 = blend_f32(valid, d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3, NAN);
-    const float d_axes_2_3_d_rho_prime_1 = blend_f32(valid, d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3, NAN);
-    const float d_axes_2_3_d_rho_prime_2 = blend_f32(valid, d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3, NAN);
-    const float d_axes_2_3_d_rho_prime_3 = blend_f32(valid, d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3, NAN);
-    const float d_axes_2_3_d_angle = blend_f32(valid, d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3, NAN);
+    const float d_minus_factor_d_rho_1 = blend_f32(crooked, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, 0.0f);
+    const float d_minus_factor_d_rho_2 = blend_f32(crooked, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, 0.0f);
+    const float d_minus_factor_d_rho_3 = blend_f32(crooked, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, 0.0f);
+    const float d_minus_factor_d_rho_prime_1 = blend_f32(crooked, -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65, 0.0f);
+    const float d_minus_factor_d_rho_prime_2 = blend_f32(crooked, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, 0.0f);
+    const float d_minus_factor_d_rho_prime_3 = blend_f32(crooked, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, 0.0f);
+    const float d_minus_factor_d_angle = blend_f32(crooked, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, 0.0f);
+    const float d_axes_1_1_d_rho_1 = blend_f32(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, (float)NAN);
+    const float d_axes_1_1_d_rho_2 = blend_f32(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, (float)NAN);
+    const float d_axes_1_1_d_rho_3 = blend_f32(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, (float)NAN);
+    const float d_axes_1_1_d_rho_prime_1 = blend_f32(valid, d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1, (float)NAN);
+    const float d_axes_1_1_d_rho_prime_2 = blend_f32(valid, d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1, (float)NAN);
+    const float d_axes_1_1_d_rho_prime_3 = blend_f32(valid, d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1, (float)NAN);
+    const float d_axes_1_1_d_angle = blend_f32(valid, d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1, (float)NAN);
+    const float d_axes_1_2_d_rho_1 = blend_f32(valid, d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2, (float)NAN);
+    const float d_axes_1_2_d_rho_2 = blend_f32(valid, d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2, (float)NAN);
+    const float d_axes_1_2_d_rho_3 = blend_f32(valid, d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2, (float)NAN);
+    const float d_axes_1_2_d_rho_prime_1 = blend_f32(valid, d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2, (float)NAN);
+    const float d_axes_1_2_d_rho_prime_2 = blend_f32(valid, d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2, (float)NAN);
+    const float d_axes_1_2_d_rho_prime_3 = blend_f32(valid, d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2, (float)NAN);
+    const float d_axes_1_2_d_angle = blend_f32(valid, d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2, (float)NAN);
+    const float d_axes_1_3_d_rho_1 = blend_f32(valid, d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3, (float)NAN);
+    const float d_axes_1_3_d_rho_2 = blend_f32(valid, d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3, (float)NAN);
+    const float d_axes_1_3_d_rho_3 = blend_f32(valid, d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3, (float)NAN);
+    const float d_axes_1_3_d_rho_prime_1 = blend_f32(valid, d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3, (float)NAN);
+    const float d_axes_1_3_d_rho_prime_2 = blend_f32(valid, d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3, (float)NAN);
+    const float d_axes_1_3_d_rho_prime_3 = blend_f32(valid, d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3, (float)NAN);
+    const float d_axes_1_3_d_angle = blend_f32(valid, d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3, (float)NAN);
+    const float d_axes_2_1_d_rho_1 = blend_f32(valid, d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1, (float)NAN);
+    const float d_axes_2_1_d_rho_2 = blend_f32(valid, d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1, (float)NAN);
+    const float d_axes_2_1_d_rho_3 = blend_f32(valid, d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1, (float)NAN);
+    const float d_axes_2_1_d_rho_prime_1 = blend_f32(valid, d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1, (float)NAN);
+    const float d_axes_2_1_d_rho_prime_2 = blend_f32(valid, d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1, (float)NAN);
+    const float d_axes_2_1_d_rho_prime_3 = blend_f32(valid, d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1, (float)NAN);
+    const float d_axes_2_1_d_angle = blend_f32(valid, d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1, (float)NAN);
+    const float d_axes_2_2_d_rho_1 = blend_f32(valid, d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2, (float)NAN);
+    const float d_axes_2_2_d_rho_2 = blend_f32(valid, d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2, (float)NAN);
+    const float d_axes_2_2_d_rho_3 = blend_f32(valid, d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2, (float)NAN);
+    const float d_axes_2_2_d_rho_prime_1 = blend_f32(valid, d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2, (float)NAN);
+    const float d_axes_2_2_d_rho_prime_2 = blend_f32(valid, d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2, (float)NAN);
+    const float d_axes_2_2_d_rho_prime_3 = blend_f32(valid, d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2, (float)NAN);
+    const float d_axes_2_2_d_angle = blend_f32(valid, d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2, (float)NAN);
+    const float d_axes_2_3_d_rho_1 = blend_f32(valid, d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3, (float)NAN);
+    const float d_axes_2_3_d_rho_2 = blend_f32(valid, d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3, (float)NAN);
+    const float d_axes_2_3_d_rho_3 = blend_f32(valid, d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3, (float)NAN);
+    const float d_axes_2_3_d_rho_prime_1 = blend_f32(valid, d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3, (float)NAN);
+    const float d_axes_2_3_d_rho_prime_2 = blend_f32(valid, d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3, (float)NAN);
+    const float d_axes_2_3_d_rho_prime_3 = blend_f32(valid, d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3, (float)NAN);
+    const float d_axes_2_3_d_angle = blend_f32(valid, d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3, (float)NAN);
     const int32_t both_zero = (mask_f32(size_after == 0.0f)) & (mask_f32(size_before == 0.0f));
     const int32_t one_zero = (mask_f32(size_after == 0.0f)) | (mask_f32(size_before == 0.0f));
+    const float x8 = length_squared*x3;
     const float coincident = 16.0f*x8;
     const float x10 = FLT_EPSILON*x5;
-    const int32_t no_turn = (mask_f32(sine_size <= (FLT_EPSILON*FLT_EPSILON*FLT_EPSILON*FLT_EPSILON))) | (mask_f32(sine_size <= x10));
+    const int32_t no_turn = (mask_f32(sine_size <= x10)) | (mask_f32(sine_size <= x9));
     const int32_t every = (no_turn) & (mask_f32(r_squared <= coincident));
     const int32_t opposite = (mask_f32(m_squared <= coincident)) & (mask_f32(fabsf(cosine) <= x10));
     const int32_t too_small = (no_turn) | (mask_f32(root_squared < -4.0f*band));
-    const int32_t parallel = mask_f32(r_squared*(turn_scale*turn_scale) <= x4*x9);
+    const int32_t parallel = mask_f32(r_squared*(turn_scale*turn_scale) <= 64.0f*x4*x8);
     const float least_tolerance = blend_f32(mask_f32(length_tolerance > x6), length_tolerance, x6);
-    const int32_t lengths_agree = (comparable) & (mask_f32(x11 <= least_tolerance*(1.0f - excess)));
+    const int32_t lengths_agree = (comparable) & (mask_f32(fabsf(excess) <= least_tolerance*(1.0f - excess)));
     const float select_10 = blend_f32(parallel, 3.0f, 0.0f);
     const float select_11 = blend_f32(~(two), 1.0f, select_10);
     const float select_12 = blend_f32(too_small, 2.0f, select_11);
@@ -2592,8 +2594,8 @@ void LOOP(axis_axis_jacobian_loop_f32)(char **args, const ptrdiff_t *dimensions,
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* axis_covariance: 512 add, 839 mul, 11 div, 4 sqrt, 177 select, 68 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
-/* 512 add, 839 mul, 11 div, 4 sqrt, 177 select, 68 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
+/* axis_covariance: 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
+/* 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
 static inline void axis_covariance_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -2852,11 +2854,6 @@ static inline void axis_covariance_f64(double (*restrict input)[BLOCK], double (
     const double x7 = 0.5*along_m;
     const double band = blend_f64(mask_f64(rounding < x7), rounding, x7);
     const int64_t both = mask_f64(length_product > 0.0);
-    const double x11 = fabs(excess);
-    const int64_t apart = mask_f64(x11 > 9.313225746154785e-10);
-    const double x8 = length_squared*x3;
-    const double x9 = 64.0*x8;
-    const int64_t two = (both) & (~((apart) & (mask_f64(m_squared <= x9)))) & (mask_f64(root_squared > band));
     const double area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
     const double x49 = 2.0*w_1;
     const double x50 = 2.0*w_2;
@@ -2867,7 +2864,11 @@ static inline void axis_covariance_f64(double (*restrict input)[BLOCK], double (
     const double d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x49 + d_w_2_d_rho_prime_1*x50 + d_w_3_d_rho_prime_1*x51;
     const double d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x49 + d_w_2_d_rho_prime_2*x50 + d_w_3_d_rho_prime_2*x51;
     const double d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x49 + d_w_2_d_rho_prime_3*x50 + d_w_3_d_rho_prime_3*x51;
-    const int64_t plane = mask_f64(area_squared > 0.5*m_squared*r_squared);
+    const double x9 = (DBL_EPSILON*DBL_EPSILON*DBL_EPSILON*DBL_EPSILON);
+    const double x11 = m_squared*r_squared;
+    const int64_t plane = (mask_f64(area_squared > 0.5*x11)) & (mask_f64(area_squared > x9));
+    const int64_t two = (both) & ((plane) | (mask_f64(m_squared >= r_squared))) & (mask_f64(root_squared > band));
+    const int64_t crooked = mask_f64(area_squared < x11*(1.0 - 32.0*DBL_EPSILON));
     const double across_1 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), 0.0, -u_2);
     const double d_across_1_d_rho_2 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), 0.0, -scale_before);
     const double across_2 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), -u_3, u_1);
@@ -3043,18 +3044,18 @@ static inline void axis_covariance_f64(double (*restrict input)[BLOCK], double (
     const double d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3;
     const double d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle;
     const double x56 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3);
-    const double plus_factor = blend_f64(apart, 1.0/sqrt(x56), 1.0);
+    const double plus_factor = blend_f64(crooked, 1.0/sqrt(x56), 1.0);
     const double x57 = 1.0/pow(x56, 1.5);
     const double x58 = plus_1*x57;
     const double x59 = plus_2*x57;
     const double x60 = plus_3*x57;
-    const double d_plus_factor_d_rho_1 = blend_f64(apart, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, 0.0);
-    const double d_plus_factor_d_rho_2 = blend_f64(apart, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, 0.0);
-    const double d_plus_factor_d_rho_3 = blend_f64(apart, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, 0.0);
-    const double d_plus_factor_d_rho_prime_1 = blend_f64(apart, -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60, 0.0);
-    const double d_plus_factor_d_rho_prime_2 = blend_f64(apart, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, 0.0);
-    const double d_plus_factor_d_rho_prime_3 = blend_f64(apart, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, 0.0);
-    const double d_plus_factor_d_angle = blend_f64(apart, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, 0.0);
+    const double d_plus_factor_d_rho_1 = blend_f64(crooked, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, 0.0);
+    const double d_plus_factor_d_rho_2 = blend_f64(crooked, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, 0.0);
+    const double d_plus_factor_d_rho_3 = blend_f64(crooked, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, 0.0);
+    const double d_plus_factor_d_rho_prime_1 = blend_f64(crooked, -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60, 0.0);
+    const double d_plus_factor_d_rho_prime_2 = blend_f64(crooked, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, 0.0);
+    const double d_plus_factor_d_rho_prime_3 = blend_f64(crooked, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, 0.0);
+    const double d_plus_factor_d_angle = blend_f64(crooked, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, 0.0);
     const double minus_1 = base_1 - offset_1;
     const double d_minus_1_d_rho_1 = d_base_1_d_rho_1 - d_offset_1_d_rho_1;
     const double d_minus_1_d_rho_2 = d_base_1_d_rho_2 - d_offset_1_d_rho_2;
@@ -3080,71 +3081,72 @@ static inline void axis_covariance_f64(double (*restrict input)[BLOCK], double (
     const double d_minus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 - d_offset_3_d_rho_prime_3;
     const double d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle;
     const double x61 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3);
-    const double minus_factor = blend_f64(apart, 1.0/sqrt(x61), 1.0);
+    const double minus_factor = blend_f64(crooked, 1.0/sqrt(x61), 1.0);
     const double x62 = 1.0/pow(x61, 1.5);
     const double x63 = minus_1*x62;
     const double x64 = minus_2*x62;
     const double x65 = minus_3*x62;
-    const double d_minus_factor_d_rho_1 = blend_f64(apart, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, 0.0);
-    const double d_minus_factor_d_rho_2 = blend_f64(apart, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, 0.0);
-    const double d_minus_factor_d_rho_3 = blend_f64(apart, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, 0.0);
-    const double d_minus_factor_d_rho_prime_1 = blend_f64(apart, -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65, 0.0);
-    const double d_minus_factor_d_rho_prime_2 = blend_f64(apart, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, 0.0);
-    const double d_minus_factor_d_rho_prime_3 = blend_f64(apart, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, 0.0);
-    const double d_minus_factor_d_angle = blend_f64(apart, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, 0.0);
-    const double d_axes_1_1_d_rho_1 = blend_f64(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, NAN);
-    const double d_axes_1_1_d_rho_2 = blend_f64(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, NAN);
-    const double d_axes_1_1_d_rho_3 = blend_f64(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, NAN);
-    const double d_axes_1_1_d_rho_prime_1 = blend_f64(valid, d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1, NAN);
-    const double d_axes_1_1_d_rho_prime_2 = blend_f64(valid, d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1, NAN);
-    const double d_axes_1_1_d_rho_prime_3 = blend_f64(valid, d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1, NAN);
-    const double d_axes_1_1_d_angle = blend_f64(valid, d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1, NAN);
-    const double d_axes_1_2_d_rho_1 = blend_f64(valid, d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2, NAN);
-    const double d_axes_1_2_d_rho_2 = blend_f64(valid, d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2, NAN);
-    const double d_axes_1_2_d_rho_3 = blend_f64(valid, d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2, NAN);
-    const double d_axes_1_2_d_rho_prime_1 = blend_f64(valid, d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2, NAN);
-    const double d_axes_1_2_d_rho_prime_2 = blend_f64(valid, d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2, NAN);
-    const double d_axes_1_2_d_rho_prime_3 = blend_f64(valid, d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2, NAN);
-    const double d_axes_1_2_d_angle = blend_f64(valid, d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2, NAN);
-    const double d_axes_1_3_d_rho_1 = blend_f64(valid, d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3, NAN);
-    const double d_axes_1_3_d_rho_2 = blend_f64(valid, d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3, NAN);
-    const double d_axes_1_3_d_rho_3 = blend_f64(valid, d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3, NAN);
-    const double d_axes_1_3_d_rho_prime_1 = blend_f64(valid, d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3, NAN);
-    const double d_axes_1_3_d_rho_prime_2 = blend_f64(valid, d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3, NAN);
-    const double d_axes_1_3_d_rho_prime_3 = blend_f64(valid, d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3, NAN);
-    const double d_axes_1_3_d_angle = blend_f64(valid, d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3, NAN);
-    const double d_axes_2_1_d_rho_1 = blend_f64(valid, d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1, NAN);
-    const double d_axes_2_1_d_rho_2 = blend_f64(valid, d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1, NAN);
-    const double d_axes_2_1_d_rho_3 = blend_f64(valid, d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1, NAN);
-    const double d_axes_2_1_d_rho_prime_1 = blend_f64(valid, d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1, NAN);
-    const double d_axes_2_1_d_rho_prime_2 = blend_f64(valid, d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1, NAN);
-    const double d_axes_2_1_d_rho_prime_3 = blend_f64(valid, d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1, NAN);
-    const double d_axes_2_1_d_angle = blend_f64(valid, d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1, NAN);
-    const double d_axes_2_2_d_rho_1 = blend_f64(valid, d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2, NAN);
-    const double d_axes_2_2_d_rho_2 = blend_f64(valid, d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2, NAN);
-    const double d_axes_2_2_d_rho_3 = blend_f64(valid, d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2, NAN);
-    const double d_axes_2_2_d_rho_prime_1 = blend_f64(valid, d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2, NAN);
-    const double d_axes_2_2_d_rho_prime_2 = blend_f64(valid, d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2, NAN);
-    const double d_axes_2_2_d_rho_prime_3 = blend_f64(valid, d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2, NAN);
-    const double d_axes_2_2_d_angle = blend_f64(valid, d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2, NAN);
-    const double d_axes_2_3_d_rho_1 = blend_f64(valid, d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3, NAN);
-    const double d_axes_2_3_d_rho_2 = blend_f64(valid, d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3, NAN);
-    const double d_axes_2_3_d_rho_3 = blend_f64(valid, d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3, NAN);
-    const double d_axes_2_3_d_rho_prime_1 = blend_f64(valid, d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3, NAN);
-    const double d_axes_2_3_d_rho_prime_2 = blend_f64(valid, d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3, NAN);
-    const double d_axes_2_3_d_rho_prime_3 = blend_f64(valid, d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3, NAN);
-    const double d_axes_2_3_d_angle = blend_f64(valid, d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3, NAN);
+    const double d_minus_factor_d_rho_1 = blend_f64(crooked, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, 0.0);
+    const double d_minus_factor_d_rho_2 = blend_f64(crooked, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, 0.0);
+    const double d_minus_factor_d_rho_3 = blend_f64(crooked, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, 0.0);
+    const double d_minus_factor_d_rho_prime_1 = blend_f64(crooked, -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65, 0.0);
+    const double d_minus_factor_d_rho_prime_2 = blend_f64(crooked, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, 0.0);
+    const double d_minus_factor_d_rho_prime_3 = blend_f64(crooked, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, 0.0);
+    const double d_minus_factor_d_angle = blend_f64(crooked, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, 0.0);
+    const double d_axes_1_1_d_rho_1 = blend_f64(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, (double)NAN);
+    const double d_axes_1_1_d_rho_2 = blend_f64(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, (double)NAN);
+    const double d_axes_1_1_d_rho_3 = blend_f64(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, (double)NAN);
+    const double d_axes_1_1_d_rho_prime_1 = blend_f64(valid, d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1, (double)NAN);
+    const double d_axes_1_1_d_rho_prime_2 = blend_f64(valid, d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1, (double)NAN);
+    const double d_axes_1_1_d_rho_prime_3 = blend_f64(valid, d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1, (double)NAN);
+    const double d_axes_1_1_d_angle = blend_f64(valid, d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1, (double)NAN);
+    const double d_axes_1_2_d_rho_1 = blend_f64(valid, d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2, (double)NAN);
+    const double d_axes_1_2_d_rho_2 = blend_f64(valid, d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2, (double)NAN);
+    const double d_axes_1_2_d_rho_3 = blend_f64(valid, d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2, (double)NAN);
+    const double d_axes_1_2_d_rho_prime_1 = blend_f64(valid, d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2, (double)NAN);
+    const double d_axes_1_2_d_rho_prime_2 = blend_f64(valid, d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2, (double)NAN);
+    const double d_axes_1_2_d_rho_prime_3 = blend_f64(valid, d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2, (double)NAN);
+    const double d_axes_1_2_d_angle = blend_f64(valid, d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2, (double)NAN);
+    const double d_axes_1_3_d_rho_1 = blend_f64(valid, d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3, (double)NAN);
+    const double d_axes_1_3_d_rho_2 = blend_f64(valid, d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3, (double)NAN);
+    const double d_axes_1_3_d_rho_3 = blend_f64(valid, d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3, (double)NAN);
+    const double d_axes_1_3_d_rho_prime_1 = blend_f64(valid, d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3, (double)NAN);
+    const double d_axes_1_3_d_rho_prime_2 = blend_f64(valid, d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3, (double)NAN);
+    const double d_axes_1_3_d_rho_prime_3 = blend_f64(valid, d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3, (double)NAN);
+    const double d_axes_1_3_d_angle = blend_f64(valid, d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3, (double)NAN);
+    const double d_axes_2_1_d_rho_1 = blend_f64(valid, d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1, (double)NAN);
+    const double d_axes_2_1_d_rho_2 = blend_f64(valid, d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1, (double)NAN);
+    const double d_axes_2_1_d_rho_3 = blend_f64(valid, d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1, (double)NAN);
+    const double d_axes_2_1_d_rho_prime_1 = blend_f64(valid, d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1, (double)NAN);
+    const double d_axes_2_1_d_rho_prime_2 = blend_f64(valid, d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1, (double)NAN);
+    const double d_axes_2_1_d_rho_prime_3 = blend_f64(valid, d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1, (double)NAN);
+    const double d_axes_2_1_d_angle = blend_f64(valid, d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1, (double)NAN);
+    const double d_axes_2_2_d_rho_1 = blend_f64(valid, d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2, (double)NAN);
+    const double d_axes_2_2_d_rho_2 = blend_f64(valid, d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2, (double)NAN);
+    const double d_axes_2_2_d_rho_3 = blend_f64(valid, d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2, (double)NAN);
+    const double d_axes_2_2_d_rho_prime_1 = blend_f64(valid, d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2, (double)NAN);
+    const double d_axes_2_2_d_rho_prime_2 = blend_f64(valid, d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2, (double)NAN);
+    const double d_axes_2_2_d_rho_prime_3 = blend_f64(valid, d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2, (double)NAN);
+    const double d_axes_2_2_d_angle = blend_f64(valid, d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2, (double)NAN);
+    const double d_axes_2_3_d_rho_1 = blend_f64(valid, d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3, (double)NAN);
+    const double d_axes_2_3_d_rho_2 = blend_f64(valid, d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3, (double)NAN);
+    const double d_axes_2_3_d_rho_3 = blend_f64(valid, d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3, (double)NAN);
+    const double d_axes_2_3_d_rho_prime_1 = blend_f64(valid, d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3, (double)NAN);
+    const double d_axes_2_3_d_rho_prime_2 = blend_f64(valid, d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3, (double)NAN);
+    const double d_axes_2_3_d_rho_prime_3 = blend_f64(valid, d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3, (double)NAN);
+    const double d_axes_2_3_d_angle = blend_f64(valid, d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3, (double)NAN);
     const int64_t both_zero = (mask_f64(size_after == 0.0)) & (mask_f64(size_before == 0.0));
     const int64_t one_zero = (mask_f64(size_after == 0.0)) | (mask_f64(size_before == 0.0));
+    const double x8 = length_squared*x3;
     const double coincident = 16.0*x8;
     const double x10 = DBL_EPSILON*x5;
-    const int64_t no_turn = (mask_f64(sine_size <= (DBL_EPSILON*DBL_EPSILON*DBL_EPSILON*DBL_EPSILON))) | (mask_f64(sine_size <= x10));
+    const int64_t no_turn = (mask_f64(sine_size <= x10)) | (mask_f64(sine_size <= x9));
     const int64_t every = (no_turn) & (mask_f64(r_squared <= coincident));
     const int64_t opposite = (mask_f64(m_squared <= coincident)) & (mask_f64(fabs(cosine) <= x10));
     const int64_t too_small = (no_turn) | (mask_f64(root_squared < -4.0*band));
-    const int64_t parallel = mask_f64(r_squared*(turn_scale*turn_scale) <= x4*x9);
+    const int64_t parallel = mask_f64(r_squared*(turn_scale*turn_scale) <= 64.0*x4*x8);
     const double least_tolerance = blend_f64(mask_f64(length_tolerance > x6), length_tolerance, x6);
-    const int64_t lengths_agree = (comparable) & (mask_f64(x11 <= least_tolerance*(1.0 - excess)));
+    const int64_t lengths_agree = (comparable) & (mask_f64(fabs(excess) <= least_tolerance*(1.0 - excess)));
     const double select_10 = blend_f64(parallel, 3.0, 0.0);
     const double select_11 = blend_f64(~(two), 1.0, select_10);
     const double select_12 = blend_f64(too_small, 2.0, select_11);
@@ -3232,32 +3234,32 @@ static inline void axis_covariance_f64(double (*restrict input)[BLOCK], double (
     const double half_prime_b_3_1 = axes_jacobian_2_3_4*cov_rho_prime_1_1 + axes_jacobian_2_3_5*cov_rho_prime_2_1 + axes_jacobian_2_3_6*cov_rho_prime_3_1;
     const double half_prime_b_3_2 = axes_jacobian_2_3_4*cov_rho_prime_1_2 + axes_jacobian_2_3_5*cov_rho_prime_2_2 + axes_jacobian_2_3_6*cov_rho_prime_3_2;
     const double half_prime_b_3_3 = axes_jacobian_2_3_4*cov_rho_prime_1_3 + axes_jacobian_2_3_5*cov_rho_prime_2_3 + axes_jacobian_2_3_6*cov_rho_prime_3_3;
-    const double covariance_1_1_1 = axes_jacobian_1_1_1*half_rho_a_1_1 + axes_jacobian_1_1_2*half_rho_a_1_2 + axes_jacobian_1_1_3*half_rho_a_1_3 + axes_jacobian_1_1_4*half_prime_a_1_1 + axes_jacobian_1_1_5*half_prime_a_1_2 + axes_jacobian_1_1_6*half_prime_a_1_3 + (axes_jacobian_1_1_7*axes_jacobian_1_1_7)*var_angle;
+    const double covariance_1_1_1 = blend_f64(two, axes_jacobian_1_1_1*half_rho_a_1_1 + axes_jacobian_1_1_2*half_rho_a_1_2 + axes_jacobian_1_1_3*half_rho_a_1_3 + axes_jacobian_1_1_4*half_prime_a_1_1 + axes_jacobian_1_1_5*half_prime_a_1_2 + axes_jacobian_1_1_6*half_prime_a_1_3 + (axes_jacobian_1_1_7*axes_jacobian_1_1_7)*var_angle, (double)NAN);
     const double x66 = axes_jacobian_1_1_7*var_angle;
     const double x67 = axes_jacobian_1_2_7*x66;
-    const double covariance_1_1_2 = axes_jacobian_1_2_1*half_rho_a_1_1 + axes_jacobian_1_2_2*half_rho_a_1_2 + axes_jacobian_1_2_3*half_rho_a_1_3 + axes_jacobian_1_2_4*half_prime_a_1_1 + axes_jacobian_1_2_5*half_prime_a_1_2 + axes_jacobian_1_2_6*half_prime_a_1_3 + x67;
+    const double covariance_1_1_2 = blend_f64(two, axes_jacobian_1_2_1*half_rho_a_1_1 + axes_jacobian_1_2_2*half_rho_a_1_2 + axes_jacobian_1_2_3*half_rho_a_1_3 + axes_jacobian_1_2_4*half_prime_a_1_1 + axes_jacobian_1_2_5*half_prime_a_1_2 + axes_jacobian_1_2_6*half_prime_a_1_3 + x67, (double)NAN);
     const double x68 = axes_jacobian_1_3_7*x66;
-    const double covariance_1_1_3 = axes_jacobian_1_3_1*half_rho_a_1_1 + axes_jacobian_1_3_2*half_rho_a_1_2 + axes_jacobian_1_3_3*half_rho_a_1_3 + axes_jacobian_1_3_4*half_prime_a_1_1 + axes_jacobian_1_3_5*half_prime_a_1_2 + axes_jacobian_1_3_6*half_prime_a_1_3 + x68;
-    const double covariance_1_2_1 = axes_jacobian_1_1_1*half_rho_a_2_1 + axes_jacobian_1_1_2*half_rho_a_2_2 + axes_jacobian_1_1_3*half_rho_a_2_3 + axes_jacobian_1_1_4*half_prime_a_2_1 + axes_jacobian_1_1_5*half_prime_a_2_2 + axes_jacobian_1_1_6*half_prime_a_2_3 + x67;
-    const double covariance_1_2_2 = axes_jacobian_1_2_1*half_rho_a_2_1 + axes_jacobian_1_2_2*half_rho_a_2_2 + axes_jacobian_1_2_3*half_rho_a_2_3 + axes_jacobian_1_2_4*half_prime_a_2_1 + axes_jacobian_1_2_5*half_prime_a_2_2 + axes_jacobian_1_2_6*half_prime_a_2_3 + (axes_jacobian_1_2_7*axes_jacobian_1_2_7)*var_angle;
+    const double covariance_1_1_3 = blend_f64(two, axes_jacobian_1_3_1*half_rho_a_1_1 + axes_jacobian_1_3_2*half_rho_a_1_2 + axes_jacobian_1_3_3*half_rho_a_1_3 + axes_jacobian_1_3_4*half_prime_a_1_1 + axes_jacobian_1_3_5*half_prime_a_1_2 + axes_jacobian_1_3_6*half_prime_a_1_3 + x68, (double)NAN);
+    const double covariance_1_2_1 = blend_f64(two, axes_jacobian_1_1_1*half_rho_a_2_1 + axes_jacobian_1_1_2*half_rho_a_2_2 + axes_jacobian_1_1_3*half_rho_a_2_3 + axes_jacobian_1_1_4*half_prime_a_2_1 + axes_jacobian_1_1_5*half_prime_a_2_2 + axes_jacobian_1_1_6*half_prime_a_2_3 + x67, (double)NAN);
+    const double covariance_1_2_2 = blend_f64(two, axes_jacobian_1_2_1*half_rho_a_2_1 + axes_jacobian_1_2_2*half_rho_a_2_2 + axes_jacobian_1_2_3*half_rho_a_2_3 + axes_jacobian_1_2_4*half_prime_a_2_1 + axes_jacobian_1_2_5*half_prime_a_2_2 + axes_jacobian_1_2_6*half_prime_a_2_3 + (axes_jacobian_1_2_7*axes_jacobian_1_2_7)*var_angle, (double)NAN);
     const double x69 = axes_jacobian_1_2_7*axes_jacobian_1_3_7*var_angle;
-    const double covariance_1_2_3 = axes_jacobian_1_3_1*half_rho_a_2_1 + axes_jacobian_1_3_2*half_rho_a_2_2 + axes_jacobian_1_3_3*half_rho_a_2_3 + axes_jacobian_1_3_4*half_prime_a_2_1 + axes_jacobian_1_3_5*half_prime_a_2_2 + axes_jacobian_1_3_6*half_prime_a_2_3 + x69;
-    const double covariance_1_3_1 = axes_jacobian_1_1_1*half_rho_a_3_1 + axes_jacobian_1_1_2*half_rho_a_3_2 + axes_jacobian_1_1_3*half_rho_a_3_3 + axes_jacobian_1_1_4*half_prime_a_3_1 + axes_jacobian_1_1_5*half_prime_a_3_2 + axes_jacobian_1_1_6*half_prime_a_3_3 + x68;
-    const double covariance_1_3_2 = axes_jacobian_1_2_1*half_rho_a_3_1 + axes_jacobian_1_2_2*half_rho_a_3_2 + axes_jacobian_1_2_3*half_rho_a_3_3 + axes_jacobian_1_2_4*half_prime_a_3_1 + axes_jacobian_1_2_5*half_prime_a_3_2 + axes_jacobian_1_2_6*half_prime_a_3_3 + x69;
-    const double covariance_1_3_3 = axes_jacobian_1_3_1*half_rho_a_3_1 + axes_jacobian_1_3_2*half_rho_a_3_2 + axes_jacobian_1_3_3*half_rho_a_3_3 + axes_jacobian_1_3_4*half_prime_a_3_1 + axes_jacobian_1_3_5*half_prime_a_3_2 + axes_jacobian_1_3_6*half_prime_a_3_3 + (axes_jacobian_1_3_7*axes_jacobian_1_3_7)*var_angle;
-    const double covariance_2_1_1 = axes_jacobian_2_1_1*half_rho_b_1_1 + axes_jacobian_2_1_2*half_rho_b_1_2 + axes_jacobian_2_1_3*half_rho_b_1_3 + axes_jacobian_2_1_4*half_prime_b_1_1 + axes_jacobian_2_1_5*half_prime_b_1_2 + axes_jacobian_2_1_6*half_prime_b_1_3 + (axes_jacobian_2_1_7*axes_jacobian_2_1_7)*var_angle;
+    const double covariance_1_2_3 = blend_f64(two, axes_jacobian_1_3_1*half_rho_a_2_1 + axes_jacobian_1_3_2*half_rho_a_2_2 + axes_jacobian_1_3_3*half_rho_a_2_3 + axes_jacobian_1_3_4*half_prime_a_2_1 + axes_jacobian_1_3_5*half_prime_a_2_2 + axes_jacobian_1_3_6*half_prime_a_2_3 + x69, (double)NAN);
+    const double covariance_1_3_1 = blend_f64(two, axes_jacobian_1_1_1*half_rho_a_3_1 + axes_jacobian_1_1_2*half_rho_a_3_2 + axes_jacobian_1_1_3*half_rho_a_3_3 + axes_jacobian_1_1_4*half_prime_a_3_1 + axes_jacobian_1_1_5*half_prime_a_3_2 + axes_jacobian_1_1_6*half_prime_a_3_3 + x68, (double)NAN);
+    const double covariance_1_3_2 = blend_f64(two, axes_jacobian_1_2_1*half_rho_a_3_1 + axes_jacobian_1_2_2*half_rho_a_3_2 + axes_jacobian_1_2_3*half_rho_a_3_3 + axes_jacobian_1_2_4*half_prime_a_3_1 + axes_jacobian_1_2_5*half_prime_a_3_2 + axes_jacobian_1_2_6*half_prime_a_3_3 + x69, (double)NAN);
+    const double covariance_1_3_3 = blend_f64(two, axes_jacobian_1_3_1*half_rho_a_3_1 + axes_jacobian_1_3_2*half_rho_a_3_2 + axes_jacobian_1_3_3*half_rho_a_3_3 + axes_jacobian_1_3_4*half_prime_a_3_1 + axes_jacobian_1_3_5*half_prime_a_3_2 + axes_jacobian_1_3_6*half_prime_a_3_3 + (axes_jacobian_1_3_7*axes_jacobian_1_3_7)*var_angle, (double)NAN);
+    const double covariance_2_1_1 = blend_f64(two, axes_jacobian_2_1_1*half_rho_b_1_1 + axes_jacobian_2_1_2*half_rho_b_1_2 + axes_jacobian_2_1_3*half_rho_b_1_3 + axes_jacobian_2_1_4*half_prime_b_1_1 + axes_jacobian_2_1_5*half_prime_b_1_2 + axes_jacobian_2_1_6*half_prime_b_1_3 + (axes_jacobian_2_1_7*axes_jacobian_2_1_7)*var_angle, (double)NAN);
     const double x70 = axes_jacobian_2_1_7*var_angle;
     const double x71 = axes_jacobian_2_2_7*x70;
-    const double covariance_2_1_2 = axes_jacobian_2_2_1*half_rho_b_1_1 + axes_jacobian_2_2_2*half_rho_b_1_2 + axes_jacobian_2_2_3*half_rho_b_1_3 + axes_jacobian_2_2_4*half_prime_b_1_1 + axes_jacobian_2_2_5*half_prime_b_1_2 + axes_jacobian_2_2_6*half_prime_b_1_3 + x71;
+    const double covariance_2_1_2 = blend_f64(two, axes_jacobian_2_2_1*half_rho_b_1_1 + axes_jacobian_2_2_2*half_rho_b_1_2 + axes_jacobian_2_2_3*half_rho_b_1_3 + axes_jacobian_2_2_4*half_prime_b_1_1 + axes_jacobian_2_2_5*half_prime_b_1_2 + axes_jacobian_2_2_6*half_prime_b_1_3 + x71, (double)NAN);
     const double x72 = axes_jacobian_2_3_7*x70;
-    const double covariance_2_1_3 = axes_jacobian_2_3_1*half_rho_b_1_1 + axes_jacobian_2_3_2*half_rho_b_1_2 + axes_jacobian_2_3_3*half_rho_b_1_3 + axes_jacobian_2_3_4*half_prime_b_1_1 + axes_jacobian_2_3_5*half_prime_b_1_2 + axes_jacobian_2_3_6*half_prime_b_1_3 + x72;
-    const double covariance_2_2_1 = axes_jacobian_2_1_1*half_rho_b_2_1 + axes_jacobian_2_1_2*half_rho_b_2_2 + axes_jacobian_2_1_3*half_rho_b_2_3 + axes_jacobian_2_1_4*half_prime_b_2_1 + axes_jacobian_2_1_5*half_prime_b_2_2 + axes_jacobian_2_1_6*half_prime_b_2_3 + x71;
-    const double covariance_2_2_2 = axes_jacobian_2_2_1*half_rho_b_2_1 + axes_jacobian_2_2_2*half_rho_b_2_2 + axes_jacobian_2_2_3*half_rho_b_2_3 + axes_jacobian_2_2_4*half_prime_b_2_1 + axes_jacobian_2_2_5*half_prime_b_2_2 + axes_jacobian_2_2_6*half_prime_b_2_3 + (axes_jacobian_2_2_7*axes_jacobian_2_2_7)*var_angle;
+    const double covariance_2_1_3 = blend_f64(two, axes_jacobian_2_3_1*half_rho_b_1_1 + axes_jacobian_2_3_2*half_rho_b_1_2 + axes_jacobian_2_3_3*half_rho_b_1_3 + axes_jacobian_2_3_4*half_prime_b_1_1 + axes_jacobian_2_3_5*half_prime_b_1_2 + axes_jacobian_2_3_6*half_prime_b_1_3 + x72, (double)NAN);
+    const double covariance_2_2_1 = blend_f64(two, axes_jacobian_2_1_1*half_rho_b_2_1 + axes_jacobian_2_1_2*half_rho_b_2_2 + axes_jacobian_2_1_3*half_rho_b_2_3 + axes_jacobian_2_1_4*half_prime_b_2_1 + axes_jacobian_2_1_5*half_prime_b_2_2 + axes_jacobian_2_1_6*half_prime_b_2_3 + x71, (double)NAN);
+    const double covariance_2_2_2 = blend_f64(two, axes_jacobian_2_2_1*half_rho_b_2_1 + axes_jacobian_2_2_2*half_rho_b_2_2 + axes_jacobian_2_2_3*half_rho_b_2_3 + axes_jacobian_2_2_4*half_prime_b_2_1 + axes_jacobian_2_2_5*half_prime_b_2_2 + axes_jacobian_2_2_6*half_prime_b_2_3 + (axes_jacobian_2_2_7*axes_jacobian_2_2_7)*var_angle, (double)NAN);
     const double x73 = axes_jacobian_2_2_7*axes_jacobian_2_3_7*var_angle;
-    const double covariance_2_2_3 = axes_jacobian_2_3_1*half_rho_b_2_1 + axes_jacobian_2_3_2*half_rho_b_2_2 + axes_jacobian_2_3_3*half_rho_b_2_3 + axes_jacobian_2_3_4*half_prime_b_2_1 + axes_jacobian_2_3_5*half_prime_b_2_2 + axes_jacobian_2_3_6*half_prime_b_2_3 + x73;
-    const double covariance_2_3_1 = axes_jacobian_2_1_1*half_rho_b_3_1 + axes_jacobian_2_1_2*half_rho_b_3_2 + axes_jacobian_2_1_3*half_rho_b_3_3 + axes_jacobian_2_1_4*half_prime_b_3_1 + axes_jacobian_2_1_5*half_prime_b_3_2 + axes_jacobian_2_1_6*half_prime_b_3_3 + x72;
-    const double covariance_2_3_2 = axes_jacobian_2_2_1*half_rho_b_3_1 + axes_jacobian_2_2_2*half_rho_b_3_2 + axes_jacobian_2_2_3*half_rho_b_3_3 + axes_jacobian_2_2_4*half_prime_b_3_1 + axes_jacobian_2_2_5*half_prime_b_3_2 + axes_jacobian_2_2_6*half_prime_b_3_3 + x73;
-    const double covariance_2_3_3 = axes_jacobian_2_3_1*half_rho_b_3_1 + axes_jacobian_2_3_2*half_rho_b_3_2 + axes_jacobian_2_3_3*half_rho_b_3_3 + axes_jacobian_2_3_4*half_prime_b_3_1 + axes_jacobian_2_3_5*half_prime_b_3_2 + axes_jacobian_2_3_6*half_prime_b_3_3 + (axes_jacobian_2_3_7*axes_jacobian_2_3_7)*var_angle;
+    const double covariance_2_2_3 = blend_f64(two, axes_jacobian_2_3_1*half_rho_b_2_1 + axes_jacobian_2_3_2*half_rho_b_2_2 + axes_jacobian_2_3_3*half_rho_b_2_3 + axes_jacobian_2_3_4*half_prime_b_2_1 + axes_jacobian_2_3_5*half_prime_b_2_2 + axes_jacobian_2_3_6*half_prime_b_2_3 + x73, (double)NAN);
+    const double covariance_2_3_1 = blend_f64(two, axes_jacobian_2_1_1*half_rho_b_3_1 + axes_jacobian_2_1_2*half_rho_b_3_2 + axes_jacobian_2_1_3*half_rho_b_3_3 + axes_jacobian_2_1_4*half_prime_b_3_1 + axes_jacobian_2_1_5*half_prime_b_3_2 + axes_jacobian_2_1_6*half_prime_b_3_3 + x72, (double)NAN);
+    const double covariance_2_3_2 = blend_f64(two, axes_jacobian_2_2_1*half_rho_b_3_1 + axes_jacobian_2_2_2*half_rho_b_3_2 + axes_jacobian_2_2_3*half_rho_b_3_3 + axes_jacobian_2_2_4*half_prime_b_3_1 + axes_jacobian_2_2_5*half_prime_b_3_2 + axes_jacobian_2_2_6*half_prime_b_3_3 + x73, (double)NAN);
+    const double covariance_2_3_3 = blend_f64(two, axes_jacobian_2_3_1*half_rho_b_3_1 + axes_jacobian_2_3_2*half_rho_b_3_2 + axes_jacobian_2_3_3*half_rho_b_3_3 + axes_jacobian_2_3_4*half_prime_b_3_1 + axes_jacobian_2_3_5*half_prime_b_3_2 + axes_jacobian_2_3_6*half_prime_b_3_3 + (axes_jacobian_2_3_7*axes_jacobian_2_3_7)*var_angle, (double)NAN);
     const double axis_status = status;
     output[0][i] = covariance_1_1_1;
     output[1][i] = covariance_1_1_2;
@@ -3406,8 +3408,8 @@ void LOOP(axis_axis_covariance_loop_f64)(char **args, const ptrdiff_t *dimension
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* axis_covariance: 512 add, 839 mul, 11 div, 4 sqrt, 177 select, 68 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
-/* 512 add, 839 mul, 11 div, 4 sqrt, 177 select, 68 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
+/* axis_covariance: 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
+/* 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
 static inline void axis_covariance_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -3666,11 +3668,6 @@ static inline void axis_covariance_f32(float (*restrict input)[BLOCK], float (*r
     const float x7 = 0.5f*along_m;
     const float band = blend_f32(mask_f32(rounding < x7), rounding, x7);
     const int32_t both = mask_f32(length_product > 0.0f);
-    const float x11 = fabsf(excess);
-    const int32_t apart = mask_f32(x11 > 9.313225746154785e-10f);
-    const float x8 = length_squared*x3;
-    const float x9 = 64.0f*x8;
-    const int32_t two = (both) & (~((apart) & (mask_f32(m_squared <= x9)))) & (mask_f32(root_squared > band));
     const float area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
     const float x49 = 2.0f*w_1;
     const float x50 = 2.0f*w_2;
@@ -3681,7 +3678,11 @@ static inline void axis_covariance_f32(float (*restrict input)[BLOCK], float (*r
     const float d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x49 + d_w_2_d_rho_prime_1*x50 + d_w_3_d_rho_prime_1*x51;
     const float d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x49 + d_w_2_d_rho_prime_2*x50 + d_w_3_d_rho_prime_2*x51;
     const float d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x49 + d_w_2_d_rho_prime_3*x50 + d_w_3_d_rho_prime_3*x51;
-    const int32_t plane = mask_f32(area_squared > 0.5f*m_squared*r_squared);
+    const float x9 = (FLT_EPSILON*FLT_EPSILON*FLT_EPSILON*FLT_EPSILON);
+    const float x11 = m_squared*r_squared;
+    const int32_t plane = (mask_f32(area_squared > 0.5f*x11)) & (mask_f32(area_squared > x9));
+    const int32_t two = (both) & ((plane) | (mask_f32(m_squared >= r_squared))) & (mask_f32(root_squared > band));
+    const int32_t crooked = mask_f32(area_squared < x11*(1.0f - 32.0f*FLT_EPSILON));
     const float across_1 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), 0.0f, -u_2);
     const float d_across_1_d_rho_2 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), 0.0f, -scale_before);
     const float across_2 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), -u_3, u_1);
@@ -3857,18 +3858,18 @@ static inline void axis_covariance_f32(float (*restrict input)[BLOCK], float (*r
     const float d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3;
     const float d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle;
     const float x56 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3);
-    const float plus_factor = blend_f32(apart, 1.0f/sqrtf(x56), 1.0f);
+    const float plus_factor = blend_f32(crooked, 1.0f/sqrtf(x56), 1.0f);
     const float x57 = 1.0f/powf(x56, 1.5f);
     const float x58 = plus_1*x57;
     const float x59 = plus_2*x57;
     const float x60 = plus_3*x57;
-    const float d_plus_factor_d_rho_1 = blend_f32(apart, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, 0.0f);
-    const float d_plus_factor_d_rho_2 = blend_f32(apart, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, 0.0f);
-    const float d_plus_factor_d_rho_3 = blend_f32(apart, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, 0.0f);
-    const float d_plus_factor_d_rho_prime_1 = blend_f32(apart, -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60, 0.0f);
-    const float d_plus_factor_d_rho_prime_2 = blend_f32(apart, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, 0.0f);
-    const float d_plus_factor_d_rho_prime_3 = blend_f32(apart, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, 0.0f);
-    const float d_plus_factor_d_angle = blend_f32(apart, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, 0.0f);
+    const float d_plus_factor_d_rho_1 = blend_f32(crooked, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, 0.0f);
+    const float d_plus_factor_d_rho_2 = blend_f32(crooked, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, 0.0f);
+    const float d_plus_factor_d_rho_3 = blend_f32(crooked, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, 0.0f);
+    const float d_plus_factor_d_rho_prime_1 = blend_f32(crooked, -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60, 0.0f);
+    const float d_plus_factor_d_rho_prime_2 = blend_f32(crooked, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, 0.0f);
+    const float d_plus_factor_d_rho_prime_3 = blend_f32(crooked, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, 0.0f);
+    const float d_plus_factor_d_angle = blend_f32(crooked, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, 0.0f);
     const float minus_1 = base_1 - offset_1;
     const float d_minus_1_d_rho_1 = d_base_1_d_rho_1 - d_offset_1_d_rho_1;
     const float d_minus_1_d_rho_2 = d_base_1_d_rho_2 - d_offset_1_d_rho_2;
@@ -3894,71 +3895,72 @@ static inline void axis_covariance_f32(float (*restrict input)[BLOCK], float (*r
     const float d_minus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 - d_offset_3_d_rho_prime_3;
     const float d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle;
     const float x61 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3);
-    const float minus_factor = blend_f32(apart, 1.0f/sqrtf(x61), 1.0f);
+    const float minus_factor = blend_f32(crooked, 1.0f/sqrtf(x61), 1.0f);
     const float x62 = 1.0f/powf(x61, 1.5f);
     const float x63 = minus_1*x62;
     const float x64 = minus_2*x62;
     const float x65 = minus_3*x62;
-    const float d_minus_factor_d_rho_1 = blend_f32(apart, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, 0.0f);
-    const float d_minus_factor_d_rho_2 = blend_f32(apart, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, 0.0f);
-    const float d_minus_factor_d_rho_3 = blend_f32(apart, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, 0.0f);
-    const float d_minus_factor_d_rho_prime_1 = blend_f32(apart, -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65, 0.0f);
-    const float d_minus_factor_d_rho_prime_2 = blend_f32(apart, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, 0.0f);
-    const float d_minus_factor_d_rho_prime_3 = blend_f32(apart, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, 0.0f);
-    const float d_minus_factor_d_angle = blend_f32(apart, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, 0.0f);
-    const float d_axes_1_1_d_rho_1 = blend_f32(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, NAN);
-    const float d_axes_1_1_d_rho_2 = blend_f32(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, NAN);
-    const float d_axes_1_1_d_rho_3 = blend_f32(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, NAN);
-    const float d_axes_1_1_d_rho_prime_1 = blend_f32(valid, d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1, NAN);
-    const float d_axes_1_1_d_rho_prime_2 = blend_f32(valid, d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1, NAN);
-    const float d_axes_1_1_d_rho_prime_3 = blend_f32(valid, d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1, NAN);
-    const float d_axes_1_1_d_angle = blend_f32(valid, d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1, NAN);
-    const float d_axes_1_2_d_rho_1 = blend_f32(valid, d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2, NAN);
-    const float d_axes_1_2_d_rho_2 = blend_f32(valid, d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2, NAN);
-    const float d_axes_1_2_d_rho_3 = blend_f32(valid, d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2, NAN);
-    const float d_axes_1_2_d_rho_prime_1 = blend_f32(valid, d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2, NAN);
-    const float d_axes_1_2_d_rho_prime_2 = blend_f32(valid, d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2, NAN);
-    const float d_axes_1_2_d_rho_prime_3 = blend_f32(valid, d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2, NAN);
-    const float d_axes_1_2_d_angle = blend_f32(valid, d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2, NAN);
-    const float d_axes_1_3_d_rho_1 = blend_f32(valid, d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3, NAN);
-    const float d_axes_1_3_d_rho_2 = blend_f32(valid, d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3, NAN);
-    const float d_axes_1_3_d_rho_3 = blend_f32(valid, d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3, NAN);
-    const float d_axes_1_3_d_rho_prime_1 = blend_f32(valid, d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3, NAN);
-    const float d_axes_1_3_d_rho_prime_2 = blend_f32(valid, d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3, NAN);
-    const float d_axes_1_3_d_rho_prime_3 = blend_f32(valid, d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3, NAN);
-    const float d_axes_1_3_d_angle = blend_f32(valid, d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3, NAN);
-    const float d_axes_2_1_d_rho_1 = blend_f32(valid, d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1, NAN);
-    const float d_axes_2_1_d_rho_2 = blend_f32(valid, d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1, NAN);
-    const float d_axes_2_1_d_rho_3 = blend_f32(valid, d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1, NAN);
-    const float d_axes_2_1_d_rho_prime_1 = blend_f32(valid, d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1, NAN);
-    const float d_axes_2_1_d_rho_prime_2 = blend_f32(valid, d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1, NAN);
-    const float d_axes_2_1_d_rho_prime_3 = blend_f32(valid, d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1, NAN);
-    const float d_axes_2_1_d_angle = blend_f32(valid, d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1, NAN);
-    const float d_axes_2_2_d_rho_1 = blend_f32(valid, d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2, NAN);
-    const float d_axes_2_2_d_rho_2 = blend_f32(valid, d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2, NAN);
-    const float d_axes_2_2_d_rho_3 = blend_f32(valid, d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2, NAN);
-    const float d_axes_2_2_d_rho_prime_1 = blend_f32(valid, d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2, NAN);
-    const float d_axes_2_2_d_rho_prime_2 = blend_f32(valid, d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2, NAN);
-    const float d_axes_2_2_d_rho_prime_3 = blend_f32(valid, d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2, NAN);
-    const float d_axes_2_2_d_angle = blend_f32(valid, d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2, NAN);
-    const float d_axes_2_3_d_rho_1 = blend_f32(valid, d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3, NAN);
-    const float d_axes_2_3_d_rho_2 = blend_f32(valid, d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3, NAN);
-    const float d_axes_2_3_d_rho_3 = blend_f32(valid, d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3, NAN);
-    const float d_axes_2_3_d_rho_prime_1 = blend_f32(valid, d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3, NAN);
-    const float d_axes_2_3_d_rho_prime_2 = blend_f32(valid, d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3, NAN);
-    const float d_axes_2_3_d_rho_prime_3 = blend_f32(valid, d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3, NAN);
-    const float d_axes_2_3_d_angle = blend_f32(valid, d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3, NAN);
+    const float d_minus_factor_d_rho_1 = blend_f32(crooked, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, 0.0f);
+    const float d_minus_factor_d_rho_2 = blend_f32(crooked, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, 0.0f);
+    const float d_minus_factor_d_rho_3 = blend_f32(crooked, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, 0.0f);
+    const float d_minus_factor_d_rho_prime_1 = blend_f32(crooked, -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65, 0.0f);
+    const float d_minus_factor_d_rho_prime_2 = blend_f32(crooked, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, 0.0f);
+    const float d_minus_factor_d_rho_prime_3 = blend_f32(crooked, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, 0.0f);
+    const float d_minus_factor_d_angle = blend_f32(crooked, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, 0.0f);
+    const float d_axes_1_1_d_rho_1 = blend_f32(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, (float)NAN);
+    const float d_axes_1_1_d_rho_2 = blend_f32(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, (float)NAN);
+    const float d_axes_1_1_d_rho_3 = blend_f32(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, (float)NAN);
+    const float d_axes_1_1_d_rho_prime_1 = blend_f32(valid, d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1, (float)NAN);
+    const float d_axes_1_1_d_rho_prime_2 = blend_f32(valid, d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1, (float)NAN);
+    const float d_axes_1_1_d_rho_prime_3 = blend_f32(valid, d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1, (float)NAN);
+    const float d_axes_1_1_d_angle = blend_f32(valid, d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1, (float)NAN);
+    const float d_axes_1_2_d_rho_1 = blend_f32(valid, d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2, (float)NAN);
+    const float d_axes_1_2_d_rho_2 = blend_f32(valid, d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2, (float)NAN);
+    const float d_axes_1_2_d_rho_3 = blend_f32(valid, d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2, (float)NAN);
+    const float d_axes_1_2_d_rho_prime_1 = blend_f32(valid, d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2, (float)NAN);
+    const float d_axes_1_2_d_rho_prime_2 = blend_f32(valid, d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2, (float)NAN);
+    const float d_axes_1_2_d_rho_prime_3 = blend_f32(valid, d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2, (float)NAN);
+    const float d_axes_1_2_d_angle = blend_f32(valid, d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2, (float)NAN);
+    const float d_axes_1_3_d_rho_1 = blend_f32(valid, d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3, (float)NAN);
+    const float d_axes_1_3_d_rho_2 = blend_f32(valid, d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3, (float)NAN);
+    const float d_axes_1_3_d_rho_3 = blend_f32(valid, d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3, (float)NAN);
+    const float d_axes_1_3_d_rho_prime_1 = blend_f32(valid, d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3, (float)NAN);
+    const float d_axes_1_3_d_rho_prime_2 = blend_f32(valid, d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3, (float)NAN);
+    const float d_axes_1_3_d_rho_prime_3 = blend_f32(valid, d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3, (float)NAN);
+    const float d_axes_1_3_d_angle = blend_f32(valid, d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3, (float)NAN);
+    const float d_axes_2_1_d_rho_1 = blend_f32(valid, d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1, (float)NAN);
+    const float d_axes_2_1_d_rho_2 = blend_f32(valid, d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1, (float)NAN);
+    const float d_axes_2_1_d_rho_3 = blend_f32(valid, d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1, (float)NAN);
+    const float d_axes_2_1_d_rho_prime_1 = blend_f32(valid, d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1, (float)NAN);
+    const float d_axes_2_1_d_rho_prime_2 = blend_f32(valid, d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1, (float)NAN);
+    const float d_axes_2_1_d_rho_prime_3 = blend_f32(valid, d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1, (float)NAN);
+    const float d_axes_2_1_d_angle = blend_f32(valid, d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1, (float)NAN);
+    const float d_axes_2_2_d_rho_1 = blend_f32(valid, d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2, (float)NAN);
+    const float d_axes_2_2_d_rho_2 = blend_f32(valid, d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2, (float)NAN);
+    const float d_axes_2_2_d_rho_3 = blend_f32(valid, d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2, (float)NAN);
+    const float d_axes_2_2_d_rho_prime_1 = blend_f32(valid, d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2, (float)NAN);
+    const float d_axes_2_2_d_rho_prime_2 = blend_f32(valid, d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2, (float)NAN);
+    const float d_axes_2_2_d_rho_prime_3 = blend_f32(valid, d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2, (float)NAN);
+    const float d_axes_2_2_d_angle = blend_f32(valid, d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2, (float)NAN);
+    const float d_axes_2_3_d_rho_1 = blend_f32(valid, d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3, (float)NAN);
+    const float d_axes_2_3_d_rho_2 = blend_f32(valid, d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3, (float)NAN);
+    const float d_axes_2_3_d_rho_3 = blend_f32(valid, d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3, (float)NAN);
+    const float d_axes_2_3_d_rho_prime_1 = blend_f32(valid, d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3, (float)NAN);
+    const float d_axes_2_3_d_rho_prime_2 = blend_f32(valid, d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3, (float)NAN);
+    const float d_axes_2_3_d_rho_prime_3 = blend_f32(valid, d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3, (float)NAN);
+    const float d_axes_2_3_d_angle = blend_f32(valid, d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3, (float)NAN);
     const int32_t both_zero = (mask_f32(size_after == 0.0f)) & (mask_f32(size_before == 0.0f));
     const int32_t one_zero = (mask_f32(size_after == 0.0f)) | (mask_f32(size_before == 0.0f));
+    const float x8 = length_squared*x3;
     const float coincident = 16.0f*x8;
     const float x10 = FLT_EPSILON*x5;
-    const int32_t no_turn = (mask_f32(sine_size <= (FLT_EPSILON*FLT_EPSILON*FLT_EPSILON*FLT_EPSILON))) | (mask_f32(sine_size <= x10));
+    const int32_t no_turn = (mask_f32(sine_size <= x10)) | (mask_f32(sine_size <= x9));
     const int32_t every = (no_turn) & (mask_f32(r_squared <= coincident));
     const int32_t opposite = (mask_f32(m_squared <= coincident)) & (mask_f32(fabsf(cosine) <= x10));
     const int32_t too_small = (no_turn) | (mask_f32(root_squared < -4.0f*band));
-    const int32_t parallel = mask_f32(r_squared*(turn_scale*turn_scale) <= x4*x9);
+    const int32_t parallel = mask_f32(r_squared*(turn_scale*turn_scale) <= 64.0f*x4*x8);
     const float least_tolerance = blend_f32(mask_f32(length_tolerance > x6), length_tolerance, x6);
-    const int32_t lengths_agree = (comparable) & (mask_f32(x11 <= least_tolerance*(1.0f - excess)));
+    const int32_t lengths_agree = (comparable) & (mask_f32(fabsf(excess) <= least_tolerance*(1.0f - excess)));
     const float select_10 = blend_f32(parallel, 3.0f, 0.0f);
     const float select_11 = blend_f32(~(two), 1.0f, select_10);
     const float select_12 = blend_f32(too_small, 2.0f, select_11);
@@ -4046,32 +4048,32 @@ static inline void axis_covariance_f32(float (*restrict input)[BLOCK], float (*r
     const float half_prime_b_3_1 = axes_jacobian_2_3_4*cov_rho_prime_1_1 + axes_jacobian_2_3_5*cov_rho_prime_2_1 + axes_jacobian_2_3_6*cov_rho_prime_3_1;
     const float half_prime_b_3_2 = axes_jacobian_2_3_4*cov_rho_prime_1_2 + axes_jacobian_2_3_5*cov_rho_prime_2_2 + axes_jacobian_2_3_6*cov_rho_prime_3_2;
     const float half_prime_b_3_3 = axes_jacobian_2_3_4*cov_rho_prime_1_3 + axes_jacobian_2_3_5*cov_rho_prime_2_3 + axes_jacobian_2_3_6*cov_rho_prime_3_3;
-    const float covariance_1_1_1 = axes_jacobian_1_1_1*half_rho_a_1_1 + axes_jacobian_1_1_2*half_rho_a_1_2 + axes_jacobian_1_1_3*half_rho_a_1_3 + axes_jacobian_1_1_4*half_prime_a_1_1 + axes_jacobian_1_1_5*half_prime_a_1_2 + axes_jacobian_1_1_6*half_prime_a_1_3 + (axes_jacobian_1_1_7*axes_jacobian_1_1_7)*var_angle;
+    const float covariance_1_1_1 = blend_f32(two, axes_jacobian_1_1_1*half_rho_a_1_1 + axes_jacobian_1_1_2*half_rho_a_1_2 + axes_jacobian_1_1_3*half_rho_a_1_3 + axes_jacobian_1_1_4*half_prime_a_1_1 + axes_jacobian_1_1_5*half_prime_a_1_2 + axes_jacobian_1_1_6*half_prime_a_1_3 + (axes_jacobian_1_1_7*axes_jacobian_1_1_7)*var_angle, (float)NAN);
     const float x66 = axes_jacobian_1_1_7*var_angle;
     const float x67 = axes_jacobian_1_2_7*x66;
-    const float covariance_1_1_2 = axes_jacobian_1_2_1*half_rho_a_1_1 + axes_jacobian_1_2_2*half_rho_a_1_2 + axes_jacobian_1_2_3*half_rho_a_1_3 + axes_jacobian_1_2_4*half_prime_a_1_1 + axes_jacobian_1_2_5*half_prime_a_1_2 + axes_jacobian_1_2_6*half_prime_a_1_3 + x67;
+    const float covariance_1_1_2 = blend_f32(two, axes_jacobian_1_2_1*half_rho_a_1_1 + axes_jacobian_1_2_2*half_rho_a_1_2 + axes_jacobian_1_2_3*half_rho_a_1_3 + axes_jacobian_1_2_4*half_prime_a_1_1 + axes_jacobian_1_2_5*half_prime_a_1_2 + axes_jacobian_1_2_6*half_prime_a_1_3 + x67, (float)NAN);
     const float x68 = axes_jacobian_1_3_7*x66;
-    const float covariance_1_1_3 = axes_jacobian_1_3_1*half_rho_a_1_1 + axes_jacobian_1_3_2*half_rho_a_1_2 + axes_jacobian_1_3_3*half_rho_a_1_3 + axes_jacobian_1_3_4*half_prime_a_1_1 + axes_jacobian_1_3_5*half_prime_a_1_2 + axes_jacobian_1_3_6*half_prime_a_1_3 + x68;
-    const float covariance_1_2_1 = axes_jacobian_1_1_1*half_rho_a_2_1 + axes_jacobian_1_1_2*half_rho_a_2_2 + axes_jacobian_1_1_3*half_rho_a_2_3 + axes_jacobian_1_1_4*half_prime_a_2_1 + axes_jacobian_1_1_5*half_prime_a_2_2 + axes_jacobian_1_1_6*half_prime_a_2_3 + x67;
-    const float covariance_1_2_2 = axes_jacobian_1_2_1*half_rho_a_2_1 + axes_jacobian_1_2_2*half_rho_a_2_2 + axes_jacobian_1_2_3*half_rho_a_2_3 + axes_jacobian_1_2_4*half_prime_a_2_1 + axes_jacobian_1_2_5*half_prime_a_2_2 + axes_jacobian_1_2_6*half_prime_a_2_3 + (axes_jacobian_1_2_7*axes_jacobian_1_2_7)*var_angle;
+    const float covariance_1_1_3 = blend_f32(two, axes_jacobian_1_3_1*half_rho_a_1_1 + axes_jacobian_1_3_2*half_rho_a_1_2 + axes_jacobian_1_3_3*half_rho_a_1_3 + axes_jacobian_1_3_4*half_prime_a_1_1 + axes_jacobian_1_3_5*half_prime_a_1_2 + axes_jacobian_1_3_6*half_prime_a_1_3 + x68, (float)NAN);
+    const float covariance_1_2_1 = blend_f32(two, axes_jacobian_1_1_1*half_rho_a_2_1 + axes_jacobian_1_1_2*half_rho_a_2_2 + axes_jacobian_1_1_3*half_rho_a_2_3 + axes_jacobian_1_1_4*half_prime_a_2_1 + axes_jacobian_1_1_5*half_prime_a_2_2 + axes_jacobian_1_1_6*half_prime_a_2_3 + x67, (float)NAN);
+    const float covariance_1_2_2 = blend_f32(two, axes_jacobian_1_2_1*half_rho_a_2_1 + axes_jacobian_1_2_2*half_rho_a_2_2 + axes_jacobian_1_2_3*half_rho_a_2_3 + axes_jacobian_1_2_4*half_prime_a_2_1 + axes_jacobian_1_2_5*half_prime_a_2_2 + axes_jacobian_1_2_6*half_prime_a_2_3 + (axes_jacobian_1_2_7*axes_jacobian_1_2_7)*var_angle, (float)NAN);
     const float x69 = axes_jacobian_1_2_7*axes_jacobian_1_3_7*var_angle;
-    const float covariance_1_2_3 = axes_jacobian_1_3_1*half_rho_a_2_1 + axes_jacobian_1_3_2*half_rho_a_2_2 + axes_jacobian_1_3_3*half_rho_a_2_3 + axes_jacobian_1_3_4*half_prime_a_2_1 + axes_jacobian_1_3_5*half_prime_a_2_2 + axes_jacobian_1_3_6*half_prime_a_2_3 + x69;
-    const float covariance_1_3_1 = axes_jacobian_1_1_1*half_rho_a_3_1 + axes_jacobian_1_1_2*half_rho_a_3_2 + axes_jacobian_1_1_3*half_rho_a_3_3 + axes_jacobian_1_1_4*half_prime_a_3_1 + axes_jacobian_1_1_5*half_prime_a_3_2 + axes_jacobian_1_1_6*half_prime_a_3_3 + x68;
-    const float covariance_1_3_2 = axes_jacobian_1_2_1*half_rho_a_3_1 + axes_jacobian_1_2_2*half_rho_a_3_2 + axes_jacobian_1_2_3*half_rho_a_3_3 + axes_jacobian_1_2_4*half_prime_a_3_1 + axes_jacobian_1_2_5*half_prime_a_3_2 + axes_jacobian_1_2_6*half_prime_a_3_3 + x69;
-    const float covariance_1_3_3 = axes_jacobian_1_3_1*half_rho_a_3_1 + axes_jacobian_1_3_2*half_rho_a_3_2 + axes_jacobian_1_3_3*half_rho_a_3_3 + axes_jacobian_1_3_4*half_prime_a_3_1 + axes_jacobian_1_3_5*half_prime_a_3_2 + axes_jacobian_1_3_6*half_prime_a_3_3 + (axes_jacobian_1_3_7*axes_jacobian_1_3_7)*var_angle;
-    const float covariance_2_1_1 = axes_jacobian_2_1_1*half_rho_b_1_1 + axes_jacobian_2_1_2*half_rho_b_1_2 + axes_jacobian_2_1_3*half_rho_b_1_3 + axes_jacobian_2_1_4*half_prime_b_1_1 + axes_jacobian_2_1_5*half_prime_b_1_2 + axes_jacobian_2_1_6*half_prime_b_1_3 + (axes_jacobian_2_1_7*axes_jacobian_2_1_7)*var_angle;
+    const float covariance_1_2_3 = blend_f32(two, axes_jacobian_1_3_1*half_rho_a_2_1 + axes_jacobian_1_3_2*half_rho_a_2_2 + axes_jacobian_1_3_3*half_rho_a_2_3 + axes_jacobian_1_3_4*half_prime_a_2_1 + axes_jacobian_1_3_5*half_prime_a_2_2 + axes_jacobian_1_3_6*half_prime_a_2_3 + x69, (float)NAN);
+    const float covariance_1_3_1 = blend_f32(two, axes_jacobian_1_1_1*half_rho_a_3_1 + axes_jacobian_1_1_2*half_rho_a_3_2 + axes_jacobian_1_1_3*half_rho_a_3_3 + axes_jacobian_1_1_4*half_prime_a_3_1 + axes_jacobian_1_1_5*half_prime_a_3_2 + axes_jacobian_1_1_6*half_prime_a_3_3 + x68, (float)NAN);
+    const float covariance_1_3_2 = blend_f32(two, axes_jacobian_1_2_1*half_rho_a_3_1 + axes_jacobian_1_2_2*half_rho_a_3_2 + axes_jacobian_1_2_3*half_rho_a_3_3 + axes_jacobian_1_2_4*half_prime_a_3_1 + axes_jacobian_1_2_5*half_prime_a_3_2 + axes_jacobian_1_2_6*half_prime_a_3_3 + x69, (float)NAN);
+    const float covariance_1_3_3 = blend_f32(two, axes_jacobian_1_3_1*half_rho_a_3_1 + axes_jacobian_1_3_2*half_rho_a_3_2 + axes_jacobian_1_3_3*half_rho_a_3_3 + axes_jacobian_1_3_4*half_prime_a_3_1 + axes_jacobian_1_3_5*half_prime_a_3_2 + axes_jacobian_1_3_6*half_prime_a_3_3 + (axes_jacobian_1_3_7*axes_jacobian_1_3_7)*var_angle, (float)NAN);
+    const float covariance_2_1_1 = blend_f32(two, axes_jacobian_2_1_1*half_rho_b_1_1 + axes_jacobian_2_1_2*half_rho_b_1_2 + axes_jacobian_2_1_3*half_rho_b_1_3 + axes_jacobian_2_1_4*half_prime_b_1_1 + axes_jacobian_2_1_5*half_prime_b_1_2 + axes_jacobian_2_1_6*half_prime_b_1_3 + (axes_jacobian_2_1_7*axes_jacobian_2_1_7)*var_angle, (float)NAN);
     const float x70 = axes_jacobian_2_1_7*var_angle;
     const float x71 = axes_jacobian_2_2_7*x70;
-    const float covariance_2_1_2 = axes_jacobian_2_2_1*half_rho_b_1_1 + axes_jacobian_2_2_2*half_rho_b_1_2 + axes_jacobian_2_2_3*half_rho_b_1_3 + axes_jacobian_2_2_4*half_prime_b_1_1 + axes_jacobian_2_2_5*half_prime_b_1_2 + axes_jacobian_2_2_6*half_prime_b_1_3 + x71;
+    const float covariance_2_1_2 = blend_f32(two, axes_jacobian_2_2_1*half_rho_b_1_1 + axes_jacobian_2_2_2*half_rho_b_1_2 + axes_jacobian_2_2_3*half_rho_b_1_3 + axes_jacobian_2_2_4*half_prime_b_1_1 + axes_jacobian_2_2_5*half_prime_b_1_2 + axes_jacobian_2_2_6*half_prime_b_1_3 + x71, (float)NAN);
     const float x72 = axes_jacobian_2_3_7*x70;
-    const float covariance_2_1_3 = axes_jacobian_2_3_1*half_rho_b_1_1 + axes_jacobian_2_3_2*half_rho_b_1_2 + axes_jacobian_2_3_3*half_rho_b_1_3 + axes_jacobian_2_3_4*half_prime_b_1_1 + axes_jacobian_2_3_5*half_prime_b_1_2 + axes_jacobian_2_3_6*half_prime_b_1_3 + x72;
-    const float covariance_2_2_1 = axes_jacobian_2_1_1*half_rho_b_2_1 + axes_jacobian_2_1_2*half_rho_b_2_2 + axes_jacobian_2_1_3*half_rho_b_2_3 + axes_jacobian_2_1_4*half_prime_b_2_1 + axes_jacobian_2_1_5*half_prime_b_2_2 + axes_jacobian_2_1_6*half_prime_b_2_3 + x71;
-    const float covariance_2_2_2 = axes_jacobian_2_2_1*half_rho_b_2_1 + axes_jacobian_2_2_2*half_rho_b_2_2 + axes_jacobian_2_2_3*half_rho_b_2_3 + axes_jacobian_2_2_4*half_prime_b_2_1 + axes_jacobian_2_2_5*half_prime_b_2_2 + axes_jacobian_2_2_6*half_prime_b_2_3 + (axes_jacobian_2_2_7*axes_jacobian_2_2_7)*var_angle;
+    const float covariance_2_1_3 = blend_f32(two, axes_jacobian_2_3_1*half_rho_b_1_1 + axes_jacobian_2_3_2*half_rho_b_1_2 + axes_jacobian_2_3_3*half_rho_b_1_3 + axes_jacobian_2_3_4*half_prime_b_1_1 + axes_jacobian_2_3_5*half_prime_b_1_2 + axes_jacobian_2_3_6*half_prime_b_1_3 + x72, (float)NAN);
+    const float covariance_2_2_1 = blend_f32(two, axes_jacobian_2_1_1*half_rho_b_2_1 + axes_jacobian_2_1_2*half_rho_b_2_2 + axes_jacobian_2_1_3*half_rho_b_2_3 + axes_jacobian_2_1_4*half_prime_b_2_1 + axes_jacobian_2_1_5*half_prime_b_2_2 + axes_jacobian_2_1_6*half_prime_b_2_3 + x71, (float)NAN);
+    const float covariance_2_2_2 = blend_f32(two, axes_jacobian_2_2_1*half_rho_b_2_1 + axes_jacobian_2_2_2*half_rho_b_2_2 + axes_jacobian_2_2_3*half_rho_b_2_3 + axes_jacobian_2_2_4*half_prime_b_2_1 + axes_jacobian_2_2_5*half_prime_b_2_2 + axes_jacobian_2_2_6*half_prime_b_2_3 + (axes_jacobian_2_2_7*axes_jacobian_2_2_7)*var_angle, (float)NAN);
     const float x73 = axes_jacobian_2_2_7*axes_jacobian_2_3_7*var_angle;
-    const float covariance_2_2_3 = axes_jacobian_2_3_1*half_rho_b_2_1 + axes_jacobian_2_3_2*half_rho_b_2_2 + axes_jacobian_2_3_3*half_rho_b_2_3 + axes_jacobian_2_3_4*half_prime_b_2_1 + axes_jacobian_2_3_5*half_prime_b_2_2 + axes_jacobian_2_3_6*half_prime_b_2_3 + x73;
-    const float covariance_2_3_1 = axes_jacobian_2_1_1*half_rho_b_3_1 + axes_jacobian_2_1_2*half_rho_b_3_2 + axes_jacobian_2_1_3*half_rho_b_3_3 + axes_jacobian_2_1_4*half_prime_b_3_1 + axes_jacobian_2_1_5*half_prime_b_3_2 + axes_jacobian_2_1_6*half_prime_b_3_3 + x72;
-    const float covariance_2_3_2 = axes_jacobian_2_2_1*half_rho_b_3_1 + axes_jacobian_2_2_2*half_rho_b_3_2 + axes_jacobian_2_2_3*half_rho_b_3_3 + axes_jacobian_2_2_4*half_prime_b_3_1 + axes_jacobian_2_2_5*half_prime_b_3_2 + axes_jacobian_2_2_6*half_prime_b_3_3 + x73;
-    const float covariance_2_3_3 = axes_jacobian_2_3_1*half_rho_b_3_1 + axes_jacobian_2_3_2*half_rho_b_3_2 + axes_jacobian_2_3_3*half_rho_b_3_3 + axes_jacobian_2_3_4*half_prime_b_3_1 + axes_jacobian_2_3_5*half_prime_b_3_2 + axes_jacobian_2_3_6*half_prime_b_3_3 + (axes_jacobian_2_3_7*axes_jacobian_2_3_7)*var_angle;
+    const float covariance_2_2_3 = blend_f32(two, axes_jacobian_2_3_1*half_rho_b_2_1 + axes_jacobian_2_3_2*half_rho_b_2_2 + axes_jacobian_2_3_3*half_rho_b_2_3 + axes_jacobian_2_3_4*half_prime_b_2_1 + axes_jacobian_2_3_5*half_prime_b_2_2 + axes_jacobian_2_3_6*half_prime_b_2_3 + x73, (float)NAN);
+    const float covariance_2_3_1 = blend_f32(two, axes_jacobian_2_1_1*half_rho_b_3_1 + axes_jacobian_2_1_2*half_rho_b_3_2 + axes_jacobian_2_1_3*half_rho_b_3_3 + axes_jacobian_2_1_4*half_prime_b_3_1 + axes_jacobian_2_1_5*half_prime_b_3_2 + axes_jacobian_2_1_6*half_prime_b_3_3 + x72, (float)NAN);
+    const float covariance_2_3_2 = blend_f32(two, axes_jacobian_2_2_1*half_rho_b_3_1 + axes_jacobian_2_2_2*half_rho_b_3_2 + axes_jacobian_2_2_3*half_rho_b_3_3 + axes_jacobian_2_2_4*half_prime_b_3_1 + axes_jacobian_2_2_5*half_prime_b_3_2 + axes_jacobian_2_2_6*half_prime_b_3_3 + x73, (float)NAN);
+    const float covariance_2_3_3 = blend_f32(two, axes_jacobian_2_3_1*half_rho_b_3_1 + axes_jacobian_2_3_2*half_rho_b_3_2 + axes_jacobian_2_3_3*half_rho_b_3_3 + axes_jacobian_2_3_4*half_prime_b_3_1 + axes_jacobian_2_3_5*half_prime_b_3_2 + axes_jacobian_2_3_6*half_prime_b_3_3 + (axes_jacobian_2_3_7*axes_jacobian_2_3_7)*var_angle, (float)NAN);
     const float axis_status = status;
     output[0][i] = covariance_1_1_1;
     output[1][i] = covariance_1_1_2;

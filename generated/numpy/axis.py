@@ -81,7 +81,7 @@ solve_axis.types = ["dddd->db", "ffff->fb"]
 
 
 def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
-    # 47 add, 98 mul, 4 div, 4 sqrt, 39 select, 35 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin
+    # 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 36 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin
     size_before = 0.25*np.abs(rho_1) + 0.25*np.abs(rho_2) + 0.25*np.abs(rho_3)
     size_after = 0.25*np.abs(rho_prime_1) + 0.25*np.abs(rho_prime_2) + 0.25*np.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
@@ -161,15 +161,14 @@ def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angl
     del rounding, x7
     both = length_product > 0.0
     del length_product
-    x11 = np.abs(excess)
-    apart = x11 > 9.313225746154785e-10
-    x8 = length_squared*x3
-    del length_squared, x3
-    x9 = 64.0*x8
-    two = (both) & (~((apart) & (m_squared <= x9))) & (root_squared > band)
-    del both
     area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3)
-    plane = area_squared > 0.5*m_squared*r_squared
+    x9 = (eps*eps*eps*eps)
+    x11 = m_squared*r_squared
+    plane = (area_squared > 0.5*x11) & (area_squared > x9)
+    two = (both) & ((plane) | (m_squared >= r_squared)) & (root_squared > band)
+    del both
+    crooked = area_squared < x11*(1.0 - 32.0*eps)
+    del x11
     across_1 = np.where(np.abs(u_1) < np.abs(u_3), 0.0, -u_2)
     across_2 = np.where(np.abs(u_1) < np.abs(u_3), -u_3, u_1)
     across_3 = np.where(np.abs(u_1) < np.abs(u_3), u_2, 0.0)
@@ -201,15 +200,15 @@ def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angl
     plus_1 = base_1 + offset_1
     plus_2 = base_2 + offset_2
     plus_3 = base_3 + offset_3
-    plus_factor = np.where(apart, 1.0/np.sqrt((plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)), 1.0)
+    plus_factor = np.where(crooked, 1.0/np.sqrt((plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)), 1.0)
     minus_1 = base_1 - offset_1
     del base_1, offset_1
     minus_2 = base_2 - offset_2
     del base_2, offset_2
     minus_3 = base_3 - offset_3
     del base_3, offset_3
-    minus_factor = np.where(apart, 1.0/np.sqrt((minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)), 1.0)
-    del apart
+    minus_factor = np.where(crooked, 1.0/np.sqrt((minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)), 1.0)
+    del crooked
     axes_1_1 = np.where(valid, plus_1*plus_factor, np.nan)
     del plus_1
     axes_1_2 = np.where(valid, plus_2*plus_factor, np.nan)
@@ -225,23 +224,24 @@ def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angl
     both_zero = (size_after == 0.0) & (size_before == 0.0)
     one_zero = (size_after == 0.0) | (size_before == 0.0)
     del size_after, size_before
+    x8 = length_squared*x3
+    del length_squared, x3
     coincident = 16.0*x8
-    del x8
     x10 = eps*x5
     del x5
-    no_turn = (sine_size <= (eps*eps*eps*eps)) | (sine_size <= x10)
-    del sine_size
+    no_turn = (sine_size <= x10) | (sine_size <= x9)
+    del sine_size, x9
     every = (no_turn) & (r_squared <= coincident)
     opposite = (m_squared <= coincident) & (np.abs(cosine) <= x10)
     del coincident, cosine, m_squared, x10
     too_small = (no_turn) | (root_squared < -4.0*band)
     del band, no_turn, root_squared
-    parallel = r_squared*(turn_scale*turn_scale) <= x4*x9
-    del r_squared, turn_scale, x4, x9
+    parallel = r_squared*(turn_scale*turn_scale) <= 64.0*x4*x8
+    del r_squared, turn_scale, x4, x8
     least_tolerance = np.where(length_tolerance > x6, length_tolerance, x6)
     del x6
-    lengths_agree = (comparable) & (x11 <= least_tolerance*(1.0 - excess))
-    del comparable, excess, least_tolerance, x11
+    lengths_agree = (comparable) & (np.abs(excess) <= least_tolerance*(1.0 - excess))
+    del comparable, excess, least_tolerance
     status = np.where(~(valid), 7.0, np.where(both_zero, 5.0, np.where(one_zero, 2.0, np.where(~(lengths_agree), 6.0, np.where(every, 5.0, np.where(opposite, 4.0, np.where(too_small, 2.0, np.where(~(two), 1.0, np.where(parallel, 3.0, 0.0)))))))))
     del both_zero, every, lengths_agree, one_zero, opposite, parallel, too_small, two, valid
     return (axes_1_1, axes_1_2, axes_1_3, axes_2_1, axes_2_2, axes_2_3, status)
@@ -432,7 +432,7 @@ axis_condition.types = ["ddd->d", "fff->f"]
 
 
 def _axis_condition(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, eps, largest):
-    # 28 add, 43 mul, 2 div, 3 sqrt, 5 select, 6 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin
+    # 28 add, 43 mul, 2 div, 3 sqrt, 6 select, 7 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin
     size_before = 0.25*np.abs(rho_1) + 0.25*np.abs(rho_2) + 0.25*np.abs(rho_3)
     size_after = 0.25*np.abs(rho_prime_1) + 0.25*np.abs(rho_prime_2) + 0.25*np.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
@@ -506,10 +506,12 @@ def _axis_condition(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, 
     del C, r_squared
     root_squared = along_m - along_n
     del along_m, along_n
+    positive = np.where(length_squared == 0.0, 1.0, length_squared)
+    del length_squared
     under_root = np.where(root_squared > 0.0, root_squared, 0.0)
     del root_squared
-    condition = np.sqrt(length_squared)*turn_scale/np.sqrt(under_root)
-    del length_squared, turn_scale, under_root
+    condition = np.sqrt(positive)*turn_scale/np.sqrt(under_root)
+    del positive, turn_scale, under_root
     return (condition,)
 
 
@@ -553,7 +555,7 @@ axis_jacobian.types = ["dddd->db", "ffff->fb"]
 
 
 def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
-    # 332 add, 601 mul, 11 div, 4 sqrt, 177 select, 68 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
+    # 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
     size_before = 0.25*np.abs(rho_1) + 0.25*np.abs(rho_2) + 0.25*np.abs(rho_3)
     size_after = 0.25*np.abs(rho_prime_1) + 0.25*np.abs(rho_prime_2) + 0.25*np.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
@@ -884,13 +886,6 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     del rounding, x7
     both = length_product > 0.0
     del length_product
-    x11 = np.abs(excess)
-    apart = x11 > 9.313225746154785e-10
-    x8 = length_squared*x3
-    del length_squared, x3
-    x9 = 64.0*x8
-    two = (both) & (~((apart) & (m_squared <= x9))) & (root_squared > band)
-    del both
     area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3)
     x49 = 2.0*w_1
     x50 = 2.0*w_2
@@ -902,7 +897,13 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x49 + d_w_2_d_rho_prime_2*x50 + d_w_3_d_rho_prime_2*x51
     d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x49 + d_w_2_d_rho_prime_3*x50 + d_w_3_d_rho_prime_3*x51
     del x49, x50, x51
-    plane = area_squared > 0.5*m_squared*r_squared
+    x9 = (eps*eps*eps*eps)
+    x11 = m_squared*r_squared
+    plane = (area_squared > 0.5*x11) & (area_squared > x9)
+    two = (both) & ((plane) | (m_squared >= r_squared)) & (root_squared > band)
+    del both
+    crooked = area_squared < x11*(1.0 - 32.0*eps)
+    del x11
     across_1 = np.where(np.abs(u_1) < np.abs(u_3), 0.0, -u_2)
     d_across_1_d_rho_2 = np.where(np.abs(u_1) < np.abs(u_3), 0.0, -scale_before)
     across_2 = np.where(np.abs(u_1) < np.abs(u_3), -u_3, u_1)
@@ -1187,20 +1188,20 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3
     d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle
     x56 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)
-    plus_factor = np.where(apart, 1.0/np.sqrt(x56), 1.0)
+    plus_factor = np.where(crooked, 1.0/np.sqrt(x56), 1.0)
     x57 = 1.0/np.power(x56, 1.5)
     del x56
     x58 = plus_1*x57
     x59 = plus_2*x57
     x60 = plus_3*x57
     del x57
-    d_plus_factor_d_rho_1 = np.where(apart, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, 0.0)
-    d_plus_factor_d_rho_2 = np.where(apart, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, 0.0)
-    d_plus_factor_d_rho_3 = np.where(apart, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, 0.0)
-    d_plus_factor_d_rho_prime_1 = np.where(apart, -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60, 0.0)
-    d_plus_factor_d_rho_prime_2 = np.where(apart, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, 0.0)
-    d_plus_factor_d_rho_prime_3 = np.where(apart, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, 0.0)
-    d_plus_factor_d_angle = np.where(apart, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, 0.0)
+    d_plus_factor_d_rho_1 = np.where(crooked, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, 0.0)
+    d_plus_factor_d_rho_2 = np.where(crooked, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, 0.0)
+    d_plus_factor_d_rho_3 = np.where(crooked, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, 0.0)
+    d_plus_factor_d_rho_prime_1 = np.where(crooked, -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60, 0.0)
+    d_plus_factor_d_rho_prime_2 = np.where(crooked, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, 0.0)
+    d_plus_factor_d_rho_prime_3 = np.where(crooked, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, 0.0)
+    d_plus_factor_d_angle = np.where(crooked, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, 0.0)
     del x58, x59, x60
     minus_1 = base_1 - offset_1
     del base_1, offset_1
@@ -1251,21 +1252,21 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle
     del d_base_3_d_angle, d_offset_3_d_angle
     x61 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)
-    minus_factor = np.where(apart, 1.0/np.sqrt(x61), 1.0)
+    minus_factor = np.where(crooked, 1.0/np.sqrt(x61), 1.0)
     x62 = 1.0/np.power(x61, 1.5)
     del x61
     x63 = minus_1*x62
     x64 = minus_2*x62
     x65 = minus_3*x62
     del x62
-    d_minus_factor_d_rho_1 = np.where(apart, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, 0.0)
-    d_minus_factor_d_rho_2 = np.where(apart, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, 0.0)
-    d_minus_factor_d_rho_3 = np.where(apart, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, 0.0)
-    d_minus_factor_d_rho_prime_1 = np.where(apart, -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65, 0.0)
-    d_minus_factor_d_rho_prime_2 = np.where(apart, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, 0.0)
-    d_minus_factor_d_rho_prime_3 = np.where(apart, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, 0.0)
-    d_minus_factor_d_angle = np.where(apart, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, 0.0)
-    del apart, x63, x64, x65
+    d_minus_factor_d_rho_1 = np.where(crooked, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, 0.0)
+    d_minus_factor_d_rho_2 = np.where(crooked, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, 0.0)
+    d_minus_factor_d_rho_3 = np.where(crooked, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, 0.0)
+    d_minus_factor_d_rho_prime_1 = np.where(crooked, -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65, 0.0)
+    d_minus_factor_d_rho_prime_2 = np.where(crooked, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, 0.0)
+    d_minus_factor_d_rho_prime_3 = np.where(crooked, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, 0.0)
+    d_minus_factor_d_angle = np.where(crooked, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, 0.0)
+    del crooked, x63, x64, x65
     d_axes_1_1_d_rho_1 = np.where(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, np.nan)
     del d_plus_1_d_rho_1
     d_axes_1_1_d_rho_2 = np.where(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, np.nan)
@@ -1353,23 +1354,24 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     both_zero = (size_after == 0.0) & (size_before == 0.0)
     one_zero = (size_after == 0.0) | (size_before == 0.0)
     del size_after, size_before
+    x8 = length_squared*x3
+    del length_squared, x3
     coincident = 16.0*x8
-    del x8
     x10 = eps*x5
     del x5
-    no_turn = (sine_size <= (eps*eps*eps*eps)) | (sine_size <= x10)
-    del sine_size
+    no_turn = (sine_size <= x10) | (sine_size <= x9)
+    del sine_size, x9
     every = (no_turn) & (r_squared <= coincident)
     opposite = (m_squared <= coincident) & (np.abs(cosine) <= x10)
     del coincident, cosine, m_squared, x10
     too_small = (no_turn) | (root_squared < -4.0*band)
     del band, no_turn, root_squared
-    parallel = r_squared*(turn_scale*turn_scale) <= x4*x9
-    del r_squared, turn_scale, x4, x9
+    parallel = r_squared*(turn_scale*turn_scale) <= 64.0*x4*x8
+    del r_squared, turn_scale, x4, x8
     least_tolerance = np.where(length_tolerance > x6, length_tolerance, x6)
     del x6
-    lengths_agree = (comparable) & (x11 <= least_tolerance*(1.0 - excess))
-    del comparable, excess, least_tolerance, x11
+    lengths_agree = (comparable) & (np.abs(excess) <= least_tolerance*(1.0 - excess))
+    del comparable, excess, least_tolerance
     select_10 = np.where(parallel, 3.0, 0.0)
     del parallel
     select_11 = np.where(~(two), 1.0, select_10)
@@ -1519,7 +1521,7 @@ axis_covariance.types = ["ddddddd->db", "fffffff->fb"]
 
 
 def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, cov_rho_1_1, cov_rho_1_2, cov_rho_1_3, cov_rho_2_1, cov_rho_2_2, cov_rho_2_3, cov_rho_3_1, cov_rho_3_2, cov_rho_3_3, cov_rho_prime_1_1, cov_rho_prime_1_2, cov_rho_prime_1_3, cov_rho_prime_2_1, cov_rho_prime_2_2, cov_rho_prime_2_3, cov_rho_prime_3_1, cov_rho_prime_3_2, cov_rho_prime_3_3, var_angle, eps, largest):
-    # 512 add, 839 mul, 11 div, 4 sqrt, 177 select, 68 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
+    # 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
     size_before = 0.25*np.abs(rho_1) + 0.25*np.abs(rho_2) + 0.25*np.abs(rho_3)
     size_after = 0.25*np.abs(rho_prime_1) + 0.25*np.abs(rho_prime_2) + 0.25*np.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
@@ -1850,13 +1852,6 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     del rounding, x7
     both = length_product > 0.0
     del length_product
-    x11 = np.abs(excess)
-    apart = x11 > 9.313225746154785e-10
-    x8 = length_squared*x3
-    del length_squared, x3
-    x9 = 64.0*x8
-    two = (both) & (~((apart) & (m_squared <= x9))) & (root_squared > band)
-    del both
     area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3)
     x49 = 2.0*w_1
     x50 = 2.0*w_2
@@ -1868,7 +1863,13 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x49 + d_w_2_d_rho_prime_2*x50 + d_w_3_d_rho_prime_2*x51
     d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x49 + d_w_2_d_rho_prime_3*x50 + d_w_3_d_rho_prime_3*x51
     del x49, x50, x51
-    plane = area_squared > 0.5*m_squared*r_squared
+    x9 = (eps*eps*eps*eps)
+    x11 = m_squared*r_squared
+    plane = (area_squared > 0.5*x11) & (area_squared > x9)
+    two = (both) & ((plane) | (m_squared >= r_squared)) & (root_squared > band)
+    del both
+    crooked = area_squared < x11*(1.0 - 32.0*eps)
+    del x11
     across_1 = np.where(np.abs(u_1) < np.abs(u_3), 0.0, -u_2)
     d_across_1_d_rho_2 = np.where(np.abs(u_1) < np.abs(u_3), 0.0, -scale_before)
     across_2 = np.where(np.abs(u_1) < np.abs(u_3), -u_3, u_1)
@@ -2153,20 +2154,20 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3
     d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle
     x56 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)
-    plus_factor = np.where(apart, 1.0/np.sqrt(x56), 1.0)
+    plus_factor = np.where(crooked, 1.0/np.sqrt(x56), 1.0)
     x57 = 1.0/np.power(x56, 1.5)
     del x56
     x58 = plus_1*x57
     x59 = plus_2*x57
     x60 = plus_3*x57
     del x57
-    d_plus_factor_d_rho_1 = np.where(apart, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, 0.0)
-    d_plus_factor_d_rho_2 = np.where(apart, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, 0.0)
-    d_plus_factor_d_rho_3 = np.where(apart, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, 0.0)
-    d_plus_factor_d_rho_prime_1 = np.where(apart, -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60, 0.0)
-    d_plus_factor_d_rho_prime_2 = np.where(apart, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, 0.0)
-    d_plus_factor_d_rho_prime_3 = np.where(apart, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, 0.0)
-    d_plus_factor_d_angle = np.where(apart, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, 0.0)
+    d_plus_factor_d_rho_1 = np.where(crooked, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, 0.0)
+    d_plus_factor_d_rho_2 = np.where(crooked, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, 0.0)
+    d_plus_factor_d_rho_3 = np.where(crooked, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, 0.0)
+    d_plus_factor_d_rho_prime_1 = np.where(crooked, -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60, 0.0)
+    d_plus_factor_d_rho_prime_2 = np.where(crooked, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, 0.0)
+    d_plus_factor_d_rho_prime_3 = np.where(crooked, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, 0.0)
+    d_plus_factor_d_angle = np.where(crooked, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, 0.0)
     del x58, x59, x60
     minus_1 = base_1 - offset_1
     del base_1, offset_1
@@ -2217,21 +2218,21 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle
     del d_base_3_d_angle, d_offset_3_d_angle
     x61 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)
-    minus_factor = np.where(apart, 1.0/np.sqrt(x61), 1.0)
+    minus_factor = np.where(crooked, 1.0/np.sqrt(x61), 1.0)
     x62 = 1.0/np.power(x61, 1.5)
     del x61
     x63 = minus_1*x62
     x64 = minus_2*x62
     x65 = minus_3*x62
     del x62
-    d_minus_factor_d_rho_1 = np.where(apart, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, 0.0)
-    d_minus_factor_d_rho_2 = np.where(apart, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, 0.0)
-    d_minus_factor_d_rho_3 = np.where(apart, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, 0.0)
-    d_minus_factor_d_rho_prime_1 = np.where(apart, -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65, 0.0)
-    d_minus_factor_d_rho_prime_2 = np.where(apart, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, 0.0)
-    d_minus_factor_d_rho_prime_3 = np.where(apart, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, 0.0)
-    d_minus_factor_d_angle = np.where(apart, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, 0.0)
-    del apart, x63, x64, x65
+    d_minus_factor_d_rho_1 = np.where(crooked, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, 0.0)
+    d_minus_factor_d_rho_2 = np.where(crooked, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, 0.0)
+    d_minus_factor_d_rho_3 = np.where(crooked, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, 0.0)
+    d_minus_factor_d_rho_prime_1 = np.where(crooked, -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65, 0.0)
+    d_minus_factor_d_rho_prime_2 = np.where(crooked, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, 0.0)
+    d_minus_factor_d_rho_prime_3 = np.where(crooked, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, 0.0)
+    d_minus_factor_d_angle = np.where(crooked, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, 0.0)
+    del crooked, x63, x64, x65
     d_axes_1_1_d_rho_1 = np.where(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, np.nan)
     del d_plus_1_d_rho_1
     d_axes_1_1_d_rho_2 = np.where(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, np.nan)
@@ -2319,27 +2320,28 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     both_zero = (size_after == 0.0) & (size_before == 0.0)
     one_zero = (size_after == 0.0) | (size_before == 0.0)
     del size_after, size_before
+    x8 = length_squared*x3
+    del length_squared, x3
     coincident = 16.0*x8
-    del x8
     x10 = eps*x5
     del x5
-    no_turn = (sine_size <= (eps*eps*eps*eps)) | (sine_size <= x10)
-    del sine_size
+    no_turn = (sine_size <= x10) | (sine_size <= x9)
+    del sine_size, x9
     every = (no_turn) & (r_squared <= coincident)
     opposite = (m_squared <= coincident) & (np.abs(cosine) <= x10)
     del coincident, cosine, m_squared, x10
     too_small = (no_turn) | (root_squared < -4.0*band)
     del band, no_turn, root_squared
-    parallel = r_squared*(turn_scale*turn_scale) <= x4*x9
-    del r_squared, turn_scale, x4, x9
+    parallel = r_squared*(turn_scale*turn_scale) <= 64.0*x4*x8
+    del r_squared, turn_scale, x4, x8
     least_tolerance = np.where(length_tolerance > x6, length_tolerance, x6)
     del x6
-    lengths_agree = (comparable) & (x11 <= least_tolerance*(1.0 - excess))
-    del comparable, excess, least_tolerance, x11
+    lengths_agree = (comparable) & (np.abs(excess) <= least_tolerance*(1.0 - excess))
+    del comparable, excess, least_tolerance
     select_10 = np.where(parallel, 3.0, 0.0)
     del parallel
     select_11 = np.where(~(two), 1.0, select_10)
-    del select_10, two
+    del select_10
     select_12 = np.where(too_small, 2.0, select_11)
     del select_11, too_small
     select_13 = np.where(opposite, 4.0, select_12)
@@ -2474,50 +2476,50 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     half_prime_b_3_1 = axes_jacobian_2_3_4*cov_rho_prime_1_1 + axes_jacobian_2_3_5*cov_rho_prime_2_1 + axes_jacobian_2_3_6*cov_rho_prime_3_1
     half_prime_b_3_2 = axes_jacobian_2_3_4*cov_rho_prime_1_2 + axes_jacobian_2_3_5*cov_rho_prime_2_2 + axes_jacobian_2_3_6*cov_rho_prime_3_2
     half_prime_b_3_3 = axes_jacobian_2_3_4*cov_rho_prime_1_3 + axes_jacobian_2_3_5*cov_rho_prime_2_3 + axes_jacobian_2_3_6*cov_rho_prime_3_3
-    covariance_1_1_1 = axes_jacobian_1_1_1*half_rho_a_1_1 + axes_jacobian_1_1_2*half_rho_a_1_2 + axes_jacobian_1_1_3*half_rho_a_1_3 + axes_jacobian_1_1_4*half_prime_a_1_1 + axes_jacobian_1_1_5*half_prime_a_1_2 + axes_jacobian_1_1_6*half_prime_a_1_3 + (axes_jacobian_1_1_7*axes_jacobian_1_1_7)*var_angle
+    covariance_1_1_1 = np.where(two, axes_jacobian_1_1_1*half_rho_a_1_1 + axes_jacobian_1_1_2*half_rho_a_1_2 + axes_jacobian_1_1_3*half_rho_a_1_3 + axes_jacobian_1_1_4*half_prime_a_1_1 + axes_jacobian_1_1_5*half_prime_a_1_2 + axes_jacobian_1_1_6*half_prime_a_1_3 + (axes_jacobian_1_1_7*axes_jacobian_1_1_7)*var_angle, np.nan)
     x66 = axes_jacobian_1_1_7*var_angle
     del axes_jacobian_1_1_7
     x67 = axes_jacobian_1_2_7*x66
-    covariance_1_1_2 = axes_jacobian_1_2_1*half_rho_a_1_1 + axes_jacobian_1_2_2*half_rho_a_1_2 + axes_jacobian_1_2_3*half_rho_a_1_3 + axes_jacobian_1_2_4*half_prime_a_1_1 + axes_jacobian_1_2_5*half_prime_a_1_2 + axes_jacobian_1_2_6*half_prime_a_1_3 + x67
+    covariance_1_1_2 = np.where(two, axes_jacobian_1_2_1*half_rho_a_1_1 + axes_jacobian_1_2_2*half_rho_a_1_2 + axes_jacobian_1_2_3*half_rho_a_1_3 + axes_jacobian_1_2_4*half_prime_a_1_1 + axes_jacobian_1_2_5*half_prime_a_1_2 + axes_jacobian_1_2_6*half_prime_a_1_3 + x67, np.nan)
     x68 = axes_jacobian_1_3_7*x66
     del x66
-    covariance_1_1_3 = axes_jacobian_1_3_1*half_rho_a_1_1 + axes_jacobian_1_3_2*half_rho_a_1_2 + axes_jacobian_1_3_3*half_rho_a_1_3 + axes_jacobian_1_3_4*half_prime_a_1_1 + axes_jacobian_1_3_5*half_prime_a_1_2 + axes_jacobian_1_3_6*half_prime_a_1_3 + x68
+    covariance_1_1_3 = np.where(two, axes_jacobian_1_3_1*half_rho_a_1_1 + axes_jacobian_1_3_2*half_rho_a_1_2 + axes_jacobian_1_3_3*half_rho_a_1_3 + axes_jacobian_1_3_4*half_prime_a_1_1 + axes_jacobian_1_3_5*half_prime_a_1_2 + axes_jacobian_1_3_6*half_prime_a_1_3 + x68, np.nan)
     del half_prime_a_1_1, half_prime_a_1_2, half_prime_a_1_3, half_rho_a_1_1, half_rho_a_1_2, half_rho_a_1_3
-    covariance_1_2_1 = axes_jacobian_1_1_1*half_rho_a_2_1 + axes_jacobian_1_1_2*half_rho_a_2_2 + axes_jacobian_1_1_3*half_rho_a_2_3 + axes_jacobian_1_1_4*half_prime_a_2_1 + axes_jacobian_1_1_5*half_prime_a_2_2 + axes_jacobian_1_1_6*half_prime_a_2_3 + x67
+    covariance_1_2_1 = np.where(two, axes_jacobian_1_1_1*half_rho_a_2_1 + axes_jacobian_1_1_2*half_rho_a_2_2 + axes_jacobian_1_1_3*half_rho_a_2_3 + axes_jacobian_1_1_4*half_prime_a_2_1 + axes_jacobian_1_1_5*half_prime_a_2_2 + axes_jacobian_1_1_6*half_prime_a_2_3 + x67, np.nan)
     del x67
-    covariance_1_2_2 = axes_jacobian_1_2_1*half_rho_a_2_1 + axes_jacobian_1_2_2*half_rho_a_2_2 + axes_jacobian_1_2_3*half_rho_a_2_3 + axes_jacobian_1_2_4*half_prime_a_2_1 + axes_jacobian_1_2_5*half_prime_a_2_2 + axes_jacobian_1_2_6*half_prime_a_2_3 + (axes_jacobian_1_2_7*axes_jacobian_1_2_7)*var_angle
+    covariance_1_2_2 = np.where(two, axes_jacobian_1_2_1*half_rho_a_2_1 + axes_jacobian_1_2_2*half_rho_a_2_2 + axes_jacobian_1_2_3*half_rho_a_2_3 + axes_jacobian_1_2_4*half_prime_a_2_1 + axes_jacobian_1_2_5*half_prime_a_2_2 + axes_jacobian_1_2_6*half_prime_a_2_3 + (axes_jacobian_1_2_7*axes_jacobian_1_2_7)*var_angle, np.nan)
     x69 = axes_jacobian_1_2_7*axes_jacobian_1_3_7*var_angle
     del axes_jacobian_1_2_7
-    covariance_1_2_3 = axes_jacobian_1_3_1*half_rho_a_2_1 + axes_jacobian_1_3_2*half_rho_a_2_2 + axes_jacobian_1_3_3*half_rho_a_2_3 + axes_jacobian_1_3_4*half_prime_a_2_1 + axes_jacobian_1_3_5*half_prime_a_2_2 + axes_jacobian_1_3_6*half_prime_a_2_3 + x69
+    covariance_1_2_3 = np.where(two, axes_jacobian_1_3_1*half_rho_a_2_1 + axes_jacobian_1_3_2*half_rho_a_2_2 + axes_jacobian_1_3_3*half_rho_a_2_3 + axes_jacobian_1_3_4*half_prime_a_2_1 + axes_jacobian_1_3_5*half_prime_a_2_2 + axes_jacobian_1_3_6*half_prime_a_2_3 + x69, np.nan)
     del half_prime_a_2_1, half_prime_a_2_2, half_prime_a_2_3, half_rho_a_2_1, half_rho_a_2_2, half_rho_a_2_3
-    covariance_1_3_1 = axes_jacobian_1_1_1*half_rho_a_3_1 + axes_jacobian_1_1_2*half_rho_a_3_2 + axes_jacobian_1_1_3*half_rho_a_3_3 + axes_jacobian_1_1_4*half_prime_a_3_1 + axes_jacobian_1_1_5*half_prime_a_3_2 + axes_jacobian_1_1_6*half_prime_a_3_3 + x68
+    covariance_1_3_1 = np.where(two, axes_jacobian_1_1_1*half_rho_a_3_1 + axes_jacobian_1_1_2*half_rho_a_3_2 + axes_jacobian_1_1_3*half_rho_a_3_3 + axes_jacobian_1_1_4*half_prime_a_3_1 + axes_jacobian_1_1_5*half_prime_a_3_2 + axes_jacobian_1_1_6*half_prime_a_3_3 + x68, np.nan)
     del axes_jacobian_1_1_1, axes_jacobian_1_1_2, axes_jacobian_1_1_3, axes_jacobian_1_1_4, axes_jacobian_1_1_5, axes_jacobian_1_1_6, x68
-    covariance_1_3_2 = axes_jacobian_1_2_1*half_rho_a_3_1 + axes_jacobian_1_2_2*half_rho_a_3_2 + axes_jacobian_1_2_3*half_rho_a_3_3 + axes_jacobian_1_2_4*half_prime_a_3_1 + axes_jacobian_1_2_5*half_prime_a_3_2 + axes_jacobian_1_2_6*half_prime_a_3_3 + x69
+    covariance_1_3_2 = np.where(two, axes_jacobian_1_2_1*half_rho_a_3_1 + axes_jacobian_1_2_2*half_rho_a_3_2 + axes_jacobian_1_2_3*half_rho_a_3_3 + axes_jacobian_1_2_4*half_prime_a_3_1 + axes_jacobian_1_2_5*half_prime_a_3_2 + axes_jacobian_1_2_6*half_prime_a_3_3 + x69, np.nan)
     del axes_jacobian_1_2_1, axes_jacobian_1_2_2, axes_jacobian_1_2_3, axes_jacobian_1_2_4, axes_jacobian_1_2_5, axes_jacobian_1_2_6, x69
-    covariance_1_3_3 = axes_jacobian_1_3_1*half_rho_a_3_1 + axes_jacobian_1_3_2*half_rho_a_3_2 + axes_jacobian_1_3_3*half_rho_a_3_3 + axes_jacobian_1_3_4*half_prime_a_3_1 + axes_jacobian_1_3_5*half_prime_a_3_2 + axes_jacobian_1_3_6*half_prime_a_3_3 + (axes_jacobian_1_3_7*axes_jacobian_1_3_7)*var_angle
+    covariance_1_3_3 = np.where(two, axes_jacobian_1_3_1*half_rho_a_3_1 + axes_jacobian_1_3_2*half_rho_a_3_2 + axes_jacobian_1_3_3*half_rho_a_3_3 + axes_jacobian_1_3_4*half_prime_a_3_1 + axes_jacobian_1_3_5*half_prime_a_3_2 + axes_jacobian_1_3_6*half_prime_a_3_3 + (axes_jacobian_1_3_7*axes_jacobian_1_3_7)*var_angle, np.nan)
     del axes_jacobian_1_3_1, axes_jacobian_1_3_2, axes_jacobian_1_3_3, axes_jacobian_1_3_4, axes_jacobian_1_3_5, axes_jacobian_1_3_6, axes_jacobian_1_3_7, half_prime_a_3_1, half_prime_a_3_2, half_prime_a_3_3, half_rho_a_3_1, half_rho_a_3_2, half_rho_a_3_3
-    covariance_2_1_1 = axes_jacobian_2_1_1*half_rho_b_1_1 + axes_jacobian_2_1_2*half_rho_b_1_2 + axes_jacobian_2_1_3*half_rho_b_1_3 + axes_jacobian_2_1_4*half_prime_b_1_1 + axes_jacobian_2_1_5*half_prime_b_1_2 + axes_jacobian_2_1_6*half_prime_b_1_3 + (axes_jacobian_2_1_7*axes_jacobian_2_1_7)*var_angle
+    covariance_2_1_1 = np.where(two, axes_jacobian_2_1_1*half_rho_b_1_1 + axes_jacobian_2_1_2*half_rho_b_1_2 + axes_jacobian_2_1_3*half_rho_b_1_3 + axes_jacobian_2_1_4*half_prime_b_1_1 + axes_jacobian_2_1_5*half_prime_b_1_2 + axes_jacobian_2_1_6*half_prime_b_1_3 + (axes_jacobian_2_1_7*axes_jacobian_2_1_7)*var_angle, np.nan)
     x70 = axes_jacobian_2_1_7*var_angle
     del axes_jacobian_2_1_7
     x71 = axes_jacobian_2_2_7*x70
-    covariance_2_1_2 = axes_jacobian_2_2_1*half_rho_b_1_1 + axes_jacobian_2_2_2*half_rho_b_1_2 + axes_jacobian_2_2_3*half_rho_b_1_3 + axes_jacobian_2_2_4*half_prime_b_1_1 + axes_jacobian_2_2_5*half_prime_b_1_2 + axes_jacobian_2_2_6*half_prime_b_1_3 + x71
+    covariance_2_1_2 = np.where(two, axes_jacobian_2_2_1*half_rho_b_1_1 + axes_jacobian_2_2_2*half_rho_b_1_2 + axes_jacobian_2_2_3*half_rho_b_1_3 + axes_jacobian_2_2_4*half_prime_b_1_1 + axes_jacobian_2_2_5*half_prime_b_1_2 + axes_jacobian_2_2_6*half_prime_b_1_3 + x71, np.nan)
     x72 = axes_jacobian_2_3_7*x70
     del x70
-    covariance_2_1_3 = axes_jacobian_2_3_1*half_rho_b_1_1 + axes_jacobian_2_3_2*half_rho_b_1_2 + axes_jacobian_2_3_3*half_rho_b_1_3 + axes_jacobian_2_3_4*half_prime_b_1_1 + axes_jacobian_2_3_5*half_prime_b_1_2 + axes_jacobian_2_3_6*half_prime_b_1_3 + x72
+    covariance_2_1_3 = np.where(two, axes_jacobian_2_3_1*half_rho_b_1_1 + axes_jacobian_2_3_2*half_rho_b_1_2 + axes_jacobian_2_3_3*half_rho_b_1_3 + axes_jacobian_2_3_4*half_prime_b_1_1 + axes_jacobian_2_3_5*half_prime_b_1_2 + axes_jacobian_2_3_6*half_prime_b_1_3 + x72, np.nan)
     del half_prime_b_1_1, half_prime_b_1_2, half_prime_b_1_3, half_rho_b_1_1, half_rho_b_1_2, half_rho_b_1_3
-    covariance_2_2_1 = axes_jacobian_2_1_1*half_rho_b_2_1 + axes_jacobian_2_1_2*half_rho_b_2_2 + axes_jacobian_2_1_3*half_rho_b_2_3 + axes_jacobian_2_1_4*half_prime_b_2_1 + axes_jacobian_2_1_5*half_prime_b_2_2 + axes_jacobian_2_1_6*half_prime_b_2_3 + x71
+    covariance_2_2_1 = np.where(two, axes_jacobian_2_1_1*half_rho_b_2_1 + axes_jacobian_2_1_2*half_rho_b_2_2 + axes_jacobian_2_1_3*half_rho_b_2_3 + axes_jacobian_2_1_4*half_prime_b_2_1 + axes_jacobian_2_1_5*half_prime_b_2_2 + axes_jacobian_2_1_6*half_prime_b_2_3 + x71, np.nan)
     del x71
-    covariance_2_2_2 = axes_jacobian_2_2_1*half_rho_b_2_1 + axes_jacobian_2_2_2*half_rho_b_2_2 + axes_jacobian_2_2_3*half_rho_b_2_3 + axes_jacobian_2_2_4*half_prime_b_2_1 + axes_jacobian_2_2_5*half_prime_b_2_2 + axes_jacobian_2_2_6*half_prime_b_2_3 + (axes_jacobian_2_2_7*axes_jacobian_2_2_7)*var_angle
+    covariance_2_2_2 = np.where(two, axes_jacobian_2_2_1*half_rho_b_2_1 + axes_jacobian_2_2_2*half_rho_b_2_2 + axes_jacobian_2_2_3*half_rho_b_2_3 + axes_jacobian_2_2_4*half_prime_b_2_1 + axes_jacobian_2_2_5*half_prime_b_2_2 + axes_jacobian_2_2_6*half_prime_b_2_3 + (axes_jacobian_2_2_7*axes_jacobian_2_2_7)*var_angle, np.nan)
     x73 = axes_jacobian_2_2_7*axes_jacobian_2_3_7*var_angle
     del axes_jacobian_2_2_7
-    covariance_2_2_3 = axes_jacobian_2_3_1*half_rho_b_2_1 + axes_jacobian_2_3_2*half_rho_b_2_2 + axes_jacobian_2_3_3*half_rho_b_2_3 + axes_jacobian_2_3_4*half_prime_b_2_1 + axes_jacobian_2_3_5*half_prime_b_2_2 + axes_jacobian_2_3_6*half_prime_b_2_3 + x73
+    covariance_2_2_3 = np.where(two, axes_jacobian_2_3_1*half_rho_b_2_1 + axes_jacobian_2_3_2*half_rho_b_2_2 + axes_jacobian_2_3_3*half_rho_b_2_3 + axes_jacobian_2_3_4*half_prime_b_2_1 + axes_jacobian_2_3_5*half_prime_b_2_2 + axes_jacobian_2_3_6*half_prime_b_2_3 + x73, np.nan)
     del half_prime_b_2_1, half_prime_b_2_2, half_prime_b_2_3, half_rho_b_2_1, half_rho_b_2_2, half_rho_b_2_3
-    covariance_2_3_1 = axes_jacobian_2_1_1*half_rho_b_3_1 + axes_jacobian_2_1_2*half_rho_b_3_2 + axes_jacobian_2_1_3*half_rho_b_3_3 + axes_jacobian_2_1_4*half_prime_b_3_1 + axes_jacobian_2_1_5*half_prime_b_3_2 + axes_jacobian_2_1_6*half_prime_b_3_3 + x72
+    covariance_2_3_1 = np.where(two, axes_jacobian_2_1_1*half_rho_b_3_1 + axes_jacobian_2_1_2*half_rho_b_3_2 + axes_jacobian_2_1_3*half_rho_b_3_3 + axes_jacobian_2_1_4*half_prime_b_3_1 + axes_jacobian_2_1_5*half_prime_b_3_2 + axes_jacobian_2_1_6*half_prime_b_3_3 + x72, np.nan)
     del axes_jacobian_2_1_1, axes_jacobian_2_1_2, axes_jacobian_2_1_3, axes_jacobian_2_1_4, axes_jacobian_2_1_5, axes_jacobian_2_1_6, x72
-    covariance_2_3_2 = axes_jacobian_2_2_1*half_rho_b_3_1 + axes_jacobian_2_2_2*half_rho_b_3_2 + axes_jacobian_2_2_3*half_rho_b_3_3 + axes_jacobian_2_2_4*half_prime_b_3_1 + axes_jacobian_2_2_5*half_prime_b_3_2 + axes_jacobian_2_2_6*half_prime_b_3_3 + x73
+    covariance_2_3_2 = np.where(two, axes_jacobian_2_2_1*half_rho_b_3_1 + axes_jacobian_2_2_2*half_rho_b_3_2 + axes_jacobian_2_2_3*half_rho_b_3_3 + axes_jacobian_2_2_4*half_prime_b_3_1 + axes_jacobian_2_2_5*half_prime_b_3_2 + axes_jacobian_2_2_6*half_prime_b_3_3 + x73, np.nan)
     del axes_jacobian_2_2_1, axes_jacobian_2_2_2, axes_jacobian_2_2_3, axes_jacobian_2_2_4, axes_jacobian_2_2_5, axes_jacobian_2_2_6, x73
-    covariance_2_3_3 = axes_jacobian_2_3_1*half_rho_b_3_1 + axes_jacobian_2_3_2*half_rho_b_3_2 + axes_jacobian_2_3_3*half_rho_b_3_3 + axes_jacobian_2_3_4*half_prime_b_3_1 + axes_jacobian_2_3_5*half_prime_b_3_2 + axes_jacobian_2_3_6*half_prime_b_3_3 + (axes_jacobian_2_3_7*axes_jacobian_2_3_7)*var_angle
-    del axes_jacobian_2_3_1, axes_jacobian_2_3_2, axes_jacobian_2_3_3, axes_jacobian_2_3_4, axes_jacobian_2_3_5, axes_jacobian_2_3_6, axes_jacobian_2_3_7, half_prime_b_3_1, half_prime_b_3_2, half_prime_b_3_3, half_rho_b_3_1, half_rho_b_3_2, half_rho_b_3_3
+    covariance_2_3_3 = np.where(two, axes_jacobian_2_3_1*half_rho_b_3_1 + axes_jacobian_2_3_2*half_rho_b_3_2 + axes_jacobian_2_3_3*half_rho_b_3_3 + axes_jacobian_2_3_4*half_prime_b_3_1 + axes_jacobian_2_3_5*half_prime_b_3_2 + axes_jacobian_2_3_6*half_prime_b_3_3 + (axes_jacobian_2_3_7*axes_jacobian_2_3_7)*var_angle, np.nan)
+    del axes_jacobian_2_3_1, axes_jacobian_2_3_2, axes_jacobian_2_3_3, axes_jacobian_2_3_4, axes_jacobian_2_3_5, axes_jacobian_2_3_6, axes_jacobian_2_3_7, half_prime_b_3_1, half_prime_b_3_2, half_prime_b_3_3, half_rho_b_3_1, half_rho_b_3_2, half_rho_b_3_3, two
     axis_status = status
     del status
     return (covariance_1_1_1, covariance_1_1_2, covariance_1_1_3, covariance_1_2_1, covariance_1_2_2, covariance_1_2_3, covariance_1_3_1, covariance_1_3_2, covariance_1_3_3, covariance_2_1_1, covariance_2_1_2, covariance_2_1_3, covariance_2_2_1, covariance_2_2_2, covariance_2_2_3, covariance_2_3_1, covariance_2_3_2, covariance_2_3_3, axis_status)

@@ -190,7 +190,7 @@ def axis_covariance(
     covariance : array (..., 2, 3, 3)
         Covariance matrix of each axis; of rank 2, since an axis keeps its length.
     status : array (...) of int8
-        Codes of :class:`AxisStatus`; the covariance means nothing where :func:`axis_jacobian` does not.
+        Codes of :class:`AxisStatus`; the covariance is NaN where the axes meet or are not determined.
 
     Examples
     --------

@@ -10,6 +10,7 @@ common-subexpression elimination, and never changes again.
 
 from __future__ import annotations
 
+import builtins
 import keyword
 import math
 import re
@@ -28,25 +29,16 @@ from rodgen.symbolic import EPS, LARGEST
 __all__ = ["Assignment", "Kernel", "KernelBuilder", "KernelError", "Port", "UsualCase"]
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
-_RESERVED = frozenset(keyword.kwlist) | {
-    *("auto", "break", "case", "char", "const", "continue", "default", "do", "double", "enum", "extern"),
+_RESERVED = {
+    *keyword.kwlist,
+    *dir(builtins),
     *(
-        "float",
-        "goto",
-        "inline",
-        "int",
-        "long",
-        "register",
-        "restrict",
-        "return",
-        "short",
-        "signed",
-        "sizeof",
-    ),
-    *("static", "struct", "switch", "typedef", "union", "unsigned", "void", "volatile"),
-    *("np", "out", "count", "input", "output", "eps", "largest"),
+        "auto bool case char const default do double enum extern false float goto inline int long register restrict "
+        "short signed sizeof static struct switch true typedef union unsigned void volatile"
+    ).split(),
+    *("linux", "unix", "NAN", "INFINITY", "NULL", "math", "np", "out", "count", "input", "output", "eps", "largest"),
 }
-"""Words of C, and names that the templates use."""
+"""Words of Python and C, and names that the templates or a compiler use."""
 
 Value: TypeAlias = Any
 """A SymPy expression, or a matrix of them."""
@@ -627,8 +619,10 @@ def _domain(name: str, between: tuple[Any, Any]) -> tuple[sp.Expr, sp.Expr]:
 
 
 def _identifier(name: str) -> str:
-    if not _IDENTIFIER.match(name) or name in _RESERVED:
+    if not _IDENTIFIER.match(name):
         raise KernelError(f"{name!r} is no name for generated code; expected a plain identifier")
+    if name in _RESERVED or name.startswith(("DBL_", "FLT_")):
+        raise KernelError(f"{name!r} is no name for generated code: it is reserved there; expected another one")
     return name
 
 

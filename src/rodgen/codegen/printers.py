@@ -235,7 +235,7 @@ class CPrinter(KernelPrinter):
 
     def not_a_number(self) -> str:
         """Write NaN."""
-        return "NAN"
+        return f"({self.real})NAN"  # NAN is a float
 
     def square_root(self, argument: str) -> str:
         """Write a square root."""
