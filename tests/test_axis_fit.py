@@ -11,6 +11,7 @@ import dataclasses
 import functools
 import json
 import math
+import re
 import time
 from collections import defaultdict
 from pathlib import Path
@@ -554,6 +555,70 @@ def test_same_answer_every_time_and_in_any_order(loss: str) -> None:
 
 
 @pytest.mark.parametrize("loss", ROBUST)
+@pytest.mark.parametrize("sigma", [None, 0.01])
+@pytest.mark.parametrize("known", [False, True])
+def test_the_fewest_pairs_and_one_gross_error_name_it(loss: str, sigma: float | None, known: bool) -> None:
+    """Three good pairs determine an axis with a free point, two one through a known point."""
+    before = np.array([[100, 0, 0], [0, 100, 0], [0, 0, 100], [60, 60, 60]])[known:].astype(float)
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        after = turned(before, AXIS, POINT, 1.0) + 0.01 * rng.normal(size=before.shape)
+        bad = seed % len(before)
+        after[bad, seed % 3] += 5
+        fit = fit_axis(before, after, 1.0, loss=loss, sigma=sigma, point=POINT if known else "free")
+        assert fit.outliers[bad]
+        if loss == "tukey":  # the others give a gross error a say, among so few a large one
+            assert np.flatnonzero(fit.outliers).tolist() == [bad]
+            assert np.linalg.norm(fit.axis - AXIS) < 1e-3
+
+
+def test_a_sigma_that_rejects_nearly_all_pairs_is_told() -> None:
+    with pytest.raises(RodgenError, match=r"leaves 0 of 30 pairs: sigma is too small .* or too many pairs"):
+        fit_axis(*scene(30, 0.01, 49), loss="tukey", sigma=1e-9)
+
+
+@pytest.mark.parametrize("loss", ROBUST)
+@pytest.mark.parametrize(("n", "reversed_"), [(6, 3), (8, 4), (10, 4), (20, 6), (60, 30)])
+def test_pairs_that_hold_two_answers_are_told(loss: str, n: int, reversed_: int) -> None:
+    """Signs of angles reversed from three in ten to half: whichever axis is taken, a remark says so."""
+    for seed in range(8):
+        x, y, a = scene(n, 0.01, 500 + seed, 1.0)
+        a = np.where(np.arange(n) < reversed_, -a, a)
+        remarks = fit_axis(x * 10, y * 10, a, loss=loss).remarks
+        told = [sentence for sentence in remarks if f"of {n} pairs contradict" in sentence]
+        assert len(told) == 1
+        assert "not safe" in told[0]
+        if n >= 8:
+            assert "they agree with one another on the opposite axis" in told[0]
+
+
+def test_half_of_the_pairs_are_counted_and_both_axes_named() -> None:
+    x, y, a = scene(8, 0.01, 48, 1.0, axis=np.array([0.0, 0.0, 1.0]))
+    fit = fit_axis(x, y, np.where(np.arange(8) < 4, -a, a), loss="tukey")
+    told = next(sentence for sentence in fit.remarks if "4 of 8 pairs contradict" in sentence)
+    axes = [[float(c) for c in axis.split(", ")] for axis in re.findall(r"\((-?[0-9][^)]*)\)", told)]
+    assert sorted(axis[2] for axis in axes) == pytest.approx([-1, 1], abs=1e-3)
+
+
+@pytest.mark.parametrize("loss", ROBUST)
+@pytest.mark.parametrize("n", [6, 8, 30])
+def test_good_pairs_rarely_contradict(loss: str, n: int) -> None:
+    fits = [fit_axis(*scene(n, 0.01, 900 + seed), loss=loss) for seed in range(40)]
+    # Six pairs with two outliers by chance: one data set in a hundred.
+    assert sum("contradict" in " ".join(fit.remarks) for fit in fits) <= (2 if n < 8 else 0)
+
+
+@pytest.mark.parametrize("loss", ROBUST)
+def test_groups_of_repeated_readings_do_not_contradict(loss: str) -> None:
+    """Readings of one ball agree with one another on many axes: that is no second answer."""
+    rng = np.random.default_rng(50)
+    balls = np.repeat([[30.0, 0, 0], [0, 40.0, 5], [-20, 9, 60]], 4, axis=0)
+    after = turned(balls, AXIS, POINT, 1.0) + np.repeat(rng.normal(size=(3, 3)) * 0.01, 4, axis=0)
+    fit = fit_axis(balls, after, 1.0, loss=loss)
+    assert "contradict" not in " ".join(fit.remarks)
+
+
+@pytest.mark.parametrize("loss", ROBUST)
 def test_exact_pairs_and_one_gross_error(loss: str) -> None:
     x, y, a = scene(20, 0.0, 47)
     y[3] += 7
@@ -770,6 +835,23 @@ def test_points_at_rest_along_a_line_are_the_axis_but_not_its_sign(noise: float)
     assert "do not move" in fit.undetermined[0]
 
 
+def test_a_wrong_known_point_is_not_taken_for_points_at_rest() -> None:
+    """The residuals of a point far off are as long as the displacements, and hide the sign; both are told."""
+    x, y, a = scene(30, 0.01, 66)
+    fit = fit_axis(x, y, a, point=POINT + np.array([30, 20, -10]))
+    assert fit.status is AxisFitStatus.SIGN_FREE
+    moved = math.sqrt(((y - x) ** 2).sum(axis=1).mean())
+    assert "lie on the axis" not in fit.undetermined[0]
+    assert f"({moved:.3g} and {fit.rms:.3g} rms)" in fit.undetermined[0]
+    assert any("is that point on the axis?" in sentence for sentence in fit.remarks)
+
+
+def test_noise_that_hides_the_sense_of_turns_near_half_ones_leaves_the_sign_free() -> None:
+    fit = fit_axis(*scene(30, 0.05, 65, math.pi - 1e-3))
+    assert fit.status is AxisFitStatus.SIGN_FREE
+    assert "within the noise" in fit.undetermined[0]
+
+
 @pytest.mark.parametrize("noise", [0.0, 1e-3])
 @pytest.mark.parametrize("point", ["free", POINT])
 def test_half_turns_have_no_sign(noise: float, point: Any) -> None:
@@ -874,6 +956,30 @@ def test_degrees_are_suspected() -> None:
     assert any("not in degrees" in sentence for sentence in fit_axis(x, y, np.degrees(a)).remarks)
 
 
+@pytest.mark.parametrize("n", [2, 3, 4])
+def test_with_few_degrees_of_freedom_the_95_percent_reach_is_told_and_holds(n: int) -> None:
+    dof = 3 * n - 4
+    x, y, a = scene(n, 1e-5, 73, 1.0)
+    told = [sentence for sentence in fit_axis(x, y, a).remarks if "degrees of freedom" in sentence]
+    reach = math.sqrt(2 * f_distribution.ppf(0.95, 2, dof))
+    assert f"with {dof} degrees of freedom" in told[0]
+    assert f"reaches to {reach:.2g} standard uncertainties" in told[0]
+    assert f"{reach / math.sqrt(-2 * math.log(0.05)):.2g} times as far" in told[0]
+    assert not fit_axis(x, y, a, sigma=1e-5).remarks
+    count = 600
+    U = tangents(AXIS)
+    _, _, fits = draws(n, 1e-5, count, angle=1.0)
+    held = []
+    for fit in fits:
+        off = U.T @ (fit.axis - AXIS)
+        held.append(off @ np.linalg.solve(U.T @ fit.axis_covariance @ U, off) < reach**2)
+    assert np.mean(held) == pytest.approx(0.95, abs=binomial(count))
+
+
+def test_ten_degrees_of_freedom_need_no_remark() -> None:
+    assert fit_axis(*scene(5, 0.01, 74)).remarks == ()
+
+
 # Result, input ------------------------------------------------------------------------------------
 
 
@@ -949,7 +1055,7 @@ def test_bad_input_is_refused_in_words(arguments: Any, sentence: str) -> None:
         ({"weights": [1, -1, 1]}, "weights, row 1 .* negative"),
         ({"weights": 0}, "all weights are zero"),
         ({"loss": "tukey"}, "needs at least 4"),
-        ({"loss": "tukey", "point": POINT, "sigma": 1e-9}, "sigma is so small"),
+        ({"loss": "tukey", "point": POINT, "sigma": 1e-9}, "leaves 0 of 3 pairs: sigma is too small"),
     ],
 )
 def test_bad_options_are_refused_in_words(options: dict[str, Any], sentence: str) -> None:

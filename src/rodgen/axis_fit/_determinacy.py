@@ -59,8 +59,12 @@ class PairFacts:
         Of the angles.
     half_turns : bool
         Whether all angles are half turns.
+    moved, missed : float
+        Root mean square lengths of displacements and of residuals, in the user's unit.
     displaced : bool
-        Whether the points move by more than they miss the axis.
+        Whether the points move by more than twice as much as the residuals, and than rounding.
+    exact : bool
+        Whether the residuals are no more than rounding.
     arm : float
         Root mean square distance of the points from their mean, or from the known point.
     size : float
@@ -73,7 +77,10 @@ class PairFacts:
     free: bool
     largest_half_sine: float
     half_turns: bool
+    moved: float
+    missed: float
     displaced: bool
+    exact: bool
     arm: float
     size: float
     versines: float
@@ -85,6 +92,7 @@ class PairFacts:
         points = np.concatenate([x, y])
         middle = points.mean(axis=0) if pairs.point is None else pairs.point
         missed = float((residual(x, y, angle, line.axis, line.point) ** 2).mean())
+        moved = float(((y - x) ** 2).mean())
         sines = np.abs(np.sin(angle / 2))
         size = max(pairs.size, 1.0)
         return cls(
@@ -92,7 +100,10 @@ class PairFacts:
             free=pairs.point is None,
             largest_half_sine=float(sines.max()),
             half_turns=bool((np.abs(np.cos(angle / 2)) < _HALF_TURN / 2).all()),
-            displaced=float(((y - x) ** 2).mean()) > max(4 * missed, (16 * _EPS * size) ** 2),
+            moved=math.sqrt(3 * moved) * pairs.scale,
+            missed=math.sqrt(3 * missed) * pairs.scale,
+            displaced=moved > max(4 * missed, (16 * _EPS * size) ** 2),
+            exact=missed <= (16 * _EPS * size) ** 2,
             arm=math.sqrt(3 * float(((points - middle) ** 2).mean())),
             size=size,
             versines=4 * float(pairs.weight[good] @ sines**2),
@@ -259,7 +270,12 @@ def _why_sign(facts: PairFacts) -> str:
     if facts.half_turns:
         return "all angles are half turns, which are the same in both senses"
     if not facts.displaced:
-        return "all points lie on the axis and do not move"
+        if facts.exact:
+            return "all points lie on the axis and do not move"
+        return (
+            f"the points do not move by more than twice the residuals ({facts.moved:.3g} and "
+            f"{facts.missed:.3g} rms), so the opposite axis fits about as well"
+        )
     return "the opposite axis fits as well within the noise"
 
 

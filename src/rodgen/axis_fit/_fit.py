@@ -83,14 +83,14 @@ def fit_axis(
     AxisFit
         Frozen; ``print(fit)`` tells an engineer what there is to know, ``fit.to_dict()`` is for JSON. What
         the pairs do not determine is in ``fit.status`` and, as sentences, in ``fit.undetermined``: a fit
-        never raises because of it.
+        does not raise because of it.
 
     Raises
     ------
     RodgenError
         (a ValueError) Shapes that do not fit together, no pairs, a number that is not finite (with its
-        row), a sigma that is not positive, a negative weight, an unknown loss, or fewer than four pairs
-        (three for a known point) with a robust loss.
+        row), a sigma that is not positive, a negative weight, an unknown loss; with a robust loss fewer than
+        four pairs (three for a known point), or fewer than three (two) that "tukey" does not reject.
 
     Notes
     -----
@@ -167,7 +167,7 @@ def _assess(pairs: Pairs, loss: Loss, solution: Solution) -> AxisFit:
         condition=condition_number(information, facts.arm) if determined else math.inf,
         status=status,
         undetermined=tuple(sentences(status, freedoms, lines, facts)),
-        remarks=tuple(remarks_on(pairs, solution, loss, noise, lines[0])),
+        remarks=tuple(remarks_on(pairs, solution, loss, noise, lines[0], determined)),
         candidate_axes=np.array([line.axis for line in lines]),
         candidate_points=np.array([place(line.point) for line in lines]),
         candidate_rms=np.array(rms),

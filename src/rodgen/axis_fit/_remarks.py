@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.axis_fit._contradiction import contradiction
 from rodgen.axis_fit._moments import Moments
 from rodgen.axis_fit._noise import Noise
 from rodgen.axis_fit._pairs import Pairs
@@ -23,11 +24,14 @@ Floats = NDArray[np.float64]
 _CHANCE = 1e-5
 # A statistic this many of its standard deviations off is no accident.
 _NO_ACCIDENT = 5.0
-_MOST_OUTLIERS = 0.4
+# Below this many degrees of freedom the estimated noise is too uncertain for the usual two sigma.
+_FEW_FREEDOMS = 10
 _DEGREES = 4 * math.pi
 
 
-def remarks_on(pairs: Pairs, solution: Solution, loss: Loss, noise: Noise, line: Line) -> list[str]:
+def remarks_on(
+    pairs: Pairs, solution: Solution, loss: Loss, noise: Noise, line: Line, determined: bool
+) -> list[str]:
     """Sentences, the weightiest first; none where there is nothing to tell."""
     told: list[str] = []
     largest = float(np.abs(pairs.angle).max())
@@ -43,8 +47,9 @@ def remarks_on(pairs: Pairs, solution: Solution, loss: Loss, noise: Noise, line:
             f"{bad} of {used} pairs are farther off than noise explains and still count: loss='tukey' would "
             "give them no say."
         )
-    if bad > _MOST_OUTLIERS * used:
-        told.append("More than two in five pairs are outliers: the fit may follow the wrong ones.")
+    told += contradiction(pairs, loss, noise, line)
+    if determined and pairs.variance is None and 0 < noise.dof < _FEW_FREEDOMS:
+        told.append(_few_freedoms(noise.dof))
     excess = 0.0 if noise.chi_square is None else noise.chi_square - noise.dof
     if noise.dof > 0 and abs(excess) > _NO_ACCIDENT * math.sqrt(2 * noise.dof):
         told.append(
@@ -56,6 +61,23 @@ def remarks_on(pairs: Pairs, solution: Solution, loss: Loss, noise: Noise, line:
     if pairs.point is not None:
         told += _point_off(pairs, solution, noise, line) + _lengths_differ(pairs, noise, line)
     return told
+
+
+def _few_freedoms(dof: int) -> str:
+    """Say how far the 95 % region reaches when the noise is estimated with `dof` degrees of freedom.
+
+    The direction has two components: the region is where their squares, in units of the uncertainties, sum
+    to less than twice the quantile of F with 2 and `dof` degrees of freedom, dof (0.05^(-2/dof) - 1) in
+    closed form; with a known noise it is -2 log 0.05.
+    """
+    reach = math.sqrt(dof * (0.05 ** (-2 / dof) - 1))
+    known = math.sqrt(-2 * math.log(0.05))
+    degrees = "1 degree" if dof == 1 else f"{dof} degrees"
+    return (
+        f"The noise is estimated with {degrees} of freedom: the region that holds the direction with 95 % "
+        f"probability reaches to {reach:.2g} standard uncertainties, {reach / known:.2g} times as far as "
+        "if the noise were known."
+    )
 
 
 def _point_off(pairs: Pairs, solution: Solution, noise: Noise, line: Line) -> list[str]:

@@ -27,7 +27,8 @@ class AxisFitStatus(IntEnum):
     DETERMINED = 0
     """One axis."""
     SIGN_FREE = 1
-    """One line, but the axis and its opposite fit alike: all angles half turns, or all points on the axis."""
+    """One line, but the axis and its opposite fit alike: all angles are half turns, all points lie on the
+    axis, or the noise hides the sense of the turn; `undetermined` says which."""
     TWO_AXES = 2
     """Two different axes fit alike; `candidate_axes` holds both."""
     ONE_FREEDOM = 3
@@ -40,8 +41,10 @@ class AxisFitStatus(IntEnum):
 class AxisFit:
     """One axis of rotation fitted to pairs of points.
 
-    All uncertainties are standard uncertainties (one sigma). Lengths are in the unit of the input, angles
-    in radians.
+    All uncertainties are standard uncertainties (one sigma). Where sigma is estimated from few degrees of
+    freedom, errors divided by them follow Student's t with `dof`, not the normal distribution: twice the
+    uncertainty holds less than 95 %, and a remark says so. Lengths are in the unit of the input, angles in
+    radians.
 
     Attributes
     ----------

@@ -21,7 +21,16 @@ from rodgen.axis_fit._moments import Moments
 from rodgen.axis_fit._residual import residual
 from rodgen.axis_fit._sphere import global_maximum
 
-__all__ = ["LOSSES", "Loss", "RobustStart", "chi_cut", "median_variance", "robust_start", "trimmed_variance"]
+__all__ = [
+    "LOSSES",
+    "Loss",
+    "RobustStart",
+    "best_agreement",
+    "chi_cut",
+    "median_variance",
+    "robust_start",
+    "trimmed_variance",
+]
 
 Floats = NDArray[np.float64]
 
@@ -37,6 +46,8 @@ _MOST_SETS = 240
 # Sets are ranked on no more pairs than this: a median over 2000 is good to 2 %.
 _MOST_RANKED = 2000
 _BEST_SETS, _CONCENTRATIONS = 8, 6
+# A set of three from one of two equal camps has probability 1/4: 60 sets all fail with 3e-8.
+_CAMP_SETS = 60
 
 # Beyond this z a pair has no say in the estimated noise; 0.2 % of good pairs are there.
 _TRIM = 3.8
@@ -174,6 +185,32 @@ def robust_start(
     return RobustStart(
         axes[best][0], points[best][0], trimmed_variance(every, used, median_variance(every, used))
     )
+
+
+def best_agreement(
+    rho: Floats, rho_prime: Floats, angle: Floats, weight: Floats, point: Floats | None, share: float
+) -> tuple[Floats, Floats]:
+    """Axis and point on which that share of the pairs, three at least, agree best with one another.
+
+    Other arguments as :func:`robust_start`. Of more than 2000 pairs some are looked at.
+    """
+    n = len(angle)
+    some = np.arange(n) if n <= _MOST_RANKED else np.unique(_hash(np.arange(_MOST_RANKED)) % n)
+    arrays = (rho[some], rho_prime[some], angle[some], weight[some])
+    sets = _sets(len(some), 3 if point is None else 2)
+    axes, points = _solve_sets(*arrays, sets if len(sets) < _MOST_SETS else sets[:_CAMP_SETS], point)
+    count = min(max(math.ceil(share * len(some)), 3), len(some))
+    squares = _half_squares(*arrays, axes, points)
+    inside = np.argpartition(squares, count - 1, axis=-1)[:, :count]
+    first = np.argsort(np.take_along_axis(squares, inside, axis=-1).max(axis=-1), kind="stable")[:_BEST_SETS]
+    axes, points = axes[first], points[first]
+    for _ in range(_CONCENTRATIONS):
+        squares = _half_squares(*arrays, axes, points)
+        inside = np.argpartition(squares, count - 1, axis=-1)[:, :count]
+        axes, points = _solve_sets(*arrays, inside, point)
+    squares = np.partition(_half_squares(*arrays, axes, points), count - 1, axis=-1)[:, :count]
+    best = int(np.argmin(squares.sum(axis=-1)))
+    return axes[best], points[best]
 
 
 def _solve_sets(
