@@ -270,7 +270,8 @@ def solve_axis():
     area_squared = k.let("area_squared", w.dot(w))
     product = m_squared * r_squared
     plane = k.let("plane", (area_squared > product / 2) & (area_squared > EPS**4))  # above what underflows
-    two = k.let("two", both & (root_squared > band) & (plane | (m_squared >= r_squared)))
+    turns = sine_size > EPS**4  # of less, the square of r may vanish
+    two = k.let("two", both & turns & (root_squared > band) & (plane | (m_squared >= r_squared)))
     # An r that is not quite perpendicular makes the rows longer or shorter; 32 units are more than rounding makes.
     crooked = k.let("crooked", area_squared < (1 - 32 * EPS) * product)
     across = k.let(

@@ -104,7 +104,9 @@ def inputs_of(kernel: Kernel) -> dict[str, np.ndarray]:
     rng = np.random.default_rng(3)
     if "rho_prime" in names:
         values = pairs()
-        if kernel.name == "solve_axis_paper":  # the published form, which is right away from special cases only
+        if (
+            kernel.name == "solve_axis_paper"
+        ):  # the published form, which is right away from special cases only
             values = {name: array[:10] for name, array in values.items()}
         n = len(values["angle"])
         values["length_tolerance"] = np.full(n, 1e-8)

@@ -37,7 +37,7 @@ static inline float power_of_two_scale_f32(float x) {
 static inline double sign_f64(double x) { return (double)((x > 0.0) - (x < 0.0)); }
 static inline float sign_f32(float x) { return (float)((x > 0.0f) - (x < 0.0f)); }
 
-/* solve_axis: 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 36 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
+/* solve_axis: 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 37 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
 void axis_solve_axis_f64(const double rho[3], const double rho_prime[3], double angle, double length_tolerance, double axes[6], int8_t *status) {
   /* inputs */
   const double rho_1 = rho[0];
@@ -108,7 +108,7 @@ void axis_solve_axis_f64(const double rho[3], const double rho_prime[3], double 
   const double x9 = (DBL_EPSILON*DBL_EPSILON*DBL_EPSILON*DBL_EPSILON);
   const double x11 = m_squared*r_squared;
   const int plane = (area_squared > 0.5*x11) && (area_squared > x9);
-  const int two = (both) && ((plane) || (m_squared >= r_squared)) && (root_squared > band);
+  const int two = (both) && ((plane) || (m_squared >= r_squared)) && (root_squared > band) && (sine_size > x9);
   const int crooked = area_squared < x11*(1.0 - 32.0*DBL_EPSILON);
   const double across_1 = ((fabs(u_1) < fabs(u_3)) ? 0.0 : -u_2);
   const double across_2 = ((fabs(u_1) < fabs(u_3)) ? -u_3 : u_1);
@@ -162,7 +162,7 @@ void axis_solve_axis_batch_f64(size_t count, const double *rho, const double *rh
     axis_solve_axis_f64(rho + 3 * i, rho_prime + 3 * i, angle[i], length_tolerance[i], axes + 6 * i, status + i);
 }
 
-/* solve_axis: 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 36 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
+/* solve_axis: 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 37 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
 void axis_solve_axis_f32(const float rho[3], const float rho_prime[3], float angle, float length_tolerance, float axes[6], int8_t *status) {
   /* inputs */
   const float rho_1 = rho[0];
@@ -233,7 +233,7 @@ void axis_solve_axis_f32(const float rho[3], const float rho_prime[3], float ang
   const float x9 = (FLT_EPSILON*FLT_EPSILON*FLT_EPSILON*FLT_EPSILON);
   const float x11 = m_squared*r_squared;
   const int plane = (area_squared > 0.5f*x11) && (area_squared > x9);
-  const int two = (both) && ((plane) || (m_squared >= r_squared)) && (root_squared > band);
+  const int two = (both) && ((plane) || (m_squared >= r_squared)) && (root_squared > band) && (sine_size > x9);
   const int crooked = area_squared < x11*(1.0f - 32.0f*FLT_EPSILON);
   const float across_1 = ((fabsf(u_1) < fabsf(u_3)) ? 0.0f : -u_2);
   const float across_2 = ((fabsf(u_1) < fabsf(u_3)) ? -u_3 : u_1);
@@ -505,7 +505,7 @@ void axis_axis_condition_batch_f32(size_t count, const float *rho, const float *
     axis_axis_condition_f32(rho + 3 * i, rho_prime + 3 * i, angle[i], condition + i);
 }
 
-/* axis_jacobian: 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
+/* axis_jacobian: 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
 void axis_axis_jacobian_f64(const double rho[3], const double rho_prime[3], double angle, double length_tolerance, double axes_jacobian[42], int8_t *status) {
   /* inputs */
   const double rho_1 = rho[0];
@@ -756,7 +756,7 @@ void axis_axis_jacobian_f64(const double rho[3], const double rho_prime[3], doub
   const double x9 = (DBL_EPSILON*DBL_EPSILON*DBL_EPSILON*DBL_EPSILON);
   const double x11 = m_squared*r_squared;
   const int plane = (area_squared > 0.5*x11) && (area_squared > x9);
-  const int two = (both) && ((plane) || (m_squared >= r_squared)) && (root_squared > band);
+  const int two = (both) && ((plane) || (m_squared >= r_squared)) && (root_squared > band) && (sine_size > x9);
   const int crooked = area_squared < x11*(1.0 - 32.0*DBL_EPSILON);
   const double across_1 = ((fabs(u_1) < fabs(u_3)) ? 0.0 : -u_2);
   const double d_across_1_d_rho_2 = ((fabs(u_1) < fabs(u_3)) ? 0.0 : -scale_before);
@@ -1096,7 +1096,7 @@ void axis_axis_jacobian_batch_f64(size_t count, const double *rho, const double 
     axis_axis_jacobian_f64(rho + 3 * i, rho_prime + 3 * i, angle[i], length_tolerance[i], axes_jacobian + 42 * i, status + i);
 }
 
-/* axis_jacobian: 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
+/* axis_jacobian: 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
 void axis_axis_jacobian_f32(const float rho[3], const float rho_prime[3], float angle, float length_tolerance, float axes_jacobian[42], int8_t *status) {
   /* inputs */
   const float rho_1 = rho[0];
@@ -1347,7 +1347,7 @@ void axis_axis_jacobian_f32(const float rho[3], const float rho_prime[3], float 
   const float x9 = (FLT_EPSILON*FLT_EPSILON*FLT_EPSILON*FLT_EPSILON);
   const float x11 = m_squared*r_squared;
   const int plane = (area_squared > 0.5f*x11) && (area_squared > x9);
-  const int two = (both) && ((plane) || (m_squared >= r_squared)) && (root_squared > band);
+  const int two = (both) && ((plane) || (m_squared >= r_squared)) && (root_squared > band) && (sine_size > x9);
   const int crooked = area_squared < x11*(1.0f - 32.0f*FLT_EPSILON);
   const float across_1 = ((fabsf(u_1) < fabsf(u_3)) ? 0.0f : -u_2);
   const float d_across_1_d_rho_2 = ((fabsf(u_1) < fabsf(u_3)) ? 0.0f : -scale_before);
@@ -1687,7 +1687,7 @@ void axis_axis_jacobian_batch_f32(size_t count, const float *rho, const float *r
     axis_axis_jacobian_f32(rho + 3 * i, rho_prime + 3 * i, angle[i], length_tolerance[i], axes_jacobian + 42 * i, status + i);
 }
 
-/* axis_covariance: 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
+/* axis_covariance: 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
 void axis_axis_covariance_f64(const double rho[3], const double rho_prime[3], double angle, double length_tolerance, const double cov_rho[9], const double cov_rho_prime[9], double var_angle, double covariance[18], int8_t *axis_status) {
   /* inputs */
   const double rho_1 = rho[0];
@@ -1956,7 +1956,7 @@ void axis_axis_covariance_f64(const double rho[3], const double rho_prime[3], do
   const double x9 = (DBL_EPSILON*DBL_EPSILON*DBL_EPSILON*DBL_EPSILON);
   const double x11 = m_squared*r_squared;
   const int plane = (area_squared > 0.5*x11) && (area_squared > x9);
-  const int two = (both) && ((plane) || (m_squared >= r_squared)) && (root_squared > band);
+  const int two = (both) && ((plane) || (m_squared >= r_squared)) && (root_squared > band) && (sine_size > x9);
   const int crooked = area_squared < x11*(1.0 - 32.0*DBL_EPSILON);
   const double across_1 = ((fabs(u_1) < fabs(u_3)) ? 0.0 : -u_2);
   const double d_across_1_d_rho_2 = ((fabs(u_1) < fabs(u_3)) ? 0.0 : -scale_before);
@@ -2359,7 +2359,7 @@ void axis_axis_covariance_batch_f64(size_t count, const double *rho, const doubl
     axis_axis_covariance_f64(rho + 3 * i, rho_prime + 3 * i, angle[i], length_tolerance[i], cov_rho + 9 * i, cov_rho_prime + 9 * i, var_angle[i], covariance + 18 * i, axis_status + i);
 }
 
-/* axis_covariance: 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
+/* axis_covariance: 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
 void axis_axis_covariance_f32(const float rho[3], const float rho_prime[3], float angle, float length_tolerance, const float cov_rho[9], const float cov_rho_prime[9], float var_angle, float covariance[18], int8_t *axis_status) {
   /* inputs */
   const float rho_1 = rho[0];
@@ -2628,7 +2628,7 @@ void axis_axis_covariance_f32(const float rho[3], const float rho_prime[3], floa
   const float x9 = (FLT_EPSILON*FLT_EPSILON*FLT_EPSILON*FLT_EPSILON);
   const float x11 = m_squared*r_squared;
   const int plane = (area_squared > 0.5f*x11) && (area_squared > x9);
-  const int two = (both) && ((plane) || (m_squared >= r_squared)) && (root_squared > band);
+  const int two = (both) && ((plane) || (m_squared >= r_squared)) && (root_squared > band) && (sine_size > x9);
   const int crooked = area_squared < x11*(1.0f - 32.0f*FLT_EPSILON);
   const float across_1 = ((fabsf(u_1) < fabsf(u_3)) ? 0.0f : -u_2);
   const float d_across_1_d_rho_2 = ((fabsf(u_1) < fabsf(u_3)) ? 0.0f : -scale_before);

@@ -41,7 +41,7 @@ enum axis_axis_status {
 
 /* Unit axes through the origin that turn a point into another by a known angle.
  * Source: Stebulyanin and Pimushkin, eq. (1), solved in the coordinate-free form
- * Operations: 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 36 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin
+ * Operations: 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 37 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin
  * rho : array (3), length point before the rotation
  * rho_prime : array (3), length point after the rotation
  * angle : array (), rad angle of the rotation
@@ -81,7 +81,7 @@ void axis_axis_condition_batch_f32(size_t count, const float *rho, const float *
 
 /* Derivatives of both axes with respect to both points and the angle.
  * Source: Stebulyanin and Pimushkin, eq. (1), solved in the coordinate-free form
- * Operations: 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
+ * Operations: 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
  * rho : array (3), length point before the rotation
  * rho_prime : array (3), length point after the rotation
  * angle : array (), rad angle of the rotation
@@ -96,7 +96,7 @@ void axis_axis_jacobian_batch_f32(size_t count, const float *rho, const float *r
 
 /* Covariance of both axes from those of the points and the angle, to first order.
  * Source: GUM, law of propagation of uncertainty, on Stebulyanin and Pimushkin, eq. (1)
- * Operations: 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
+ * Operations: 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
  * rho : array (3), length point before the rotation
  * rho_prime : array (3), length point after the rotation
  * angle : array (), rad angle of the rotation

@@ -24,8 +24,8 @@
 
 enum { BLOCK = 16 };
 
-/* solve_axis: 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 36 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
-/* 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 36 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
+/* solve_axis: 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 37 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
+/* 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 37 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
 static inline void solve_axis_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -98,7 +98,7 @@ static inline void solve_axis_f64(double (*restrict input)[BLOCK], double (*rest
     const double x9 = (DBL_EPSILON*DBL_EPSILON*DBL_EPSILON*DBL_EPSILON);
     const double x11 = m_squared*r_squared;
     const int64_t plane = (mask_f64(area_squared > 0.5*x11)) & (mask_f64(area_squared > x9));
-    const int64_t two = (both) & ((plane) | (mask_f64(m_squared >= r_squared))) & (mask_f64(root_squared > band));
+    const int64_t two = (both) & ((plane) | (mask_f64(m_squared >= r_squared))) & (mask_f64(root_squared > band)) & (mask_f64(sine_size > x9));
     const int64_t crooked = mask_f64(area_squared < x11*(1.0 - 32.0*DBL_EPSILON));
     const double across_1 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), 0.0, -u_2);
     const double across_2 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), -u_3, u_1);
@@ -335,8 +335,8 @@ void LOOP(axis_solve_axis_loop_f64)(char **args, const ptrdiff_t *dimensions, co
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* solve_axis: 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 36 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
-/* 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 36 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
+/* solve_axis: 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 37 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
+/* 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 37 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
 static inline void solve_axis_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -409,7 +409,7 @@ static inline void solve_axis_f32(float (*restrict input)[BLOCK], float (*restri
     const float x9 = (FLT_EPSILON*FLT_EPSILON*FLT_EPSILON*FLT_EPSILON);
     const float x11 = m_squared*r_squared;
     const int32_t plane = (mask_f32(area_squared > 0.5f*x11)) & (mask_f32(area_squared > x9));
-    const int32_t two = (both) & ((plane) | (mask_f32(m_squared >= r_squared))) & (mask_f32(root_squared > band));
+    const int32_t two = (both) & ((plane) | (mask_f32(m_squared >= r_squared))) & (mask_f32(root_squared > band)) & (mask_f32(sine_size > x9));
     const int32_t crooked = mask_f32(area_squared < x11*(1.0f - 32.0f*FLT_EPSILON));
     const float across_1 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), 0.0f, -u_2);
     const float across_2 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), -u_3, u_1);
@@ -1130,8 +1130,8 @@ void LOOP(axis_axis_condition_loop_f32)(char **args, const ptrdiff_t *dimensions
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* axis_jacobian: 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
-/* 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
+/* axis_jacobian: 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
+/* 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
 static inline void axis_jacobian_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1384,7 +1384,7 @@ static inline void axis_jacobian_f64(double (*restrict input)[BLOCK], double (*r
     const double x9 = (DBL_EPSILON*DBL_EPSILON*DBL_EPSILON*DBL_EPSILON);
     const double x11 = m_squared*r_squared;
     const int64_t plane = (mask_f64(area_squared > 0.5*x11)) & (mask_f64(area_squared > x9));
-    const int64_t two = (both) & ((plane) | (mask_f64(m_squared >= r_squared))) & (mask_f64(root_squared > band));
+    const int64_t two = (both) & ((plane) | (mask_f64(m_squared >= r_squared))) & (mask_f64(root_squared > band)) & (mask_f64(sine_size > x9));
     const int64_t crooked = mask_f64(area_squared < x11*(1.0 - 32.0*DBL_EPSILON));
     const double across_1 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), 0.0, -u_2);
     const double d_across_1_d_rho_2 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), 0.0, -scale_before);
@@ -1862,8 +1862,8 @@ void LOOP(axis_axis_jacobian_loop_f64)(char **args, const ptrdiff_t *dimensions,
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* axis_jacobian: 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
-/* 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
+/* axis_jacobian: 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
+/* 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
 static inline void axis_jacobian_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -2116,7 +2116,7 @@ static inline void axis_jacobian_f32(float (*restrict input)[BLOCK], float (*res
     const float x9 = (FLT_EPSILON*FLT_EPSILON*FLT_EPSILON*FLT_EPSILON);
     const float x11 = m_squared*r_squared;
     const int32_t plane = (mask_f32(area_squared > 0.5f*x11)) & (mask_f32(area_squared > x9));
-    const int32_t two = (both) & ((plane) | (mask_f32(m_squared >= r_squared))) & (mask_f32(root_squared > band));
+    const int32_t two = (both) & ((plane) | (mask_f32(m_squared >= r_squared))) & (mask_f32(root_squared > band)) & (mask_f32(sine_size > x9));
     const int32_t crooked = mask_f32(area_squared < x11*(1.0f - 32.0f*FLT_EPSILON));
     const float across_1 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), 0.0f, -u_2);
     const float d_across_1_d_rho_2 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), 0.0f, -scale_before);
@@ -2594,8 +2594,8 @@ void LOOP(axis_axis_jacobian_loop_f32)(char **args, const ptrdiff_t *dimensions,
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* axis_covariance: 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
-/* 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
+/* axis_covariance: 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
+/* 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
 static inline void axis_covariance_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -2867,7 +2867,7 @@ static inline void axis_covariance_f64(double (*restrict input)[BLOCK], double (
     const double x9 = (DBL_EPSILON*DBL_EPSILON*DBL_EPSILON*DBL_EPSILON);
     const double x11 = m_squared*r_squared;
     const int64_t plane = (mask_f64(area_squared > 0.5*x11)) & (mask_f64(area_squared > x9));
-    const int64_t two = (both) & ((plane) | (mask_f64(m_squared >= r_squared))) & (mask_f64(root_squared > band));
+    const int64_t two = (both) & ((plane) | (mask_f64(m_squared >= r_squared))) & (mask_f64(root_squared > band)) & (mask_f64(sine_size > x9));
     const int64_t crooked = mask_f64(area_squared < x11*(1.0 - 32.0*DBL_EPSILON));
     const double across_1 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), 0.0, -u_2);
     const double d_across_1_d_rho_2 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), 0.0, -scale_before);
@@ -3408,8 +3408,8 @@ void LOOP(axis_axis_covariance_loop_f64)(char **args, const ptrdiff_t *dimension
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* axis_covariance: 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
-/* 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
+/* axis_covariance: 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
+/* 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
 static inline void axis_covariance_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -3681,7 +3681,7 @@ static inline void axis_covariance_f32(float (*restrict input)[BLOCK], float (*r
     const float x9 = (FLT_EPSILON*FLT_EPSILON*FLT_EPSILON*FLT_EPSILON);
     const float x11 = m_squared*r_squared;
     const int32_t plane = (mask_f32(area_squared > 0.5f*x11)) & (mask_f32(area_squared > x9));
-    const int32_t two = (both) & ((plane) | (mask_f32(m_squared >= r_squared))) & (mask_f32(root_squared > band));
+    const int32_t two = (both) & ((plane) | (mask_f32(m_squared >= r_squared))) & (mask_f32(root_squared > band)) & (mask_f32(sine_size > x9));
     const int32_t crooked = mask_f32(area_squared < x11*(1.0f - 32.0f*FLT_EPSILON));
     const float across_1 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), 0.0f, -u_2);
     const float d_across_1_d_rho_2 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), 0.0f, -scale_before);

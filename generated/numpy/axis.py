@@ -81,7 +81,7 @@ solve_axis.types = ["dddd->db", "ffff->fb"]
 
 
 def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
-    # 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 36 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin
+    # 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 37 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin
     size_before = 0.25*np.abs(rho_1) + 0.25*np.abs(rho_2) + 0.25*np.abs(rho_3)
     size_after = 0.25*np.abs(rho_prime_1) + 0.25*np.abs(rho_prime_2) + 0.25*np.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
@@ -165,7 +165,7 @@ def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angl
     x9 = (eps*eps*eps*eps)
     x11 = m_squared*r_squared
     plane = (area_squared > 0.5*x11) & (area_squared > x9)
-    two = (both) & ((plane) | (m_squared >= r_squared)) & (root_squared > band)
+    two = (both) & ((plane) | (m_squared >= r_squared)) & (root_squared > band) & (sine_size > x9)
     del both
     crooked = area_squared < x11*(1.0 - 32.0*eps)
     del x11
@@ -555,7 +555,7 @@ axis_jacobian.types = ["dddd->db", "ffff->fb"]
 
 
 def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
-    # 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
+    # 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
     size_before = 0.25*np.abs(rho_1) + 0.25*np.abs(rho_2) + 0.25*np.abs(rho_3)
     size_after = 0.25*np.abs(rho_prime_1) + 0.25*np.abs(rho_prime_2) + 0.25*np.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
@@ -900,7 +900,7 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     x9 = (eps*eps*eps*eps)
     x11 = m_squared*r_squared
     plane = (area_squared > 0.5*x11) & (area_squared > x9)
-    two = (both) & ((plane) | (m_squared >= r_squared)) & (root_squared > band)
+    two = (both) & ((plane) | (m_squared >= r_squared)) & (root_squared > band) & (sine_size > x9)
     del both
     crooked = area_squared < x11*(1.0 - 32.0*eps)
     del x11
@@ -1521,7 +1521,7 @@ axis_covariance.types = ["ddddddd->db", "fffffff->fb"]
 
 
 def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, cov_rho_1_1, cov_rho_1_2, cov_rho_1_3, cov_rho_2_1, cov_rho_2_2, cov_rho_2_3, cov_rho_3_1, cov_rho_3_2, cov_rho_3_3, cov_rho_prime_1_1, cov_rho_prime_1_2, cov_rho_prime_1_3, cov_rho_prime_2_1, cov_rho_prime_2_2, cov_rho_prime_2_3, cov_rho_prime_3_1, cov_rho_prime_3_2, cov_rho_prime_3_3, var_angle, eps, largest):
-    # 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 69 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
+    # 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
     size_before = 0.25*np.abs(rho_1) + 0.25*np.abs(rho_2) + 0.25*np.abs(rho_3)
     size_after = 0.25*np.abs(rho_prime_1) + 0.25*np.abs(rho_prime_2) + 0.25*np.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
@@ -1866,7 +1866,7 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     x9 = (eps*eps*eps*eps)
     x11 = m_squared*r_squared
     plane = (area_squared > 0.5*x11) & (area_squared > x9)
-    two = (both) & ((plane) | (m_squared >= r_squared)) & (root_squared > band)
+    two = (both) & ((plane) | (m_squared >= r_squared)) & (root_squared > band) & (sine_size > x9)
     del both
     crooked = area_squared < x11*(1.0 - 32.0*eps)
     del x11

@@ -30,7 +30,9 @@ def call(kernel: Any, arguments: tuple[Any, ...], out: Any) -> Any:
 def _spread(kernel: Any, arguments: tuple[Any, ...], apply_gufunc: Any) -> Any:
     inputs, outputs = kernel.signature.split("->")
     sizes = {size: int(size) for size in set(re.findall(r"\d+", outputs)) - set(re.findall(r"\d+", inputs))}
-    number = np.result_type(*(a.dtype if hasattr(a, "dtype") else np.asarray(a).dtype for a in arguments if np.ndim(a)))
+    number = np.result_type(
+        *(a.dtype if hasattr(a, "dtype") else np.asarray(a).dtype for a in arguments if np.ndim(a))
+    )
     real = np.float32 if np.can_cast(number, np.float32) else np.float64
     types = [np.int8 if code == "b" else real for code in kernel.types[0].split("->")[1]]
     scalars = tuple(np.asarray(a, real) if np.ndim(a) == 0 else a for a in arguments)

@@ -29,14 +29,29 @@ from rodgen.symbolic import EPS, LARGEST
 __all__ = ["Assignment", "Kernel", "KernelBuilder", "KernelError", "Port", "UsualCase"]
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
+_WORDS_OF_C = """
+auto bool case char const default do double enum extern false float goto inline int long register restrict
+short signed sizeof static struct switch true typedef union unsigned void volatile
+"""
 _RESERVED = {
     *keyword.kwlist,
     *dir(builtins),
+    *re.findall(r"\w+", _WORDS_OF_C),
     *(
-        "auto bool case char const default do double enum extern false float goto inline int long register restrict "
-        "short signed sizeof static struct switch true typedef union unsigned void volatile"
-    ).split(),
-    *("linux", "unix", "NAN", "INFINITY", "NULL", "math", "np", "out", "count", "input", "output", "eps", "largest"),
+        "linux",
+        "unix",
+        "NAN",
+        "INFINITY",
+        "NULL",
+        "math",
+        "np",
+        "out",
+        "count",
+        "input",
+        "output",
+        "eps",
+        "largest",
+    ),
 }
 """Words of Python and C, and names that the templates or a compiler use."""
 
@@ -622,7 +637,9 @@ def _identifier(name: str) -> str:
     if not _IDENTIFIER.match(name):
         raise KernelError(f"{name!r} is no name for generated code; expected a plain identifier")
     if name in _RESERVED or name.startswith(("DBL_", "FLT_")):
-        raise KernelError(f"{name!r} is no name for generated code: it is reserved there; expected another one")
+        raise KernelError(
+            f"{name!r} is no name for generated code: it is reserved there; expected another one"
+        )
     return name
 
 
