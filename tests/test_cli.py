@@ -659,7 +659,7 @@ KERNEL = """
 from rodgen.codegen import KernelBuilder
 
 k = KernelBuilder("image_distance", summary="Distance of the image of a thin lens", source="Any textbook, eq. (1)")
-focal, object_distance = k.input("focal", unit="mm", doc="f"), k.input("object", unit="mm", doc="a")
+focal, object_distance = k.input("focal", unit="mm", doc="f"), k.input("object_distance", unit="mm", doc="a")
 k.output("image", object_distance * focal / (object_distance - focal), unit="mm", doc="b")
 derivation.kernel(k.build())
 """
