@@ -27,6 +27,7 @@ class KernelPrinter(CodePrinter):  # type: ignore[misc]
     language = "a kernel language"
     functions: ClassVar[dict[str, str]] = {}
     largest_power_as_product = 4
+    conjunction, disjunction, negation = " & ", " | ", "~"
 
     def __init__(self) -> None:
         super().__init__({"strict": False})
@@ -156,6 +157,18 @@ class KernelPrinter(CodePrinter):  # type: ignore[misc]
     def _print_Relational(self, expr: Relational) -> str:
         return f"{self._print(expr.lhs)} {expr.rel_op} {self._print(expr.rhs)}"
 
+    def _print_And(self, expr: sp.And) -> str:
+        return self._joined(expr, self.conjunction)
+
+    def _print_Or(self, expr: sp.Or) -> str:
+        return self._joined(expr, self.disjunction)
+
+    def _joined(self, expr: sp.And | sp.Or, operator: str) -> str:
+        return operator.join(f"({self._print(a)})" for a in sorted(expr.args, key=sp.default_sort_key))
+
+    def _print_Not(self, expr: sp.Not) -> str:
+        return f"{self.negation}({self._print(expr.args[0])})"
+
 
 class NumPyPrinter(KernelPrinter):
     """NumPy expressions on whole arrays."""
@@ -192,15 +205,6 @@ class NumPyPrinter(KernelPrinter):
             text = f"np.where({self._print(condition)}, {self._print(value)}, {text})"
         return text
 
-    def _print_And(self, expr: sp.And) -> str:
-        return " & ".join(f"({self._print(a)})" for a in sorted(expr.args, key=sp.default_sort_key))
-
-    def _print_Or(self, expr: sp.Or) -> str:
-        return " | ".join(f"({self._print(a)})" for a in sorted(expr.args, key=sp.default_sort_key))
-
-    def _print_Not(self, expr: sp.Not) -> str:
-        return f"~({self._print(expr.args[0])})"
-
     def _print_BooleanTrue(self, expr: sp.Basic) -> str:
         return "True"
 
@@ -212,6 +216,7 @@ class CPrinter(KernelPrinter):
     """C99 expressions on scalars, in ``double`` or ``float``."""
 
     language = "C"
+    conjunction, disjunction, negation = " && ", " || ", "!"
 
     def __init__(self, real: str = "double") -> None:
         super().__init__()
@@ -255,15 +260,6 @@ class CPrinter(KernelPrinter):
             text = f"(({self._print(condition)}) ? {self._print(value)} : {text})"
         return text
 
-    def _print_And(self, expr: sp.And) -> str:
-        return " && ".join(f"({self._print(a)})" for a in sorted(expr.args, key=sp.default_sort_key))
-
-    def _print_Or(self, expr: sp.Or) -> str:
-        return " || ".join(f"({self._print(a)})" for a in sorted(expr.args, key=sp.default_sort_key))
-
-    def _print_Not(self, expr: sp.Not) -> str:
-        return f"!({self._print(expr.args[0])})"
-
     def _print_BooleanTrue(self, expr: sp.Basic) -> str:
         return "1"
 
@@ -278,6 +274,12 @@ class VectorCPrinter(CPrinter):
     and cos of one argument into a call that has no vector form. A condition is a mask of bits and a select blends
     with it: from ``?:`` compilers make control flow, and then no vectors (gcc 12 with nested conditions).
     """
+
+    conjunction, disjunction, negation = (
+        KernelPrinter.conjunction,
+        KernelPrinter.disjunction,
+        KernelPrinter.negation,
+    )
 
     def __init__(self, real: str = "double") -> None:
         super().__init__(real)
@@ -300,15 +302,6 @@ class VectorCPrinter(CPrinter):
 
     def _print_Relational(self, expr: Relational) -> str:
         return f"mask_{self.bits}({super()._print_Relational(expr)})"
-
-    def _print_And(self, expr: sp.And) -> str:
-        return super()._print_And(expr).replace("&&", "&")
-
-    def _print_Or(self, expr: sp.Or) -> str:
-        return super()._print_Or(expr).replace("||", "|")
-
-    def _print_Not(self, expr: sp.Not) -> str:
-        return f"~({self._print(expr.args[0])})"
 
     def _print_BooleanTrue(self, expr: sp.Basic) -> str:
         return f"({self.mask_type})-1"
