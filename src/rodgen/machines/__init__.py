@@ -1,0 +1,1 @@
+"""Machines: chains of joints with the errors that they really have."""
