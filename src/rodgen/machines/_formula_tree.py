@@ -1,0 +1,166 @@
+"""The tree of a formula: five kinds of node, what they are worth, and how they are written."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from decimal import Decimal
+from fractions import Fraction
+from typing import Any, TypeAlias
+
+from rodgen.errors import RodgenError
+
+__all__ = [
+    "Call",
+    "FormulaError",
+    "Name",
+    "Negation",
+    "Node",
+    "Number",
+    "Operation",
+    "fold",
+    "names_in",
+    "write",
+]
+
+
+class FormulaError(RodgenError):
+    """A formula that cannot be used: what was found, and what was expected."""
+
+    def __init__(self, found: str, expected: str) -> None:
+        self.found = found
+        self.expected = expected
+        super().__init__(found, expected)
+
+    def __str__(self) -> str:
+        return f"{self.found}; expected {self.expected}"
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number as it was written, exactly."""
+
+    value: Fraction
+
+
+@dataclass(frozen=True)
+class Name:
+    """A joint's coordinate, a column, a parameter, a constant."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Call:
+    """A function of one argument."""
+
+    function: str
+    argument: Node
+
+
+@dataclass(frozen=True)
+class Negation:
+    """The operand with the other sign."""
+
+    operand: Node
+
+
+@dataclass(frozen=True)
+class Operation:
+    """Two operands and what stands between them, one of ``+ - * / **``."""
+
+    operator: str
+    left: Node
+    right: Node
+
+
+Node: TypeAlias = Number | Name | Call | Negation | Operation
+
+OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": operator.truediv,
+    "**": operator.pow,
+}
+
+
+def fold(
+    node: Node,
+    names: Mapping[str, Any],
+    functions: Mapping[str, Callable[[Any], Any]],
+    number: Callable[[Fraction], Any],
+) -> Any:
+    """Return what a tree is worth when its names, functions and numbers are these."""
+    match node:
+        case Number(value):
+            return number(value)
+        case Name(name):
+            return names[name]
+        case Call(function, argument):
+            return functions[function](fold(argument, names, functions, number))
+        case Negation(operand):
+            return -fold(operand, names, functions, number)
+        case Operation(symbol, left, right):
+            return OPERATORS[symbol](
+                fold(left, names, functions, number), fold(right, names, functions, number)
+            )
+
+
+def names_in(node: Node) -> Iterator[str]:
+    """List the names in a tree, one as often as it stands there."""
+    match node:
+        case Name(name):
+            yield name
+        case Call(_, inner) | Negation(inner):
+            yield from names_in(inner)
+        case Operation(_, left, right):
+            yield from names_in(left)
+            yield from names_in(right)
+
+
+# how tightly a node holds together; a child that holds less than its place asks for is put in parentheses
+_SUM, _PRODUCT, _SIGN, _POWER, _ATOM = range(5)
+_STRENGTH = {"+": _SUM, "-": _SUM, "*": _PRODUCT, "/": _PRODUCT, "**": _POWER}
+
+
+def write(node: Node) -> str:
+    """Write a tree, with the fewest parentheses that parse to the same tree."""
+    match node:
+        case Number(value):
+            return _decimal(value)
+        case Name(name):
+            return name
+        case Call(function, argument):
+            return f"{function}({write(argument)})"
+        case Negation(operand):
+            return f"-{_inside(operand, _SIGN)}"
+        case Operation("**", left, right):
+            return f"{_inside(left, _ATOM)}**{_inside(right, _SIGN)}"
+        case Operation(symbol, left, right):
+            strength = _STRENGTH[symbol]
+            space = " " if strength == _SUM else ""
+            return f"{_inside(left, strength)}{space}{symbol}{space}{_inside(right, strength + 1)}"
+
+
+def _inside(node: Node, wanted: int) -> str:
+    match node:
+        case Operation(symbol, _, _):
+            strength = _STRENGTH[symbol]
+        case Negation():
+            strength = _SIGN
+        case _:
+            strength = _ATOM
+    return write(node) if strength >= wanted else f"({write(node)})"
+
+
+def _decimal(value: Fraction) -> str:
+    """Write a number that has finitely many decimals, exactly."""
+    places = 0
+    while value.denominator != 1:
+        value *= 10
+        places += 1
+    sign, digits, exponent = Decimal(value.numerator).as_tuple()
+    number = Decimal((sign, digits, int(exponent) - places)).normalize()
+    return f"{number:f}" if -6 < number.adjusted() < 16 else f"{number:e}".replace("e+", "e")
