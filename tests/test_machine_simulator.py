@@ -1,0 +1,732 @@
+"""The simulator that judges rodgen's models, judged itself: by hand-computed cases and by two fits of real data.
+
+Numbers in the tests are chosen so that the answer can be seen without a computer. Tolerances: 1e-12 where only
+rounding is in question (lengths about 100, so eps * 100 with a reserve); a linearised answer is held to the square
+of the small angle, which stands beside it.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from machine_simulator import (
+    Simulated,
+    approach,
+    arcsec,
+    cantilever,
+    clamped_bridge,
+    complete,
+    lagged,
+    play,
+    random_set_ups,
+    random_walk,
+    rotation,
+    true_angle,
+)
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+X, Y, Z = np.eye(3)
+HERE = Path(__file__).parent
+REAL_DATA = HERE.parent.parent / "shared" / "data"
+TINY = 1e-12
+
+
+def close(one: Any, other: Any, within: float = TINY) -> bool:
+    """Compare all numbers, as differences."""
+    return bool(np.abs(np.asarray(one) - np.asarray(other)).max() <= within)
+
+
+def joint(name: str, type_: str, axis: Sequence[float], **more: Any) -> dict[str, Any]:
+    return {"name": name, "type": type_, "axis": list(axis), **more}
+
+
+def machine(*joints: dict[str, Any], targets: Any = ((100, 0, 0),), **more: Any) -> dict[str, Any]:
+    """Make a machine of joints in mm and degrees, its targets called p0, p1, ..."""
+    return {
+        "units": {"length": "mm", "angle": "deg"},
+        "joint": list(joints),
+        "target": [{"name": f"p{i}", "point": list(point)} for i, point in enumerate(targets)],
+        "measured": {"kind": "point", **more.pop("measured", {})},
+        **more,
+    }
+
+
+def table(**more: Any) -> dict[str, Any]:
+    """Make a rotary table about z with a ball at x = 100."""
+    return machine(joint("C", "revolute", Z), **more)
+
+
+def boom(**more: Any) -> dict[str, Any]:
+    """Make a horizontal boom of 1000 mm along y, which turns about x: positive lifts it."""
+    return machine(joint("A", "revolute", X), targets=[(0, 1000, 0)], **more)
+
+
+def slide(**more: Any) -> dict[str, Any]:
+    """Make a horizontal slide along x with 400 mm of travel."""
+    return machine(joint("X", "prismatic", X, travel=[0, 400]), **more)
+
+
+def mount() -> dict[str, Any]:
+    """Make the telescope's mount: azimuth from north (y) through east (x), elevation up."""
+    return machine(
+        joint("AZ", "revolute", -Z),
+        joint("EL", "revolute", X),
+        targets=[(0, 1, 0)],
+        measured={"kind": "direction"},
+    )
+
+
+def moved(of: dict[str, Any], effects: dict[str, Any], q: Any, **conditions: Any) -> np.ndarray:
+    """Give how far effects move the readings."""
+    return Simulated(of, effects).measure(q, **conditions) - Simulated(of).measure(q, **conditions)
+
+
+# Geometry
+
+
+def test_rotation_is_that_of_scipy(rng: np.random.Generator) -> None:
+    vectors = rng.normal(size=(50, 3)) * np.logspace(-9, 0.5, 50)[:, None]
+    assert np.abs(rotation(vectors) - Rotation.from_rotvec(vectors).as_matrix()).max() < 1e-15 * 10
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(20)
+
+
+@pytest.mark.parametrize(
+    ("n", "u", "v"),
+    [(Z, X, Y), (X, Y, Z), (Y, Z, X), (-Z, X, -Y), (np.array([0.6, 0, 0.8]), np.array([0.8, 0, -0.6]), Y)],
+)
+def test_u_and_v_complete_an_axis(n: np.ndarray, u: np.ndarray, v: np.ndarray) -> None:
+    assert close(complete(n), (u, v))
+    assert close(np.cross(u, v), n)
+
+
+def test_first_joint_carries_the_others() -> None:
+    q = [[10, 90]]
+    x, c = joint("X", "prismatic", X), joint("C", "revolute", Z)
+    assert close(Simulated(machine(x, c)).measure(q), [[10, 100, 0]])
+    assert close(Simulated(machine(c, x)).measure([[90, 10]]), [[0, 110, 0]])
+
+
+def test_paper_s_machine_is_r1_plus_C_q_plus_turned_vector() -> None:
+    columns = np.array([[1, 0, 0], [0.6, 0.8, 0], [0, 0.28, 0.96]]).T
+    joints = [joint(name, "prismatic", columns[:, i]) for i, name in enumerate("XYZ")]
+    of = machine(*joints, joint("C", "revolute", Z, point=[5, 6, 7]), targets=[(25, 6, 17)])
+    reading = Simulated(of).measure([[1, 2, 3, 90]])
+    assert close(reading, np.array([5, 6, 7]) + columns @ [1, 2, 3] + [0, 20, 10])
+
+
+def test_elevation_lifts_and_azimuth_goes_from_north_to_east() -> None:
+    reading = Simulated(mount()).measure([[90, 0], [0, 30]])
+    assert close(reading, [[1, 0, 0], [0, np.cos(np.pi / 6), 0.5]])
+
+
+def test_free_frame_turns_then_shifts() -> None:
+    of = table(measured={"frame": "free"})
+    effects = {"frame.rz": 90.0, "frame.x": 5.0}
+    assert close(Simulated(of, effects).measure([[0]]), [[5, 100, 0]])
+    with pytest.raises(KeyError, match="not free"):
+        Simulated(table(), effects)
+
+
+def test_distance_is_from_its_point() -> None:
+    of = table(measured={"kind": "distance", "from": [100, 3, 4]})
+    assert close(Simulated(of).measure([[0]]), [[5]])
+    assert close(Simulated(of, {"instrument_scale.k": 0.01}).measure([[0]]), [[5.05]])
+
+
+def test_keys_that_mean_nothing_are_errors() -> None:
+    for key in (
+        "C.squareness.a",
+        "p1.target_offset.x",
+        "gravity_windup.k",
+        "C",
+        "C.qx.a",
+        "warm_up_drift[2].x",
+    ):
+        with pytest.raises(KeyError):
+            Simulated(table(), {key: 1.0})
+    with pytest.raises(TypeError):
+        Simulated(table(), {"C.scale.a": 1.0}).measure([[0]])
+    with pytest.raises(ValueError, match="needs T"):
+        Simulated(table(), {"C.thermal_offset.k": 1.0}).measure([[0]])
+
+
+# Axes and points
+
+
+def test_squareness_moves_x_by_minus_a_times_y() -> None:
+    # n = y, so u = z, v = x: a turns the axis about z, which leans it towards -x.
+    of = machine(joint("X", "prismatic", X), joint("Y", "prismatic", Y))
+    a = arcsec(20)
+    change = moved(of, {"Y.squareness.a": a}, [[50, 300], [50, -300]])
+    assert close(change[:, 0], np.sin(np.radians(a)) * np.array([-300, 300]))
+    assert np.abs(change[:, 1:]).max() < 300 * np.radians(a) ** 2  # the cosine's part
+    of_x = moved(of, {"X.squareness.a": a, "X.squareness.b": 2 * a}, [[300, 0]])[0]
+    # n = x: a about y leans x towards -z, b about z towards y; together one turn, hence the square
+    assert close(
+        of_x, [0, 300 * np.radians(2 * a), -300 * np.radians(a)], within=300 * np.radians(3 * a) ** 2
+    )
+
+
+def test_tilt_and_offset_of_a_rotary_axis() -> None:
+    a = 0.01
+    # About x by a the axis n leans towards -y. Half a turn takes p to 2 (n.p) n - p, and n.p is -100 a for a ball on
+    # y, 0 for one on x.
+    on_y = moved(table(targets=[(0, 100, 0)]), {"C.axis_tilt.a": a}, [[180]])[0]
+    assert on_y[2] == pytest.approx(-2 * 100 * np.radians(a), rel=1e-6)
+    assert close(moved(table(), {"C.axis_tilt.a": a}, [[180]])[0], 0)
+    # The axis passes x = 0.02: half a turn about it brings x = 100 to -99.96.
+    assert close(moved(table(), {"C.axis_offset.a": 0.02}, [[180]]), [[0.04, 0, 0]])
+    assert close(moved(table(), {"C.point.b": 0.02}, [[180]]), [[0, 0.04, 0]])
+    assert close(
+        Simulated(table(), {"C.axis.a": a, "C.axis_tilt.a": -a}).measure([[70]]),
+        Simulated(table()).measure([[70]]),
+    )
+
+
+def test_later_joints_stay_where_they_are_when_an_axis_moves() -> None:
+    of = machine(joint("A", "revolute", X), joint("C", "revolute", Z))
+    for effect in ("A.axis.a", "A.point.b", "A.axis_tilt.b"):
+        assert close(moved(of, {effect: 0.1}, [[0, 40]]), 0)
+
+
+def test_target_moves() -> None:
+    of = table(targets=[(100, 0, 0), (0, 50, 0)])
+    effects = {"p0.target_offset.x": 1.0, "target.p0.x": 1.0, "target.p1.z": 3.0}
+    change = moved(of, effects, [[90], [90]], target=["p0", "p1"])
+    assert close(change, [[0, 2, 0], [0, 0, 3]])
+    # d = y: u = z, v = x. About z by a the boresight goes to -x, about x by b up.
+    change = moved(mount(), {"p0.target_offset.a": 0.01, "target.p0.b": 0.02}, [[0, 0]])[0]
+    assert close(change, [-np.radians(0.01), 0, np.radians(0.02)], within=np.radians(0.03) ** 2)
+
+
+# Readings: at the ball's 100 mm an angle d moves the ball by 100 d along y
+
+READINGS: list[tuple[dict[str, float], float, float]] = [
+    ({"C.zero_offset.a": 0.01}, 30, 0.01),
+    ({"C.scale.k": 1e-4}, 90, 0.009),
+    ({"C.encoder_eccentricity.a": 0.01, "C.encoder_eccentricity.b": 0.02}, 30, 0.01 * np.sqrt(0.75) + 0.01),
+    ({"C.encoder_ellipticity.a": 0.01, "C.encoder_ellipticity.b": 0.02}, 45, 0.02),
+    ({"C.periodic_drive_error.a": 0.01, "C.periodic_drive_error.P": 4.0}, 1, 0.01),
+    ({"C.periodic_drive_error.b": 0.01, "C.periodic_drive_error.P": 4.0}, 2, -0.01),
+]
+
+
+@pytest.mark.parametrize(("effects", "q", "expected"), READINGS)
+def test_change_of_the_coordinate(effects: dict[str, float], q: float, expected: float) -> None:
+    assert close(Simulated(table(), effects).measure([[q]]), Simulated(table()).measure([[q + expected]]))
+
+
+def test_period_of_the_file_is_used() -> None:
+    of = machine(joint("X", "prismatic", X, period=10))
+    assert close(moved(of, {"X.periodic_drive_error.a": 0.005}, [[2.5]]), [[0.005, 0, 0]])
+    with pytest.raises(ValueError, match="period"):
+        Simulated(slide(), {"X.periodic_drive_error.a": 1.0}).measure([[1]])
+
+
+def test_backlash_leaves_the_joint_short_of_where_it_goes() -> None:
+    s = [[1.0], [-1.0]]
+    assert close(moved(slide(), {"X.backlash.b": 0.01}, [[7], [7]], s=s)[:, 0], [-0.005, 0.005])
+    change = moved(slide(), {"X.backlash_gradient.k": 1e-4}, [[7], [7]], s=s)[:, 0]
+    assert close(change, [-7e-4, 7e-4])
+
+
+def test_direction_of_approach_is_taken_from_the_order_of_rows() -> None:
+    q = np.array([[5, 0], [5, 0], [3, 1], [3, 1], [8, 0]], dtype=float)
+    assert approach(q).T.tolist() == [[-1, -1, -1, -1, 1], [1, 1, 1, 1, -1]]
+    assert approach(np.ones((3, 1))).tolist() == [[0], [0], [0]]
+
+
+def test_servo_lags_behind() -> None:
+    assert close(moved(slide(), {"X.servo_lag.tau": 0.01}, [[7]], v=[[50]]), [[-0.5, 0, 0]])
+
+
+def test_heat() -> None:
+    warm = {"X": [25.0], "C": [25.0]}
+    assert close(
+        moved(slide(), {"X.thermal_expansion.alpha": 1e-5}, [[200]], temperature=warm),
+        [[0.01, 0, 0]],
+    )
+    assert close(moved(slide(), {"X.thermal_offset.k": 0.002}, [[200]], temperature=warm), [[0.01, 0, 0]])
+    of = table(environment={"reference_temperature": 23})
+    drift = moved(
+        of, {"C.thermal_axis_drift.x": 0.5, "C.thermal_axis_drift.z": -1.0}, [[90]], temperature=warm
+    )
+    assert close(drift, [[1, 0, -2]])
+
+
+# Error motions
+
+
+def test_error_motions_of_an_axis_of_rotation() -> None:
+    q = [[0], [90], [45]]
+    half = np.sqrt(0.5)
+    names = ("c1", "s1", "c2", "s2")
+    radial = {
+        f"C.radial_error_motion.{w}_{h}": float(i)
+        for w, i0 in (("u", 1), ("v", 5))
+        for i, h in enumerate(names, i0)
+    }
+    u, v = ([k[0] + k[2], k[1] - k[2], half * (k[0] + k[1]) + k[3]] for k in ((1, 2, 3, 4), (5, 6, 7, 8)))
+    assert close(moved(table(), radial, q), np.stack([u, v, np.zeros(3)], -1))
+    axial = {f"C.axial_error_motion.{h}": float(i) for i, h in enumerate(names, 1)}
+    assert close(moved(table(), axial, q), np.stack([np.zeros(3), np.zeros(3), u], -1))
+
+
+def test_tilt_has_the_lever_arm_of_the_height_above_the_point() -> None:
+    of = machine(joint("C", "revolute", Z, point=[0, 0, 20]), targets=[(0, 0, 120)])
+    a = 0.01
+    # about x (u) by a: a point 100 above goes to -y; about y (v): to +x
+    assert close(
+        moved(of, {"C.tilt_error_motion.u_c1": a}, [[0]]),
+        [[0, -100 * np.radians(a), 0]],
+        within=100 * np.radians(a) ** 2,
+    )
+    assert close(
+        moved(of, {"C.tilt_error_motion.v_s2": a}, [[45]]),
+        [[100 * np.radians(a), 0, 0]],
+        within=100 * np.radians(a) ** 2,
+    )
+
+
+def test_straightness_is_a_legendre_polynomial_of_the_travel() -> None:
+    q = [[0], [100], [200], [400]]  # 2 zeta - 1 = -1, -1/2, 0, 1
+    for degree, values in (
+        (2, [1, -1 / 8, -1 / 2, 1]),
+        (3, [-1, 7 / 16, 0, 1]),
+        (4, [1, -37 / 128, 3 / 8, 1]),
+    ):
+        change = moved(slide(), {f"X.straightness.u_{degree}": 2.0, f"X.straightness.v_{degree}": 1.0}, q)
+        assert close(change, np.outer(values, [0, 2, 1]))
+
+
+def test_angular_error_motion_acts_by_abbe_s_arm() -> None:
+    of = machine(joint("X", "prismatic", X, travel=[0, 400], point=[0, 0, 50]), targets=[(0, 0, 250)])
+    a = 0.001
+    # pitch about y at the far end: 200 above the point, and 400 along: x by 200 a, z by -400 a
+    change = moved(of, {"X.angular_error_motion.y_1": a}, [[400]])
+    assert close(change, np.radians(a) * np.array([[200, 0, -400]]), within=500 * np.radians(a) ** 2)
+    assert close(moved(of, {"X.angular_error_motion.z_2": a}, [[400]])[0, 1], 400 * np.radians(a))
+    assert close(moved(of, {"X.angular_error_motion.x_3": a}, [[0]])[0, 1], 200 * np.radians(a))
+
+
+# Gravity
+
+
+def test_moment_of_a_horizontal_boom_and_the_sign_of_its_sag() -> None:
+    # r = 1000 y, g = -z: r x g = -1000 x. A compliance k > 0 lets the boom droop; upright it does nothing.
+    k = 1e-5  # deg/mm
+    q = np.array([[0.0], [60.0], [90.0], [180.0]])
+    m = -1000 * np.cos(np.radians(q))
+    expected = Simulated(boom()).measure(q + k * m)
+    assert close(Simulated(boom(), {"A.gravity_windup.k": k}).measure(q), expected, within=1e-10)
+    assert moved(boom(), {"A.gravity_windup.k": k}, [[0]])[0, 2] == pytest.approx(
+        -1000 * np.radians(0.01), rel=1e-6
+    )
+    # c turned by +90 degrees about x stands upright when the boom lies, so M_perp is +sin: r = 1000 (-sin y + cos z)
+    expected = Simulated(boom()).measure(q + k * 1000 * np.sin(np.radians(q)))
+    assert close(Simulated(boom(), {"A.gravity_windup.k2": k}).measure(q), expected, within=1e-10)
+    load = moved(boom(), {"A.load_windup.k": k / 50}, [[0]], load=[50.0])
+    assert close(load, moved(boom(), {"A.gravity_windup.k": k}, [[0]]))
+
+
+def test_gravity_and_arms_are_those_of_the_pose() -> None:
+    # The first joint lays the second one's axis from y to x (about z) and gravity stays; the second one's boom, along
+    # x at zero, then lies along -... about z by 90: x -> y. Turned up by 30 degrees its moment is 1000 cos 30.
+    of = machine(joint("C", "revolute", Z), joint("B", "revolute", Y), targets=[(1000, 0, 0)])
+    q = np.array([[0, -30], [90, -30]])  # about +y a negative angle lifts x
+    expected = Simulated(of).measure(q + np.array([[0, 1e-5 * 1000 * np.cos(np.pi / 6)]]))
+    assert close(Simulated(of, {"B.gravity_windup.k": 1e-5}).measure(q), expected, within=1e-10)
+    # A roll joint below it, turned by a quarter, lays B's axis upright: no moment is left about it.
+    of = machine(joint("A", "revolute", X), joint("B", "revolute", Y), targets=[(1000, 0, 0)])
+    assert close(moved(of, {"B.gravity_windup.k": 1e-5}, [[90, 0], [90, 40]]), 0)
+    # And gravity may point anywhere.
+    of["environment"] = {"gravity": [0, 3, 0]}
+    change = moved(of, {"B.gravity_windup.k": 1e-5}, [[90, 0]])[0]  # B's axis along z, gravity along y
+    assert np.abs(change[1]) == pytest.approx(1000 * np.radians(0.01), rel=1e-6)
+    assert change[1] > 0
+
+
+def test_a_later_joint_s_weight_hangs_at_its_point() -> None:
+    of = machine(
+        joint("A", "revolute", X), joint("B", "revolute", X, point=[0, 400, 0]), targets=[(0, 1000, 0)]
+    )
+    change = moved(of, {"A.gravity_windup.k_B": 1e-5}, [[60, 25]])[0]
+    expected = Simulated(of).measure([[60 - 1e-5 * 400 * 0.5, 25]]) - Simulated(of).measure([[60, 25]])
+    assert close(change, expected[0], within=1e-10)
+
+
+def test_lateral_windup_bends_across_the_axis() -> None:
+    # An upright axis with a boom along x: the moment is about y, the boom droops; about its own axis nothing turns.
+    change = moved(table(), {"C.lateral_windup.a": 1e-4}, [[0], [90]])
+    assert close(change, [[0, 0, -100 * np.radians(0.01)]] * 2, within=100 * np.radians(0.01) ** 2)
+    assert close(moved(boom(), {"A.lateral_windup.a": 1e-4}, [[0], [50]]), 0)
+
+
+def test_guide_pitches_under_an_overhang_along_it() -> None:
+    # 100 ahead of the point that travels with the slide, wherever it stands; the roll of an overhang aside is left out.
+    a = 1e-4
+    pitch = np.radians(0.01)
+    change = moved(slide(), {"X.guide_windup.a": a}, [[0], [400]])
+    assert close(change, [[0, 0, -100 * pitch], [0, 0, -500 * pitch]], within=500 * pitch**2)
+    change = moved(slide(), {"X.guide_windup.b": a}, [[0], [200]])
+    assert close(change, [[0, 0, 0], [0, 0, -300 * pitch / 2]], within=500 * pitch**2)
+    assert close(moved(slide(targets=[(0, 100, 0)]), {"X.guide_windup.a": a}, [[0], [400]]), 0)
+
+
+def test_sag_drops_the_target_and_noses_the_beam_down() -> None:
+    q = np.array([[0.0], [200.0], [400.0]])
+    z = q[:, 0] / 400
+    shapes: dict[str, tuple[Any, Any]] = {
+        "tip": (z**3, 1.5 * z**2),
+        "own": (z**4, 4 / 3 * z**3),
+        "mid": (16 * z**2 * (1 - z) ** 2, 16 * (2 * z - 6 * z**2 + 4 * z**3)),
+    }
+    for parameter, (drop, slope) in shapes.items():
+        key = f"X.gravity_sag.{parameter}"
+        assert close(moved(slide(), {key: 0.1}, q), np.outer(drop, [0, 0, -0.1]))
+        # Of two targets the mean drops so; one 50 farther out hangs lower by 50 slopes, where the slope is positive.
+        ends = slide(targets=[(50, 0, 0), (150, 0, 0)])
+        near, far = (moved(ends, {key: 0.1}, q, target=p) for p in ("p0", "p1"))
+        assert close((near + far) / 2, np.outer(drop, [0, 0, -0.1]))
+        assert close((far - near)[:, 2], -100 * 0.1 / 400 * slope, within=100 * (0.1 * 2 / 400) ** 2)
+    load = moved(slide(), {"X.load_sag.k0": 1e-4, "X.load_sag.k3": 3e-4}, q, load=[100.0, 100.0, 200.0])
+    assert close(load[:, 2], [-0.01, -(0.01 + 0.03 / 8), -0.08])
+    tilt = moved(
+        slide(targets=[(0, 0, 0), (100, 0, 0)]), {"X.load_sag.k3": 1e-3}, q[2:], target="p1", load=[100.0]
+    )
+    assert tilt[0, 2] == pytest.approx(-0.1 - 50 * 1.5 * 0.1 / 400, abs=1e-6)
+
+
+def test_sag_follows_gravity_and_leaves_an_upright_ram_straight() -> None:
+    upright = machine(joint("Z", "prismatic", Z, travel=[0, 400]), targets=[(0, 0, 0), (0, 0, 100)])
+    change = moved(upright, {"Z.gravity_sag.tip": 0.1}, [[400], [400]], target=["p0", "p1"])
+    assert close(change, [[0, 0, -0.1]] * 2)
+    sideways = slide(environment={"gravity": [0, 9.81, 0]})
+    assert close(moved(sideways, {"X.gravity_sag.tip": 0.1}, [[400]]), [[0, 0.1, 0]])
+
+
+def test_beams_by_integration_are_those_of_the_catalogue() -> None:
+    # F l^3 / 3 E I and w l^4 / 8 E I at full travel; clamped at both ends w L^4 / 384 E I in the middle.
+    # 2000 trapezoids: (1/2000)^2 of the value.
+    length, stiffness, force, weight = 400.0, 2e9, 300.0, 0.5
+    tip, own, mid = (
+        force * length**3 / 3 / stiffness,
+        weight * length**4 / 8 / stiffness,
+        weight * length**4 / 384 / stiffness,
+    )
+    q = np.linspace(0, 400, 9)[:, None]
+    ends = slide(targets=[(0, 0, 0), (100, 0, 0)])
+    for physics, catalogue in (
+        (
+            {"beam.stiffness": stiffness, "beam.tip_force": force, "beam.weight": weight},
+            {"tip": tip, "own": own},
+        ),
+        ({"bridge.stiffness": stiffness, "bridge.weight": weight}, {"mid": mid}),
+    ):
+        for target in ("p0", "p1"):
+            one = moved(ends, {f"X.{key}": value for key, value in physics.items()}, q, target=target)
+            other = moved(
+                ends, {f"X.gravity_sag.{key}": value for key, value in catalogue.items()}, q, target=target
+            )
+            assert np.abs(one - other).max() < 1e-6 * np.abs(other).max()
+    assert cantilever(length, stiffness, force, 0)[1] == pytest.approx(
+        force * length**2 / 2 / stiffness, rel=1e-6
+    )
+    x, drop, slope = clamped_bridge(length, stiffness, weight)
+    assert close([drop[-1], slope[-1]], 0, within=1e-12)
+    assert drop.argmax() == len(x) // 2
+
+
+# The whole machine
+
+
+def test_frame_drifts_in_time() -> None:
+    t = [0.0, 100.0, 1e6]
+    q = [[0]] * 3
+    warm = {"warm_up_drift.x": 1.0, "warm_up_drift.z": -2.0, "warm_up_drift.tau": 100.0}
+    assert close(moved(table(), warm, q, t=t), np.outer([0, 1 - np.exp(-1), 1], [1, 0, -2]))
+    assert close(moved(table(), {"linear_drift.y": 0.01}, q, t=t)[:, 1], [0, 1, 1e4])
+    # for directions the frame turns: about x by a north goes up
+    change = moved(mount(), {"linear_drift.x": 0.01}, [[0, 0]], t=[2.0])
+    assert close(change, [[0, 0, np.radians(0.02)]], within=np.radians(0.02) ** 2)
+
+
+def test_set_ups_move_the_frame() -> None:
+    q = [[0]] * 3
+    effects = {"frame_shift[2].x": 1.0, "frame_shift[2].rz": 90.0, "frame_shift[b].y": 2.0}
+    reading = Simulated(table(), effects).measure(q, run=[1, 2, "b"])
+    assert close(reading, [[100, 0, 0], [1, 100, 0], [100, 2, 0]])
+    assert close(Simulated(table(), {"frame_shift.z": 1.0}).measure(q)[:, 2], 1)
+    assert close(Simulated(mount(), {"frame_shift.z": 90.0}).measure([[0, 0]]), [[-1, 0, 0]])
+
+
+def test_drift_comes_before_set_up_and_set_up_before_the_free_frame() -> None:
+    of = table(measured={"frame": "free"})
+    effects = {
+        "linear_drift.x": 1.0,
+        "frame_shift.rz": 90.0,
+        "frame.rz": 90.0,
+        "frame.y": 7.0,
+        "instrument_scale.k": 1.0,
+    }
+    # 100 x, drifted to 101 x, turned to 101 y, then to -101 x, shifted, and twice as long in all
+    assert close(Simulated(of, effects).measure([[0]], t=[1.0]), [[-202, 14, 0]])
+
+
+def test_refraction_lifts_by_a_times_the_tangent_of_the_zenith_angle() -> None:
+    a = 0.01
+    q = np.array([[0, 45], [70, 30], [120, 90.0]])
+    expected = Simulated(mount()).measure(q + a * np.array([[0, 1], [0, np.sqrt(3)], [0, 0]]))
+    assert close(Simulated(mount(), {"refraction.a": a}).measure(q), expected)
+
+
+def test_signs_of_the_telescope_s_terms() -> None:
+    # TF: the tube sags by k cos(E), so the true elevation is less than the encoder's.
+    q = np.array([[20.0, 60.0]])
+    sag = Simulated(mount(), {"EL.gravity_windup.k": arcsec(20)}).measure(q)
+    assert close(sag, Simulated(mount()).measure(q - [[0, arcsec(10)]]))
+
+
+# Formulas of the user
+
+
+def test_formulas_see_the_columns_and_act_where_they_are_put() -> None:
+    of = machine(joint("C", "revolute", Z), joint("X", "prismatic", X), targets=[(100, 0, 0)])
+
+    def reading(columns: dict[str, Any]) -> Any:
+        return 0.01 * np.sin(columns["q"]) + columns["flow"] * columns["s"] + columns["X"] + columns["F"]
+
+    q, more = [[90, 5]], {"s": [[-1.0, 1.0]], "covariates": {"flow": [2.0]}, "load": [3.0]}
+    one = Simulated(of, {"C.reading": reading}).measure(q, **more)
+    assert close(one, Simulated(of).measure([[90 + 0.01 - 2 + 5 + 3, 5]]))
+    shifts: dict[str, Callable[..., Any]] = {
+        "X.ty": lambda columns: columns["C"] * 2 / np.pi,
+        "p0.tz": lambda columns: 4.0,
+        "tx": lambda columns: columns["t"],
+    }
+    # y of X is carried by C, which has turned by 90 degrees: to -x
+    assert close(moved(of, shifts, q, t=[10.0]), [[10 - 1, 0, 4]])
+    turn = moved(of, {"C.rz": lambda columns: 0.01, "rz": lambda columns: 0.02}, [[0, 0]])
+    assert close(turn, [[0, 100 * np.radians(0.03), 0]], within=100 * np.radians(0.03) ** 2)
+    speed = moved(table(), {"C.reading": lambda columns: columns["v"]}, [[0]], v=[[180]])
+    assert speed[0, 1] == pytest.approx(100 * np.sin(np.radians(np.pi)))
+
+
+def test_effects_of_the_file_are_taken_with_what_it_holds() -> None:
+    of = table(
+        effect=[{"name": "zero_offset", "joint": "C", "hold": {"a": 90}}, {"name": "scale", "joint": "C"}]
+    )
+    assert close(Simulated(of).measure([[0]]), [[0, 100, 0]])
+    of["effect"].append(
+        {"name": "own", "joint": "C", "component": "tx", "formula": "a", "parameters": {"a": "mm"}}
+    )
+    with pytest.raises(ValueError, match=r"'C\.tx'"):
+        Simulated(of)
+    assert close(Simulated(of, {"C.tx": lambda columns: 1.0}).measure([[0]]), [[1, 100, 0]])
+
+
+# Physics beside the catalogue
+
+
+def test_eccentric_scale_is_a_first_harmonic_and_a_small_second() -> None:
+    q = np.linspace(-np.pi, 3 * np.pi, 721)
+    e, phi, radius = 0.05, 0.7, 50.0
+    error = true_angle(q, e, phi, radius) - q
+    ratio = e / radius
+    # theta - q = -(e/R) (sin(q + phi) - sin(phi)), up to the square
+    assert np.abs(error + ratio * (np.sin(q + phi) - np.sin(phi))).max() < 2 * ratio**2
+    assert true_angle(np.zeros(1), e, phi, radius)[0] == pytest.approx(0, abs=1e-16)
+    # Forward, from the shaft's angle: the mark under the head, which stays where it is.
+    theta = true_angle(q, e, phi, radius)
+    centre = e * np.exp(1j * (theta + phi))
+    mark = np.angle((radius - centre) * np.exp(-1j * theta))
+    start = np.angle(radius - e * np.exp(1j * phi))
+    assert close(np.exp(1j * (start - mark)), np.exp(1j * q), within=1e-14)
+    effects = {
+        "C.eccentric_scale.offset": e,
+        "C.eccentric_scale.direction": np.degrees(phi),
+        "C.eccentric_scale.radius": radius,
+    }
+    harmonic = {
+        "C.encoder_eccentricity.a": -np.degrees(ratio) * np.sin(phi),
+        "C.encoder_eccentricity.b": -np.degrees(ratio) * np.cos(phi),
+        "C.zero_offset.a": np.degrees(ratio) * np.sin(phi),
+    }
+    rows = np.arange(0.0, 360, 15)[:, None]
+    difference = Simulated(table(), effects).measure(rows) - Simulated(table(), harmonic).measure(rows)
+    assert np.abs(difference).max() < 100 * 2 * ratio**2
+
+
+def test_play_is_backlash_after_long_moves_and_remembers_short_ones() -> None:
+    path = np.array([0, 10, 20, 15, 5, 8.0])
+    s = approach(path[:, None])
+    assert close(play(path, 0.2) - path, -0.1 * s[:, 0])
+    assert close(play(np.array([0, 10, 9.9, 9.85, 9.75, 9.9]), 0.2), [-0.1, 9.9, 9.9, 9.9, 9.85, 9.85])
+    rows = path[:, None]
+    assert close(
+        Simulated(slide(), {"X.play.b": 0.2}).measure(rows),
+        Simulated(slide(), {"X.backlash.b": 0.2}).measure(rows),
+    )
+
+
+def test_lag_of_a_temperature_step_and_ramp() -> None:
+    t = np.array([0, 1e-9, 50, 100, 300.0])
+    step = np.array([20, 30, 30, 30, 30.0])
+    assert close(lagged(t, step, 100.0)[1:], 30 - 10 * np.exp(-t[1:] / 100), within=1e-8)
+    ramp = lagged(t, 20 + 0.1 * t, 10.0)
+    assert close(ramp, 20 + 0.1 * (t - 10 * (1 - np.exp(-t / 10))), within=1e-10)
+    late = {"X.thermal_lag.alpha": 1e-5, "X.thermal_lag.tau": 1e-9, "X.thermal_lag.k": 1e-3}
+    at_once = {"X.thermal_expansion.alpha": 1e-5, "X.thermal_offset.k": 1e-3}
+    conditions = {"t": t, "temperature": {"X": step}}
+    rows = np.linspace(0, 400, 5)[:, None]
+    assert close(
+        moved(slide(), late, rows, **conditions)[2:], moved(slide(), at_once, rows, **conditions)[2:]
+    )
+
+
+# Noise, set-ups, files
+
+
+def test_noise_and_outliers_have_their_size(rng: np.random.Generator) -> None:
+    rows = np.zeros((20000, 2))
+    telescope = Simulated(mount())
+    clean = telescope.measure(rows)
+    noisy = telescope.with_noise(clean, arcsec(10), rng)
+    assert close(np.linalg.norm(noisy, axis=1), 1)
+    # standard deviation of a standard deviation: 1 / sqrt(2 n) = 0.5 %
+    assert np.allclose(noisy.std(axis=0)[[0, 2]], np.radians(arcsec(10)), rtol=0.03)
+    point = Simulated(table())
+    clean = point.measure(np.zeros((20000, 1)))
+    assert np.allclose(
+        (point.with_noise(clean, [0.1, 0.2, 0.3], rng) - clean).std(axis=0), [0.1, 0.2, 0.3], rtol=0.03
+    )
+    wrong = point.with_outliers(clean, [3, 7], 0.5, rng) - clean
+    assert close(np.linalg.norm(wrong[[3, 7]], axis=1), 0.5)
+    assert np.count_nonzero(wrong.any(axis=1)) == 2
+    wrong = telescope.with_outliers(telescope.measure(rows), [0], 1.0, rng)[0]
+    assert wrong @ [0, 1, 0] == pytest.approx(np.cos(np.radians(1)))
+
+
+def test_random_set_ups_and_walks_are_effects(rng: np.random.Generator) -> None:
+    shifts = random_set_ups([1, 2, 3], 0.1, 0.01, rng)
+    assert {key.split(".")[0] for key in shifts} == {"frame_shift[2]", "frame_shift[3]"}
+    change = moved(table(), shifts, [[0]] * 3, run=[1, 2, 3])
+    assert close(change[0], 0)
+    assert change[1:].any()
+    t = np.arange(2000.0)
+    walk = moved(table(), random_walk(t, 0.5, rng), np.zeros((2000, 1)), t=t)
+    assert np.allclose(np.diff(walk, axis=0).std(axis=0), 0.5, rtol=0.1)  # 1 / sqrt(2 n) = 1.6 %
+
+
+def test_measurement_file_has_the_format(tmp_path: Path) -> None:
+    of = machine(joint("X", "prismatic", X), joint("C", "revolute", Z))
+    simulated = Simulated(of)
+    q = np.array([[1.5, 90], [2, 45]])
+    conditions: dict[str, Any] = {
+        "target": ["p0", "p0"],
+        "s": [[1, -1], [1, -1]],
+        "v": [[0, 2.5], [0, 2.5]],
+        "t": [0, 1],
+        "temperature": {"C": [20.5, 21.0]},
+        "load": [0, 10],
+        "run": [1, 2],
+        "covariates": {"flow [l/min]": [1.0, 2.0]},
+    }
+    path = tmp_path / "data.csv"
+    reading = simulated.measure(q, **conditions)
+    simulated.write_csv(path, q, reading, uncertainty=0.002, decimals={"dir": 0, "q": 2}, **conditions)
+    with path.open(encoding="utf-8", newline="") as file:
+        header, first, _ = csv.reader(file)
+    assert header == (
+        "X [mm],C [deg],target,x [mm],y [mm],z [mm],u_x [mm],u_y [mm],u_z [mm],dir_X,dir_C,v_X [mm/s],v_C [deg/s],"
+        "t [s],T_C [degC],load [N],run,flow [l/min]"
+    ).split(",")
+    assert first[:3] == ["1.50", "90.00", "p0"]
+    assert [float(x) for x in first[3:6]] == reading[0].tolist()
+    assert first[9:13] == ["1", "-1", "0", "2.5"]
+    telescope = Simulated(mount())
+    telescope.write_csv(path, q, telescope.measure(q), decimals={"reading": 11})
+    assert path.read_text(encoding="utf-8").startswith("AZ [deg],EL [deg],ux,uy,uz\n1.5,90,0.0")
+
+
+# Real data, fitted by SciPy
+
+
+def real(folder: str) -> list[list[str]]:
+    path = REAL_DATA / folder / "data.csv"
+    if not path.exists():
+        pytest.skip(f"needs {path}, which is not part of this repository")
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.reader(file))[1:]
+
+
+def test_telescope_gives_the_published_coefficients() -> None:
+    # Source of the expected values: SOURCE.txt beside the data (TPOINT's fit of the same 80 stars).
+    data = np.array(real("mmt_2021"), dtype=float)
+    q, true = data[:, :2], data[:, 2:] / np.linalg.norm(data[:, 2:], axis=1, keepdims=True)
+    level = np.cross(Z, true)
+    level /= np.linalg.norm(level, axis=1, keepdims=True)
+    upward = np.cross(true, level)
+    keys = ["AZ.axis.a", "AZ.axis.b", "EL.axis.a", "EL.axis.b", "target.p0.a", "target.p0.b"]
+
+    def fit(keys: list[str]) -> tuple[float, dict[str, float]]:
+        """Give the angle's root mean square over sqrt(2), and the parameters, in arcsec."""
+
+        def seen(x: np.ndarray) -> np.ndarray:
+            return Simulated(
+                mount(), {key: arcsec(value) for key, value in zip(keys, x, strict=True)}
+            ).measure(q)
+
+        def residual(x: np.ndarray) -> np.ndarray:
+            y = seen(x)
+            return np.concatenate([np.sum(level * y, axis=1), np.sum(upward * y, axis=1)]) / np.radians(
+                arcsec(1)
+            )
+
+        x = least_squares(residual, np.zeros(len(keys))).x
+        angle = 2 * np.arcsin(np.linalg.norm(seen(x) - true, axis=1) / 2)
+        return float(np.sqrt(np.mean(angle**2) / 2) / np.radians(arcsec(1))), dict(zip(keys, x, strict=True))
+
+    assert fit(keys)[0] == pytest.approx(2.711, abs=5e-4)
+    assert fit([*keys, "EL.gravity_windup.k"])[0] == pytest.approx(0.969, abs=5e-4)
+    rms, values = fit([*keys, "EL.gravity_windup.k", "refraction.a"])
+    assert rms == pytest.approx(0.659, abs=5e-4)
+    assert values["EL.gravity_windup.k"] == pytest.approx(21.4118, abs=0.02)
+    assert values["refraction.a"] == pytest.approx(2.7165, abs=0.02)
+
+
+def test_positioner_leaves_a_quarter_of_a_millimetre() -> None:
+    rows = real("positioner")
+    q = np.degrees(np.array([row[:2] for row in rows], dtype=float))
+    names = [row[2] for row in rows]
+    seen = np.array([row[3:6] for row in rows], dtype=float)
+    of = HERE / "data" / "positioner.toml"
+    # The free frame starts where it brings the rough model's points onto the readings.
+    rough = Simulated(of).measure(q, target=names)
+    turn, _ = Rotation.align_vectors(seen - seen.mean(axis=0), rough - rough.mean(axis=0))
+    shift = seen.mean(axis=0) - turn.apply(rough.mean(axis=0))
+    frame = {f"frame.{x}": value for x, value in zip("xyz", shift, strict=True)}
+    frame |= {f"frame.r{x}": value for x, value in zip("xyz", np.degrees(turn.as_rotvec()), strict=True)}
+    keys = [*frame, *(f"{j}.{what}.{x}" for j in ("P1", "P2") for what in ("axis", "point") for x in "ab")]
+    keys += [f"target.{name}.{x}" for name in "abc" for x in "xyz"]
+
+    def residual(x: np.ndarray) -> np.ndarray:
+        effects = dict(zip(keys, x, strict=True))
+        return (seen - Simulated(of, effects).measure(q, target=names)).ravel()
+
+    # 23 parameters, 6 of them gauge: the trust region takes the shortest step along them, which is none.
+    start = np.array([frame.get(key, 0.0) for key in keys])
+    found = least_squares(
+        residual, start, x_scale=np.where(["axis" in k or ".r" in k for k in keys], 0.1, 1.0)
+    )
+    assert np.sqrt(np.mean(found.fun**2)) == pytest.approx(0.2355, abs=5e-4)
