@@ -2,7 +2,8 @@
 
 Forward accumulation: for each assignment ``s = f(a, b)`` the program gains
 ``ds/dx = df/da * da/dx + df/db * db/dx`` for every input component x on which s depends. Local derivatives
-are small, so nothing swells; what is computed twice is shared afterwards.
+are small, so nothing swells; what is computed twice is shared afterwards. For many inputs and few outputs there is
+reverse accumulation, in :mod:`rodgen.codegen.reverse`.
 """
 
 from __future__ import annotations
@@ -13,8 +14,10 @@ from typing import TYPE_CHECKING
 
 import sympy as sp
 
+from rodgen.codegen._numbering import numbered, slope_of
+
 if TYPE_CHECKING:
-    from rodgen.codegen.kernel import Kernel
+    from rodgen.codegen.kernel import Assignment, Kernel
 
 __all__ = ["jacobian"]
 
@@ -27,6 +30,7 @@ def jacobian(
     name: str | None = None,
     summary: str | None = None,
     values: bool = False,
+    mode: str = "forward",
 ) -> Kernel:
     """Return the kernel of the derivatives of `outputs` with respect to `wrt`.
 
@@ -37,7 +41,7 @@ def jacobian(
     KeyError
         For a name that is no port of the kernel.
     ValueError
-        When a status is to be differentiated.
+        When a status is to be differentiated, or there is no such mode.
     """
     from rodgen.codegen.kernel import Assignment, KernelError, Port, finish, port_symbols
 
@@ -49,6 +53,49 @@ def jacobian(
     ]
     if any(port.is_status for port in differentiated):
         raise KernelError(f"kernel {kernel.name}: a status has no derivative")
+
+    ports = []
+    for port in differentiated:
+        shape = (*port.shape, len(variables))
+        symbols = port_symbols(f"{port.name}_jacobian", shape)
+        unit = f"{port.unit} per unit of {', '.join(inputs)}"
+        doc = f"derivative of {port.name}; last axis: {', '.join(x.name for x in variables)}"
+        ports.append(Port(f"{port.name}_jacobian", shape, unit, doc, symbols))
+
+    rows = [s for port in differentiated for s in port.symbols]
+    if mode == "forward":
+        steps, slopes = _forward(kernel, rows, variables)
+    elif mode == "reverse":
+        from rodgen.codegen.reverse import gradients
+
+        program = numbered(kernel, (*ports, *kernel.outputs))
+        slopes = gradients(program, [program.operand(s) for s in rows], variables)
+        steps = [Assignment(*line) for line in program.lines]
+        steps += [Assignment(s, program.operand(s)) for p in kernel.outputs for s in p.symbols]
+    else:
+        raise KernelError(f"there is no mode {mode!r} of differentiation; expected 'forward' or 'reverse'")
+    entries = [s for port in ports for s in port.symbols]
+    steps += [Assignment(s, v) for s, v in zip(entries, (v for row in slopes for v in row), strict=True)]
+    if values:
+        ports = [*differentiated, *ports]
+    ports.extend(port for port in kernel.outputs if port.is_status)
+    return finish(
+        name or f"{kernel.name}_jacobian",
+        summary or f"Derivatives of {kernel.name}.",
+        kernel.source,
+        kernel.inputs,
+        ports,
+        steps,
+        kernel.notes,
+        shared=mode == "reverse",
+    )
+
+
+def _forward(
+    kernel: Kernel, outputs: Sequence[sp.Symbol], variables: Sequence[sp.Symbol]
+) -> tuple[list[Assignment], list[list[sp.Expr]]]:
+    """Return the program with its derivatives, and those of each output with respect to each variable."""
+    from rodgen.codegen.kernel import Assignment
 
     steps: list[Assignment] = []
     # tangent[s][x] is the symbol (or number) that holds ds/dx; what is absent is zero
@@ -69,28 +116,7 @@ def jacobian(
             steps.append(Assignment(derivative, slope))
             of_symbol[x] = derivative
         tangent[symbol] = of_symbol
-
-    ports = []
-    for port in differentiated:
-        shape = (*port.shape, len(variables))
-        symbols = port_symbols(f"{port.name}_jacobian", shape)
-        unit = f"{port.unit} per unit of {', '.join(inputs)}"
-        doc = f"derivative of {port.name}; last axis: {', '.join(x.name for x in variables)}"
-        ports.append(Port(f"{port.name}_jacobian", shape, unit, doc, symbols))
-        slopes = (tangent.get(s, {}).get(x, sp.S.Zero) for s in port.symbols for x in variables)
-        steps.extend(Assignment(s, v) for s, v in zip(symbols, slopes, strict=True))
-    if values:
-        ports = [*differentiated, *ports]
-    ports.extend(port for port in kernel.outputs if port.is_status)
-    return finish(
-        name or f"{kernel.name}_jacobian",
-        summary or f"Derivatives of {kernel.name}.",
-        kernel.source,
-        kernel.inputs,
-        ports,
-        steps,
-        kernel.notes,
-    )
+    return steps, [[tangent.get(s, {}).get(x, sp.S.Zero) for x in variables] for s in outputs]
 
 
 def _slope(value: sp.Expr, x: sp.Symbol, tangent: Mapping[sp.Symbol, Mapping[sp.Symbol, sp.Expr]]) -> sp.Expr:
@@ -106,7 +132,7 @@ def _slope(value: sp.Expr, x: sp.Symbol, tangent: Mapping[sp.Symbol, Mapping[sp.
             return sp.S.Zero
         return sp.Piecewise(*cases, evaluate=False)
     moving = sorted((s for s in value.free_symbols if x in tangent.get(s, {})), key=lambda s: str(s.name))
-    return sp.Add(*(value.diff(s) * tangent[s][x] for s in moving))
+    return sp.Add(*(slope_of(value, s) * tangent[s][x] for s in moving))
 
 
 def _with_selects_on_their_own_lines(kernel: Kernel) -> Iterator[tuple[sp.Symbol, sp.Basic]]:

@@ -24,6 +24,7 @@ import sympy as sp
 from sympy.logic.boolalg import Boolean
 
 from rodgen.codegen._cse import eliminate_common_subexpressions
+from rodgen.codegen._numbering import joined
 from rodgen.symbolic import EPS, LARGEST
 
 __all__ = ["Assignment", "Kernel", "KernelBuilder", "KernelError", "Port", "UsualCase"]
@@ -278,8 +279,10 @@ class Kernel:
         name: str | None = None,
         summary: str | None = None,
         values: bool = False,
+        mode: str = "forward",
+        at: Mapping[str, Any] | None = None,
     ) -> Kernel:
-        """Make the kernel of the derivatives, by forward accumulation through the assignments.
+        """Make the kernel of the derivatives, by accumulation through the assignments.
 
         Parameters
         ----------
@@ -291,6 +294,11 @@ class Kernel:
             Of the new kernel; made from this one's when left out.
         values : bool
             Whether the differentiated outputs themselves are outputs, too.
+        mode : str
+            ``"forward"``, or ``"reverse"`` where the outputs have fewer components than the inputs: one sweep an
+            output instead of one an input. The ports and, to rounding, the numbers are the same.
+        at : mapping of str to number or nested sequence, optional
+            Inputs that are held at numbers once the derivatives are taken; see :meth:`at`.
 
         Returns
         -------
@@ -300,11 +308,59 @@ class Kernel:
         """
         from rodgen.codegen.differentiate import jacobian
 
-        made = jacobian(self, wrt, outputs, name=name, summary=summary, values=values)
+        made = jacobian(self, wrt, outputs, name=name, summary=summary, values=values, mode=mode)
+        if at:
+            return made.at(at)
         inputs = [p.name for p in self.inputs] if wrt is None else wrt
         real = [p.name for p in self.outputs if not p.is_status] if outputs is None else outputs
         where = self.equations.where if self.equations else ()
         return replace(made, derivative=Derivative(self.name, tuple(real), tuple(inputs), where))
+
+    def at(self, values: Mapping[str, Any], *, name: str | None = None) -> Kernel:
+        """Hold inputs at numbers: the kernel without these inputs, and without what they make needless.
+
+        Parameters
+        ----------
+        values : mapping of str to number or nested sequence
+            For each of some inputs an exact number for all its components, or one for each.
+        name : str, optional
+            Of the new kernel; this one's when left out.
+
+        Raises
+        ------
+        KernelError
+            When no number of that shape is given, or an output has no value there.
+
+        Examples
+        --------
+        >>> k = KernelBuilder("spring", summary="Force of a spring.", source="definition")
+        >>> x = k.input("x", unit="m", doc="elongation")
+        >>> a = k.input("a", 2, unit="N/m", doc="stiffness, and its growth")
+        >>> k.output("force", a[0] * x + a[1] * x**2, unit="N", doc="towards the rest")
+        >>> k.build().at({"a": [3, 0]}).expand("force")
+        3*x
+        """
+        from rodgen.codegen._numbering import numbered
+
+        known: dict[sp.Symbol, sp.Basic] = {}
+        for key, value in values.items():
+            port = self.port(key)
+            numbers = [sp.sympify(x) for x in sp.flatten([value])]
+            numbers = [sp.Rational(x) if x.is_Float else x for x in numbers]
+            if len(numbers) not in (1, port.size) or not all(x.is_number for x in numbers):
+                raise KernelError(
+                    f"kernel {self.name}: {key} is held at {value}; expected one number or {port.size}"
+                )
+            known.update(zip(port.symbols, numbers * (port.size // len(numbers)), strict=True))
+        program = numbered(self, self.outputs, known)
+        results = {s: program.operand(s) for port in self.outputs for s in port.symbols}
+        for symbol, result in results.items():
+            if result is sp.nan:
+                raise KernelError(f"kernel {self.name}: {symbol.name} has no value at {dict(values)}")
+        steps = [Assignment(symbol, value) for symbol, value in (*program.lines, *results.items())]
+        inputs = [port for port in self.inputs if port.name not in values]
+        made = (name or self.name, self.summary, self.source, inputs, self.outputs, steps, self.notes)
+        return finish(*made, shared=True)
 
     def evaluate(
         self, values: Mapping[str, Any], *, digits: int = 50, eps: Any = None, largest: Any = None
@@ -599,12 +655,20 @@ def finish(
     outputs: Sequence[Port],
     steps: Sequence[Assignment],
     notes: str,
+    *,
+    shared: bool = False,
 ) -> Kernel:
-    """Make a kernel of raw steps: drop what no output needs, share what is computed twice."""
+    """Make a kernel of raw steps: drop what no output needs, share what is computed twice.
+
+    Where the steps are `shared`, as a :class:`~rodgen.codegen._numbering.Numbering` writes them, lines are joined.
+    """
     wanted = [symbol for port in outputs for symbol in port.symbols]
-    live = list(_live(steps, wanted))
-    taken = {a.symbol.name for a in live} | {s.name for port in inputs for s in port.symbols}
-    pairs = eliminate_common_subexpressions([(a.symbol, a.value) for a in live], taken)
+    live = [(a.symbol, a.value) for a in _live(steps, wanted)]
+    if shared:
+        pairs = list(joined(live, set(wanted)))
+    else:
+        taken = {symbol.name for symbol, _ in live} | {s.name for port in inputs for s in port.symbols}
+        pairs = eliminate_common_subexpressions(live, taken)
     return Kernel(
         name,
         summary,

@@ -1,0 +1,227 @@
+"""Value numbering: write a long program operation by operation, each operation once.
+
+SymPy's ``cse`` looks for common parts of sums and products, which takes minutes for thousands of lines. Here an
+operation on symbols is looked up in a table when it is written, and gets the symbol that it has already; that takes
+time in proportion to the length. Numbers are folded on the way: what is added to 0 or multiplied by 0 or 1 costs no
+line, and a select whose condition is known is the case that holds.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from itertools import count
+from typing import TYPE_CHECKING
+
+import sympy as sp
+from sympy.core.relational import Relational
+from sympy.logic.boolalg import Boolean
+
+if TYPE_CHECKING:
+    from rodgen.codegen.kernel import Kernel, Port
+
+__all__ = ["Numbering", "joined", "numbered", "slope_of"]
+
+Pair = tuple[sp.Symbol, sp.Basic]
+
+
+class Numbering:
+    """A straight-line program of single operations.
+
+    An operand is a number, a symbol or a negated symbol. An operation is a sum of operands with rational factors, a
+    product of two symbols, a rational multiple, a power, a function, a select, or a condition.
+
+    Parameters
+    ----------
+    taken : container of str
+        Names that the symbols made here do not take.
+    known : mapping of Symbol to number, optional
+        Numbers that stand for some of the symbols.
+
+    Attributes
+    ----------
+    lines : list of (Symbol, value)
+        The program so far, in the order of evaluation.
+
+    Examples
+    --------
+    >>> a, b = sp.symbols("a b", real=True)
+    >>> program = Numbering(taken={"a", "b"})
+    >>> program.operand(sp.sin(a * b) + 2 * a * b), program.operand(-b * a)
+    (x2, -x0)
+    >>> program.lines
+    [(x0, a*b), (x1, sin(x0)), (x2, 2*x0 + x1)]
+    """
+
+    def __init__(self, taken: Container[str], known: Mapping[sp.Symbol, sp.Basic] | None = None) -> None:
+        self.lines: list[Pair] = []
+        self._stands_for: dict[sp.Symbol, sp.Basic] = dict(known or {})
+        self._found: dict[sp.Basic, sp.Basic] = {}
+        self._names = (name for name in (f"x{n}" for n in count()) if name not in taken)
+
+    def define(self, symbol: sp.Symbol, value: sp.Basic, *, by_name: bool = True) -> None:
+        """Let `symbol` have a value: by a line of its name, or as another name of an operand."""
+        operand = self._written(value, symbol if by_name else None)
+        if operand is not symbol:
+            self._stands_for[symbol] = operand
+
+    def operand(self, value: sp.Basic) -> sp.Basic:
+        """Return the operand that has this value; write the operations that it still needs."""
+        return self._written(value, None)
+
+    def _written(self, value: sp.Basic, name: sp.Symbol | None) -> sp.Basic:
+        if value.is_Symbol:
+            return self._stands_for.get(value, value)
+        known = self._found.get(value)
+        if known is None:
+            known = self._found[value] = self._operation(value, name)
+        return known
+
+    def _operation(self, value: sp.Basic, name: sp.Symbol | None) -> sp.Basic:
+        if isinstance(value, sp.Add):
+            return self._line(sp.Add(*map(self._term, value.args)), name)
+        if isinstance(value, sp.Mul):
+            factor, rest = value.as_coeff_Mul()
+            product: sp.Basic = sp.S.One
+            parts = sp.Mul.make_args(rest)
+            for part in parts:
+                last = name if part is parts[-1] and factor is sp.S.One else None
+                product = self._line(sp.Mul(product, self._written(part, None)), last)
+            return self._line(factor * product, name)
+        if isinstance(value, sp.Pow):
+            return self._power(value.base, value.exp, name)
+        if isinstance(value, sp.Piecewise):
+            return self._select(value, name)
+        if isinstance(value, Boolean):
+            condition = self._condition(value)
+            return condition if condition in (sp.true, sp.false) else self._line(condition, name)
+        if not value.args:
+            # a number; mathematics has no infinities of floating point, and both are a sign of a value that is not used
+            return sp.nan if value in (sp.zoo, sp.oo, -sp.oo) else value
+        return self._line(value.func(*(self._written(a, None) for a in value.args)), name)
+
+    def _term(self, value: sp.Basic) -> sp.Basic:
+        factor, rest = value.as_coeff_Mul()
+        return factor * self._written(rest, None)
+
+    def _power(self, base: sp.Basic, exponent: sp.Basic, name: sp.Symbol | None) -> sp.Basic:
+        """Write reciprocals and roots as operations of their own: derivatives use them again."""
+        x = self._written(base, None)
+        if exponent.is_Rational and exponent < 0 and exponent != -1:
+            return self._line(1 / self._written(sp.Pow(x, -exponent), None), name)
+        if exponent.is_Rational and exponent.q == 2 and exponent != sp.S.Half:
+            whole, root = sp.Pow(x, exponent - sp.S.Half), sp.sqrt(x)
+            return self._line(sp.Mul(self._written(whole, None), self._written(root, None)), name)
+        return self._line(sp.Pow(x, self._written(exponent, None)), name)
+
+    def _select(self, value: sp.Piecewise, name: sp.Symbol | None) -> sp.Basic:
+        cases: list[tuple[sp.Basic, sp.Basic]] = []
+        for case, condition in value.args:
+            holds = self._written(condition, None)
+            if holds is sp.false:
+                continue
+            cases.append((self._written(case, None), holds))
+            if holds is sp.true:
+                break
+        if all(case == cases[0][0] for case, _ in cases):
+            return cases[0][0]
+        return self._line(sp.Piecewise(*cases, evaluate=False), name)
+
+    def _condition(self, value: sp.Basic) -> sp.Basic:
+        """Return a condition on operands; it is decided where it is one between numbers."""
+        if isinstance(value, sp.Symbol):
+            return self._stands_for.get(value, value)
+        if isinstance(value, Relational):
+            left, right = self._written(value.lhs, None), self._written(value.rhs, None)
+            return value.func(left, right, evaluate=left.is_number and right.is_number)
+        return value.func(*map(self._condition, value.args))
+
+    def _line(self, operation: sp.Basic, name: sp.Symbol | None) -> sp.Basic:
+        """Return the operand of an operation on operands."""
+        if operation.is_Symbol or not operation.args:
+            return sp.nan if operation is sp.zoo else operation
+        sign: sp.Basic = sp.S.One
+        if isinstance(operation, sp.Mul) and operation.args[0].is_negative and operation.args[0].is_Number:
+            sign, operation = sp.S.NegativeOne, -operation
+            if operation.is_Symbol:
+                return -operation
+        symbol = self._found.get(operation)
+        if symbol is None:
+            if name is None or sign is not sp.S.One:
+                symbol = sp.Symbol(next(self._names), real=None if isinstance(operation, Boolean) else True)
+            else:
+                symbol = name
+            self._found[operation] = symbol
+            self.lines.append((symbol, operation))
+        return symbol if sign is sp.S.One else -symbol
+
+
+def numbered(
+    kernel: Kernel, outputs: Iterable[Port], known: Mapping[sp.Symbol, sp.Basic] | None = None
+) -> Numbering:
+    """Return the program of a kernel; the symbols of `outputs` are left to be lines that are written at its end."""
+    last = {s for port in outputs for s in port.symbols}
+    lines = [(a.symbol, a.value) for a in kernel.assignments]
+    symbols = [s for port in kernel.inputs for s in port.symbols] + [s for s, _ in lines]
+    program = Numbering({s.name for s in (*symbols, *last)}, known)
+    for symbol, value in lines:
+        program.define(symbol, value, by_name=symbol not in last)
+    return program
+
+
+def slope_of(value: sp.Expr, symbol: sp.Symbol) -> sp.Expr:
+    """Differentiate; the sign of a number has the slope 0, as every piece of it has."""
+    slope = value.diff(symbol)
+    return slope.replace(sp.DiracDelta, lambda *_: sp.S.Zero) if slope.has(sp.DiracDelta) else slope
+
+
+LONGEST = 12
+"""Operands of a line that is written into another: what is longer is not readable any more."""
+
+
+def joined(lines: Sequence[Pair], named: Container[sp.Symbol]) -> Iterator[Pair]:
+    """Write a product that is used once into the sum or product that uses it, and the like.
+
+    Parameters
+    ----------
+    lines : sequence of (Symbol, value)
+        Single operations, as :class:`Numbering` writes them.
+    named : container of Symbol
+        Lines that stay.
+    """
+    uses = Counter(symbol for _, value in lines for symbol in value.free_symbols)
+    held: dict[sp.Symbol, tuple[sp.Expr, int]] = {}
+    for symbol, value in lines:
+        size = len(value.args)
+        inner: dict[sp.Symbol, sp.Expr] = {}
+        for used in sorted(value.free_symbols & held.keys(), key=lambda s: str(s.name)):
+            operation, length = held.pop(used)
+            if _takes(value, operation) and size + length <= LONGEST:
+                inner[used] = operation
+                size += length - 1
+            else:
+                yield used, operation
+        if inner:
+            value = _with(value, inner)
+        if uses[symbol] == 1 and symbol not in named and isinstance(value, sp.Add | sp.Mul | sp.Pow):
+            held[symbol] = value, size
+        else:
+            yield symbol, value
+
+
+def _takes(value: sp.Basic, operation: sp.Expr) -> bool:
+    """Tell whether an operation may stand where its symbol stands: each is evaluated once, and in the same order."""
+    if value.is_Symbol:
+        return True
+    if isinstance(value, sp.Add):
+        return isinstance(operation, sp.Mul | sp.Pow)
+    if isinstance(value, sp.Mul):
+        return not value.args[0].is_Number or not isinstance(operation, sp.Add)
+    return False
+
+
+def _with(value: sp.Basic, inner: dict[sp.Symbol, sp.Expr]) -> sp.Basic:
+    if value.is_Symbol:
+        return inner[value]
+    parts = (sp.Mul(*(inner.get(f, f) for f in sp.Mul.make_args(a))) for a in value.args)
+    return value.func(*parts)
