@@ -17,6 +17,7 @@ radians, and gives values in the units of the file. Beside the catalogue stands 
     prismatic   play; thermal_lag alpha, k, tau
                 beam              stiffness (E I), tip_force, weight (per length): a cantilever that grows with q
                 bridge            stiffness, weight: clamped at both ends of the travel
+                carriage          stiffness, force: a weight that moves along a bridge on two supports
 
 Readings of the format that were open: of components equally large, the first decides u; tilts of `axis_tilt` and
 `NAME.axis` add up as rotation vectors, offsets as vectors; `axial_error_motion` goes along the estimated axis; c counts
@@ -170,6 +171,16 @@ def clamped_bridge(length: float, stiffness: float, weight: float) -> tuple[Arra
     )  # of the clamp at 0, so that the other end is clamped too
     slope, drop = by_weight + moment * by_moment + force * by_force
     return x, drop, slope
+
+
+def loaded_bridge(length: float, stiffness: float, force: float, place: float) -> tuple[float, float]:
+    """Give drop and slope under a force at `place` of a beam on two supports."""
+    x = np.union1d(np.linspace(0, length, 2001), place)
+    moment = force * np.minimum(x * (length - place), (length - x) * place) / length
+    slope, drop = bent(x, -moment / stiffness)
+    first = -drop[-1] / length  # the slope at 0 that brings the other end onto its support
+    under = int(np.searchsorted(x, place))
+    return float(drop[under] + first * place), float(slope[under] + first)
 
 
 # Effects
@@ -385,6 +396,11 @@ def bridge(j: Joint, stiffness: float = 1, weight: float = 0) -> Change:
     return _sag(j, np.interp(j.zeta * j.span, x, drop), np.interp(j.zeta * j.span, x, slope))
 
 
+def carriage(j: Joint, stiffness: float = 1, force: float = 0) -> Change:
+    places = np.array([loaded_bridge(j.span, stiffness, force, z * j.span) for z in j.zeta])
+    return _sag(j, places[:, 0], places[:, 1])
+
+
 _BOTH: dict[str, Callable[..., Change]] = {
     f.__name__: f
     for f in (
@@ -427,6 +443,7 @@ EFFECTS: dict[str, dict[str, Callable[..., Change]]] = {
             guide_windup,
             beam,
             bridge,
+            carriage,
         )
     },
 }
@@ -559,6 +576,14 @@ class Simulated:
         formula = self.formulas.get((place, component))
         return np.zeros(rows) if formula is None else np.broadcast_to(formula(columns), rows).astype(float)
 
+    def _of_targets(self, names: Sequence[str], component: str, columns: Mapping[str, Any]) -> Array:
+        """Evaluate the formulas at targets, in each row that of its own."""
+        values = np.zeros(len(names))
+        for name in self.target_names:
+            its = np.array(names) == name
+            values[its] = self._formula(name, component, columns, len(names))[its]
+        return values
+
     def measure(
         self,
         q: ArrayLike,
@@ -679,17 +704,10 @@ class Simulated:
             [target or self.target_names[0]] * rows if target is None or isinstance(target, str) else target
         )
         seen = targets[[self.target_names.index(name) for name in names]]
-        if not directions:
-            seen = seen + np.stack(
-                [
-                    sum(
-                        (np.array(names) == name) * self._formula(name, f"t{x}", columns, rows)
-                        for name in self.target_names
-                    )
-                    for x in "xyz"
-                ],
-                -1,
-            )
+        moves = np.stack(
+            [self._of_targets(names, ("r" if directions else "t") + x, columns) for x in "xyz"], -1
+        )
+        seen = carried(rigid(moves * self.radian), seen) if directions else seen + moves
         y = carried(real, seen, directions=directions)
         y = self._lifted(y)
         for motion in (self._drift(columns, rows), self._set_up(run, rows), self._frame()):

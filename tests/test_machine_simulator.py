@@ -22,6 +22,7 @@ from machine_simulator import (
     clamped_bridge,
     complete,
     lagged,
+    loaded_bridge,
     play,
     random_set_ups,
     random_walk,
@@ -447,6 +448,19 @@ def test_beams_by_integration_are_those_of_the_catalogue() -> None:
     assert drop.argmax() == len(x) // 2
 
 
+def test_a_carriage_drops_as_a_bridge_does_and_tilts_half_as_much() -> None:
+    # F a^2 b^2 / (3 E I L), in the middle F L^3 / 48 E I; the beam's slope under the load is half the path's.
+    length, stiffness, force = 400.0, 2e9, 300.0
+    mid = force * length**3 / 48 / stiffness
+    for z in (0.0, 0.25, 0.6, 1.0):
+        drop, slope = loaded_bridge(length, stiffness, force, z * length)
+        assert drop == pytest.approx(16 * mid * z**2 * (1 - z) ** 2, abs=1e-6 * mid)
+        assert slope == pytest.approx(16 * mid * z * (1 - z) * (1 - 2 * z) / length, abs=1e-6 * mid / length)
+    q = np.array([[40.0], [300.0]])
+    change = moved(slide(), {"X.carriage.stiffness": stiffness, "X.carriage.force": force}, q)
+    assert close(change, moved(slide(), {"X.gravity_sag.mid": mid}, q), within=1e-6 * mid)
+
+
 # The whole machine
 
 
@@ -518,6 +532,8 @@ def test_formulas_see_the_columns_and_act_where_they_are_put() -> None:
     assert close(moved(of, shifts, q, t=[10.0]), [[10 - 1, 0, 4]])
     turn = moved(of, {"C.rz": lambda columns: 0.01, "rz": lambda columns: 0.02}, [[0, 0]])
     assert close(turn, [[0, 100 * np.radians(0.03), 0]], within=100 * np.radians(0.03) ** 2)
+    aside = moved(mount(), {"p0.rz": lambda columns: 0.01}, [[0, 0]])
+    assert close(aside, [[-np.radians(0.01), 0, 0]], within=np.radians(0.01) ** 2)
     speed = moved(table(), {"C.reading": lambda columns: columns["v"]}, [[0]], v=[[180]])
     assert speed[0, 1] == pytest.approx(100 * np.sin(np.radians(np.pi)))
 
