@@ -1,0 +1,127 @@
+"""Damped least squares (Levenberg 1944, Marquardt 1963; update of the damping after Nielsen 1999).
+
+The normal equations are scaled to a unit diagonal and decomposed once for each Jacobian, so that every damping that is
+tried costs only one evaluation of the residuals. A direction that the data do not determine has the eigenvalue zero
+there; the damping keeps the step in it at zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.discrepancy._problem import Problem
+from rodgen.machines._model import Frame
+
+__all__ = ["Solution", "minimise"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+MAX_ITERATIONS = 200
+SMALL_GAIN = 1e-13
+"""A predicted fall of the cost below this part of it is rounding: sums of many squares are good to about 1e-13."""
+EXACT = 1e-30
+"""Cost, relative to the sum of squares of the weighted readings, at which data without noise are met."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Where the cost is least.
+
+    Attributes
+    ----------
+    theta : ndarray, shape (parameters,)
+        Values, internal units; those of the frame are in `frame`.
+    frame : Frame
+    cost : float
+        Sum of squares of the weighted residuals.
+    iterations : int
+    converged : bool
+    """
+
+    theta: Array
+    frame: Frame
+    cost: float
+    iterations: int = 0
+    converged: bool = True
+
+
+def minimise(
+    problem: Problem,
+    theta: Array,
+    frame: Frame,
+    free: Sequence[int],
+    *,
+    progress: Callable[[int, float], object] | None = None,
+    max_iterations: int = MAX_ITERATIONS,
+) -> Solution:
+    """Adjust some parameters until the cost falls no more.
+
+    Parameters
+    ----------
+    problem : Problem
+    theta, frame : ndarray, Frame
+        Where to start.
+    free : sequence of int
+        Numbers of the parameters that are adjusted.
+    progress : callable, optional
+        Called with the iteration and the cost.
+    max_iterations : int
+        Jacobians at most.
+
+    Returns
+    -------
+    Solution
+        Its cost is never above that of the start.
+    """
+    index = np.asarray(free, int)
+    cost, square, gradient = problem.normal_equations(theta, frame)
+    if not np.isfinite(cost):
+        return Solution(theta, frame, np.inf, 0, False)
+    if not len(index):
+        return Solution(theta, frame, cost)
+    floor = EXACT * problem.scale
+    damping, growth, iteration = 1e-3, 2.0, 0
+    for iteration in range(1, max_iterations + 1):
+        scale = np.sqrt(np.diag(square)[index])
+        scale[scale == 0.0] = 1.0
+        values, vectors = np.linalg.eigh(square[np.ix_(index, index)] / np.outer(scale, scale))
+        values = np.maximum(values, 0.0)
+        along = vectors.T @ (gradient[index] / scale)
+        while True:
+            step_along = -along / (values + damping)
+            predicted = -2 * step_along @ along - step_along @ (values * step_along)
+            if predicted <= SMALL_GAIN * cost or cost <= floor:
+                return Solution(theta, frame, cost, iteration, True)
+            step = np.zeros(len(theta))
+            step[index] = vectors @ step_along / scale
+            new_theta, new_frame = _moved(problem, theta, frame, step)
+            new_cost = problem.cost(new_theta, new_frame)
+            if new_cost < cost:
+                break
+            damping *= growth
+            growth *= 2.0
+            if damping > 1e20:
+                return Solution(theta, frame, cost, iteration, True)
+        gain = (cost - new_cost) / predicted
+        damping = max(damping * max(1 / 3, 1 - (2 * gain - 1) ** 3), 1e-12)
+        growth = 2.0
+        theta, frame = new_theta, new_frame
+        cost, square, gradient = problem.normal_equations(theta, frame)
+        if progress:
+            progress(iteration, cost)
+    return Solution(theta, frame, cost, iteration, False)
+
+
+def _moved(problem: Problem, theta: Array, frame: Frame, step: Array) -> tuple[Array, Frame]:
+    """Add a step; the frame turns by what is not added to its values."""
+    moved, change = theta + step, {}
+    for i, parameter in enumerate(problem.model.parameters):
+        if parameter.slot[0] == "frame":
+            change[str(parameter.slot[1])] = float(step[i])
+            moved[i] = 0.0
+    return moved, frame.moved(change) if change else frame

@@ -1,0 +1,273 @@
+"""A model and observations as a least-squares problem, evaluated block by block.
+
+Rows that see the same target in the same set-up share their geometry: they form a group. A kernel runs over blocks of a
+group's rows, and the normal equations are summed up in the kernel's own slots before they are brought to the
+parameters, so that memory does not grow with rows times parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.discrepancy._bind import Observations
+from rodgen.errors import InputFileError
+from rodgen.machines._model import Frame, Model
+from rodgen.machines._structure import row_effects
+
+__all__ = ["Problem"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+BLOCK = 4096
+"""Rows a call of a kernel: its Jacobian stays in the second-level cache."""
+KEPT_BYTES = 512 << 20
+"""The rows of the kernels are kept between evaluations while they need less than this."""
+THREADS_FROM = 4 * BLOCK
+"""Below so many rows a second thread costs more than it brings."""
+
+
+@dataclass(frozen=True)
+class _Group:
+    target: int
+    run: int
+    rows: Array | slice  # numbers of its rows, a slice where they follow each other
+    count: int
+
+    def block(self, start: int, stop: int) -> Any:
+        if isinstance(self.rows, slice):
+            return slice(self.rows.start + start, self.rows.start + stop)
+        return self.rows[start:stop]
+
+
+class Problem:
+    """Residuals of a model on observations.
+
+    Parameters
+    ----------
+    model : Model
+    observations : Observations
+        Bound to the model's machine.
+
+    Attributes
+    ----------
+    weight : ndarray, shape (n, m)
+        Factor of each residual: 1/σ, or 1 where no uncertainty is stated. Robust fitting multiplies it.
+    """
+
+    def __init__(self, model: Model, observations: Observations) -> None:
+        self.model = model
+        self.observations = observations
+        self.components = model.structure.components
+        self.rows = observations.n
+        self._check_columns()
+        self.base_weight = self._base_weight()
+        self.weight = self.base_weight
+        self.groups = list(self._groups())
+        self._kept: dict[tuple[int, int], Array] | None = None
+        if self.rows * len(model.structure.columns) * 8 <= KEPT_BYTES:
+            self._kept = {}
+
+    @property
+    def scale(self) -> float:
+        """Sum of squares of the weighted readings: what rounding is measured against."""
+        o = self.observations
+        size = (
+            1.0 if self.model.structure.kind == "direction" else float(np.max(np.abs(o.reading), initial=0.0))
+        )
+        return size**2 * float(np.vdot(self.weight, self.weight))
+
+    @property
+    def spread(self) -> float:
+        """Cost of a model that predicts the mean of the readings: what a bad fit is measured against."""
+        readings = self.observations.reading
+        around = readings - readings.mean(axis=0)
+        return float(np.sum(np.sum(around**2, -1) * np.mean(self.weight**2, -1)))
+
+    # the rows of the kernels ---------------------------------------------------------------------------------
+
+    def _check_columns(self) -> None:
+        o, joints = self.observations, self.model.machine.joints
+        for n, term in enumerate(self.model.structure.terms):
+            effect = row_effects(self.model.machine)[n]
+            where = f" at {effect.place}" if effect.place else ""
+            for name, (kind, of) in term.columns:
+                missing = {
+                    "T": lambda: (
+                        f"T_{joints[of].name} [degC]" if joints[of].name not in o.temperature else ""
+                    ),
+                    "t": lambda: "t [s]" if o.t is None else "",
+                    "F": lambda: "load [N]" if o.load is None else "",
+                    "x": lambda: str(of) if of not in o.covariates else "",
+                }.get(kind, lambda: "")()
+                if missing:
+                    raise InputFileError(
+                        o.data.file,
+                        o.data.header_place,
+                        f"no column {missing!r}",
+                        f"one, because the effect {effect.name}{where} uses {name}",
+                    )
+
+    def _base_weight(self) -> Array:
+        o = self.observations
+        if o.sigma is None:
+            return np.broadcast_to(1.0, (self.rows, self.components))
+        if self.model.structure.kind != "direction":
+            return 1.0 / o.sigma
+        first, second = o.basis
+        variance = o.sigma**2
+        return 1.0 / np.sqrt(np.stack([np.sum(e**2 * variance, -1) for e in (first, second)], -1))
+
+    def _groups(self) -> Iterator[_Group]:
+        o = self.observations
+        runs = o.run if self.model.structure.shift else np.zeros(self.rows, int)
+        code = o.target * (int(runs.max(initial=0)) + 1) + runs
+        if self.rows and np.all(code == code[0]):
+            yield _Group(int(o.target[0]), int(runs[0]), slice(0, self.rows), self.rows)
+            return
+        order = np.argsort(code, kind="stable")
+        for rows in np.split(order, np.flatnonzero(np.diff(code[order])) + 1):
+            if len(rows):
+                yield _Group(int(o.target[rows[0]]), int(runs[rows[0]]), rows, len(rows))
+
+    def _column(self, kind: str, of: Any, rows: Any) -> Any:
+        o = self.observations
+        if kind in {"q", "s", "v"}:
+            return getattr(o, kind)[rows, of]
+        if kind == "T":
+            return o.temperature[self.model.machine.joints[of].name][rows]
+        if kind == "t":
+            return o.t[rows]  # type: ignore[index]
+        if kind == "F":
+            return o.load[rows]  # type: ignore[index]
+        if kind == "x":
+            return o.covariates[of][rows]
+        if kind == "reading":
+            if of < 3:
+                return o.reading[rows, of]
+            return o.basis[of // 3 - 1][rows, of % 3]
+        return self.weight[rows, of]
+
+    def _block(self, number: int, group: _Group, start: int, stop: int) -> Array:
+        key = (number, start)
+        if self._kept is not None and key in self._kept:
+            return self._kept[key]
+        rows = group.block(start, stop)
+        columns = self.model.structure.columns
+        made = np.empty((stop - start, len(columns)))
+        for i, (kind, of) in enumerate(columns):
+            made[:, i] = self._column(kind, of, rows)
+        if self._kept is not None:
+            self._kept[key] = made
+        return made
+
+    def set_weight(self, factor: Array) -> None:
+        """Multiply the weights that the data state by a factor for each row, (n,)."""
+        self.weight = self.base_weight * factor[:, None]
+        if self._kept is not None:
+            for (number, start), block in self._kept.items():
+                rows = self.groups[number].block(start, start + len(block))
+                block[:, -self.components :] = self.weight[rows]
+
+    def _blocks(self) -> Iterator[tuple[int, _Group, int, int]]:
+        for number, group in enumerate(self.groups):
+            for start in range(0, group.count, BLOCK):
+                yield number, group, start, min(start + BLOCK, group.count)
+
+    def _each(self, function: Any) -> Iterator[Any]:
+        """Apply a function to every block, in order, in two threads where that pays."""
+        blocks = self._blocks()
+        if self.rows < THREADS_FROM:
+            yield from (function(*block) for block in blocks)
+            return
+        with ThreadPoolExecutor(2) as pool:
+            yield from pool.map(lambda block: function(*block), blocks)
+
+    # evaluation ----------------------------------------------------------------------------------------------
+
+    def _geometries(self, theta: Array, frame: Frame) -> list[Array]:
+        return [self.model.geometry(theta, frame, group.target, group.run) for group in self.groups]
+
+    def cost(self, theta: Array, frame: Frame) -> float:
+        """Return the sum of the squares of the weighted residuals; infinite where one is not finite."""
+        kernel, e = self.model.kernels["residual"], self.model.parameters_of_effects(theta)
+        geometries = self._geometries(theta, frame)
+
+        def of_block(number: int, group: _Group, start: int, stop: int) -> float:
+            residual = kernel(self._block(number, group, start, stop), geometries[number], e)
+            return float(np.vdot(residual, residual))
+
+        total = sum(self._each(of_block))
+        return total if np.isfinite(total) else np.inf
+
+    def normal_equations(self, theta: Array, frame: Frame) -> tuple[float, Array, Array]:
+        """Return cost, JᵀJ and Jᵀr with respect to all parameters, at once and in bounded memory."""
+        p = len(self.model.parameters)
+        if "residual_and_jacobian" not in self.model.kernels:
+            return self.cost(theta, frame), np.zeros((p, p)), np.zeros(p)
+        kernel, e = self.model.kernels["residual_and_jacobian"], self.model.parameters_of_effects(theta)
+        geometries = self._geometries(theta, frame)
+
+        def of_block(number: int, group: _Group, start: int, stop: int) -> tuple[int, float, Array, Array]:
+            residual, jacobian = kernel(self._block(number, group, start, stop), geometries[number], e)
+            flat, r = jacobian.reshape(-1, jacobian.shape[-1]), residual.ravel()
+            return number, float(r @ r), flat.T @ flat, flat.T @ r
+
+        cost, sums = 0.0, {}
+        for number, part, square, gradient in self._each(of_block):
+            cost += part
+            if number in sums:
+                sums[number][0] += square
+                sums[number][1] += gradient
+            else:
+                sums[number] = [square, gradient]
+        A, b = np.zeros((p, p)), np.zeros(p)
+        for number, (square, gradient) in sums.items():
+            slots = self.model.slots(theta, self.groups[number].target, self.groups[number].run)
+            A += slots.T @ square @ slots
+            b += slots.T @ gradient
+        return cost, A, b
+
+    def residuals(self, theta: Array, frame: Frame, *, weighted: bool = False) -> Array:
+        """Return measured less predicted, (n, m), in the order of the data; internal units, or times the weight."""
+        kernel, e = self.model.kernels["residual"], self.model.parameters_of_effects(theta)
+        found = np.empty((self.rows, self.components))
+        geometries = self._geometries(theta, frame)
+        for number, group, start, stop in self._blocks():
+            rows = group.block(start, stop)
+            found[rows] = kernel(self._block(number, group, start, stop), geometries[number], e)
+        return found if weighted else found / self.weight
+
+    def places(self, theta: Array, frame: Frame) -> Array:
+        """Return the predicted points or directions, (n, 3)."""
+        kernel, e = self.model.kernels["place"], self.model.parameters_of_effects(theta)
+        found = np.empty((self.rows, 3))
+        geometries = self._geometries(theta, frame)
+        for number, group, start, stop in self._blocks():
+            found[group.block(start, stop)] = kernel(
+                self._block(number, group, start, stop), geometries[number], e
+            )
+        return found
+
+    def jacobian(self, theta: Array, frame: Frame) -> Array:
+        """Return the derivative of the weighted residuals, (n, m, parameters); as large as it sounds."""
+        found = np.zeros((self.rows, self.components, len(self.model.parameters)))
+        for rows, block in self.jacobian_blocks(theta, frame):
+            found[rows] = block
+        return found
+
+    def jacobian_blocks(self, theta: Array, frame: Frame) -> Iterator[tuple[Any, Array]]:
+        """Yield rows and the derivative of their weighted residuals, (rows, m, parameters), block by block."""
+        if "residual_and_jacobian" not in self.model.kernels:
+            return
+        kernel, e = self.model.kernels["residual_and_jacobian"], self.model.parameters_of_effects(theta)
+        geometries = self._geometries(theta, frame)
+        slots = [self.model.slots(theta, group.target, group.run) for group in self.groups]
+        for number, group, start, stop in self._blocks():
+            _, jacobian = kernel(self._block(number, group, start, stop), geometries[number], e)
+            yield group.block(start, stop), jacobian @ slots[number]

@@ -1,0 +1,129 @@
+"""A fit in words and numbers: the text that people read, and the same as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from rodgen.discrepancy.fit import Estimate, Fit
+
+__all__ = ["as_dict", "as_text", "geometry"]
+
+STRONG = 0.95
+"""Correlations above this are named: such parameters are hardly told apart."""
+NAMED = 8
+"""Correlations and outliers that are named at most; the rest is counted."""
+
+
+def geometry(fit: Fit) -> dict[str, dict[str, list[float]]]:
+    """Return the fitted axes, points, targets and frame as vectors, in the machine file's length unit."""
+    model, theta = fit.problem.model, fit.solution.theta
+    found: dict[str, dict[str, list[float]]] = {}
+    for j, joint in enumerate(fit.machine.joints):
+        structure = model.structure.joints[j]
+        if structure.axis:
+            found.setdefault(joint.name, {})["axis"] = model.axis(theta, j)[0].tolist()
+        if structure.point:
+            found.setdefault(joint.name, {})["point"] = model.point(theta, j).tolist()
+    if model.structure.target:
+        for k, target in enumerate(fit.machine.targets):
+            found.setdefault("targets", {})[target.name] = model.target(theta, k)[0].tolist()
+    if model.structure.frame:
+        found["frame"] = {
+            "rotation": fit.solution.frame.rotation.tolist(),
+            "position": fit.solution.frame.position.tolist(),
+        }
+    return found
+
+
+def _correlated(fit: Fit) -> list[tuple[str, str, float]]:
+    """Return the pairs of parameters that are strongly correlated, the strongest first."""
+    index = [i for i in fit.free if not fit.determinacy.undetermined[i]]
+    keys = [fit.parameters[i].key for i in index]
+    matrix = fit.correlation[np.ix_(index, index)]
+    pairs = [
+        (keys[i], keys[j], float(matrix[i, j])) for i, j in np.argwhere(np.triu(np.abs(matrix), 1) > STRONG)
+    ]
+    return sorted(pairs, key=lambda pair: -abs(pair[2]))
+
+
+def as_dict(fit: Fit) -> dict[str, Any]:
+    """Return what `rodgen fit --json` prints."""
+    return {
+        "machine": fit.machine.name,
+        "data": fit.observations.data.file,
+        "rows": fit.observations.n,
+        "readings": fit.observations.n * fit.problem.components,
+        "outliers": np.flatnonzero(fit.outliers).tolist(),
+        "converged": fit.solution.converged,
+        "rms": fit.rms,
+        "unit": fit.unit,
+        "chi_square": fit.chi_square,
+        "degrees_of_freedom": fit.degrees_of_freedom,
+        "noise": fit.noise.to_dict(),
+        "lack_of_fit": fit.lack_of_fit.to_dict() if fit.lack_of_fit else None,
+        "parameters": {
+            key: {"value": e.value, "std": e.std, "unit": e.unit, "held": e.held, "determined": e.determined}
+            for key, e in fit.estimates.items()
+        },
+        "geometry": geometry(fit),
+        "correlations": [{"pair": [a, b], "value": r} for a, b, r in _correlated(fit)],
+        "undetermined": [
+            {"parts": dict(d.parts), "gauge": d.gauge, "text": d.text} for d in fit.determinacy.directions
+        ],
+    }
+
+
+def as_text(fit: Fit) -> str:
+    """Return the text that `rodgen fit` prints."""
+    return "\n".join(_lines(fit))
+
+
+def _lines(fit: Fit) -> Iterator[str]:
+    readings = fit.observations.n * fit.problem.components
+    yield f"{fit.machine.name}: {fit.observations.n} rows, {readings} readings, {len(fit.free)} parameters"
+    if not fit.solution.converged:
+        yield "NOT CONVERGED: the numbers below are where the fit stopped."
+    yield f"rms {fit.rms:.4g} {fit.unit} per reading; {fit.noise.text}"
+    if fit.lack_of_fit:
+        yield fit.lack_of_fit.text
+    if fit.outliers.any():
+        yield _outliers(fit)
+    shown = [e for e in fit.estimates.values() if not e.held or e.value]
+    if shown:
+        yield ""
+        yield from _table(shown)
+    directions = fit.determinacy.directions
+    if directions:
+        yield ""
+        yield from (d.text for d in directions)
+    pairs = _correlated(fit)
+    if pairs:
+        yield ""
+        yield f"Strongly correlated (above {STRONG}):"
+        yield from (f"  {a} and {b}: {r:+.4f}" for a, b, r in pairs[:NAMED])
+        if len(pairs) > NAMED:
+            yield f"  and {len(pairs) - NAMED} more pairs"
+
+
+def _outliers(fit: Fit) -> str:
+    rows = np.flatnonzero(fit.outliers)
+    places = ", ".join(fit.observations.data.place(int(row)) for row in rows[:NAMED])
+    more = f" and {len(rows) - NAMED} more" if len(rows) > NAMED else ""
+    return f"{len(rows)} outliers, taken out of the rms: {places}{more}"
+
+
+def _table(estimates: list[Estimate]) -> Iterator[str]:
+    width = max(len(e.key) for e in estimates)
+    yield f"{'parameter':{width}}  {'value':>12}  {'std':>10}  unit"
+    for e in estimates:
+        if e.held:
+            spread = "held"
+        elif e.std is None:
+            spread = "undetermined"
+        else:
+            spread = f"{e.std:.2g}"
+        yield f"{e.key:{width}}  {e.value:12.6g}  {spread:>10}  {e.unit}"

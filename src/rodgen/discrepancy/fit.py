@@ -1,0 +1,302 @@
+"""Fit a machine's model to measurements."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.discrepancy._bind import Observations, bind
+from rodgen.discrepancy._determinacy import Determinacy, determinacy
+from rodgen.discrepancy._least_squares import Solution, minimise
+from rodgen.discrepancy._noise import LackOfFit, NoiseFloor, lack_of_fit, noise_floor
+from rodgen.discrepancy._problem import Problem
+from rodgen.discrepancy._start import placed, searched
+from rodgen.discrepancy._summary import as_dict, as_text
+from rodgen.discrepancy.measurements import Measurements
+from rodgen.errors import RodgenError
+from rodgen.machines._model import Frame, Model
+from rodgen.machines._parameters import Parameter
+from rodgen.machines._rigid import rotation_vector
+from rodgen.machines.machine import Machine
+
+__all__ = ["Estimate", "Fit", "FitError", "fit"]
+
+Array: TypeAlias = NDArray[np.float64]
+Progress: TypeAlias = Callable[[str, int, float], object]
+
+
+class FitError(RodgenError):
+    """A fit that cannot be done, in one sentence."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter as it was fitted, in the unit that it is shown in.
+
+    Attributes
+    ----------
+    key, unit : str
+    value : float
+    std : float or None
+        One standard deviation; None where it is held, or where the data do not determine it.
+    held, determined : bool
+    """
+
+    key: str
+    unit: str
+    value: float
+    std: float | None
+    held: bool
+    determined: bool
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A model fitted to measurements.
+
+    Attributes
+    ----------
+    machine : Machine
+        With the fitted values.
+    observations : Observations
+    problem : Problem
+    solution : Solution
+    free : tuple of int
+        Numbers of the parameters that were adjusted.
+    outliers : ndarray of bool, shape (n,)
+        Rows that a robust fit does not believe.
+    """
+
+    machine: Machine
+    observations: Observations
+    problem: Problem = field(repr=False)
+    solution: Solution = field(repr=False)
+    free: tuple[int, ...]
+    outliers: NDArray[np.bool_] = field(repr=False)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The model's parameters."""
+        return self.problem.model.parameters
+
+    @property
+    def unit(self) -> str:
+        """What residuals and their rms are shown in."""
+        return "arcsec" if self.problem.model.structure.kind == "direction" else self.machine.length_unit
+
+    @property
+    def unit_factor(self) -> float:
+        """Internal value of one :attr:`unit`."""
+        return np.pi / 648000 if self.unit == "arcsec" else 1.0
+
+    @cached_property
+    def residuals(self) -> Array:
+        """Measured less predicted, (n, m), in :attr:`unit`.
+
+        Of directions: the angle on the sphere, split into a horizontal part and one towards the zenith.
+        """
+        r = self.problem.residuals(self.solution.theta, self.solution.frame)
+        if self.problem.model.structure.kind == "direction":
+            size = np.linalg.norm(r, axis=1, keepdims=True)  # 2 tan(angle/2)
+            with np.errstate(invalid="ignore", divide="ignore"):
+                r = np.where(size > 0, r * (2 * np.arctan(size / 2) / size), r)
+        return np.asarray(r / self.unit_factor)
+
+    @cached_property
+    def rms(self) -> float:
+        """Root mean square of the residuals per scalar reading, in :attr:`unit`, without the outliers."""
+        return float(np.sqrt(np.mean(self.residuals[~self.outliers] ** 2)))
+
+    @cached_property
+    def determinacy(self) -> Determinacy:
+        """What the data determine."""
+        return determinacy(self.problem, self.solution.theta, self.solution.frame, self.free)
+
+    @property
+    def chi_square(self) -> float:
+        """Sum of squares of the weighted residuals."""
+        return self.solution.cost
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Readings less determined parameters."""
+        readings = int((~self.outliers).sum()) * self.problem.components
+        return readings - self.determinacy.rank
+
+    @property
+    def variance_factor(self) -> float:
+        """What the covariance is multiplied by: 1 where the noise is stated, else the residuals' variance."""
+        if self.observations.sigma is not None:
+            return 1.0
+        return self.solution.cost / self.degrees_of_freedom if self.degrees_of_freedom > 0 else np.nan
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance of the parameters, internal units, (parameters, parameters)."""
+        return self.determinacy.covariance * self.variance_factor
+
+    @cached_property
+    def correlation(self) -> Array:
+        """Correlations of the parameters, (parameters, parameters); zero beside what is not estimated."""
+        std = np.sqrt(np.diag(self.covariance))
+        std = np.where(std > 0, std, 1.0)
+        return np.asarray(self.covariance / np.outer(std, std))
+
+    @cached_property
+    def values(self) -> Array:
+        """Values of all parameters, internal units; the frame as a rotation vector and a position."""
+        values = self.solution.theta.copy()
+        frame = self.solution.frame
+        turn = dict(zip(("rx", "ry", "rz"), rotation_vector(frame.rotation), strict=True))
+        at = turn | dict(zip("xyz", frame.position, strict=True))
+        for i, p in enumerate(self.parameters):
+            if p.slot[0] == "frame":
+                values[i] = at[str(p.slot[1])]
+        return values
+
+    @cached_property
+    def estimates(self) -> dict[str, Estimate]:
+        """Every parameter by its key, in the unit that it is shown in."""
+        std = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        found = {}
+        for i, p in enumerate(self.parameters):
+            held, determined = i not in self.free, not self.determinacy.undetermined[i]
+            spread = None if held or not determined else float(std[i] / p.factor)
+            found[p.key] = Estimate(p.key, p.unit, float(self.values[i] / p.factor), spread, held, determined)
+        return found
+
+    @cached_property
+    def noise(self) -> NoiseFloor:
+        """How well the machine could be modelled at all, from the data alone."""
+        return noise_floor(self)
+
+    @cached_property
+    def lack_of_fit(self) -> LackOfFit | None:
+        """Whether the residuals are larger than the noise; None where the noise is not known."""
+        return lack_of_fit(self)
+
+    def summary(self) -> str:
+        """Return the fit as text."""
+        return as_text(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fit as plain data, as `rodgen fit --json` prints it."""
+        return as_dict(self)
+
+
+def fit(
+    machine: Machine,
+    data: Measurements | Observations,
+    *,
+    loss: str = "linear",
+    start: Mapping[str, float] | None = None,
+    progress: Progress | None = None,
+) -> Fit:
+    """Adjust a machine's parameters until the model meets the measurements best.
+
+    Parameters
+    ----------
+    machine : Machine
+        Its ``estimate`` and the parameters of its effects are adjusted; fitted values that it carries are the start.
+    data : Measurements or Observations
+    loss : {"linear", "huber"}
+        Sum of squares, or one that outliers do not pull.
+    start : mapping of str to float, optional
+        Further values to start from, by key, internal units.
+    progress : callable, optional
+        Called with what is done, the iteration and the cost.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    InputFileError
+        When the data do not fit the machine.
+    FitError
+        When there is nothing to fit, or the model is not finite at the start.
+    """
+    observations = data if isinstance(data, Observations) else bind(machine, data)
+    if start:
+        machine = replace(machine, values={**machine.values, **start})
+    model = Model(machine, observations.travel, observations.run_names)
+    problem = Problem(model, observations)
+    solution, free = _solve(problem, progress)
+    return _finished(problem, solution, free, np.zeros(observations.n, bool))
+
+
+def _finished(problem: Problem, solution: Solution, free: Sequence[int], outliers: Any) -> Fit:
+    model = problem.model
+    values = {p.key: float(solution.theta[i]) for i, p in enumerate(model.parameters)}
+    machine = replace(model.machine, values=values)
+    return Fit(machine, problem.observations, problem, solution, tuple(free), outliers)
+
+
+def _solve(problem: Problem, progress: Progress | None) -> tuple[Solution, list[int]]:
+    """Fit the geometry, then the effects: first those that start from zero, then those that need a search."""
+    model = problem.model
+    theta = model.start()
+    estimated = [i for i, p in enumerate(model.parameters) if p.hold is None]
+    base = [i for i in estimated if model.parameters[i].effect is None]
+
+    def tell(what: str) -> Callable[[int, float], object] | None:
+        return None if progress is None else lambda i, cost: progress(what, i, cost)
+
+    solution = placed(problem, theta, base)
+    if not np.isfinite(solution.cost):
+        raise FitError(_not_finite(problem, solution))
+    free = list(base)
+    for new in _stages(model, estimated):
+        if any(model.parameters[i].searched and theta[i] == 0.0 for i in new):
+            solution = searched(problem, solution, free, new)
+        free += new
+        solution = minimise(problem, solution.theta, solution.frame, free, progress=tell("fit"))
+    solution, free = _called_for(problem, solution, free)
+    return solution, sorted(free)
+
+
+def _stages(model: Model, estimated: Sequence[int]) -> list[list[int]]:
+    """Group the effects' parameters: all that start from zero at once, then effect by effect."""
+    effects: dict[tuple[str | None, str], list[int]] = {}
+    for i in estimated:
+        p = model.parameters[i]
+        if p.effect is not None and not p.optional:
+            effects.setdefault((p.place, p.effect), []).append(i)
+    own = {e.name for e in model.machine.effects if e.definition.own}
+    plain, later = [], []
+    for (_, name), numbers in effects.items():
+        if name in own or any(model.parameters[i].searched for i in numbers):
+            later.append(numbers)
+        else:
+            plain += numbers
+    return [stage for stage in (plain, *later) if stage]
+
+
+def _called_for(problem: Problem, solution: Solution, free: list[int]) -> tuple[Solution, list[int]]:
+    """Take in the weights at later joints one after the other while the data call for them."""
+    model = problem.model
+    waiting = [i for i, p in enumerate(model.parameters) if p.optional and p.hold is None]
+    readings = problem.rows * problem.components
+    while waiting:
+        tried = [(minimise(problem, solution.theta, solution.frame, [*free, i]), i) for i in waiting]
+        best, index = min(tried, key=lambda t: t[0].cost)
+        left = max(readings - len(free) - 1, 1)
+        variance = 1.0 if problem.observations.sigma is not None else best.cost / left
+        if solution.cost - best.cost < variance * (12 + np.log(problem.rows)):
+            break
+        solution, free = best, [*free, index]
+        waiting.remove(index)
+    return solution, free
+
+
+def _not_finite(problem: Problem, solution: Solution) -> str:
+    bad = ~np.isfinite(problem.residuals(solution.theta, solution.frame)).all(axis=1)
+    row = int(np.argmax(bad))
+    place = problem.observations.data.place(row)
+    return f"{problem.observations.data.file}: {place}: the model is not finite here; expected formulas and numbers that are"

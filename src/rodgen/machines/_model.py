@@ -1,0 +1,231 @@
+"""A machine's model as numbers: its geometry with the current values of the parameters, and its compiled kernels."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.codegen.rows import row_kernels
+from rodgen.machines._parameters import Parameter, parameters_of
+from rodgen.machines._rigid import complete_basis, left_jacobian, rotation_matrix, tilted
+from rodgen.machines._structure import Structure, row_effects, structure_of
+from rodgen.machines.machine import Machine
+
+__all__ = ["Frame", "Model"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Where the measuring frame is: a reading is ``rotation @ x + position`` of a point x in machine axes.
+
+    Attributes
+    ----------
+    rotation : ndarray, shape (3, 3)
+    position : ndarray, shape (3,)
+        Length unit of the machine.
+    """
+
+    rotation: Array
+    position: Array
+
+    @classmethod
+    def identity(cls) -> Frame:
+        """Return the machine's own frame."""
+        return cls(np.eye(3), np.zeros(3))
+
+    def moved(self, change: Mapping[str, float]) -> Frame:
+        """Return the frame after small changes of ``x y z rx ry rz``; the turn is about machine axes."""
+        turn = np.array([change.get(x, 0.0) for x in ("rx", "ry", "rz")])
+        shift = np.array([change.get(x, 0.0) for x in "xyz"])
+        return Frame(self.rotation @ rotation_matrix(turn), self.position + shift)
+
+
+@functools.lru_cache(maxsize=64)
+def _kernels(structure: Structure) -> Mapping[str, Any]:
+    def make() -> Sequence[Any]:
+        from rodgen.machines._derive import derive_kernels
+
+        return derive_kernels(structure)
+
+    return row_kernels(_key(structure), make, shared=("g", "e"))
+
+
+def _key(structure: Structure) -> str:
+    return f"{structure!r} {_source_hash()}"
+
+
+@functools.cache
+def _source_hash() -> str:
+    """Return a hash of the text that turns a structure into kernels: a change of it makes them anew."""
+    import hashlib
+    from importlib.resources import files
+
+    folder = files("rodgen.machines")
+    names = ("_derive.py", "_structure.py", "formula.py")
+    return hashlib.sha256(b"".join((folder / name).read_bytes() for name in names)).hexdigest()
+
+
+class Model:
+    """A machine with its parameters, its geometry and its kernels.
+
+    Parameters
+    ----------
+    machine : Machine
+    travel : array_like, shape (joints, 2), optional
+        Range of each joint, internal units; from the machine file where it is given there.
+    runs : sequence of str
+        Names of the set-ups in the data.
+
+    Attributes
+    ----------
+    parameters : tuple of Parameter
+    structure : Structure
+    """
+
+    def __init__(self, machine: Machine, travel: Any = None, runs: Sequence[str] = ("",)) -> None:
+        self.machine = machine
+        self.structure = structure_of(machine)
+        self.parameters: tuple[Parameter, ...] = parameters_of(machine, self.structure, runs)
+        self.index = {p.slot: i for i, p in enumerate(self.parameters)}
+        self.keys = {p.key: i for i, p in enumerate(self.parameters)}
+        self.travel = self._travel(travel)
+        self._bases = [complete_basis(np.array(joint.axis)) for joint in machine.joints]
+        self._target_bases = [complete_basis(np.array(t.point)) for t in machine.targets]
+
+    def _travel(self, travel: Any) -> Array:
+        given = [joint.travel for joint in self.machine.joints]
+        found = np.zeros((len(given), 2)) if travel is None else np.asarray(travel, float)
+        return np.array([f if g is None else g for f, g in zip(found, given, strict=True)])
+
+    @property
+    def kernels(self) -> Mapping[str, Any]:
+        """The compiled kernels ``place``, ``residual``, ``residual_and_jacobian``; made when first asked for."""
+        return _kernels(self.structure)
+
+    def start(self) -> Array:
+        """Return the values that a fit starts from: what is held, what was fitted before, else zero."""
+        values = [
+            p.hold if p.hold is not None else self.machine.values.get(p.key, 0.0) for p in self.parameters
+        ]
+        return np.array(values, dtype=float)
+
+    # the geometry --------------------------------------------------------------------------------------------
+
+    def value(self, theta: Array, *slot: object) -> float:
+        """Return a parameter's value, zero where there is no such parameter."""
+        index = self.index.get(slot)
+        return 0.0 if index is None else float(theta[index])
+
+    def parameters_of_effects(self, theta: Array) -> Array:
+        """Return the kernel's vector ``e``; one zero where there are no effects."""
+        return np.array([self.value(theta, "e", n, name) for n, name in self.structure.parameters] or [0.0])
+
+    def axis(self, theta: Array, j: int) -> tuple[Array, Array]:
+        """Return a joint's axis and its derivative (3, 2) with respect to its two freedoms."""
+        u, v = self._bases[j]
+        tilt = np.array([self.value(theta, "axis.a", j), self.value(theta, "axis.b", j)])
+        return tilted(np.array(self.machine.joints[j].axis), u, v, tilt)
+
+    def point(self, theta: Array, j: int) -> Array:
+        """Return the point of a joint, length unit."""
+        u, v = self._bases[j]
+        a, b = self.value(theta, "point.a", j), self.value(theta, "point.b", j)
+        return np.array(self.machine.joints[j].point) + a * u + b * v
+
+    def target(self, theta: Array, k: int) -> tuple[Array, Array]:
+        """Return a target and its derivative (3, freedoms)."""
+        point = np.array(self.machine.targets[k].point)
+        if self.structure.moving:
+            return point + [self.value(theta, "target", k, x) for x in "xyz"], np.eye(3)
+        u, v = self._target_bases[k]
+        return tilted(point, u, v, np.array([self.value(theta, "target", k, x) for x in "ab"]))
+
+    def shift(self, theta: Array, run: int) -> tuple[Array, Array]:
+        """Return rotation vector and translation of the frame shift of a run."""
+        turn = [self.value(theta, "shift", run, x) for x in ("rx", "ry", "rz")]
+        return np.array(turn), np.array([self.value(theta, "shift", run, x) for x in "xyz"])
+
+    def geometry(self, theta: Array, frame: Frame, target: int, run: int = 0) -> Array:
+        """Return the kernel's vector ``g``.
+
+        Parameters
+        ----------
+        theta : ndarray, shape (parameters,)
+            Internal units.
+        frame : Frame
+            Of the measurements; used where it is free.
+        target, run : int
+            Number of the target that is seen, and of the set-up.
+        """
+        return np.concatenate(
+            [
+                np.ravel(self._part(name, number, theta, frame, target, run))
+                for name, number, _ in self.structure.geometry
+            ]
+        )
+
+    def _part(self, name: str, number: int, theta: Array, frame: Frame, target: int, run: int) -> Any:
+        if name.startswith("axis"):
+            axis, by = self.axis(theta, number)
+            return {"axis": axis, "axis_by_a": by[:, 0], "axis_by_b": by[:, 1]}[name]
+        if name.startswith("target"):
+            point, by = self.target(theta, target)
+            return {"target": point, "target_by_a": by[:, 0], "target_by_b": by[:, 1]}[name]
+        if name == "point":
+            return self.point(theta, number)
+        if name in {"u", "v"}:
+            return self._bases[number]["uv".index(name)]
+        if name == "start":
+            return self.travel[number, 0]
+        if name == "length":
+            return self.travel[number, 1] - self.travel[number, 0]
+        if name == "centre":
+            return np.mean([self.target(theta, k)[0] for k in range(len(self.machine.targets))], axis=0)
+        if name == "gravity":
+            return self.machine.gravity
+        if name == "shift_rotation":
+            return rotation_matrix(self.shift(theta, run)[0])
+        if name == "shift_turns":
+            return left_jacobian(self.shift(theta, run)[0])
+        if name == "shift":
+            return self.shift(theta, run)[1]
+        if name == "frame_rotation":
+            return frame.rotation
+        if name == "frame":
+            return frame.position
+        if name == "origin":
+            return self.machine.measured.origin
+        if name == "acts":
+            return float(row_effects(self.machine)[number].place == self.machine.targets[target].name)
+        raise KeyError(name)
+
+    def slots(self, theta: Array, target: int, run: int = 0) -> Array:
+        """Return the derivative of the kernel's slots with respect to the parameters, (slots, parameters)."""
+        s = self.structure
+        matrix = np.zeros((len(s.slots) + len(s.parameters), len(self.parameters)))
+        for row, (name, number) in enumerate(s.slots):
+            kind, component = name.split(".")
+            if kind == "centre":
+                for k in range(len(self.machine.targets)):
+                    by = self.target(theta, k)[1]["xyz".index(component)]
+                    for x, slope in zip("xyz" if s.moving else "ab", by, strict=True):
+                        if (index := self.index.get(("target", k, x))) is not None:
+                            matrix[row, index] += slope / len(self.machine.targets)
+                continue
+            key: tuple[object, ...] = {
+                "target": ("target", target, component),
+                "shift": ("shift", run, component),
+                "frame": ("frame", component),
+            }.get(kind, (name, number))
+            if (index := self.index.get(key)) is not None:
+                matrix[row, index] = 1.0
+        for row, (n, name) in enumerate(s.parameters, start=len(s.slots)):
+            matrix[row, self.index["e", n, name]] = 1.0
+        return matrix
