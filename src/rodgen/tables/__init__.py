@@ -7,7 +7,8 @@ carry their units in brackets, in both::
 
 Any unit that Pint knows and that fits the column will do, and it may differ from column to column.
 
-- `open_table` reads in blocks, so that a file of any length passes through bounded memory.
+- `open_table` reads in blocks, so that a file of any length passes through bounded memory; `open_frame` takes
+  a table that is in memory instead.
 - `open_sink` writes in blocks, into a temporary file that takes its name only when it is complete.
 - `read_pairs` and `solve_table` are the two whole ways that the command line goes.
 
@@ -15,21 +16,39 @@ Whatever is wrong with a file is an :class:`rodgen.errors.InputFileError`: one s
 line and column, what was found and what was expected.
 """
 
-from rodgen.tables._columns import Column, UnitError, conversion_factor
-from rodgen.tables._sink import open_sink
-from rodgen.tables._source import Rows, open_table
-from rodgen.tables.pairs import PAIR_COLUMNS, Pairs, SolveSummary, read_pairs, solve_table
+from typing import TYPE_CHECKING, Any
+
+from rodgen.tables._columns import Column, EveryColumn, UnitError, conversion_factor, nearest
+
+if TYPE_CHECKING:
+    from rodgen.tables._sink import open_sink
+    from rodgen.tables._source import Rows, open_frame, open_table
+    from rodgen.tables.pairs import PAIR_COLUMNS, Pairs, SolveSummary, read_pairs, solve_table
 
 __all__ = [
     "PAIR_COLUMNS",
     "Column",
+    "EveryColumn",
     "Pairs",
     "Rows",
     "SolveSummary",
     "UnitError",
     "conversion_factor",
+    "nearest",
+    "open_frame",
     "open_sink",
     "open_table",
     "read_pairs",
     "solve_table",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Import what reads and writes when it is asked for: PyArrow takes 0.13 s, and a unit needs none of it."""
+    if name in __all__:
+        from rodgen.tables import _sink, _source, pairs
+
+        for module in (_sink, _source, pairs):
+            if name in module.__all__:
+                return getattr(module, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,7 +1,8 @@
 """Find the wanted columns of a file, and the factor that brings each to the unit asked for.
 
 A name is ``name [unit]``. Lengths are brought to the unit of the first length column, so that a file in
-millimetres is computed in millimetres, without a rounding; angles are brought to radians.
+millimetres is computed in millimetres, without a rounding; angles are brought to radians. Where every column
+is wanted (`EveryColumn`) each stays in its own unit.
 """
 
 from __future__ import annotations
@@ -10,19 +11,27 @@ import difflib
 import functools
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 from rodgen.errors import InputFileError, RodgenError, shown
 
-__all__ = ["Column", "Match", "UnitError", "conversion_factor", "match_columns"]
+__all__ = [
+    "Column",
+    "EveryColumn",
+    "Match",
+    "UnitError",
+    "conversion_factor",
+    "match_columns",
+    "nearest",
+]
 
 _NAME_AND_UNIT = re.compile(r"(?P<name>[^\[\]]*?)\s*\[(?P<unit>[^\[\]]*)\]")
 
 # Pint evaluates what it parses: "9**9**9**9" would never return, and "10 mm" or "(mm" are slips of the pen.
 # A unit is unit names, products, quotients, and exponents of one digit.
-_FACTOR = r"(?:[^\W\d_]\w*|°|µ\w+|%)(?:\s*(?:\*\*|\^)\s*-?\d)?"
+_FACTOR = r"(?:°?[^\W\d_]\w*|°|%)(?:\s*(?:\*\*|\^)\s*-?\d)?"
 _UNIT_TEXT = re.compile(rf"{_FACTOR}(?:\s*[*/]\s*{_FACTOR})*")
 _LONGEST_UNIT = 60
 
@@ -47,14 +56,34 @@ class Column:
 
 
 @dataclass(frozen=True)
-class Match:
-    """Where a wanted column stands in a file, and what its numbers are multiplied by."""
+class EveryColumn:
+    """Every column of a table that has a name, each in its own unit or in none; all but `text` hold numbers.
 
-    column: Column
+    Attributes
+    ----------
+    text : tuple of str
+        The names of the columns that hold text; a table need not have them.
+    example : str
+        A header, for the error messages.
+    """
+
+    text: tuple[str, ...]
+    example: str
+
+
+@dataclass(frozen=True)
+class Match:
+    """Where a wanted column stands in a file, and what its numbers are multiplied by.
+
+    Among `EveryColumn` the unit may be empty, and a column may hold text.
+    """
+
+    name: str
     index: int
     text: str
     unit: str
     factor: float
+    holds_text: bool = False
 
 
 class UnitError(RodgenError):
@@ -148,7 +177,7 @@ def _measures(unit: Any, quantity: str) -> bool:
 
 
 def match_columns(
-    texts: Sequence[str], columns: Sequence[Column], file: str, place: str, *, numbered: bool
+    texts: Sequence[str], columns: Sequence[Column] | EveryColumn, file: str, place: str, *, numbered: bool
 ) -> list[Match]:
     """Find the wanted columns among the column names of a file.
 
@@ -156,8 +185,8 @@ def match_columns(
     ----------
     texts : sequence of str
         Every column name of the file, with its unit, in order.
-    columns : sequence of Column
-        Those wanted; the result is in this order.
+    columns : sequence of Column, or EveryColumn
+        Those wanted; the result is in this order, of every column in the file's.
     file, place : str
         For the error message.
     numbered : bool
@@ -168,8 +197,11 @@ def match_columns(
     InputFileError
         When one is missing, stands there twice, or has no unit or one that does not fit.
     """
-    _check_is_header(texts, columns, file, place)
+    example = columns.example if isinstance(columns, EveryColumn) else _header_example(columns)
+    _check_is_header(texts, example, file, place)
     _check_unique(texts, file, place)
+    if isinstance(columns, EveryColumn):
+        return _match_every(texts, columns, file, place, numbered=numbered)
     named: dict[str, list[tuple[int, str | None]]] = {}
     for index, text in enumerate(texts):
         name, unit = _split(text)
@@ -181,8 +213,7 @@ def match_columns(
         if not found:
             raise _missing(column, texts, columns, file, place, numbered=numbered)
         if len(found) > 1:
-            both = " and ".join(shown(texts[i]) for i, _ in found[:2])
-            raise InputFileError(file, place, f"column {column.name!r} twice, {both}", "it once")
+            raise _twice(column.name, [texts[i] for i, _ in found[:2]], file, place)
         index, unit = found[0]
         where = f"{place}, column {shown(texts[index])}"
         example = f"{column.name} [{'mm' if column.quantity == 'length' else 'deg'}]"
@@ -198,8 +229,56 @@ def match_columns(
                 factor = conversion_factor(unit, "length", reference)
         except UnitError as error:
             raise InputFileError(file, where, error.found, error.expected) from None
-        matches.append(Match(column, index, texts[index], unit, factor))
+        matches.append(Match(column.name, index, texts[index], unit, factor))
     return matches
+
+
+def _match_every(
+    texts: Sequence[str], columns: EveryColumn, file: str, place: str, *, numbered: bool
+) -> list[Match]:
+    seen: dict[str, str] = {}
+    matches: list[Match] = []
+    for index, text in enumerate(texts):
+        name, unit = _split(text.strip())
+        where = f"{place}, column {index + 1}" if numbered else f"{place}, column {shown(text)}"
+        if not text.strip() or text.startswith("__index_level_"):
+            continue  # a comma at every line's end, or the row numbers of a pandas table: nobody's measurement
+        if not name:
+            raise InputFileError(file, where, f"{shown(text)}, a unit without a name", "a name before it")
+        if unit is None and (meant := _other_brackets(text)):
+            raise InputFileError(file, where, f"{shown(text)}, a unit in {meant[0]}", f"brackets, {meant[1]}")
+        if name in seen:
+            raise _twice(name, [seen[name], text], file, place)
+        seen[name] = text
+        slip = next((t for t in columns.text if t.casefold() == name.casefold()), name)
+        if slip != name:
+            raise InputFileError(file, where, shown(text), f"{slip!r}, in this spelling")
+        if unit and name in columns.text:
+            raise InputFileError(file, where, f"{shown(text)}, a unit of names", f"{name!r} alone")
+        matches.append(Match(name, index, text, unit or "", 1.0, name in columns.text))
+    if not matches:
+        raise InputFileError(file, place, "no columns", f"columns such as {columns.example}")
+    return matches
+
+
+def _other_brackets(text: str) -> tuple[str, str] | None:
+    """Tell whether a name ends in a unit that is not in brackets: in what, and how it should be."""
+    bare, mark, rest = re.sub(r"[(\[{]", "[", text, count=1).partition("[")
+    if not mark:
+        return ("brackets that do not match", shown(re.sub(r"[\])}]", "", text))) if "]" in text else None
+    unit = re.sub(r"[)\]}].*", "", rest).strip()
+    meant = f"'{bare.strip()} [{unit}]'"
+    if "[" in text or "]" in text:
+        return "brackets that do not match", meant
+    # "mean (of 5)" is a name: only what could be a unit is taken for one.
+    if bare.strip() and re.fullmatch(r".*[)}]\s*", text) and (not unit or _parse(unit) is not None):
+        return "parentheses" if "(" in text else "braces", meant
+    return None
+
+
+def _twice(name: str, texts: Sequence[str], file: str, place: str) -> InputFileError:
+    both = " and ".join(map(shown, texts))
+    return InputFileError(file, place, f"column {name!r} twice, {both}", "it once")
 
 
 def _split(text: str) -> tuple[str, str | None]:
@@ -214,8 +293,8 @@ def _check_unique(texts: Sequence[str], file: str, place: str) -> None:
         raise InputFileError(file, place, name, "every column name once")
 
 
-def _check_is_header(texts: Sequence[str], columns: Sequence[Column], file: str, place: str) -> None:
-    wanted = f"a header such as {_header_example(columns)}"
+def _check_is_header(texts: Sequence[str], example: str, file: str, place: str) -> None:
+    wanted = f"a header such as {example}"
     if len(texts) == 1:
         for mark, name in ((";", "semicolons"), ("\t", "tabs"), ("|", "bars")):
             if mark in texts[0]:
@@ -248,12 +327,33 @@ def _missing(
                 file, where, f"{shown(text)}, a unit in {what}", f"brackets, '{column.name} [{unit}]'"
             )
     taken = {c.name for c in columns}
-    bare_names = {
-        n.casefold().replace(" ", "_"): text for text in texts if (n := _split(text)[0]) not in taken
-    }
-    near = difflib.get_close_matches(column.name.casefold(), bare_names, n=1, cutoff=0.75)
-    hint = f" (the nearest is {shown(bare_names[near[0]])})" if near else ""
+    hint = nearest(column.name, {_split(text)[0]: text for text in texts if _split(text)[0] not in taken})
     return InputFileError(file, place, f"no column {column.name!r}{hint}", f"one such as '{example}'")
+
+
+def nearest(name: str, others: Mapping[str, str]) -> str:
+    """Name what comes nearest to what was not found, for an error message.
+
+    Parameters
+    ----------
+    name : str
+        What was not found.
+    others : mapping
+        What there is, and how it is written.
+
+    Returns
+    -------
+    str
+        Empty when nothing comes near.
+
+    Examples
+    --------
+    >>> nearest("load", {"Load": "Load [kN]", "t": "t [s]"})
+    " (the nearest is 'Load [kN]')"
+    """
+    plain = {other.casefold().replace(" ", "_"): text for other, text in others.items()}
+    near = difflib.get_close_matches(name.casefold(), plain, n=1, cutoff=0.75)
+    return f" (the nearest is {shown(plain[near[0]])})" if near else ""
 
 
 def _header_example(columns: Sequence[Column]) -> str:

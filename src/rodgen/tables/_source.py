@@ -29,9 +29,10 @@ import pyarrow.csv as pa_csv
 from numpy.typing import NDArray
 
 from rodgen.errors import InputFileError, shown
-from rodgen.tables._columns import Column, Match, match_columns
+from rodgen.tables._columns import Column, EveryColumn, Match, match_columns
+from rodgen.tables._frame import as_arrow
 
-__all__ = ["Rows", "Table", "open_table"]
+__all__ = ["Rows", "Table", "open_frame", "open_table"]
 
 # Large enough that the fixed cost of a block (about 1 ms) vanishes, small enough that the few blocks in
 # flight, each some six times its text, stay below 100 MB.
@@ -62,13 +63,19 @@ class Rows:
     Attributes
     ----------
     values : tuple of ndarray
-        Each wanted column, float64 and finite: lengths in the unit of the first length column, angles in
-        radians.
+        Each wanted column of numbers, float64 and finite: lengths in the unit of the first length column,
+        angles in radians; among `EveryColumn` as they stand.
+    text : tuple of pyarrow.StringArray
+        Each wanted column of text, no cell of it blank, without the blanks around it.
+    numbers : ndarray of int
+        Of each row: its line (CSV, from 1) or its place in the file (Parquet, from 0).
     batch : pyarrow.RecordBatch
         Every column of the file as it stands there; see `open_table` for a CSV file.
     """
 
     values: tuple[NDArray[np.float64], ...]
+    text: tuple[pa.StringArray, ...]
+    numbers: NDArray[np.int64]
     batch: pa.RecordBatch
 
 
@@ -86,8 +93,12 @@ class Table(abc.ABC):
     ----------
     file : str
         The file as the user named it.
-    matches : list of Match
-        Where each wanted column stands, with its unit.
+    matches, text : list of Match
+        Where each wanted column of numbers stands, with its unit, and each of text.
+    header : str
+        Where the names of the columns stand, for error messages.
+    counted : str
+        What `Rows.numbers` counts: ``"line"`` or ``"row"``.
     schema : pyarrow.Schema
         Of the columns as they are kept.
     total : int or None
@@ -98,15 +109,20 @@ class Table(abc.ABC):
 
     file: str
     matches: list[Match]
+    text: list[Match]
+    header: str
+    counted: str
     schema: pa.Schema
     total: int | None
     amount_unit: str
 
     def units(self) -> dict[str, str]:
         """Return the unit of each wanted column, by its name."""
-        return {match.column.name: match.unit for match in self.matches}
+        return {match.name: match.unit for match in self.matches}
 
-    def map(self, function: Callable[[Rows], _T], workers: int | None = None) -> Iterator[tuple[_T, int]]:
+    def map(
+        self, function: Callable[[Rows], _T], workers: int | None = None, *, empty: bool = False
+    ) -> Iterator[tuple[_T, int]]:
         """Apply `function` to every block, in the order of the file, a few blocks at a time.
 
         Parameters
@@ -115,6 +131,8 @@ class Table(abc.ABC):
             Of one `Rows`; called in threads.
         workers : int, optional
             Threads; the number of processors, at most 4, when left out.
+        empty : bool
+            Whether a file without rows will do.
 
         Yields
         ------
@@ -125,14 +143,14 @@ class Table(abc.ABC):
         ------
         InputFileError
             At the first fault in the file, after the results of the blocks before it; also when the file
-            has no rows.
+            has no rows, unless that will do.
         """
         workers = workers or max(1, min(4, os.cpu_count() or 1))
         rows = 0
 
         def work(block: _Block) -> tuple[_T | None, int, int]:
             parsed = self._parse(block)
-            n = len(parsed.values[0])
+            n = parsed.batch.num_rows
             return (function(parsed) if n else None), n, block.amount
 
         pending: deque[Future[tuple[_T | None, int, int]]] = deque()
@@ -161,12 +179,23 @@ class Table(abc.ABC):
                     future.cancel()
         if fault:
             raise fault
-        if not rows:
+        if not (rows or empty):
             raise InputFileError(self.file, self._end_place(), "no rows", "at least one row under the header")
 
     @abc.abstractmethod
     def close(self) -> None:
         """Close the file."""
+
+    def _want(
+        self, texts: Sequence[str], columns: Sequence[Column] | EveryColumn, *, numbered: bool = False
+    ) -> None:
+        """Find the wanted columns among the names of all."""
+        found = match_columns(texts, columns, self.file, self.header, numbered=numbered)
+        self.matches = [match for match in found if not match.holds_text]
+        self.text = [match for match in found if match.holds_text]
+        self._names_stand_in = ""
+        if isinstance(columns, EveryColumn) and columns.text:
+            self._names_stand_in = f" (text stands in {' and '.join(map(repr, columns.text))} alone)"
 
     def __enter__(self) -> Table:
         return self
@@ -187,7 +216,9 @@ class Table(abc.ABC):
         """Name the place where the first row was expected."""
 
 
-def open_table(path: str | os.PathLike[str], columns: Sequence[Column], *, keep_text: bool = True) -> Table:
+def open_table(
+    path: str | os.PathLike[str], columns: Sequence[Column] | EveryColumn, *, keep_text: bool = True
+) -> Table:
     """Open a CSV or Parquet file for reading in blocks.
 
     What the file is, is told from its first bytes, not from its name.
@@ -196,7 +227,7 @@ def open_table(path: str | os.PathLike[str], columns: Sequence[Column], *, keep_
     ----------
     path : str or os.PathLike
         ``"-"`` reads CSV from standard input.
-    columns : sequence of Column
+    columns : sequence of Column, or EveryColumn
         The columns that are needed, by name and quantity.
     keep_text : bool
         Whether the needed columns of a CSV file stand in `Rows.batch` letter for letter, or as numbers (in
@@ -238,6 +269,30 @@ def open_table(path: str | os.PathLike[str], columns: Sequence[Column], *, keep_
         raise
 
 
+def open_frame(frame: Any, columns: EveryColumn, name: str) -> Table:
+    """Open a table that is in memory, as `open_table` opens a Parquet file.
+
+    Parameters
+    ----------
+    frame : mapping, DataFrame or Arrow table
+        A mapping from column names to sequences, a DataFrame of pandas or Polars (anything with `columns` and
+        columns that `numpy.asarray` takes), or anything with Arrow's interface (``__arrow_c_stream__``).
+    columns : EveryColumn
+    name : str
+        What stands for the file's name in error messages.
+
+    Returns
+    -------
+    Table
+
+    Raises
+    ------
+    InputFileError
+        When it is no table, or a column does not hold what it should.
+    """
+    return _FrameTable(name, frame, columns)
+
+
 def _unreadable(file: str, error: BaseException) -> InputFileError:
     reason = (getattr(error, "strerror", None) or str(error).partition("\n")[0]).rstrip(".")
     return InputFileError(file, "file", f"cannot be read ({reason})", _READABLE)
@@ -247,9 +302,16 @@ class _CsvTable(Table):
     """A CSV file or pipe."""
 
     amount_unit = "B"
+    counted = "line"
 
     def __init__(
-        self, file: str, raw: IO[bytes], columns: Sequence[Column], keep_text: bool, *, closes: bool = True
+        self,
+        file: str,
+        raw: IO[bytes],
+        columns: Sequence[Column] | EveryColumn,
+        keep_text: bool,
+        *,
+        closes: bool = True,
     ) -> None:
         self.file = file
         self._raw = raw
@@ -267,8 +329,8 @@ class _CsvTable(Table):
         self._next_line = 1
         texts, self._rest = self._read_header()
         self._width = len(texts)
-        place = f"line {self._next_line - 1}"
-        self.matches = match_columns(texts, columns, file, place, numbered=True)
+        self.header = f"line {self._next_line - 1}"
+        self._want(texts, columns, numbered=True)
         self._keep_text = keep_text
         types = [pa.string()] * self._width
         if not keep_text:
@@ -430,19 +492,21 @@ class _CsvTable(Table):
                 raise self._ragged(data, block.first, str(error)) from None
         if b'"' in data and table.num_rows != sum(1 for _ in _numbered_lines(data, 0)):
             raise self._ragged(data, block.first, "quotation marks inside a cell")
-        numbers, values = self._values(table, data, block.first)
+        numbers, values, text = self._values(table, data, block.first)
         arrays = [column.combine_chunks() for column in table.columns]
         if not self._keep_text:
             for match, column in zip(self.matches, numbers, strict=True):
                 arrays[match.index] = pa.array(column)
-        return Rows(values, pa.RecordBatch.from_arrays(arrays, schema=self.schema))
+        batch = pa.RecordBatch.from_arrays(arrays, schema=self.schema)
+        return Rows(values, text, _line_numbers(data, block.first, table.num_rows), batch)
 
     def _values(
         self, table: pa.Table, data: bytes, first: int
-    ) -> tuple[list[NDArray[np.float64]], tuple[NDArray[np.float64], ...]]:
-        """Return the wanted columns in their own units, and in those asked for."""
+    ) -> tuple[list[NDArray[np.float64]], tuple[NDArray[np.float64], ...], tuple[pa.StringArray, ...]]:
+        """Return the wanted columns in their own units, in those asked for, and the text."""
         unscaled = []
         values = []
+        text = []
         faults: list[tuple[int, int, str]] = []
         for match in self.matches:
             column = table.column(match.index)
@@ -460,13 +524,22 @@ class _CsvTable(Table):
                 faults.append((row, match.index, column[row].as_py()))
             unscaled.append(own)
             values.append(numbers)
+        for match in self.text:
+            stripped = pc.utf8_trim_whitespace(table.column(match.index)).combine_chunks()
+            if (row := pc.index(stripped, "").as_py()) >= 0:
+                faults.append((row, match.index, ""))
+            text.append(stripped)
         if faults:
-            row, index, text = min(faults)
-            lines = _numbered_lines(data, first)
-            number = next(number for i, (number, _) in enumerate(lines) if i == row)
+            row, index, cell = min(faults)
+            number = _line_numbers(data, first, table.num_rows)[row]
+            found, expected = _cell_fault(cell)
+            if expected == "a number":
+                expected += self._names_stand_in
+            if index in {match.index for match in self.text}:
+                expected = "a name in every row"
             name = self.schema.names[index]
-            raise InputFileError(self.file, f"line {number}, column {shown(name)}", *_cell_fault(text))
-        return unscaled, tuple(values)
+            raise InputFileError(self.file, f"line {number}, column {shown(name)}", found, expected)
+        return unscaled, tuple(values), tuple(text)
 
     def _ragged(self, data: bytes, first: int, otherwise: str) -> InputFileError:
         """Find the line that has another number of cells than the header."""
@@ -497,6 +570,14 @@ def _numbered_lines(data: bytes, first: int) -> Iterator[tuple[int, bytes]]:
         line = line.removesuffix(b"\r")
         if line:
             yield number, line
+
+
+def _line_numbers(data: bytes, first: int, rows: int) -> NDArray[np.int64]:
+    """Return the line number of every row."""
+    lines = int(np.count_nonzero(np.frombuffer(data, np.uint8) == 10)) + (not data.endswith(b"\n"))
+    if lines == rows:
+        return np.arange(first, first + rows)
+    return np.array([number for number, _ in _numbered_lines(data, first)], np.int64)
 
 
 class _NoNumberError(Exception):
@@ -546,12 +627,104 @@ def _cell_fault(text: str) -> tuple[str, str]:
     return shown(stripped), "a number"
 
 
-class _ParquetTable(Table):
-    """A Parquet file."""
+class _ArrowTable(Table):
+    """A table whose columns have types."""
 
     amount_unit = " rows"
+    counted = "row"
+    header = "schema"
 
-    def __init__(self, file: str, raw: IO[bytes], columns: Sequence[Column]) -> None:
+    def _check_types(self) -> None:
+        for matches, fits, expected in (
+            (self.matches, _holds_numbers, f"numbers{self._names_stand_in}"),
+            (self.text, _holds_names, "names"),
+        ):
+            for match in matches:
+                kind = self.schema.field(match.index).type
+                if not fits(kind):
+                    place = f"column {shown(match.text)}"
+                    raise InputFileError(self.file, place, f"the type {shown(str(kind))}", expected)
+
+    def _end_place(self) -> str:
+        return "file"
+
+    @abc.abstractmethod
+    def _damaged(self, error: BaseException) -> InputFileError:
+        """Say that what Arrow was given is none of its data."""
+
+    def _parse(self, block: _Block) -> Rows:
+        batch: pa.RecordBatch = block.data
+        values = []
+        text = []
+        faults: list[tuple[int, int, str]] = []
+        try:
+            for match in self.matches:
+                column = batch.column(match.index)
+                numbers = _plain(column).cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
+                with np.errstate(over="ignore"):
+                    numbers = numbers * match.factor if match.factor != 1.0 else numbers
+                finite = np.isfinite(numbers)
+                if not finite.all():
+                    row = int(np.argmin(finite))
+                    faults.append((row, match.index, _cell_text(column, row)))
+                values.append(numbers)
+            for match in self.text:
+                column = batch.column(match.index)
+                names = pc.utf8_trim_whitespace(_plain(column).cast(pa.string()))
+                missing = _is_missing(_plain(column), names)
+                if missing.any():
+                    row = int(np.argmax(missing))
+                    faults.append((row, match.index, _cell_text(column, row)))
+                text.append(names)
+        except _ARROW_ERRORS as error:
+            raise self._damaged(error) from None
+        if faults:
+            row, index, found = min(faults)
+            expected = "a finite number (leave out rows without a measurement)"
+            if index in {match.index for match in self.text}:
+                expected = "a name in every row"
+            raise InputFileError(
+                self.file,
+                f"row {block.first + row} (from 0), column {shown(self.schema.names[index])}",
+                found,
+                expected,
+            )
+        return Rows(tuple(values), tuple(text), np.arange(block.first, block.first + len(batch)), batch)
+
+
+def _plain(column: pa.Array) -> pa.Array:
+    return column.dictionary_decode() if pa.types.is_dictionary(column.type) else column
+
+
+def _is_missing(column: pa.Array, names: pa.StringArray) -> NDArray[np.bool_]:
+    missing = pc.fill_null(pc.equal(names, ""), True).to_numpy(zero_copy_only=False)
+    if pa.types.is_floating(column.type):
+        missing = missing | ~np.isfinite(column.to_numpy(zero_copy_only=False))
+    return np.asarray(missing)
+
+
+def _cell_text(column: pa.Array, row: int) -> str:
+    cell = column[row].as_py()
+    return "an empty cell" if cell is None or cell == "" else shown(cell)
+
+
+def _holds_numbers(kind: pa.DataType) -> bool:
+    if pa.types.is_dictionary(kind):
+        kind = kind.value_type
+    return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind))
+
+
+def _holds_names(kind: pa.DataType) -> bool:
+    if pa.types.is_dictionary(kind):
+        kind = kind.value_type
+    text = pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_string_view(kind)
+    return bool(text or _holds_numbers(kind))
+
+
+class _ParquetTable(_ArrowTable):
+    """A Parquet file."""
+
+    def __init__(self, file: str, raw: IO[bytes], columns: Sequence[Column] | EveryColumn) -> None:
         import pyarrow.parquet as pq
 
         self.file = file
@@ -560,18 +733,12 @@ class _ParquetTable(Table):
         try:
             # A small read buffer keeps a row group of any size from being read at once.
             self._parquet = pq.ParquetFile(raw, buffer_size=1 << 20, pre_buffer=False)
-            schema = self._parquet.schema_arrow.remove_metadata()
+            self.schema = self._parquet.schema_arrow.remove_metadata()
             self.total = self._parquet.metadata.num_rows
         except _ARROW_ERRORS as error:
             raise self._damaged(error) from None
-        self.schema = schema
-        self.matches = match_columns(schema.names, columns, file, "schema", numbered=False)
-        for match in self.matches:
-            kind = schema.field(match.index).type
-            if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)):
-                raise InputFileError(
-                    file, f"column {shown(match.text)}", f"the type {shown(str(kind))}", "numbers"
-                )
+        self._want(self.schema.names, columns)
+        self._check_types()
 
     def close(self) -> None:
         self._raw.close()
@@ -586,42 +753,40 @@ class _ParquetTable(Table):
                 raise
             raise self._damaged(error) from None
 
-    def _end_place(self) -> str:
-        return "file"
-
     def _damaged(self, error: BaseException) -> InputFileError:
         reason = str(error).partition("\n")[0].rstrip(".")
         return InputFileError(
             self.file, "file", f"damaged Parquet data ({shown(reason, 120)[1:-1]})", "a complete Parquet file"
         )
 
-    def _parse(self, block: _Block) -> Rows:
-        batch: pa.RecordBatch = block.data
-        values = []
-        faults: list[tuple[int, int, str]] = []
-        for match in self.matches:
-            try:
-                column = batch.column(match.index)
-                numbers = column.cast(pa.float64()).to_numpy(zero_copy_only=False)
-            except _ARROW_ERRORS as error:
-                raise self._damaged(error) from None
-            with np.errstate(over="ignore"):
-                numbers = numbers * match.factor if match.factor != 1.0 else numbers
-            finite = np.isfinite(numbers)
-            if not finite.all():
-                row = int(np.argmin(finite))
-                text = "an empty cell" if column.is_null()[row].as_py() else shown(column[row])
-                faults.append((row, match.index, text))
-            values.append(numbers)
-        if faults:
-            row, index, text = min(faults)
-            raise InputFileError(
-                self.file,
-                f"row {block.first + row} (from 0), column {shown(self.schema.names[index])}",
-                text,
-                "a finite number (leave out rows without a measurement)",
-            )
-        return Rows(tuple(values), batch)
+
+class _FrameTable(_ArrowTable):
+    """A table that is in memory."""
+
+    header = "columns"
+
+    def __init__(self, name: str, frame: Any, columns: EveryColumn) -> None:
+        self.file = name
+        self._table = as_arrow(frame, name)
+        self.schema = self._table.schema
+        self.total = self._table.num_rows
+        self._want(self.schema.names, columns)
+        self._check_types()
+
+    def close(self) -> None:
+        pass
+
+    def _blocks(self) -> Iterator[_Block]:
+        first = 0
+        for batch in self._table.to_batches(max_chunksize=BLOCK_ROWS):
+            yield _Block(batch, first, len(batch))
+            first += len(batch)
+
+    def _damaged(self, error: BaseException) -> InputFileError:
+        reason = str(error).partition("\n")[0].rstrip(".")
+        return InputFileError(
+            self.file, "columns", f"what Arrow cannot read ({reason})", "a table of numbers"
+        )
 
 
 def _read(stream: Any, size: int) -> bytes:

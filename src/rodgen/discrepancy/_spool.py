@@ -1,0 +1,105 @@
+"""Arrays that may be larger than memory: small ones in memory, large ones in temporary files without a name.
+
+Such a file is gone when its array is, also when the process is killed, because it never had a name.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterator
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from rodgen.errors import InputFileError
+
+__all__ = ["GrowingArray", "empty"]
+
+IN_MEMORY = 16 << 20
+"""Bytes up to which an array stays in memory: a file costs no time that one notices from there on."""
+
+
+class GrowingArray:
+    """A column that is appended to block by block.
+
+    Parameters
+    ----------
+    dtype : data-type
+
+    Examples
+    --------
+    >>> column = GrowingArray(float)
+    >>> column.append(np.array([1.0, 2.0]))
+    >>> column.append(np.array([3.0]))
+    >>> column.array()
+    array([1., 2., 3.])
+    """
+
+    def __init__(self, dtype: DTypeLike) -> None:
+        self._dtype = np.dtype(dtype)
+        self._length = 0
+        self._blocks: list[NDArray[Any]] = []
+        self._file: IO[bytes] | None = None
+
+    def append(self, block: NDArray[Any]) -> None:
+        """Append a block; it is kept, not copied, while the column is small."""
+        self._blocks.append(np.ascontiguousarray(block, self._dtype))
+        self._length += len(block)
+        if self._file is None and self._length * self._dtype.itemsize <= IN_MEMORY:
+            return
+        with _disk_faults():
+            self._file = self._file or tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the array
+            for each in self._blocks:
+                self._file.write(each.data)
+        self._blocks = []
+
+    def array(self) -> NDArray[Any]:
+        """Return all of it, read-only; nothing can be appended any more."""
+        if self._file is None:
+            whole = np.concatenate([np.empty(0, self._dtype), *self._blocks])
+            self._blocks = []
+        else:
+            with _disk_faults():
+                self._file.flush()
+            whole = np.memmap(self._file, self._dtype, "r", shape=(self._length,)).view(np.ndarray)
+            self._file.close()  # the mapping holds it
+        whole.flags.writeable = False
+        return whole
+
+
+def empty(shape: tuple[int, ...], dtype: DTypeLike = np.float64) -> NDArray[Any]:
+    """Return a writable array of any content, in a temporary file when it is large.
+
+    Parameters
+    ----------
+    shape : tuple of int
+    dtype : data-type
+
+    Raises
+    ------
+    InputFileError
+        When the folder of temporary files has no room for it.
+    """
+    size = int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize
+    if size <= IN_MEMORY:
+        return np.empty(shape, dtype)
+    with _disk_faults(), tempfile.TemporaryFile() as file:
+        # A mapping of a file with holes ends the process where the disk is full: ask for the room first.
+        if hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(file.fileno(), 0, size)
+        return np.memmap(file, dtype, "w+", shape=shape).view(np.ndarray)
+
+
+@contextlib.contextmanager
+def _disk_faults() -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or str(error)
+        expected = "room for the columns of a large table (TMPDIR names another folder)"
+        raise InputFileError(
+            tempfile.gettempdir(), "file", f"cannot be written ({reason})", expected
+        ) from None
