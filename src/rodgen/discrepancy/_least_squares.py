@@ -22,8 +22,10 @@ __all__ = ["Solution", "minimise"]
 Array: TypeAlias = NDArray[np.float64]
 
 MAX_ITERATIONS = 200
-SMALL_GAIN = 1e-13
-"""A predicted fall of the cost below this part of it is rounding: sums of many squares are good to about 1e-13."""
+SMALL_STEP = 1e-4
+"""Steps below this part of a standard deviation, in any direction, change nothing that the data could tell."""
+ROUNDING = 1e-13
+"""A predicted fall of the cost below this part of it is rounding: sums of many squares are good to about that."""
 EXACT = 1e-30
 """Cost, relative to the sum of squares of the weighted readings, at which data without noise are met."""
 
@@ -85,6 +87,8 @@ def minimise(
     if not len(index):
         return Solution(theta, frame, cost)
     floor = EXACT * problem.scale
+    left = max(problem.rows * problem.components - len(index), 1)
+    small = max(SMALL_STEP**2 / left, ROUNDING)
     damping, growth, iteration = 1e-3, 2.0, 0
     for iteration in range(1, max_iterations + 1):
         scale = np.sqrt(np.diag(square)[index])
@@ -95,7 +99,7 @@ def minimise(
         while True:
             step_along = -along / (values + damping)
             predicted = -2 * step_along @ along - step_along @ (values * step_along)
-            if predicted <= SMALL_GAIN * cost or cost <= floor:
+            if predicted <= small * cost or cost <= floor:
                 return Solution(theta, frame, cost, iteration, True)
             step = np.zeros(len(theta))
             step[index] = vectors @ step_along / scale

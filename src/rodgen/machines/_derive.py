@@ -393,10 +393,14 @@ class _Model:
             if s.moving:
                 x = x + self.known("frame") + self.freedoms("frame", "xyz")
             x = self.let("seen", x)
-        for n, term in enumerate(s.terms):
-            if term.component == "factor":
-                x = self.let("scaled", x * (1 + self.term(n)))
-        return x
+        return x * self.factor() if s.kind == "point" else x
+
+    def factor(self) -> sp.Expr:
+        """Return what the instrument multiplies its readings by."""
+        terms = enumerate(self.structure.terms)
+        return self.let(
+            "factor", sp.Mul(*(1 + self.term(n) for n, term in terms if term.component == "factor"))
+        )
 
     def kernel(self) -> Kernel:
         s = self.structure
@@ -411,7 +415,8 @@ class _Model:
             residual = sp.Matrix(reading) - place
         elif s.kind == "distance":
             arm = self.let("arm", place - self.known("origin"))
-            residual = sp.Matrix([reading[0] - self.let("distance", sp.sqrt(arm.dot(arm)))])
+            distance = self.let("distance", sp.sqrt(arm.dot(arm)) * self.factor())
+            residual = sp.Matrix([reading[0] - distance])
         else:
             measured, first, second = (sp.Matrix(reading[i : i + 3]) for i in (0, 3, 6))
             factor = self.let("stereographic", -2 / (1 + measured.dot(place)))

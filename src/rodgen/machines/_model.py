@@ -97,7 +97,8 @@ class Model:
         self.keys = {p.key: i for i, p in enumerate(self.parameters)}
         self.travel = self._travel(travel)
         self._bases = [complete_basis(np.array(joint.axis)) for joint in machine.joints]
-        self._target_bases = [complete_basis(np.array(t.point)) for t in machine.targets]
+        directions = machine.targets if machine.measured.kind == "direction" else ()
+        self._target_bases = [complete_basis(np.array(t.point)) for t in directions]
 
     def _travel(self, travel: Any) -> Array:
         given = [joint.travel for joint in self.machine.joints]
