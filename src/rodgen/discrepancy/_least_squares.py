@@ -3,6 +3,10 @@
 The normal equations are scaled to a unit diagonal and decomposed once for each Jacobian, so that every damping that is
 tried costs only one evaluation of the residuals. A direction that the data do not determine has the eigenvalue zero
 there; the damping keeps the step in it at zero.
+
+A direction that the data hardly determine makes a narrow valley, and where angles are among the parameters it is
+curved: straight steps creep along it. So a fit that has not ended after a few steps takes the curvature of the residuals
+along the step into account (geodesic acceleration: Transtrum and Sethna 2012).
 """
 
 from __future__ import annotations
@@ -26,6 +30,12 @@ SMALL_STEP = 1e-4
 """Steps below this part of a standard deviation, in any direction, change nothing that the data could tell."""
 ROUNDING = 1e-13
 """A predicted fall of the cost below this part of it is rounding: sums of many squares are good to about that."""
+STRAIGHT = 6
+"""Iterations without acceleration: a usual fit has ended by then."""
+PROBE = 0.1
+"""Part of the step at which the curvature is measured."""
+LARGEST_BEND = 0.75
+"""The acceleration may be so large a part of the step; beyond, the damping grows (Transtrum and Sethna 2012)."""
 EXACT = 1e-30
 """Cost, relative to the sum of squares of the weighted readings, at which data without noise are met."""
 
@@ -103,6 +113,14 @@ def minimise(
                 return Solution(theta, frame, cost, iteration, True)
             step = np.zeros(len(theta))
             step[index] = vectors @ step_along / scale
+            straight = iteration <= STRAIGHT
+            if not straight:
+                probe = _moved(problem, theta, frame, PROBE * step)
+                bend = problem.bend(theta, frame, probe, step, PROBE)[index] / scale
+                along_bend = -(vectors.T @ bend) / (values + damping) / 2
+                straight = not np.linalg.norm(along_bend) <= LARGEST_BEND / 2 * np.linalg.norm(step_along)
+                if not straight:
+                    step[index] += vectors @ along_bend / scale
             new_theta, new_frame = _moved(problem, theta, frame, step)
             new_cost = problem.cost(new_theta, new_frame)
             if new_cost < cost:

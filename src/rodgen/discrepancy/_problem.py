@@ -233,6 +233,32 @@ class Problem:
             b += slots.T @ gradient
         return cost, A, b
 
+    def bend(self, theta: Array, frame: Frame, moved: tuple[Array, Frame], step: Array, part: float) -> Array:
+        """Return Jᵀr″, r″ the second derivative of the residuals along a step, (parameters,).
+
+        Parameters
+        ----------
+        theta, frame : ndarray, Frame
+        moved : tuple of ndarray and Frame
+            After `part` of the step.
+        step : ndarray, shape (parameters,)
+        part : float
+        """
+        full, value = self.model.kernels["residual_and_jacobian"], self.model.kernels["residual"]
+        e, moved_e = self.model.parameters_of_effects(theta), self.model.parameters_of_effects(moved[0])
+        geometries, moved_geometries = self._geometries(theta, frame), self._geometries(*moved)
+        slots = [self.model.slots(theta, group.target, group.run) for group in self.groups]
+
+        def of_block(number: int, group: _Group, start: int, stop: int) -> Array:
+            rows = self._block(number, group, start, stop)
+            residual, jacobian = full(rows, geometries[number], e)
+            flat = jacobian.reshape(-1, jacobian.shape[-1])
+            there = value(rows, moved_geometries[number], moved_e).ravel()
+            second = 2 / part * ((there - residual.ravel()) / part - flat @ (slots[number] @ step))
+            return np.asarray(slots[number].T @ (flat.T @ second))
+
+        return np.sum(list(self._each(of_block)), axis=0)
+
     def residuals(self, theta: Array, frame: Frame, *, weighted: bool = False) -> Array:
         """Return measured less predicted, (n, m), in the order of the data; internal units, or times the weight."""
         kernel, e = self.model.kernels["residual"], self.model.parameters_of_effects(theta)
