@@ -5,8 +5,8 @@ tried costs only one evaluation of the residuals. A direction that the data do n
 there; the damping keeps the step in it at zero.
 
 A direction that the data hardly determine makes a narrow valley, and where angles are among the parameters it is
-curved: straight steps creep along it. So a fit that has not ended after a few steps takes the curvature of the residuals
-along the step into account (geodesic acceleration: Transtrum and Sethna 2012).
+curved: straight steps creep along it. So a fit that has not ended after a few steps takes the curvature of the
+residuals along the step into account (geodesic acceleration: Transtrum and Sethna 2012).
 """
 
 from __future__ import annotations

@@ -92,26 +92,27 @@ class Problem:
     # the rows of the kernels ---------------------------------------------------------------------------------
 
     def _check_columns(self) -> None:
-        o, joints = self.observations, self.model.machine.joints
-        for n, term in enumerate(self.model.structure.terms):
-            effect = row_effects(self.model.machine)[n]
-            where = f" at {effect.place}" if effect.place else ""
+        """Refuse data without a column that an effect needs."""
+        o = self.observations
+        effects = row_effects(self.model.machine)
+        for effect, term in zip(effects, self.model.structure.terms, strict=True):
             for name, (kind, of) in term.columns:
-                missing = {
-                    "T": lambda: (
-                        f"T_{joints[of].name} [degC]" if joints[of].name not in o.temperature else ""
-                    ),
-                    "t": lambda: "t [s]" if o.t is None else "",
-                    "F": lambda: "load [N]" if o.load is None else "",
-                    "x": lambda: str(of) if of not in o.covariates else "",
-                }.get(kind, lambda: "")()
-                if missing:
-                    raise InputFileError(
-                        o.data.file,
-                        o.data.header_place,
-                        f"no column {missing!r}",
-                        f"one, because the effect {effect.name}{where} uses {name}",
-                    )
+                column = self._missing(kind, of)
+                if column:
+                    expected = f"one, because the effect {effect.title} uses {name}"
+                    raise InputFileError(o.data.file, o.data.header_place, f"no column {column!r}", expected)
+
+    def _missing(self, kind: str, of: Any) -> str:
+        """Return the name of the column that is not there, or nothing."""
+        o = self.observations
+        if kind == "T":
+            joint = self.model.machine.joints[of].name
+            return "" if joint in o.temperature else f"T_{joint} [degC]"
+        if kind == "t":
+            return "" if o.t is not None else "t [s]"
+        if kind == "F":
+            return "" if o.load is not None else "load [N]"
+        return "" if kind != "x" or of in o.covariates else str(of)
 
     def _base_weight(self) -> Array:
         o = self.observations
@@ -191,7 +192,7 @@ class Problem:
     # evaluation ----------------------------------------------------------------------------------------------
 
     def _geometries(self, theta: Array, frame: Frame) -> list[Array]:
-        return [self.model.geometry(theta, frame, group.target, group.run) for group in self.groups]
+        return self.model.geometries(theta, frame, [(group.target, group.run) for group in self.groups])
 
     def cost(self, theta: Array, frame: Frame) -> float:
         """Return the sum of the squares of the weighted residuals; infinite where one is not finite."""

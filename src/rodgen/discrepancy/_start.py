@@ -13,7 +13,7 @@ from rodgen.discrepancy._least_squares import Solution, minimise
 from rodgen.discrepancy._problem import Problem
 from rodgen.machines._model import Frame
 
-__all__ = ["nearest_frame", "placed", "searched"]
+__all__ = ["linear_falls", "nearest_frame", "placed", "searched"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -104,14 +104,23 @@ def searched(problem: Problem, solution: Solution, free: Sequence[int], new: Seq
         best = (-np.inf, theta[index])
         for value in _grid(problem, index):
             theta[index] = value
-            best = max(best, (_linear_fall(problem, theta, solution.frame, others), value))
+            fall = _fall(*problem.normal_equations(theta, solution.frame), others)
+            best = max(best, (fall, value))
         theta[index] = best[1]
     return replace(solution, theta=theta)
 
 
-def _linear_fall(problem: Problem, theta: Array, frame: Frame, free: Sequence[int]) -> float:
+def linear_falls(
+    problem: Problem, solution: Solution, free: Sequence[int], new: Sequence[int]
+) -> list[float]:
+    """Return by how much a Gauss-Newton step with each further parameter would lower the cost of a fit."""
+    equations = problem.normal_equations(solution.theta, solution.frame)
+    alone = _fall(*equations, free)
+    return [_fall(*equations, [*free, index]) - alone for index in new]
+
+
+def _fall(cost: float, square: Array, gradient: Array, free: Sequence[int]) -> float:
     """Return by how much a Gauss-Newton step would lower the cost."""
-    cost, square, gradient = problem.normal_equations(theta, frame)
     if not np.isfinite(cost):
         return -np.inf
     index = np.asarray(free, int)

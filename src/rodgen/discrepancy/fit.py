@@ -15,11 +15,11 @@ from rodgen.discrepancy._determinacy import Determinacy, determinacy
 from rodgen.discrepancy._least_squares import Solution, minimise
 from rodgen.discrepancy._noise import LackOfFit, NoiseFloor, lack_of_fit, noise_floor
 from rodgen.discrepancy._problem import Problem
-from rodgen.discrepancy._start import placed, searched
+from rodgen.discrepancy._start import linear_falls, placed, searched
 from rodgen.discrepancy._summary import as_dict, as_text
 from rodgen.discrepancy.measurements import Measurements
 from rodgen.errors import RodgenError
-from rodgen.machines._model import Frame, Model
+from rodgen.machines._model import Model
 from rodgen.machines._parameters import Parameter
 from rodgen.machines._rigid import rotation_vector
 from rodgen.machines.machine import Machine
@@ -279,18 +279,25 @@ def _stages(model: Model, estimated: Sequence[int]) -> list[list[int]]:
 
 
 def _called_for(problem: Problem, solution: Solution, free: list[int]) -> tuple[Solution, list[int]]:
-    """Take in the weights at later joints one after the other while the data call for them."""
-    model = problem.model
-    waiting = [i for i, p in enumerate(model.parameters) if p.optional and p.hold is None]
+    """Take in the weights at later joints one after the other while the data call for them.
+
+    The fall of the cost that a linear step promises decides which is tried, and the fall that a fit brings, whether it
+    stays: by more than 12 + ln(rows) variances, the measure by which effects are told apart.
+    """
+    waiting = [i for i, p in enumerate(problem.model.parameters) if p.optional and p.hold is None]
     readings = problem.rows * problem.components
     while waiting:
-        tried = [(minimise(problem, solution.theta, solution.frame, [*free, i]), i) for i in waiting]
-        best, index = min(tried, key=lambda t: t[0].cost)
+        promised = linear_falls(problem, solution, free, waiting)
+        index = waiting[int(np.argmax(promised))]
         left = max(readings - len(free) - 1, 1)
-        variance = 1.0 if problem.observations.sigma is not None else best.cost / left
-        if solution.cost - best.cost < variance * (12 + np.log(problem.rows)):
+        variance = 1.0 if problem.observations.sigma is not None else solution.cost / left
+        needed = variance * (12 + np.log(problem.rows))
+        if max(promised) < needed:
             break
-        solution, free = best, [*free, index]
+        better = minimise(problem, solution.theta, solution.frame, [*free, index])
+        if solution.cost - better.cost < needed:
+            break
+        solution, free = better, [*free, index]
         waiting.remove(index)
     return solution, free
 
@@ -299,4 +306,5 @@ def _not_finite(problem: Problem, solution: Solution) -> str:
     bad = ~np.isfinite(problem.residuals(solution.theta, solution.frame)).all(axis=1)
     row = int(np.argmax(bad))
     place = problem.observations.data.place(row)
-    return f"{problem.observations.data.file}: {place}: the model is not finite here; expected formulas and numbers that are"
+    file = problem.observations.data.file
+    return f"{file}: {place}: the model is not finite here; expected formulas and numbers that are"

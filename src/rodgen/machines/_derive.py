@@ -54,9 +54,9 @@ def derive_kernels(structure: Structure) -> list[Kernel]:
     Returns
     -------
     list of Kernel
-        With the inputs ``rows``, ``g``, ``e``; see :mod:`rodgen.machines._structure` for their layouts. ``place`` has the
-        output ``place``: the predicted point or direction; ``residual`` measured less predicted, times the weight;
-        ``residual_and_jacobian`` that and ``residual_jacobian``, (components, slots).
+        With the inputs ``rows``, ``g``, ``e``; see :mod:`rodgen.machines._structure` for their layouts. ``place``
+        has the output ``place``: the predicted point or direction; ``residual`` measured less predicted, times the
+        weight; ``residual_and_jacobian`` that and ``residual_jacobian``, (components, slots).
     """
     place = _Model(structure, "place", with_residual=False).kernel()
     residual = _Model(structure, "residual").kernel()
@@ -309,11 +309,8 @@ class _Model:
 
     def target(self) -> Vector:
         s = self.structure
-        if s.moving:
-            value = self.known("target") + self.freedoms("target", "xyz")
-        else:
-            value = self.varied("target", 0)
-        value = self.let("target", value)
+        free = self.known("target") + self.freedoms("target", "xyz") if s.moving else self.varied("target", 0)
+        value = self.let("target", free)
         return self.displaced(
             value, [n for n, term in enumerate(s.terms) if term.target], sp.zeros(3, 1), None
         )
@@ -442,7 +439,7 @@ def _without_freedoms(kernel: Kernel) -> Kernel:
     ports = [port for port in kernel.inputs if port.name == "freedom"]
     if not ports:
         return kernel
-    zero = {symbol: sp.S.Zero for symbol in ports[0].symbols}
+    zero = dict.fromkeys(ports[0].symbols, sp.S.Zero)
     steps = [Assignment(a.symbol, a.value.xreplace(zero)) for a in kernel.assignments]
     inputs = [port for port in kernel.inputs if port.name != "freedom"]
     return finish(kernel.name, kernel.summary, kernel.source, inputs, kernel.outputs, steps, kernel.notes)

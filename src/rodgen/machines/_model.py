@@ -96,6 +96,7 @@ class Model:
         self.index = {p.slot: i for i, p in enumerate(self.parameters)}
         self.keys = {p.key: i for i, p in enumerate(self.parameters)}
         self.travel = self._travel(travel)
+        self._row_effects = row_effects(machine)
         self._bases = [complete_basis(np.array(joint.axis)) for joint in machine.joints]
         directions = machine.targets if machine.measured.kind == "direction" else ()
         self._target_bases = [complete_basis(np.array(t.point)) for t in directions]
@@ -153,8 +154,8 @@ class Model:
         turn = [self.value(theta, "shift", run, x) for x in ("rx", "ry", "rz")]
         return np.array(turn), np.array([self.value(theta, "shift", run, x) for x in "xyz"])
 
-    def geometry(self, theta: Array, frame: Frame, target: int, run: int = 0) -> Array:
-        """Return the kernel's vector ``g``.
+    def geometries(self, theta: Array, frame: Frame, groups: Sequence[tuple[int, int]]) -> list[Array]:
+        """Return the kernel's vector ``g`` for several pairs of target and set-up.
 
         Parameters
         ----------
@@ -162,50 +163,63 @@ class Model:
             Internal units.
         frame : Frame
             Of the measurements; used where it is free.
-        target, run : int
+        groups : sequence of (int, int)
             Number of the target that is seen, and of the set-up.
         """
-        return np.concatenate(
-            [
-                np.ravel(self._part(name, number, theta, frame, target, run))
-                for name, number, _ in self.structure.geometry
-            ]
-        )
+        common = self._common(theta, frame)
+        return [self._filled(common, self._of_group(theta, target, run)) for target, run in groups]
 
-    def _part(self, name: str, number: int, theta: Array, frame: Frame, target: int, run: int) -> Any:
-        if name.startswith("axis"):
-            axis, by = self.axis(theta, number)
-            return {"axis": axis, "axis_by_a": by[:, 0], "axis_by_b": by[:, 1]}[name]
-        if name.startswith("target"):
-            point, by = self.target(theta, target)
-            return {"target": point, "target_by_a": by[:, 0], "target_by_b": by[:, 1]}[name]
-        if name == "point":
-            return self.point(theta, number)
-        if name in {"u", "v"}:
-            return self._bases[number]["uv".index(name)]
-        if name == "start":
-            return self.travel[number, 0]
-        if name == "length":
-            return self.travel[number, 1] - self.travel[number, 0]
-        if name == "centre":
-            return np.mean([self.target(theta, k)[0] for k in range(len(self.machine.targets))], axis=0)
-        if name == "gravity":
-            return self.machine.gravity
-        if name == "shift_rotation":
-            return rotation_matrix(self.shift(theta, run)[0])
-        if name == "shift_turns":
-            return left_jacobian(self.shift(theta, run)[0])
-        if name == "shift":
-            return self.shift(theta, run)[1]
-        if name == "frame_rotation":
-            return frame.rotation
-        if name == "frame":
-            return frame.position
-        if name == "origin":
-            return self.machine.measured.origin
-        if name == "acts":
-            return float(row_effects(self.machine)[number].place == self.machine.targets[target].name)
-        raise KeyError(name)
+    def geometry(self, theta: Array, frame: Frame, target: int, run: int = 0) -> Array:
+        """Return the kernel's vector ``g`` for one target and set-up; see :meth:`geometries`."""
+        return self.geometries(theta, frame, [(target, run)])[0]
+
+    def _filled(self, common: Mapping[Any, Any], own: Mapping[Any, Any]) -> Array:
+        g = np.empty(sum(length for _, _, length in self.structure.geometry))
+        start = 0
+        for name, number, length in self.structure.geometry:
+            key = (name, number)
+            g[start : start + length] = own[key] if key in own else common[key]
+            start += length
+        return g
+
+    def _common(self, theta: Array, frame: Frame) -> dict[tuple[str, int], Any]:
+        """Return the parts of ``g`` that all targets and set-ups share."""
+        parts: dict[tuple[str, int], Any] = {
+            ("frame_rotation", 0): frame.rotation.ravel(),
+            ("frame", 0): frame.position,
+            ("gravity", 0): self.machine.gravity,
+            ("origin", 0): self.machine.measured.origin,
+        }
+        for j, joint in enumerate(self.structure.joints):
+            parts["axis", j] = self.machine.joints[j].axis
+            if joint.axis:
+                parts["axis", j], by = self.axis(theta, j)
+                parts["axis_by_a", j], parts["axis_by_b", j] = by.T
+            parts["point", j] = self.point(theta, j) if joint.point else self.machine.joints[j].point
+            parts["u", j], parts["v", j] = self._bases[j]
+            parts["start", j], end = self.travel[j]
+            parts["length", j] = end - self.travel[j, 0]
+        if self.structure.centre:
+            targets = range(len(self.machine.targets))
+            parts["centre", 0] = np.mean([self.target(theta, k)[0] for k in targets], axis=0)
+        return parts
+
+    def _of_group(self, theta: Array, target: int, run: int) -> dict[tuple[str, int], Any]:
+        """Return the parts of ``g`` that depend on the target or the set-up."""
+        point, by = self.target(theta, target)
+        parts: dict[tuple[str, int], Any] = {("target", 0): point}
+        if not self.structure.moving:
+            parts["target_by_a", 0], parts["target_by_b", 0] = by.T
+        if self.structure.shift:
+            turn, shift = self.shift(theta, run)
+            parts["shift_rotation", 0] = rotation_matrix(turn).ravel()
+            parts["shift_turns", 0] = left_jacobian(turn).ravel()
+            parts["shift", 0] = shift
+        name = self.machine.targets[target].name
+        for n, term in enumerate(self.structure.terms):
+            if term.target:
+                parts["acts", n] = float(self._row_effects[n].place == name)
+        return parts
 
     def slots(self, theta: Array, target: int, run: int = 0) -> Array:
         """Return the derivative of the kernel's slots with respect to the parameters, (slots, parameters)."""
