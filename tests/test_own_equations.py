@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from rodgen.codegen import KernelBuilder, KernelError
+from rodgen.codegen import KernelBuilder, KernelError, _library
 from rodgen.codegen import compile as run_time
 from rodgen.codegen.compile import cache_folder, compile_kernel, compile_kernels
 from rodgen.codegen.printers import CPrinter, NumPyPrinter
@@ -546,8 +546,8 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder = tmp_path / "cache"
     monkeypatch.setenv("RODGEN_CACHE", str(folder))
     monkeypatch.delenv("CC", raising=False)
-    run_time._notice.cache_clear()
-    run_time._version.cache_clear()
+    _library.notice.cache_clear()
+    _library.version.cache_clear()
     return folder
 
 
@@ -656,7 +656,7 @@ def test_compiled_once_then_loaded(cache, monkeypatch):
     compile_kernel(product())
     (library,) = cache.iterdir()
     before = library.stat().st_mtime_ns, library.stat().st_ino
-    monkeypatch.setattr(run_time, "_build", lambda *_: pytest.fail("compiled again"))
+    monkeypatch.setattr(_library, "_build", lambda *_: pytest.fail("compiled again"))
     assert compile_kernel(product())(np.ones(3), 2.0, np.eye(2))[2] == 1
     assert (library.stat().st_mtime_ns, library.stat().st_ino) == before
 
@@ -668,7 +668,7 @@ def test_other_flags_another_compiler_or_kernel_are_another_library(cache, monke
     monkeypatch.setattr(run_time, "FLAGS", (*run_time.FLAGS, "-DOTHER"))
     compile_kernel(product())
     assert len(list(cache.iterdir())) == 2
-    monkeypatch.setattr(run_time, "_version", lambda _: "another version")
+    monkeypatch.setattr(_library, "version", lambda _: "another version")
     compile_kernel(product())
     assert len(list(cache.iterdir())) == 3
     compile_kernel(product("renamed"))

@@ -1,34 +1,22 @@
 """Compile kernels while the program runs: C by the system's compiler, NumPy where there is none.
 
-The C of a module is compiled once into a shared library in the user's cache; its name is a hash of everything that
-the bytes depend on. The library gets its name only when it is complete, so that several processes may compile the
-same kernel at once. What is compiled or run are the lines that the printers make of a kernel's expressions; the words
-of a kernel (summary, notes, units) take no part.
+The C of a module is compiled once into a shared library in the user's cache. What is compiled or run are the lines
+that the printers make of a kernel's expressions; the words of a kernel (summary, notes, units) take no part.
 """
 
 from __future__ import annotations
 
 import ctypes
 import functools
-import hashlib
-import os
-import platform
 import re
-import shlex
-import shutil
-import stat
-import subprocess
-import sys
-import tempfile
-import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from rodgen.codegen._library import CompilerError, cache_folder, compiler, library, notice
 from rodgen.codegen.kernel import Kernel, KernelError, Port
 from rodgen.codegen.project import KernelModule, render
 
@@ -124,14 +112,15 @@ def compile_kernels(kernels: Sequence[Kernel]) -> dict[str, CompiledKernel]:
         raise KernelError(f"kernels share a name: {', '.join(kernel.name for kernel in bare)}")
     module = KernelModule("kernels", "", "", bare)
     files = render(module)
+    sources = {name: files[f"c/{name}"] for name in ("kernels.c", "kernels.h")}
     try:
-        library = _library(files["c/kernels.c"], files["c/kernels.h"])
-    except _CompilerError as error:
-        _notice(str(error))
+        made = library(tuple(sources.values()), lambda: sources, compiler(), FLAGS)
+    except CompilerError as error:
+        notice(str(error))
         functions: dict[str, Any] = {}
         exec(compile(files["numpy/kernels.py"], "<generated kernels>", "exec"), functions)
         return {k.name: CompiledKernel(k, "numpy", functions[k.name]) for k in kernels}
-    return {k.name: CompiledKernel(k, "c", functools.partial(_call, _loops(library, k), k)) for k in kernels}
+    return {k.name: CompiledKernel(k, "c", functools.partial(_call, _loops(made, k), k)) for k in kernels}
 
 
 class _Code(IntEnum):
@@ -165,128 +154,14 @@ def _bare(kernel: Kernel) -> Kernel:
     )
 
 
-# the library -----------------------------------------------------------------------------------------------
-
-
-class _CompilerError(Exception):
-    """There is no library, and why."""
-
-
-@functools.cache
-def _notice(reason: str) -> None:
-    """Warn once for each reason."""
-    warnings.warn(
-        f"kernels that are made at run time run on NumPy, not in C: {reason}",
-        RuntimeWarning,
-        stacklevel=4,
-    )
-
-
-def _compiler() -> list[str]:
-    """Return the command of the compiler."""
-    chosen = os.environ.get("CC", "").strip()
-    for command in [chosen] if chosen else ["cc", "gcc", "clang"]:
-        words = shlex.split(command)
-        found = shutil.which(words[0])
-        if found:
-            return [found, *words[1:]]
-    if chosen:
-        raise _CompilerError(f"CC names the compiler {chosen!r}, which is not there")
-    raise _CompilerError("no C compiler is found (cc, gcc or clang); install one, or name one in CC")
-
-
-@functools.cache
-def _version(command: tuple[str, ...]) -> str:
-    """Return what the compiler says of itself: the same command may be another compiler tomorrow."""
-    try:
-        done = subprocess.run([*command, "--version"], capture_output=True, text=True, timeout=60)
-    except (OSError, subprocess.SubprocessError) as error:
-        raise _CompilerError(f"{command[0]} does not run ({error})") from None
-    return done.stdout
-
-
-def cache_folder() -> Path:
-    """Return where compiled kernels are kept: ``RODGEN_CACHE``, else the platform's place for caches."""
-    if os.environ.get("RODGEN_CACHE"):
-        return Path(os.environ["RODGEN_CACHE"])
-    if os.environ.get("LOCALAPPDATA") and sys.platform == "win32":
-        return Path(os.environ["LOCALAPPDATA"]) / "rodgen" / "Cache"
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "rodgen"
-    if os.environ.get("XDG_CACHE_HOME"):
-        return Path(os.environ["XDG_CACHE_HOME"]) / "rodgen"
-    return Path.home() / ".cache" / "rodgen"
-
-
-@functools.cache
-def _folder_of_this_process() -> tempfile.TemporaryDirectory[str]:
-    return tempfile.TemporaryDirectory(prefix="rodgen-")
-
-
-def _safe_cache() -> Path:
-    """Return the cache, or a folder of this process when others could put a library into the cache."""
-    try:
-        folder = cache_folder()
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        about = folder.stat()
-        mine = not hasattr(os, "getuid") or about.st_uid == os.getuid()
-        if mine and not about.st_mode & (stat.S_IWGRP | stat.S_IWOTH) and os.access(folder, os.W_OK):
-            return folder
-    except (OSError, RuntimeError):  # no home, a file in its place, a full or read-only disk
-        pass
-    return Path(_folder_of_this_process().name)
-
-
-def _library(source: str, header: str) -> ctypes.CDLL:
-    command = tuple(_compiler())
-    about = (platform.system(), platform.machine(), *command, _version(command), *FLAGS, header, source)
-    key = hashlib.sha256("\0".join(about).encode()).hexdigest()[:32]
-    for folder in (_safe_cache(), Path(_folder_of_this_process().name)):
-        library = folder / f"{key}.so"
-        try:
-            if library.exists():
-                return ctypes.CDLL(str(library))
-        except OSError:
-            pass  # not a library: a disk that was full, say; it is made anew
-        try:
-            _build(command, source, header, library)
-            return ctypes.CDLL(str(library))
-        except OSError as error:  # a disk that is full, or from which nothing may be run
-            reason = error
-    raise _CompilerError(f"the compiled library cannot be written or loaded ({reason})")
-
-
-def _build(command: tuple[str, ...], source: str, header: str, library: Path) -> None:
-    """Compile beside the final place, and move there what is complete."""
-    with tempfile.TemporaryDirectory(dir=library.parent, prefix="build-") as name:
-        folder = Path(name)
-        (folder / "kernels.h").write_text(header)
-        (folder / "kernels.c").write_text(source)
-        try:
-            done = subprocess.run(
-                [*command, *FLAGS, "kernels.c", "-o", "kernels.so", "-lm"],
-                cwd=folder,
-                capture_output=True,
-                text=True,
-                timeout=600,
-            )
-        except subprocess.SubprocessError as error:
-            raise _CompilerError(f"{command[0]} does not end ({error})") from None
-        if done.returncode != 0:
-            lines = done.stderr.splitlines() or [f"exit code {done.returncode}"]
-            said = next((line for line in lines if "error" in line), lines[0])
-            raise _CompilerError(f"{command[0]} fails: {said}")
-        os.replace(folder / "kernels.so", library)
-
-
 # the call --------------------------------------------------------------------------------------------------
 
 
-def _loops(library: ctypes.CDLL, kernel: Kernel) -> Mapping[Any, Any]:
+def _loops(made: ctypes.CDLL, kernel: Kernel) -> Mapping[Any, Any]:
     """Return the functions over many elements, by their number type."""
     loops = {}
     for real, bits in ((np.dtype(np.float64), "f64"), (np.dtype(np.float32), "f32")):
-        loop = getattr(library, f"kernels_{kernel.name}_batch_{bits}")
+        loop = getattr(made, f"kernels_{kernel.name}_batch_{bits}")
         loop.argtypes = [ctypes.c_size_t] + [ctypes.c_void_p] * len((*kernel.inputs, *kernel.outputs))
         loop.restype = None
         loops[real] = loop
