@@ -217,8 +217,9 @@ class _Parser:
 def _number(token: _Token) -> Fraction:
     digits, _, exponent = token.text.lower().partition("e")
     power = int(exponent or 0)
-    if len(digits) > _MOST_DIGITS:
-        raise FormulaError(f"a number of {len(digits)} digits {token.at}", f"one of at most {_MOST_DIGITS}")
+    significant = len(digits.replace(".", "").lstrip("0"))
+    if significant > _MOST_DIGITS:
+        raise FormulaError(f"a number of {significant} digits {token.at}", f"one of at most {_MOST_DIGITS}")
     value = Fraction(digits)
     size = abs(power) + len(digits)
     if value and (abs(power) > 2 * _LARGEST_POWER_OF_TEN or not _in_range(value, power, size)):

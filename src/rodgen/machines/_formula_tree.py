@@ -5,7 +5,6 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from decimal import Decimal
 from fractions import Fraction
 from typing import Any, TypeAlias
 
@@ -157,10 +156,18 @@ def _inside(node: Node, wanted: int) -> str:
 
 def _decimal(value: Fraction) -> str:
     """Write a number that has finitely many decimals, exactly."""
-    places = 0
+    exponent = 0
     while value.denominator != 1:
         value *= 10
-        places += 1
-    sign, digits, exponent = Decimal(value.numerator).as_tuple()
-    number = Decimal((sign, digits, int(exponent) - places)).normalize()
-    return f"{number:f}" if -6 < number.adjusted() < 16 else f"{number:e}".replace("e+", "e")
+        exponent -= 1
+    digits = str(value.numerator)
+    exponent += len(digits) - len(digits.rstrip("0") or digits)
+    digits = digits.rstrip("0") or digits
+    places = -exponent
+    if not -6 < len(digits) - 1 + exponent < 16:
+        point = "." if len(digits) > 1 else ""
+        return f"{digits[0]}{point}{digits[1:]}e{len(digits) - 1 + exponent}"
+    if places <= 0:
+        return digits + "0" * exponent
+    digits = digits.rjust(places + 1, "0")
+    return f"{digits[:-places]}.{digits[-places:]}"
