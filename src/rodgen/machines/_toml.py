@@ -1,0 +1,345 @@
+"""Read a TOML file as tables whose every fault is told by its place: ``[units], length`` or ``joint C, axis``.
+
+What a key may hold is a `Kind`: what an error message expects, and a function that takes the value or is `UnfitError`.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+import tomllib
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from typing import Any, Generic, TypeGuard, TypeVar, overload
+
+from rodgen.errors import InputFileError, shown
+
+__all__ = [
+    "NUMBER",
+    "TABLE",
+    "TEXT",
+    "VECTOR",
+    "Kind",
+    "Table",
+    "UnfitError",
+    "decode",
+    "listed",
+    "nearest",
+    "one_of",
+    "parse",
+    "read_bytes",
+]
+
+LARGEST_FILE = 1_000_000
+
+_T = TypeVar("_T")
+_D = TypeVar("_D")
+_REQUIRED: Any = object()
+_TOML = "TOML, such as axis = [0, 0, 1]"
+_A_MACHINE = "a machine file"
+
+
+# files ---------------------------------------------------------------------------------------------------------
+
+
+def read_bytes(file: str) -> bytes:
+    """Read a file that is not larger than a machine file may be.
+
+    Raises
+    ------
+    InputFileError
+    """
+    try:
+        with open(file, "rb") as stream:
+            data = stream.read(LARGEST_FILE + 1)
+    except FileNotFoundError:
+        raise InputFileError(file, "file", "no such file", _A_MACHINE) from None
+    except IsADirectoryError:
+        raise InputFileError(file, "file", "a folder", _A_MACHINE) from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputFileError(file, "file", f"cannot be read ({reason})", _A_MACHINE) from None
+    if len(data) > LARGEST_FILE:
+        raise InputFileError(file, "file", "more than 1 MB", "a machine file, of a few kB")
+    return data
+
+
+def decode(data: bytes, file: str) -> str:
+    """Return the text of a TOML file, its byte order mark left where it is.
+
+    Raises
+    ------
+    InputFileError
+    """
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise InputFileError(file, "file", "UTF-16 text", "UTF-8 text")
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise InputFileError(file, f"line {line}", "bytes that are not UTF-8", "UTF-8 text") from None
+
+
+def parse(text: str, file: str) -> dict[str, Any]:
+    """Parse TOML.
+
+    Raises
+    ------
+    InputFileError
+    """
+    text = text.removeprefix("\ufeff")
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise _syntax_error(str(error), text, file) from None
+    except ValueError:  # Python's own limit on the digits of an integer
+        raise InputFileError(
+            file, "file", "a number of thousands of digits", "numbers of a usual size"
+        ) from None
+    except RecursionError:
+        raise InputFileError(file, "file", "arrays or tables nested too deep", _TOML) from None
+
+
+def _syntax_error(message: str, text: str, file: str) -> InputFileError:
+    found = re.fullmatch(
+        r"(?P<what>.*) \(at (?:line (?P<line>\d+), column (?P<column>\d+)|.*)\)", message, re.S
+    )
+    what = found["what"] if found else message
+    what = re.sub(r"\('(.*?)',?\)", lambda m: f"'{m[1]}'", what)  # a key is told as a tuple
+    what = what[:1].lower() + what[1:]
+    if found and found["line"]:
+        return InputFileError(file, f"line {found['line']}", f"{what}, at column {found['column']}", _TOML)
+    return InputFileError(file, f"line {text.rstrip().count(chr(10)) + 1}", f"{what}, at the end", _TOML)
+
+
+# values --------------------------------------------------------------------------------------------------------
+
+
+class UnfitError(Exception):
+    """A value that a key cannot hold: what is wrong with it, and what was expected, where `Kind` says it less well."""
+
+    def __init__(self, found: str | None = None, expected: str | None = None) -> None:
+        self.found = found
+        self.expected = expected
+
+
+@dataclass(frozen=True)
+class Kind(Generic[_T]):
+    """What a key may hold.
+
+    Attributes
+    ----------
+    expected : str
+        For the error message.
+    read : callable
+        From the value as TOML has it; raises `UnfitError`.
+    """
+
+    expected: str
+    read: Callable[[Any], _T]
+
+    def then(self, step: Callable[[_T], Any], expected: str | None = None) -> Kind[Any]:
+        """Return a kind whose values pass through a further step."""
+        return Kind(expected or self.expected, lambda value: step(self.read(value)))
+
+
+def _number(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise UnfitError
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise UnfitError(None if isinstance(value, float) else "a number beyond floating point")
+    return number
+
+
+def _vector(value: Any) -> tuple[float, ...]:
+    if not isinstance(value, list) or len(value) != 3:
+        raise UnfitError
+    return tuple(map(_number, value))
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise UnfitError
+    if not value.strip():
+        raise UnfitError("an empty text")
+    return value
+
+
+def _table(value: Any) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise UnfitError
+    return value
+
+
+NUMBER = Kind("a number", _number)
+VECTOR = Kind("three numbers, such as [0, 0, 1]", _vector)
+TEXT = Kind("a text in quotes", _text)
+TABLE = Kind("a table", _table)
+
+
+def one_of(options: Collection[str]) -> Kind[str]:
+    """Return the kind of a text that is one of a few."""
+
+    def read(value: Any) -> str:
+        if not isinstance(value, str):
+            raise UnfitError
+        if value not in options:
+            raise UnfitError(shown(value))
+        return value
+
+    return Kind(listed(options), read)
+
+
+def listed(options: Collection[str]) -> str:
+    """Name a few things: ``'a', 'b' or 'c'``; of many the first."""
+    names = [shown(option) for option in options]
+    if len(names) > 8:
+        return f"one of {', '.join(names[:8])}, …"
+    return " or ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
+
+
+def nearest(name: str, options: Collection[str]) -> str | None:
+    """Return the name that was meant, perhaps."""
+    folded = {option.casefold(): option for option in options}
+    near = difflib.get_close_matches(name.casefold()[:60], folded, n=1, cutoff=0.7)
+    return folded[near[0]] if near else None
+
+
+def _described(value: Any) -> str:
+    """Say what stands at a key."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return f"the text {shown(value)}"
+    if isinstance(value, int | float):
+        return str(value) if isinstance(value, float) or abs(value) < 10**18 else "a long number"
+    if isinstance(value, list):
+        parts = ", ".join(map(_described, value[:4])) + (", …" if len(value) > 4 else "")
+        return f"[{parts}]" if len(parts) < 80 else f"a list of {len(value)}"
+    return "a table" if isinstance(value, dict) else "a date or time"
+
+
+# tables --------------------------------------------------------------------------------------------------------
+
+
+def _is_blocks(content: Any) -> TypeGuard[list[dict[str, Any]]]:
+    return isinstance(content, list) and all(isinstance(block, dict) for block in content)
+
+
+class Table:
+    """A table of a file, read key by key.
+
+    Parameters
+    ----------
+    file, place : str
+        For error messages; an empty place is the file's top level.
+    content : mapping
+    keys : collection of str
+        Those that may stand there.
+
+    Raises
+    ------
+    InputFileError
+        At the first key that may not.
+    """
+
+    def __init__(self, file: str, place: str, content: Mapping[str, Any], keys: Collection[str]) -> None:
+        self.file = file
+        self.place = place
+        self.content = content
+        for key in content:
+            if key not in keys:
+                near = nearest(key, keys)
+                expected = f"{near!r}, perhaps" if near else f"one of {', '.join(keys)}"
+                raise self.error(key, "unknown key", expected)
+
+    def __contains__(self, key: str) -> bool:
+        return key in self.content
+
+    def error(self, key: str, found: str, expected: str) -> InputFileError:
+        """Say what is wrong at a key; an empty key is the table itself."""
+        key = shown(key)[1:-1]
+        return InputFileError(
+            self.file, ", ".join(filter(None, (self.place, key))) or "file", found, expected
+        )
+
+    @overload
+    def get(self, key: str, kind: Kind[_T]) -> _T: ...
+
+    @overload
+    def get(self, key: str, kind: Kind[_T], default: _D) -> _T | _D: ...
+
+    def get(self, key: str, kind: Kind[Any], default: Any = _REQUIRED) -> Any:
+        """Read a key.
+
+        Parameters
+        ----------
+        key : str
+        kind : Kind
+        default : optional
+            For a key that is not there; left out, the key must be.
+
+        Raises
+        ------
+        InputFileError
+        """
+        if key not in self.content:
+            if default is _REQUIRED:
+                raise self.error(key, "missing", kind.expected)
+            return default
+        return self.convert(key, self.content[key], kind)
+
+    def convert(self, key: str, value: Any, kind: Kind[_T]) -> _T:
+        """Take a value as what stands at a key."""
+        try:
+            return kind.read(value)
+        except UnfitError as unfit:
+            found = unfit.found or _described(value)
+            raise self.error(key, found, unfit.expected or kind.expected) from None
+
+    def sub(self, key: str, keys: Collection[str], *, missing: str | None = None) -> Table:
+        """Return a table in this one, empty when it is not there.
+
+        Parameters
+        ----------
+        key : str
+        keys : collection of str
+            Those that may stand in it.
+        missing : str, optional
+            What is expected where the table must be there.
+        """
+        place = f"[{key}]"
+        if key not in self.content and missing is not None:
+            raise InputFileError(self.file, place, "missing", missing)
+        content = self.content.get(key, {})
+        if not isinstance(content, dict):
+            found = f"blocks, [{place}]" if _is_blocks(content) else _described(content)
+            raise InputFileError(self.file, place, found, f"a table, {place}")
+        return Table(self.file, place, content, keys)
+
+    def blocks(self, key: str, most: int, *, missing: str | None = None) -> list[dict[str, Any]]:
+        """Return the content of the blocks ``[[key]]``.
+
+        Parameters
+        ----------
+        key : str
+        most : int
+            How many there may be.
+        missing : str, optional
+            What is expected where there must be one at least.
+        """
+        content = self.content.get(key, [])
+        place = f"[[{key}]]"
+        if not _is_blocks(content):
+            found = f"a single table, [{key}]" if isinstance(content, dict) else _described(content)
+            raise InputFileError(self.file, place, found, f"blocks {place}")
+        if not content and missing is not None:
+            raise InputFileError(self.file, place, "missing", missing)
+        if len(content) > most:
+            raise InputFileError(self.file, place, f"{len(content)} blocks", f"at most {most}")
+        return content
