@@ -23,7 +23,7 @@ IN_MEMORY = 16 << 20
 
 
 class GrowingArray:
-    """A column that is appended to block by block.
+    """A column that is appended to block by block; a context manager, which its `array` outlives.
 
     Parameters
     ----------
@@ -31,10 +31,10 @@ class GrowingArray:
 
     Examples
     --------
-    >>> column = GrowingArray(float)
-    >>> column.append(np.array([1.0, 2.0]))
-    >>> column.append(np.array([3.0]))
-    >>> column.array()
+    >>> with GrowingArray(float) as column:
+    ...     column.append(np.array([1.0, 2.0]))
+    ...     column.append(np.array([3.0]))
+    ...     column.array()
     array([1., 2., 3.])
     """
 
@@ -44,6 +44,15 @@ class GrowingArray:
         self._blocks: list[NDArray[Any]] = []
         self._file: IO[bytes] | None = None
 
+    def __enter__(self) -> GrowingArray:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        if self._file:
+            # A full disk is told when the block is written; what is left over is not wanted then.
+            with contextlib.suppress(OSError):
+                self._file.close()
+
     def append(self, block: NDArray[Any]) -> None:
         """Append a block; it is kept, not copied, while the column is small."""
         self._blocks.append(np.ascontiguousarray(block, self._dtype))
@@ -51,7 +60,7 @@ class GrowingArray:
         if self._file is None and self._length * self._dtype.itemsize <= IN_MEMORY:
             return
         with _disk_faults():
-            self._file = self._file or tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the array
+            self._file = self._file or tempfile.TemporaryFile()  # noqa: SIM115 - closed with the column
             for each in self._blocks:
                 self._file.write(each.data)
         self._blocks = []
@@ -65,7 +74,6 @@ class GrowingArray:
             with _disk_faults():
                 self._file.flush()
             whole = np.memmap(self._file, self._dtype, "r", shape=(self._length,)).view(np.ndarray)
-            self._file.close()  # the mapping holds it
         whole.flags.writeable = False
         return whole
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -168,8 +169,8 @@ class Measurements:
         >>> data.columns["C"].unit, data.columns["C"].values, data.place(1)
         ('deg', array([ 0., 90.]), 'line 3')
         """
-        with open_table(path, _COLUMNS) as table:
-            return cls._read(table, progress)
+        with open_table(path, _COLUMNS) as table, ExitStack() as stack:
+            return cls._read(table, stack, progress)
 
     @classmethod
     def from_frame(cls, frame: Any, *, name: str = "data") -> Measurements:
@@ -197,14 +198,14 @@ class Measurements:
         >>> data
         Measurements('data', 2 rows: C [deg], d [mm])
         """
-        with open_frame(frame, _COLUMNS, name) as table:
-            return cls._read(table, None)
+        with open_frame(frame, _COLUMNS, name) as table, ExitStack() as stack:
+            return cls._read(table, stack, None)
 
     @classmethod
-    def _read(cls, table: Table, progress: Progress | None) -> Measurements:
+    def _read(cls, table: Table, stack: ExitStack, progress: Progress | None) -> Measurements:
         _check_units(table)
-        numbers = [GrowingArray(np.float64) for _ in table.matches]
-        codes = [GrowingArray(np.int32) for _ in table.text]
+        numbers = [stack.enter_context(GrowingArray(np.float64)) for _ in table.matches]
+        codes = [stack.enter_context(GrowingArray(np.int32)) for _ in table.text]
         index: list[dict[str, int]] = [{} for _ in table.text]
         first: list[NDArray[np.int64]] = []
         number: list[NDArray[np.int64]] = []
@@ -277,7 +278,7 @@ class _Block:
         for column in rows.text:
             encoded = column.dictionary_encode()
             names.append((encoded.indices.to_numpy(), encoded.dictionary.to_pylist()))
-        first = np.flatnonzero(np.diff(rows.numbers, prepend=-1) != 1)
+        first = np.flatnonzero(np.diff(rows.numbers, prepend=-2) != 1)
         return cls(len(rows.numbers), rows.values, names, first, rows.numbers[first])
 
 

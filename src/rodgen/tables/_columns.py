@@ -265,7 +265,7 @@ def _other_brackets(text: str) -> tuple[str, str] | None:
     """Tell whether a name ends in a unit that is not in brackets: in what, and how it should be."""
     bare, mark, rest = re.sub(r"[(\[{]", "[", text, count=1).partition("[")
     if not mark:
-        return ("brackets that do not match", shown(re.sub(r"[\])}]", "", text))) if "]" in text else None
+        return ("brackets that do not match", "one before the unit, too") if "]" in text else None
     unit = re.sub(r"[)\]}].*", "", rest).strip()
     meant = f"'{bare.strip()} [{unit}]'"
     if "[" in text or "]" in text:
@@ -301,7 +301,9 @@ def _check_is_header(texts: Sequence[str], example: str, file: str, place: str) 
                 raise InputFileError(
                     file, place, f"{name} between the columns", "commas, and a point as decimal mark"
                 )
-    if texts and all(_is_number(text) for text in texts):
+    # One cell may be a name; names that are numbers, the wavelengths of a spectrum say, stand beside others with units.
+    numbers = sum(_is_number(text) for text in texts)
+    if 2 * numbers > len(texts) and not any("[" in text for text in texts):
         raise InputFileError(file, place, "numbers where the header should be", wanted)
     if texts and texts[0].startswith("#"):
         raise InputFileError(file, place, "a comment", wanted)

@@ -48,12 +48,14 @@ def as_arrow(frame: Any, name: str) -> pa.Table:
         expected = "a mapping from column names to sequences, a DataFrame or an Arrow table"
         raise InputFileError(name, "file", f"an object of type {type(frame).__name__}", expected)
     arrays = []
-    for text in texts:
+    for number, text in enumerate(texts):
+        if text in texts[:number]:  # a DataFrame hands out both at once
+            raise InputFileError(name, "columns", f"column {shown(text)} twice", "every column name once")
         if not isinstance(text, str):
             raise InputFileError(name, "columns", f"{shown(text)} as a column's name", "text")
         arrays.append(_array(frame[text], f"column {shown(text)}", name))
         if len(arrays[-1]) != len(arrays[0]):
-            found = f"{len(arrays[-1])} rows"
+            found = f"{len(arrays[-1])} row{'s' * (len(arrays[-1]) != 1)}"
             expected = f"{len(arrays[0])}, as in the column {shown(texts[0])}"
             raise InputFileError(name, f"column {shown(text)}", found, expected)
     return pa.Table.from_arrays(arrays, names=texts)

@@ -635,15 +635,16 @@ class _ArrowTable(Table):
     header = "schema"
 
     def _check_types(self) -> None:
-        for matches, fits, expected in (
-            (self.matches, _holds_numbers, f"numbers{self._names_stand_in}"),
-            (self.text, _holds_names, "names"),
-        ):
-            for match in matches:
-                kind = self.schema.field(match.index).type
-                if not fits(kind):
-                    place = f"column {shown(match.text)}"
-                    raise InputFileError(self.file, place, f"the type {shown(str(kind))}", expected)
+        for match in (*self.matches, *self.text):
+            kind = self.schema.field(match.index).type
+            kind = kind.value_type if pa.types.is_dictionary(kind) else kind
+            if _is_number(kind) or (match.holds_text and _is_text(kind)):
+                continue
+            expected = "names" if match.holds_text else "numbers"
+            if _is_text(kind):
+                expected += self._names_stand_in
+            place = f"column {shown(match.text)}"
+            raise InputFileError(self.file, place, f"the type {shown(str(kind))}", expected)
 
     def _end_place(self) -> str:
         return "file"
@@ -708,17 +709,12 @@ def _cell_text(column: pa.Array, row: int) -> str:
     return "an empty cell" if cell is None or cell == "" else shown(cell)
 
 
-def _holds_numbers(kind: pa.DataType) -> bool:
-    if pa.types.is_dictionary(kind):
-        kind = kind.value_type
+def _is_number(kind: pa.DataType) -> bool:
     return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind))
 
 
-def _holds_names(kind: pa.DataType) -> bool:
-    if pa.types.is_dictionary(kind):
-        kind = kind.value_type
-    text = pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_string_view(kind)
-    return bool(text or _holds_numbers(kind))
+def _is_text(kind: pa.DataType) -> bool:
+    return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_string_view(kind))
 
 
 class _ParquetTable(_ArrowTable):
