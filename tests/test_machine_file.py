@@ -191,6 +191,14 @@ def test_units_of_parameters_follow_the_machine() -> None:
     assert mount.effect("frame_shift").units(mount) == {"x": "arcsec", "y": "arcsec", "z": "arcsec"}
 
 
+def test_examples_are_machine_files() -> None:
+    files = sorted((Path(__file__).parent.parent / "examples" / "machines").rglob("*.toml"))
+    assert files
+    for file in files:
+        machine = Machine.load(file)
+        assert load(machine_text(machine)) == machine
+
+
 def test_byte_order_mark_and_windows_line_ends_change_nothing() -> None:
     assert load("\ufeff" + GANTRY.replace("\n", "\r\n")) == load(GANTRY)
 
@@ -470,6 +478,17 @@ def test_fault_is_told_in_one_line_with_its_place(old: str, new: str, message: s
         load(GANTRY.replace(old, new))
     assert str(caught.value) == f"machine.toml: {message}"
     assert str(caught.value).isprintable()
+
+
+def test_word_of_formulas_that_is_also_a_joint_is_not_guessed_at() -> None:
+    with_joint = GANTRY.replace('name   = "X"', 'name   = "F"').replace('"X.axis"', '"F.axis"')
+    message = (
+        r"\[\[effect\]\] 2, formula: 'F', a word of formulas and the name of a joint; expected another name"
+    )
+    with pytest.raises(InputFileError, match=message):
+        load(with_joint)
+    without_word = with_joint.replace(" + k*F", "").replace(', k = "arcsec/N"', "")
+    assert load(without_word).joints[0].name == "F"
 
 
 @pytest.mark.parametrize(
