@@ -614,7 +614,7 @@ def mutations(draw: st.DrawFn) -> str:
 
 
 @given(mutations())
-@settings(max_examples=1500, deadline=None)
+@settings(max_examples=700, deadline=None)
 def test_any_text_is_a_machine_or_one_line(text: str) -> None:
     found = machine_or_line(load, text)
     if isinstance(found, Machine):
@@ -633,7 +633,7 @@ JUNK = st.recursive(
 
 
 @given(st.data())
-@settings(max_examples=600, deadline=None)
+@settings(max_examples=350, deadline=None)
 def test_any_value_at_any_key_is_a_machine_or_one_line(data: st.DataObject) -> None:
     """Well-formed TOML, with one value replaced by anything."""
     document = tomllib.loads(data.draw(st.sampled_from([GANTRY, MOUNT])))
