@@ -244,6 +244,8 @@ class Measurements:
     def take(self, rows: Any) -> Measurements:
         """Return some of the rows, which keep their places.
 
+        Bound alone they have their own order: to keep poses and directions of approach, take from the observations.
+
         Parameters
         ----------
         rows : ndarray of bool or int, or slice
