@@ -146,7 +146,7 @@ class Effect:
         if self.definition.later_joints:
             names = [joint.name for joint in machine.joints]
             later = names[names.index(str(self.place)) + 1 :]
-            units |= {f"k_{name}": units["k"] for name in later}
+            units |= {f"k_{name}": f"arcsec/{machine.length_unit}" for name in later}
         return units
 
 
