@@ -36,7 +36,7 @@ THREADS_FROM = 4 * BLOCK
 class _Group:
     target: int
     run: int
-    rows: Array | slice  # numbers of its rows, a slice where they follow each other
+    rows: NDArray[np.int_] | slice  # numbers of its rows, a slice where they follow each other
     count: int
 
     def block(self, start: int, stop: int) -> Any:
@@ -119,7 +119,7 @@ class Problem:
         if o.sigma is None:
             return np.broadcast_to(1.0, (self.rows, self.components))
         if self.model.structure.kind != "direction":
-            return 1.0 / o.sigma
+            return np.asarray(1.0 / o.sigma)
         first, second = o.basis
         variance = o.sigma**2
         return 1.0 / np.sqrt(np.stack([np.sum(e**2 * variance, -1) for e in (first, second)], -1))
@@ -219,7 +219,8 @@ class Problem:
             flat, r = jacobian.reshape(-1, jacobian.shape[-1]), residual.ravel()
             return number, float(r @ r), flat.T @ flat, flat.T @ r
 
-        cost, sums = 0.0, {}
+        cost = 0.0
+        sums: dict[int, list[Array]] = {}
         for number, part, square, gradient in self._each(of_block):
             cost += part
             if number in sums:
@@ -258,7 +259,7 @@ class Problem:
             second = 2 / part * ((there - residual.ravel()) / part - flat @ (slots[number] @ step))
             return np.asarray(slots[number].T @ (flat.T @ second))
 
-        return np.sum(list(self._each(of_block)), axis=0)
+        return np.asarray(np.sum(list(self._each(of_block)), axis=0))
 
     def residuals(self, theta: Array, frame: Frame, *, weighted: bool = False) -> Array:
         """Return measured less predicted, (n, m), in the order of the data; internal units, or times the weight."""

@@ -98,7 +98,7 @@ def searched(problem: Problem, solution: Solution, free: Sequence[int], new: Seq
     theta = solution.theta.copy()
     for index in new:
         parameter = problem.model.parameters[index]
-        if not parameter.searched:
+        if not parameter.searched or parameter.key in problem.model.machine.values:
             continue
         others = [i for i in (*free, *new) if i != index]
         best = (-np.inf, theta[index])
@@ -139,7 +139,7 @@ def _grid(problem: Problem, index: int) -> Array:
     if name == "tau" and o.t is not None:
         t = np.unique(o.t)
         if len(t) > 1:
-            return np.geomspace(np.diff(t).min(), 3 * (t[-1] - t[0]), 60)
+            return np.asarray(np.geomspace(np.diff(t).min(), 3 * (t[-1] - t[0]), 60))
     if name == "P":
         joint = [joint.name for joint in problem.model.machine.joints].index(str(parameter.place))
         q = np.unique(o.q[:, joint])

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from rodgen.discrepancy._bind import Observations, bind
 from rodgen.discrepancy._determinacy import Determinacy, determinacy
+from rodgen.discrepancy._lack_of_fit import LackOfFit, lack_of_fit
 from rodgen.discrepancy._least_squares import Solution, minimise
-from rodgen.discrepancy._noise import LackOfFit, NoiseFloor, lack_of_fit, noise_floor
+from rodgen.discrepancy._noise import NoiseFloor, noise_floor
 from rodgen.discrepancy._problem import Problem
 from rodgen.discrepancy._start import linear_falls, placed, searched
 from rodgen.discrepancy._summary import as_dict, as_text
@@ -251,9 +252,9 @@ def _solve(problem: Problem, progress: Progress | None) -> tuple[Solution, list[
     solution = placed(problem, theta, base)
     if not np.isfinite(solution.cost):
         raise FitError(_not_finite(problem, solution))
-    free = list(base)
+    free, known = list(base), model.machine.values
     for new in _stages(model, estimated):
-        if any(model.parameters[i].searched and theta[i] == 0.0 for i in new):
+        if any(model.parameters[i].searched and model.parameters[i].key not in known for i in new):
             solution = searched(problem, solution, free, new)
         free += new
         solution = minimise(problem, solution.theta, solution.frame, free, progress=tell("fit"))

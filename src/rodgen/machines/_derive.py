@@ -69,6 +69,18 @@ def derive_kernels(structure: Structure) -> list[Kernel]:
     return [_without_freedoms(kernel) for kernel in kernels]
 
 
+def cached(function: Any) -> Any:
+    """Keep what a method returned, for each argument, in the object: a step is written once."""
+
+    def kept(self: _Model, *arguments: int) -> Any:
+        key = (function.__name__, *arguments)
+        if key not in self.done:
+            self.done[key] = function(self, *arguments)
+        return self.done[key]
+
+    return kept
+
+
 class _Model:
     """The steps of one kernel."""
 
@@ -79,6 +91,7 @@ class _Model:
             name, summary="A machine's model against its measurements.", source=SOURCE
         )
         self.count = 0
+        self.done: dict[tuple[Any, ...], Any] = {}
         self.inputs()
 
     def inputs(self) -> None:
@@ -98,8 +111,13 @@ class _Model:
         self.e = dict(zip(s.parameters, e, strict=False))  # one is left over where there is none
         n = len(s.joints)
         self.axis = [self.varied("axis", j) for j in range(n)]
-        self.point = [self.moved_point(j) for j in range(n)] if s.moving else [sp.zeros(3, 1)] * n
-        self.ideal_turn = [self.turn(self.column["q", j]) if s.joints[j].revolute else None for j in range(n)]
+        has_points = s.moving or s.weights
+        self.joint_point = [self.moved_point(j) if has_points else sp.zeros(3, 1) for j in range(n)]
+        self.point = (
+            self.joint_point if s.moving else [sp.zeros(3, 1)] * n
+        )  # a direction turns, and nothing else
+        revolute = [j for j in range(n) if s.joints[j].revolute]
+        self.ideal_turn = {j: self.turn(self.column["q", j]) for j in revolute}
 
     # small things --------------------------------------------------------------------------------------------
 
@@ -161,56 +179,56 @@ class _Model:
 
     # the ideal pose ------------------------------------------------------------------------------------------
 
-    def ideally_carried(self, x: Vector, j: int, *, before: int | None = None) -> Vector:
-        """Carry x by the ideal joints from `before` (not itself; the last joint when left out) down to j."""
-        last = len(self.structure.joints) if before is None else before
-        for k in reversed(range(j, last)):
-            joint = self.structure.joints[k]
-            if joint.revolute:
-                arm = self.let("arm", x - self.point[k])
-                x = self.let(
-                    "carried", self.point[k] + self.about_axis(arm, self.axis[k], self.ideal_turn[k])
-                )
-            elif self.structure.moving:
-                x = self.let("carried", x + self.axis[k] * self.column["q", k])
+    def ideally_carried(self, x: Vector, joints: range, points: Sequence[Vector]) -> Vector:
+        """Carry x by ideal joints, the last of them first; with `points` of zeros a direction is carried."""
+        for k in reversed(joints):
+            n, point = self.axis[k], points[k]
+            if self.structure.joints[k].revolute:
+                arm = self.let("arm", x - point)
+                x = self.let("carried", point + self.about_axis(arm, n, self.ideal_turn[k]))
+            elif points is self.joint_point:
+                x = self.let("carried", x + n * self.column["q", k])
         return x
 
+    @cached
     def gravity(self, j: int) -> Vector:
         """Return the direction of gravity as joint j sees it at zero."""
-        g = self.known("gravity")
-        for k in range(j):
-            if self.structure.joints[k].revolute:
-                cosine, sine = self.ideal_turn[k]
-                g = self.let("gravity", self.about_axis(g, self.axis[k], (cosine, -sine)))
+        if j == 0:
+            return self.known("gravity")
+        g = self.gravity(j - 1)
+        if self.structure.joints[j - 1].revolute:
+            cosine, sine = self.ideal_turn[j - 1]
+            g = self.let("gravity", self.about_axis(g, self.axis[j - 1], (cosine, -sine)))
         return g
 
+    @cached
     def centre(self) -> Vector:
-        centre = self.known("centre")
-        return self.let("centre", centre + self.freedoms("centre", "xyz"))
+        """Return the mean of the targets."""
+        return self.let("centre", self.known("centre") + self.freedoms("centre", "xyz"))
 
-    def moment(self, x: Vector, j: int, point: Vector | None = None) -> Vector:
-        """Return the moment about joint j's point of a unit force along gravity at x, which is given at zero."""
-        arm = x - (self.point[j] if point is None else point)
+    def moment(self, arm: Vector, j: int) -> Vector:
+        """Return the moment of a unit force along gravity at the end of an arm, as joint j sees it."""
         return self.let("moment", self.let("arm", arm).cross(self.gravity(j)))
+
+    @cached
+    def arm(self, j: int) -> Vector:
+        """Return the arm from joint j's point to the mean of the targets, in the ideal pose."""
+        carried = self.ideally_carried(self.centre(), range(j, len(self.axis)), self.point)
+        return self.let("arm", carried - self.point[j])
 
     def moments(self, j: int, names: frozenset[str]) -> dict[str, Any]:
         """Return those of the catalogue's moments that are asked for."""
         if not names & MOMENTS:
             return {}
-        n = self.axis[j]
-        carried = self.ideally_carried(self.centre(), j)
-        found: dict[str, Any] = {}
-        whole = self.moment(carried, j)
+        n, arm = self.axis[j], self.arm(j)
+        whole = self.moment(arm, j)
         about_axis = self.let("about_axis", n.dot(whole))
-        found["M"] = about_axis
-        if "M_across" in names:
-            found["M_across"] = whole - n * about_axis
+        found: dict[str, Any] = {"M": about_axis, "M_across": whole - n * about_axis}
         if "M_perp" in names:
-            arm = self.let("arm", carried - self.point[j])
             turned = self.let("turned", n.cross(arm) + n * n.dot(arm))
-            found["M_perp"] = n.dot(turned.cross(self.gravity(j)))
+            found["M_perp"] = n.dot(self.moment(turned, j))
         if "M_guide" in names:
-            guided = self.moment(carried, j, self.point[j] + n * self.column["q", j])
+            guided = self.moment(arm - n * self.column["q", j], j)
             found["M_guide"] = guided - n * n.dot(guided)
         return found
 
@@ -255,13 +273,14 @@ class _Model:
         term = self.structure.terms[number]
         value = self.value(number, term.formula)
         j = term.joint
-        if term.later_joints and j is not None:
-            for k in term.later_joints:
-                name = term.parameters[
-                    len(term.parameters) - len(term.later_joints) + term.later_joints.index(k)
-                ]
-                weight = self.moment(self.ideally_carried(self.point[k], j, before=k), j)
-                value = value + self.e[number, name] * self.let("about_axis", self.axis[j].dot(weight))
+        if j is not None:
+            points = self.joint_point
+            names = term.parameters[len(term.parameters) - len(term.later_joints) :]
+            for k, name in zip(term.later_joints, names, strict=True):
+                arm = self.ideally_carried(points[k], range(j, k), points) - points[j]
+                value = value + self.e[number, name] * self.let(
+                    "about_axis", self.axis[j].dot(self.moment(arm, j))
+                )
         if term.target:
             value = value * self.g["acts", number][0]
         return self.let("effect", value)
@@ -337,7 +356,6 @@ class _Model:
                 q = self.let("reading", sp.Add(q, *(self.term(n) for n in readings)))
             if s.joints[j].revolute:
                 turn = self.turn(q) if readings else self.ideal_turn[j]
-                assert turn is not None
                 arm = self.let("arm", x - self.point[j])
                 x = self.let("carried", self.about_axis(arm, self.axis[j], turn) + self.point[j])
             elif s.moving:

@@ -54,7 +54,8 @@ def _kernels(structure: Structure) -> Mapping[str, Any]:
 
         return derive_kernels(structure)
 
-    return row_kernels(_key(structure), make, shared=("g", "e"))
+    kernels: Mapping[str, Any] = row_kernels(_key(structure), make, shared=("g", "e"))
+    return kernels
 
 
 def _key(structure: Structure) -> str:
@@ -112,9 +113,14 @@ class Model:
         return _kernels(self.structure)
 
     def start(self) -> Array:
-        """Return the values that a fit starts from: what is held, what was fitted before, else zero."""
+        """Return the values that a fit starts from: what is held, what was fitted before, else zero.
+
+        A parameter that is searched has no meaning at zero; it starts at 1 until the search.
+        """
+        given = self.machine.values
         values = [
-            p.hold if p.hold is not None else self.machine.values.get(p.key, 0.0) for p in self.parameters
+            p.hold if p.hold is not None else given.get(p.key, 1.0 if p.searched else 0.0)
+            for p in self.parameters
         ]
         return np.array(values, dtype=float)
 

@@ -172,6 +172,11 @@ class Structure:
         """Whether the mean of the targets is needed."""
         return any(term.uses_moment for term in self.terms)
 
+    @property
+    def weights(self) -> bool:
+        """Whether weights at later joints count: they have lever arms even where only directions are seen."""
+        return any(term.later_joints for term in self.terms)
+
     @cached_property
     def parameters(self) -> tuple[tuple[int, str], ...]:
         """The components of ``e``: number of the term, name."""
@@ -188,7 +193,7 @@ class Structure:
             yield "axis", j, 3
             if joint.axis:
                 yield from (("axis_by_a", j, 3), ("axis_by_b", j, 3))
-            if self.moving:
+            if self.moving or self.weights:
                 yield "point", j, 3
             if joint.point or any(term.uses_directions for term in terms):
                 yield from (("u", j, 3), ("v", j, 3))
@@ -216,7 +221,7 @@ class Structure:
     @cached_property
     def columns(self) -> tuple[tuple[str, int | str], ...]:
         """The layout of ``rows``: ``("q", joint)``, ``("s", joint)``, ..., ``("x", column)``, readings, weights."""
-        used = {("q", j): None for j in range(len(self.joints))}
+        used: dict[tuple[str, int | str], None] = {("q", j): None for j in range(len(self.joints))}
         used |= {column: None for term in self.terms for _, column in term.columns}
         reading = {"point": 3, "direction": 9, "distance": 1}[self.kind]
         return (
