@@ -252,26 +252,12 @@ def check_estimate(machine: Machine, entry: str) -> tuple[str, str] | None:
     freedoms = _freedoms(machine)
     if entry in freedoms:
         return None
-    name, _, freedom = entry.rpartition(".")
-    joint = next((joint for joint in machine.joints if joint.name == name), None)
-    if joint is not None and freedom in {"axis", "point"}:
-        return f"{shown(entry)}, which changes no {_reading_of(machine, joint.type)}", f"{listed(freedoms)}"
     near = nearest(entry, freedoms)
     return shown(entry), f"{near!r}, perhaps" if near else listed(freedoms)
 
 
-def _reading_of(machine: Machine, joint_type: str) -> str:
-    kind = machine.measured.kind
-    return kind if kind == "direction" else f"{kind}: a prismatic joint has no centre to turn about"
-
-
 def _freedoms(machine: Machine) -> list[str]:
-    """List all that a base fit can adjust in this machine."""
-    found = []
-    moves = machine.measured.kind != "direction"
-    for joint in machine.joints:
-        if moves or joint.type == "revolute":
-            found.append(f"{joint.name}.axis")
-        if moves and joint.type == "revolute":
-            found.append(f"{joint.name}.point")
-    return [*found, "target"]
+    """List all that [estimate] may name; what changes no reading of this machine, a fit says."""
+    return [f"{joint.name}.{freedom}" for joint in machine.joints for freedom in ("axis", "point")] + [
+        "target"
+    ]
