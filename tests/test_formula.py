@@ -317,8 +317,8 @@ def test_any_text_is_a_formula_or_one_sentence_and_soon(text):
         assert told.isprintable() and "; expected " in told  # noqa: PT018
     else:
         assert parse(formula.text) == formula
-    # 2000 characters take 2 ms; a hundred times that for a machine with other things to do
-    assert time.perf_counter() - start < 0.2
+    # 2000 characters take up to 10 ms; the rest is for a busy machine
+    assert time.perf_counter() - start < 1.0
 
 
 GROWTH = st.recursive(

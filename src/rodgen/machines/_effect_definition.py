@@ -262,5 +262,10 @@ def _wrapped(text: str, title: str) -> list[str]:
     indent = "  " + (f"{title:<13}" if title else "")
     further = " " * len(indent) if title else "    "
     return textwrap.wrap(
-        text, _WIDTH, initial_indent=indent, subsequent_indent=further, break_long_words=False
+        text,
+        _WIDTH,
+        initial_indent=indent,
+        subsequent_indent=further,
+        break_long_words=False,
+        break_on_hyphens=False,
     )

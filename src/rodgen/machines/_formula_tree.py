@@ -156,11 +156,12 @@ def _inside(node: Node, wanted: int) -> str:
 
 def _decimal(value: Fraction) -> str:
     """Write a number that has finitely many decimals, exactly."""
-    exponent = 0
-    while value.denominator != 1:
-        value *= 10
-        exponent -= 1
-    digits = str(value.numerator)
+    twos = (value.denominator & -value.denominator).bit_length() - 1
+    fives, rest = 0, value.denominator >> twos
+    while rest > 1:
+        fives, rest = fives + 1, rest // 5
+    exponent = -max(twos, fives)
+    digits = str(value.numerator * 10**-exponent // value.denominator)
     exponent += len(digits) - len(digits.rstrip("0") or digits)
     digits = digits.rstrip("0") or digits
     places = -exponent

@@ -378,7 +378,7 @@ def _no_unit(text: str) -> UnitError:
     plain = re.sub(r"[()\s]", "", re.sub(r"/\(([^()/]*)\)", lambda m: "/" + m[1].replace("*", "/"), text))
     if plain != text and "(" in text and _is_unit(plain):
         return UnitError(f"unit {shown(text)} with parentheses", f"{plain!r}, without them")
-    for other in (re.sub(r"\s+", "*", text), text.lower(), text.upper(), text.rstrip("s"), text.strip("\"'")):
+    for other in (re.sub(r"\s+", "*", text), text.lower(), text.upper(), text.strip("\"'")):
         if other != text and _is_unit(other):
             return UnitError(f"unknown unit {shown(text)}", f"{other!r}, or another unit")
     near = difflib.get_close_matches(text, _EVERYDAY | _PI_PARTS, n=1, cutoff=0.75)

@@ -1,0 +1,215 @@
+"""Units: the table of everyday names agrees with Pint, and every bad text has its sentence."""
+
+import math
+from fractions import Fraction
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rodgen.machines import units
+from rodgen.machines.units import (
+    ANGLE,
+    FORCE,
+    LENGTH,
+    ONE,
+    TEMPERATURE,
+    TIME,
+    Dimension,
+    display_unit,
+    parse_unit,
+    unit_factor,
+)
+from rodgen.tables import UnitError
+
+
+@pytest.mark.parametrize("name", sorted((units._EVERYDAY.keys() | units._PI_PARTS.keys()) - {"1", "°C"}))
+def test_everyday_names_mean_what_pint_says(name):
+    registry = units._registry()
+    size, root = registry.get_root_units(registry.parse_units(name))
+    unit = parse_unit(name)
+    # Pint reckons mass in grams, and a mass is a force over an acceleration here
+    powers = {
+        "meter": LENGTH,
+        "radian": ANGLE,
+        "second": TIME,
+        "kelvin": TEMPERATURE,
+        "gram": FORCE * TIME**2 / LENGTH,
+    }
+    expected = ONE
+    for base, power in root._units.items():
+        expected *= powers[base] ** power
+    assert unit.dimension == expected
+    # to rounding
+    assert unit.factor("m") == pytest.approx(float(size) / 1000.0 ** root._units.get("gram", 0), rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "length", "factor", "dimension"),
+    [
+        ("mm", "mm", 1.0, LENGTH),
+        ("um", "mm", 1e-3, LENGTH),
+        ("inch", "mm", 25.4, LENGTH),
+        ("m", "inch", 1 / 0.0254, LENGTH),
+        ("deg", "mm", math.pi / 180, ANGLE),
+        ("arcsec", "m", math.pi / 648000, ANGLE),
+        ("°", "mm", math.pi / 180, ANGLE),
+        ("rpm", "mm", math.tau / 60, ANGLE / TIME),
+        ("arcsec/N/mm", "mm", math.pi / 648000, ANGLE / FORCE / LENGTH),
+        ("arcsec/N/m", "mm", math.pi / 648000000, ANGLE / FORCE / LENGTH),
+        ("um/m", "mm", 1e-6, ONE),
+        ("1/K", "mm", 1.0, ONE / TEMPERATURE),
+        ("1", "mm", 1.0, ONE),
+        ("arcsec/1", "mm", math.pi / 648000, ANGLE),
+        ("%", "mm", 0.01, ONE),
+        ("percent", "mm", 0.01, ONE),
+        ("mm/degC", "mm", 1.0, LENGTH / TEMPERATURE),
+        ("um/°C", "mm", 1e-3, LENGTH / TEMPERATURE),
+        ("kgf", "mm", 9.80665, FORCE),
+        ("kg*m/s**2", "mm", 1.0, FORCE),
+        ("kg·m/s²", "mm", 1.0, FORCE),
+        ("N*m", "mm", 1000.0, FORCE * LENGTH),
+        ("J", "mm", 1000.0, FORCE * LENGTH),
+        ("MPa", "mm", 1.0, FORCE / LENGTH**2),
+        ("kg", "m", 1.0, FORCE * TIME**2 / LENGTH),
+        ("mm / s ^ 2", "mm", 1.0, LENGTH / TIME**2),
+        ("V", "m", 1.0, FORCE * LENGTH / TIME * Dimension((("ampere", -1),))),
+        ("mA", "mm", 1e-3, Dimension((("ampere", 1),))),
+        ("V*A", "m", 1.0, FORCE * LENGTH / TIME),
+        (" mm ", "mm", 1.0, LENGTH),
+        ("μm", "mm", 1e-3, LENGTH),
+    ],
+)  # fmt: skip
+def test_a_unit_has_a_factor_and_a_dimension(text, length, factor, dimension):
+    found, its = unit_factor(text, length)
+    assert its == dimension
+    # products and quotients of a few numbers
+    assert found == pytest.approx(factor, rel=1e-15)
+
+
+def test_a_unit_that_is_the_files_own_is_not_rounded():
+    assert all(parse_unit(unit).factor(unit) == 1.0 for unit in ("mm", "um", "inch", "ft", "yard", "m"))
+    assert parse_unit("deg").factor() == math.pi / 180
+    assert parse_unit("um").factor("mm") == 1e-3
+
+
+@pytest.mark.parametrize(
+    ("text", "zero"), [("degC", 0), ("°C", 0), ("degF", -160 / 9), ("fahrenheit", -160 / 9)]
+)
+def test_a_temperature_with_its_own_zero_is_told_from_a_difference(text, zero):
+    unit = parse_unit(text)
+    assert unit.is_temperature_offset
+    assert float(unit.zero) == pytest.approx(zero, rel=1e-15)
+    assert not parse_unit(f"mm/{text}").is_temperature_offset
+    assert not parse_unit("K").is_temperature_offset
+    assert not parse_unit("delta_degC").is_temperature_offset
+
+
+BAD = {
+    "": "no unit; expected one such as mm, arcsec or 1/K, or 1 for a plain number",
+    "   ": "no unit; expected one such as",
+    "(mm)": "unit '(mm)' with parentheses; expected 'mm', without them",
+    "arcsec/(N*mm)": "unit 'arcsec/(N*mm)' with parentheses; expected 'arcsec/N/mm', without them",
+    "N m": "unknown unit 'N m'; expected 'N*m', or another unit",
+    "Deg": "unknown unit 'Deg'; expected 'deg', or another unit",
+    "'mm'": "unknown unit ''mm''; expected 'mm', or another unit",
+    "mm/": "unknown unit 'mm/'; expected 'mm', or another unit",
+    "arcse": "unknown unit 'arcse'; expected 'arcsec', or another unit",
+    "frobs": "unknown unit 'frobs'; expected a unit such as mm, arcsec, N or mm/K",
+    "10 mm": "unknown unit '10 mm'; expected a unit such as",
+    "1e3*mm": "unknown unit '1e3*mm'; expected",
+    "mm**10": "unknown unit 'mm**10'; expected",
+    "9**9**9**9": "unknown unit '9**9**9**9'; expected",
+    "mm.real": "unknown unit 'mm.real'; expected",
+    "__import__('os')": "unknown unit '__import__('os')'; expected",
+    "dB": "logarithmic unit 'dB'; expected a linear one",
+    "m\0m": "unknown unit 'm\\x00m'; expected",
+    "m" * 61: "expected a unit such as",
+    "Ym**9*Ym**9*Ym**9*Ym**9": "whose size is beyond floating point; expected a unit of a usual size",
+    "ym**9*ym**9*ym**9*ym**9": "whose size is beyond floating point; expected a unit of a usual size",
+}
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_a_bad_unit_is_told_in_one_sentence(text):
+    with pytest.raises(UnitError) as caught:
+        parse_unit(text)
+    assert BAD[text] in str(caught.value)
+    assert str(caught.value).isprintable()
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    st.one_of(
+        st.text(max_size=70),
+        st.lists(
+            st.sampled_from([*"mNsK1*/^()-29 °%µ", "arcsec", "deg", "**", "dB", "kg", "inch"]), max_size=14
+        ).map("".join),
+    )
+)
+def test_any_text_is_a_unit_or_one_sentence(text):
+    try:
+        unit = parse_unit(text)
+    except UnitError as error:
+        told = str(error)
+        assert told.isprintable() and "; expected " in told  # noqa: PT018
+    else:
+        assert 0 < unit.factor("mm") < math.inf
+
+
+POWERS = st.integers(-2, 2)
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    POWERS,
+    POWERS,
+    POWERS,
+    POWERS,
+    POWERS,
+    st.sampled_from(["mm", "m", "inch"]),
+    st.sampled_from(["arcsec", "deg"]),
+)
+def test_a_display_unit_reads_back_as_itself(
+    length, angle, time, temperature, force, length_unit, angle_unit
+):
+    dimension = LENGTH**length * ANGLE**angle * TIME**time * TEMPERATURE**temperature * FORCE**force
+    shown = display_unit(dimension, length_unit, angle_unit)
+    read = parse_unit(shown.text)
+    assert shown.dimension == read.dimension == dimension
+    # the same few factors in another order
+    assert shown.factor(length_unit) == pytest.approx(read.factor(length_unit), rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("text", "display"),
+    [
+        ("deg/kN/m", "arcsec/N/mm"),
+        ("um/degC", "mm/K"),
+        ("m/s", "mm/s"),
+        ("%", "1"),
+        ("1/degC", "1/K"),
+        ("deg/kg", "arcsec/kg"),
+        ("t", "kg"),
+        ("pixel", "pixel"),
+        ("min", "s"),
+        ("rpm", "arcsec/s"),
+    ],
+)
+def test_a_dimension_is_shown_as_a_mechanic_writes_it(text, display):
+    assert display_unit(parse_unit(text).dimension, "mm").text == display
+
+
+def test_a_root_of_a_unit_has_a_display():
+    shown = display_unit(LENGTH ** Fraction(1, 2), "um")
+    assert shown.text == "um**0.5"
+    assert shown.factor("um") == pytest.approx(1.0, rel=1e-15)
+
+
+def test_angles_are_as_good_as_plain_numbers():
+    assert ANGLE.fits(ONE)
+    assert (ANGLE * LENGTH).fits(LENGTH)
+    assert not LENGTH.fits(FORCE)
+    assert str(ONE) == "a plain number"
+    assert str(ANGLE / FORCE / LENGTH) == "angle/force/length"
+    assert str(ONE / TIME) == "1/time"
