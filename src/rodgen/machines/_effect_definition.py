@@ -80,7 +80,7 @@ class EffectDefinition:
     own : bool
         Whether a user wrote it.
     later_joints : bool
-        Whether each later joint adds a parameter ``k_NAME``: its weight, at its point.
+        Whether each later joint adds a parameter ``k_NAME``, an angle over a length: its weight, at its point.
     directions : EffectDefinition or None
         The same effect where directions are measured, if its parameters differ there; see :meth:`for_kind`.
     """
@@ -189,7 +189,7 @@ class EffectDefinition:
         lines = [head, *_wrapped(self.equation, ""), *_wrapped(self.listed(), "Parameters")]
         if self.later_joints:
             lines += _wrapped(
-                "one k_NAME in the unit of k for each joint beyond, where the data call for it", " "
+                "and one k_NAME [arcsec/length] for each joint beyond, where the data call for it", " "
             )
         if self.searched:
             lines += _wrapped(f"{', '.join(self.searched)} is searched for, unless it is given", " ")

@@ -131,8 +131,8 @@ class _Check:
             if not _IDENTIFIER.fullmatch(name):
                 raise self.error(key, shown(name), "letters, digits and '_', a letter first, 60 at most")
             if name in _WORDS or name in self.joints:
-                what = "the name of a joint" if name in self.joints else "a word of formulas"
-                raise self.error(key, f"{name!r}, {what}", "another name")
+                what = "a joint" if name in self.joints else "a word of formulas"
+                raise self.error(key, f"{name!r}, the name of {what}", "another name")
             try:
                 parse_unit(unit)
             except UnitError as error:
