@@ -400,7 +400,5 @@ def test_a_bad_effect_of_a_user_is_told_in_one_sentence(case):
 
 @pytest.mark.parametrize("name", sorted(FUNCTION_NAMES | JOINTS.keys()))
 def test_a_parameter_may_not_hide_a_function_or_a_joint(name):
-    with pytest.raises(
-        InputFileError, match=r"the name of a .*; expected another name"
-    ):
+    with pytest.raises(InputFileError, match=r"the name of a .*; expected another name"):
         own(parameters={name: "arcsec"}, formula="q")
