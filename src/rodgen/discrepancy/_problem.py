@@ -7,12 +7,14 @@ parameters, so that memory does not grow with rows times parameters.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
+import threadpoolctl
 from numpy.typing import NDArray
 
 from rodgen.discrepancy._bind import Observations
@@ -20,7 +22,7 @@ from rodgen.errors import InputFileError
 from rodgen.machines._model import Frame, Model
 from rodgen.machines._structure import row_effects
 
-__all__ = ["Problem"]
+__all__ = ["Problem", "one_thread_in_blas"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -30,6 +32,20 @@ KEPT_BYTES = 512 << 20
 """The rows of the kernels are kept between evaluations while they need less than this."""
 THREADS_FROM = 4 * BLOCK
 """Below so many rows a second thread costs more than it brings."""
+
+
+def one_thread_in_blas() -> Any:
+    """Return a context in which the products of NumPy run in the thread that asks for them.
+
+    The matrices here are small and many. Their blocks are spread over threads already, and where other programs use
+    the processors, threads of the library that wait for each other take a hundred times as long.
+    """
+    return _threads().limit(limits=1, user_api="blas")
+
+
+@functools.cache
+def _threads() -> threadpoolctl.ThreadpoolController:
+    return threadpoolctl.ThreadpoolController()
 
 
 @dataclass(frozen=True)

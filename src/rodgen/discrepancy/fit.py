@@ -15,7 +15,7 @@ from rodgen.discrepancy._determinacy import Determinacy, determinacy
 from rodgen.discrepancy._lack_of_fit import LackOfFit, lack_of_fit
 from rodgen.discrepancy._least_squares import Solution, minimise
 from rodgen.discrepancy._noise import NoiseFloor, noise_floor
-from rodgen.discrepancy._problem import Problem
+from rodgen.discrepancy._problem import Problem, one_thread_in_blas
 from rodgen.discrepancy._start import linear_falls, placed, searched
 from rodgen.discrepancy._summary import as_dict, as_text
 from rodgen.discrepancy.measurements import Measurements
@@ -116,7 +116,8 @@ class Fit:
     @cached_property
     def determinacy(self) -> Determinacy:
         """What the data determine."""
-        return determinacy(self.problem, self.solution.theta, self.solution.frame, self.free)
+        with one_thread_in_blas():
+            return determinacy(self.problem, self.solution.theta, self.solution.frame, self.free)
 
     @property
     def chi_square(self) -> float:
@@ -228,7 +229,8 @@ def fit(
         machine = replace(machine, values={**machine.values, **start})
     model = Model(machine, observations.travel, observations.run_names)
     problem = Problem(model, observations)
-    solution, free = _solve(problem, progress)
+    with one_thread_in_blas():
+        solution, free = _solve(problem, progress)
     return _finished(problem, solution, free, np.zeros(observations.n, bool))
 
 
