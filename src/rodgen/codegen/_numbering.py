@@ -37,11 +37,16 @@ class Numbering:
         Names that the symbols made here do not take.
     known : mapping of Symbol to number, optional
         Numbers that stand for some of the symbols.
+    apart : iterable of Symbol, optional
+        What is the same in many evaluations. Sums and products are written so that as many operations as can be are
+        of these alone.
 
     Attributes
     ----------
     lines : list of (Symbol, value)
         The program so far, in the order of evaluation.
+    apart : set of Symbol
+        The symbols of `apart`, and of the lines that depend on nothing else.
 
     Examples
     --------
@@ -53,8 +58,14 @@ class Numbering:
     [(x0, a*b), (x1, sin(x0)), (x2, 2*x0 + x1)]
     """
 
-    def __init__(self, taken: Container[str], known: Mapping[sp.Symbol, sp.Basic] | None = None) -> None:
+    def __init__(
+        self,
+        taken: Container[str],
+        known: Mapping[sp.Symbol, sp.Basic] | None = None,
+        apart: Iterable[sp.Symbol] = (),
+    ) -> None:
         self.lines: list[Pair] = []
+        self.apart: set[sp.Symbol] = set(apart)
         self._stands_for: dict[sp.Symbol, sp.Basic] = dict(known or {})
         self._found: dict[sp.Basic, sp.Basic] = {}
         self._names = (name for name in (f"x{n}" for n in count()) if name not in taken)
@@ -79,14 +90,19 @@ class Numbering:
 
     def _operation(self, value: sp.Basic, name: sp.Symbol | None) -> sp.Basic:
         if isinstance(value, sp.Add):
-            return self._line(sp.Add(*map(self._term, value.args)), name)
+            terms = [self._term(a) for a in value.args]
+            alone = [t for t in terms if self._is_apart(t)]
+            if 1 < len(alone) < len(terms):
+                terms = [t for t in terms if t not in alone] + [self._line(sp.Add(*alone), None)]
+            return self._line(sp.Add(*terms), name)
         if isinstance(value, sp.Mul):
             factor, rest = value.as_coeff_Mul()
             product: sp.Basic = sp.S.One
-            parts = sp.Mul.make_args(rest)
-            for part in parts:
-                last = name if part is parts[-1] and factor is sp.S.One else None
-                product = self._line(sp.Mul(product, self._written(part, None)), last)
+            parts = [self._written(part, None) for part in sp.Mul.make_args(rest)]
+            parts.sort(key=self._is_apart, reverse=True)
+            for n, part in enumerate(parts, 1):
+                last = name if n == len(parts) and factor is sp.S.One else None
+                product = self._line(sp.Mul(product, part), last)
             return self._line(factor * product, name)
         if isinstance(value, sp.Pow):
             return self._power(value.base, value.exp, name)
@@ -103,6 +119,10 @@ class Numbering:
     def _term(self, value: sp.Basic) -> sp.Basic:
         factor, rest = value.as_coeff_Mul()
         return factor * self._written(rest, None)
+
+    def _is_apart(self, term: sp.Basic) -> bool:
+        symbol = term.as_coeff_Mul()[1]
+        return not symbol.is_Symbol or symbol in self.apart
 
     def _power(self, base: sp.Basic, exponent: sp.Basic, name: sp.Symbol | None) -> sp.Basic:
         """Write reciprocals and roots as operations of their own: derivatives use them again."""
@@ -153,17 +173,22 @@ class Numbering:
                 symbol = name
             self._found[operation] = symbol
             self.lines.append((symbol, operation))
+            if operation.free_symbols <= self.apart:
+                self.apart.add(symbol)
         return symbol if sign is sp.S.One else -symbol
 
 
 def numbered(
-    kernel: Kernel, outputs: Iterable[Port], known: Mapping[sp.Symbol, sp.Basic] | None = None
+    kernel: Kernel,
+    outputs: Iterable[Port],
+    known: Mapping[sp.Symbol, sp.Basic] | None = None,
+    apart: Iterable[sp.Symbol] = (),
 ) -> Numbering:
     """Return the program of a kernel; the symbols of `outputs` are left to be lines that are written at its end."""
     last = {s for port in outputs for s in port.symbols}
     lines = [(a.symbol, a.value) for a in kernel.assignments]
     symbols = [s for port in kernel.inputs for s in port.symbols] + [s for s, _ in lines]
-    program = Numbering({s.name for s in (*symbols, *last)}, known)
+    program = Numbering({s.name for s in (*symbols, *last)}, known, apart)
     for symbol, value in lines:
         program.define(symbol, value, by_name=symbol not in last)
     return program

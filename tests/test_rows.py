@@ -1,0 +1,518 @@
+"""Kernels over many rows: on every instruction set and on NumPy, against exact evaluation; the cache; the notice."""
+
+from __future__ import annotations
+
+import os
+import platform
+import re
+import shutil
+import subprocess
+import sys
+import warnings
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from rodgen.codegen import Kernel, KernelBuilder, KernelError, _library
+from rodgen.codegen import rows as rows_module
+from rodgen.codegen._rows_source import c_source
+from rodgen.codegen.rows import RowKernel, row_kernels
+from rodgen.symbolic import EPS, LARGEST, power_of_two_scale, select
+
+JOINTS = 6
+SHARED = ("g", "e", "ball")
+LOCAL = ("tilt", "shift")
+COMPILERS = [c for c in ("gcc", "clang") if shutil.which(c)]
+needs_compiler = pytest.mark.skipif(not COMPILERS, reason="no C compiler: gcc, clang are not on the PATH")
+ON_X86 = platform.machine() in {"x86_64", "AMD64"}
+LEVELS = ("", "baseline", "avx2") if ON_X86 else ("", "baseline")
+TARGETS = [
+    pytest.param("numpy", id="NumPy"),
+    *(pytest.param(level, id=level or "native", marks=needs_compiler) for level in LEVELS),
+]
+BOTH = TARGETS[:2]
+EPSILON = np.finfo(float).eps
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty cache, in place of the user's."""
+    folder = tmp_path / "cache"
+    monkeypatch.setenv("RODGEN_CACHE", str(folder))
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.delenv("RODGEN_CPU", raising=False)
+    for function in (_library.notice, _library.version, _library.native):
+        function.cache_clear()
+    return folder
+
+
+# A chain of revolute joints ------------------------------------------------------------------------------
+
+
+def chain() -> Kernel:
+    """Residuals of a point that six revolute joints carry, in 63 parameters.
+
+    The axes turn by `tilt` and move by `shift`, which are zero: derivatives are taken with respect to them. The row
+    holds angles, reading and weights.
+    """
+    k = KernelBuilder("chain", summary="Residuals of a chain.", source="Rodrigues' formula")
+    rows = k.input("rows", JOINTS + 6, unit="1", doc="angles, reading, weights")
+    g = k.input("g", (6 * JOINTS + 1, 3), unit="1", doc="of each joint n, t1, t2, P, u, v; the target")
+    tilt = k.input("tilt", (JOINTS, 2), unit="rad", doc="of the axes")
+    shift = k.input("shift", (JOINTS, 2), unit="1", doc="of the axes")
+    e = k.input("e", (JOINTS, 6), unit="1", doc="of each reading")
+    ball = k.input("ball", 3, unit="1", doc="of the target")
+    x = k.let("target", g[6 * JOINTS, :].T + ball)
+    for j in reversed(range(JOINTS)):
+        n, t1, t2, point, u, v = (g[6 * j + i, :].T for i in range(6))
+        n = k.let(f"n{j}", n + tilt[j, 0] * t1 + tilt[j, 1] * t2)
+        point = k.let(f"P{j}", point + shift[j, 0] * u + shift[j, 1] * v)
+        q = rows[j]
+        c, s = k.let(f"cos{j}", sp.cos(q)), k.let(f"sin{j}", sp.sin(q))
+        harmonics = e[j, 2] * c + e[j, 3] * s + e[j, 4] * (c**2 - s**2) + e[j, 5] * 2 * s * c
+        angle = k.let(f"angle{j}", q + e[j, 0] + e[j, 1] * q + harmonics)
+        c, s = k.let(f"c{j}", sp.cos(angle)), k.let(f"s{j}", sp.sin(angle))
+        d = k.let(f"d{j}", x - point)
+        x = k.let(f"x{j}", point + d * c + n.cross(d) * s + n * (n.dot(d) * (1 - c)))
+    residual = [rows[JOINTS + 3 + i] * (rows[JOINTS + i] - x[i]) for i in range(3)]
+    k.output("residual", sp.Matrix(residual), unit="1", doc="weight times reading minus model")
+    return k.build()
+
+
+def chain_kernels() -> list[Kernel]:
+    at = dict.fromkeys(LOCAL, 0)
+    kernel = chain()
+    parameters = [*LOCAL, "e", "ball"]
+    return [
+        kernel.at(at, name="values"),
+        kernel.jacobian(parameters, mode="reverse", values=True, name="both", at=at),
+    ]
+
+
+@pytest.fixture(scope="module")
+def kernels() -> list[Kernel]:
+    return chain_kernels()
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A cache for this module, so that the chain is compiled once a target."""
+    return tmp_path_factory.mktemp("kept")
+
+
+@pytest.fixture
+def on(
+    kernels: list[Kernel], kept: Path, monkeypatch: pytest.MonkeyPatch
+) -> Callable[[str], dict[str, RowKernel]]:
+    """The kernels of the chain on a target."""
+
+    def on(level: str) -> dict[str, RowKernel]:
+        monkeypatch.setenv("RODGEN_CACHE", str(kept))
+        monkeypatch.setenv("RODGEN_CPU", level)
+        return row_kernels("chain", lambda: kernels, shared=SHARED)
+
+    return on
+
+
+@pytest.fixture(scope="module")
+def reference(kernels: list[Kernel]) -> dict[str, list[np.ndarray]]:
+    return {kernel.name: exact(kernel, *chain_inputs(11)) for kernel in kernels}
+
+
+def chain_inputs(count: int) -> tuple[np.ndarray, ...]:
+    rng = np.random.default_rng(7)
+    rows = np.hstack([3 * rng.uniform(-1, 1, (count, JOINTS)), rng.uniform(-1, 1, (count, 6))])
+    g = rng.uniform(-1, 1, (6 * JOINTS + 1, 3))
+    g[: 6 * JOINTS : 6] /= np.linalg.norm(g[: 6 * JOINTS : 6], axis=1)[:, None]
+    return rows, g, 1e-2 * rng.uniform(-1, 1, (JOINTS, 6)), 0.1 * rng.uniform(-1, 1, 3)
+
+
+def exact(kernel: Kernel, rows: np.ndarray, *shared: np.ndarray) -> list[np.ndarray]:
+    """Evaluate with 50 digits, row by row."""
+    first, *others = [p.name for p in kernel.inputs]
+    values = [
+        kernel.evaluate({first: row, **dict(zip(others, shared, strict=True))}, digits=50) for row in rows
+    ]
+    return [np.array([np.asarray(v[p.name], dtype=float) for v in values]) for p in kernel.outputs]
+
+
+def as_tuple(results: Any) -> tuple[np.ndarray, ...]:
+    return results if isinstance(results, tuple) else (results,)
+
+
+@pytest.mark.parametrize("level", TARGETS)
+def test_values_and_derivatives_against_50_digits(on, reference, level):
+    for name, kernel in on(level).items():
+        assert kernel.target == ("numpy" if level == "numpy" else "c")
+        for here, there in zip(as_tuple(kernel(*chain_inputs(11))), reference[name], strict=True):
+            # some hundred roundings, of either sign, of terms that are at most ten
+            np.testing.assert_allclose(here, there, rtol=0, atol=10 * 10 * EPSILON)
+
+
+@pytest.mark.parametrize("level", TARGETS)
+def test_any_number_of_rows(on, level):
+    """A row has the same result wherever it stands: alone, among others, at the end of a block."""
+    both = on(level)["both"]
+    rows, *shared = chain_inputs(70)
+    residual, jacobian = both(rows, *shared)
+    assert residual.shape == (70, 3)
+    assert jacobian.shape == (70, 3, 63)
+    for count in (0, 1, 2, 3, 7, 8, 9, 15, 17, 33):
+        for here, there in zip(both(rows[:count], *shared), (residual, jacobian), strict=True):
+            # NumPy's own sine may differ by a rounding with the place in the array
+            np.testing.assert_allclose(here, there[:count], rtol=0, atol=1e-13 if level == "numpy" else 0)
+
+
+@pytest.mark.parametrize("level", TARGETS)
+def test_sine_and_cosine_of_any_angle(monkeypatch, level):
+    """To 1e5 the inline ones; a vector with an angle beyond is left to libm, the near angles in it, too."""
+    monkeypatch.setenv("RODGEN_CPU", level)
+    k = KernelBuilder("circle", summary="A circle.", source="definition")
+    x = k.input("x", unit="rad", doc="an angle")
+    k.output("point", sp.Matrix([sp.cos(x), sp.sin(x)]), unit="1", doc="on the circle")
+    kernel = k.build()
+    circle = row_kernels("circle", lambda: [kernel])["circle"]
+    near = np.random.default_rng(1).uniform(-1e5, 1e5, 64)
+    near[:8] = [0.0, 1e-300, np.pi / 2, np.pi, 1e5, -1e5, np.nextafter(np.pi / 4, 0), 1e-9]
+    far = np.concatenate([[1.0000001e5, -1e6, 1e12, 1e22, 1e300, 3.0], near[:7]])
+    for angles in (near, far):
+        (there,) = exact(kernel, angles)
+        # two units in the last place of 1; NumPy's own are good to four
+        np.testing.assert_allclose(circle(angles), there, rtol=0, atol=2 * EPSILON)
+    for angle in (np.inf, -np.inf, np.nan):
+        near[3] = angle
+        found = circle(near)
+        assert np.isnan(found[3]).all()
+        assert np.isfinite(np.delete(found, 3, 0)).all()
+
+
+def test_zero_parameters_and_shared_terms_cost_nothing(kernels):
+    values, both = kernels
+    assert [p.name for p in both.inputs] == ["rows", *SHARED]
+    assert sum(values.operations.values()) <= 360
+    assert sum(both.operations.values()) <= 2000
+    text = c_source(kernels, SHARED)
+    assert text.count("lanes_sine_cosine(") == 1 + 2 * 2 * JOINTS  # its definition; sine and cosine together
+    loop = text[text.index("void rows_values(") :]
+    assert loop.index("target_1_ = ") < loop.index("for (size_t start")
+
+
+# Every construct -----------------------------------------------------------------------------------------
+
+
+def everything() -> Kernel:
+    """What a kernel may say, of numbers of the row, of shared numbers, and of both."""
+    k = KernelBuilder("everything", summary="All.", source="none")
+    x, y = k.input("x", 2, unit="1", doc="of the row")
+    a, b = k.input("a", 2, unit="1", doc="shared")
+    load = k.input("load", unit="1", doc="shared, and the name of a function in the C")
+    third = sp.Rational(1, 3)
+    shared_holds = k.let("shared_holds", a < b)
+    row_holds = k.let("row_holds", (x < y) & (a < 5) | ~(y < a))
+    outputs = {
+        "arithmetic": x * y * a * b + third * x - y / 7 + 2 * a * y - x**2 / b + a + b + load,
+        "powers": 1 / x
+        + x**-2 * y**3
+        + sp.sqrt(y) / sp.sqrt(a)
+        + y ** sp.Rational(3, 2)
+        + y**a
+        + a**y
+        + y**x,
+        "circular": sp.sin(x) * sp.cos(x) + sp.sin(a) * sp.cos(y) + sp.tan(x * a),
+        "inverse": sp.asin(x / 9) + sp.acos(y / 9) + sp.atan(x) + sp.atan2(x, a) + sp.atan2(load, y),
+        "exponential": sp.exp(x) + sp.log(y) + sp.sinh(x) - sp.cosh(x) * sp.tanh(y) + sp.exp(a),
+        "magnitudes": sp.Abs(x) + sp.sign(x) * y + sp.Abs(a - b) + sp.sign(a - b) * x,
+        "scales": power_of_two_scale(y) * x + power_of_two_scale(b),
+        "machine": select(sp.Abs(x) < EPS, x, select(y < LARGEST, x * EPS, y)),
+        "row_select": select(x < y, x, select(y < 1, a, 7)),
+        "shared_select": select(a < b, x, a) + select(shared_holds, select(a < 0, x, y), b),
+        "mixed_select": select(row_holds, x * a, 3) + select(shared_holds & (x < 0), x, load),
+        "condition_of_a_shared_select": select(select(shared_holds, x, b) < y, a, b),
+        "an_input": x,
+        "a_shared_input": b,
+        "a_number": sp.Rational(2, 3) + sp.pi,
+        "a_shared_value": sp.sin(a) + select(a < b, a, sp.sign(b)),
+        "nothing": select(x > 0, sp.nan, y),
+    }
+    for name, value in outputs.items():
+        k.output(name, value, unit="1", doc=name)
+    k.output("matrix", sp.Matrix([[x, 0], [a, x + y]]), unit="1", doc="a matrix")
+    return k.build()
+
+
+@pytest.mark.parametrize("level", TARGETS)
+@pytest.mark.parametrize("a", [(0.5, 1.5), (2.0, 0.25)])
+def test_every_construct_against_50_digits(monkeypatch, level, a):
+    monkeypatch.setenv("RODGEN_CPU", level)
+    kernel = everything()
+    made = row_kernels("everything", lambda: [kernel], shared=["a", "load"])["everything"]
+    rng = np.random.default_rng(5)
+    rows = np.column_stack([rng.uniform(-3, 3, 37), rng.uniform(0.1, 5, 37)])
+    found = made(rows, a, 1.25)
+    for port, here, there in zip(kernel.outputs, found, exact(kernel, rows, np.array(a), 1.25), strict=True):
+        # a few roundings of terms that may be ten times the sum; the functions of libm are good to one or two
+        room = 40 * EPSILON * np.maximum(1, np.abs(there))
+        assert np.array_equal(np.isnan(here), np.isnan(there)), port.name
+        assert np.all((np.abs(here - there) <= room) | np.isnan(there)), port.name
+
+
+@pytest.mark.parametrize("level", TARGETS)
+def test_special_values_go_through(monkeypatch, level):
+    monkeypatch.setenv("RODGEN_CPU", level)
+    k = KernelBuilder("special", summary="Special.", source="none")
+    x = k.input("x", unit="1", doc="of the row")
+    a = k.input("a", unit="1", doc="shared")
+    k.output("safe", select(sp.Abs(x) > 0, 1 / x, a), unit="1", doc="no infinity")
+    k.output("quotient", a / x, unit="1", doc="infinite at 0")
+    k.output("root", sp.sqrt(x) + sp.sign(x), unit="1", doc="NaN below 0")
+    made = row_kernels("special", lambda: [k.build()], shared=["a"])["special"]
+    safe, quotient, root = made(np.array([0.0, 2.0, -1.0, np.nan, np.inf]), 3.0)
+    np.testing.assert_array_equal(safe, [3, 0.5, -1, 3, 0])
+    np.testing.assert_array_equal(quotient, [np.inf, 1.5, -3, np.nan, 0])
+    np.testing.assert_allclose(root[[0, 1, 4]], [0, np.sqrt(2) + 1, np.inf])
+    assert np.isnan(root[[2, 3]]).all()
+
+
+@needs_compiler
+@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize(
+    "flags", [(), ("-mavx2", "-mfma"), ("-mavx512f", "-mavx512dq")][: 3 if ON_X86 else 1]
+)
+def test_c_compiles_without_a_warning(compiler, flags, tmp_path):
+    (tmp_path / "k.c").write_text(c_source([everything()], ["a", "load"]))
+    command = [compiler, *rows_module.FLAGS, "-Wall", "-Wextra", "-Werror", *flags, "k.c", "-o", os.devnull]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("level", TARGETS)
+def test_names_of_the_generated_code_are_free_for_a_user(monkeypatch, level):
+    """Joints, columns and parameters have the names that users give them."""
+    monkeypatch.setenv("RODGEN_CPU", level)
+    k = KernelBuilder("row", summary="Names.", source="none")
+    load = k.input("load", 2, unit="1", doc="of the row")
+    others = [
+        k.input(n, unit="1", doc="shared") for n in ("row", "vec", "gamma", "in0", "far", "rows", "about")
+    ]
+    named = k.let("start", load[0] * others[0] + others[1])
+    k.output("out0", sp.sin(named) + sum(others), unit="1", doc="a sum")
+    k.output("mask", named, unit="1", doc="a product")
+    kernel = k.build()
+    shared = [p.name for p in kernel.inputs[1:]]
+    out0, mask = row_kernels("names", lambda: [kernel], shared=shared)["row"]([[1.0, 2.0]], *range(7))
+    assert mask == [1.0]
+    assert out0 == pytest.approx(np.sin(1.0) + 21, rel=1e-15)
+
+
+# The call ------------------------------------------------------------------------------------------------
+
+
+def line() -> Kernel:
+    k = KernelBuilder("line", summary="A line.", source="definition")
+    x = k.input("x", 2, unit="1", doc="abscissa, and what is not used")
+    p = k.input("p", 2, unit="1", doc="height, slope")
+    k.output("y", p[0] + p[1] * x[0], unit="1", doc="height")
+    return k.build()
+
+
+@pytest.fixture(params=BOTH)
+def straight(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> RowKernel:
+    monkeypatch.setenv("RODGEN_CPU", request.param)
+    return row_kernels("line", lambda: [line()], shared=["p"])["line"]
+
+
+def test_attributes(straight):
+    assert (straight.name, straight.inputs, straight.outputs) == ("line", {"x": (2,), "p": (2,)}, {"y": ()})
+    assert repr(straight) == f"<RowKernel line(x, p) -> y, {straight.target}>"
+
+
+def test_arrays_of_other_layouts_and_types_are_welcome(straight):
+    expected = [5.0, 7.0, 9.0]
+    rows = np.array([[0, 9], [1, 9], [2, 9]])
+    frozen = np.array([5.0, 2.0])
+    frozen.flags.writeable = False
+    wide = np.zeros((3, 4))
+    wide[:, ::2] = rows
+    for given in (rows, rows.tolist(), np.asfortranarray(rows, float), wide[:, ::2], rows.astype(np.float32)):
+        assert straight(given, frozen).tolist() == expected
+        assert straight(given, [5, 2]).tolist() == expected
+    assert straight(np.empty((0, 2)), frozen).shape == (0,)
+
+
+def test_results_are_written_where_they_are_asked_for(straight):
+    out = np.full(4, np.nan)
+    result = straight([[0, 9], [1, 9], [2, 9]], [5, 2], out=out[:3])
+    assert np.shares_memory(result, out)
+    assert out[:3].tolist() == [5, 7, 9]
+    assert np.isnan(out[3])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "out", "error", "told"),
+    [
+        (([[1, 2]],), None, TypeError, "line: 1 arguments; expected x, p"),
+        (([1, 2], [1, 2]), None, ValueError, r"x has shape \(2,\); expected \(count, 2\)"),
+        (([[1, 2, 3]], [1, 2]), None, ValueError, r"x has shape \(1, 3\); expected \(count, 2\)"),
+        (([[1, 2]], [1, 2, 3]), None, ValueError, r"p has shape \(3,\); expected \(2,\)"),
+        ((3, [1, 2]), None, ValueError, r"x has shape \(\); expected \(count, 2\)"),
+        (([[1, 2]], [1, 2]), np.empty(2), ValueError, r"out for y has shape \(2,\); expected \(1,\)"),
+        (
+            ([[1, 2]], [1, 2]),
+            np.empty(1, int),
+            ValueError,
+            "out for y is no C-contiguous, writable array of float64",
+        ),
+        (([[1, 2]], [1, 2]), (np.empty(1),) * 2, ValueError, "out has 2 arrays; expected 1"),
+    ],
+)
+def test_arguments_that_do_not_fit_are_told(straight, arguments, out, error, told):
+    with pytest.raises(error, match=told):
+        straight(*arguments, out=out)
+
+
+def test_out_that_overlaps_an_input_is_refused(straight):
+    rows = np.ones((2, 2))
+    with pytest.raises(ValueError, match="out for y overlaps an input"):
+        straight(rows, [1, 2], out=rows[0])
+
+
+def test_threads_share_a_kernel(on):
+    both = on("")["both"]
+    rows, *shared = chain_inputs(400)
+    expected = both(rows, *shared)
+    out = tuple(np.empty_like(a) for a in expected)
+
+    def part(start: int) -> None:
+        here = slice(start, start + 50)
+        both(rows[here], *shared, out=tuple(a[here] for a in out))
+
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(part, range(0, 400, 50)))
+    for here, there in zip(out, expected, strict=True):
+        np.testing.assert_allclose(here, there, rtol=0, atol=1e-13)
+
+
+def test_inputs_out_of_place_are_told():
+    with pytest.raises(
+        KernelError, match="line: p is out of place; expected one for the rows, then shared ones"
+    ):
+        row_kernels("line", lambda: [line()], shared=[])
+    with pytest.raises(KernelError, match="line: x is out of place"):
+        row_kernels("line", lambda: [line()], shared=["x", "p"])
+
+
+# The cache -----------------------------------------------------------------------------------------------
+
+
+def counting(kernels: Callable[[], list[Kernel]]) -> tuple[Callable[[], list[Kernel]], list[int]]:
+    calls: list[int] = []
+
+    def make() -> list[Kernel]:
+        calls.append(1)
+        return kernels()
+
+    return make, calls
+
+
+@pytest.mark.parametrize("level", BOTH)
+def test_made_once_for_a_key(cache, monkeypatch, level):
+    monkeypatch.setenv("RODGEN_CPU", level)
+    make, calls = counting(lambda: [line()])
+    for _ in range(2):
+        assert row_kernels("one", make, shared=["p"])["line"]([[2, 0]], [1, 1]).tolist() == [3]
+    assert len(calls) == len(list(cache.iterdir())) == 1
+    row_kernels("two", make, shared=["p"])
+    assert len(calls) == len(list(cache.iterdir())) == 2
+
+
+def test_another_text_of_the_generator_is_another_key(cache, monkeypatch):
+    make, calls = counting(lambda: [line()])
+    row_kernels("one", make, shared=["p"])
+    monkeypatch.setattr(rows_module, "_generator", lambda: "another text")
+    row_kernels("one", make, shared=["p"])
+    assert len(calls) == 2
+
+
+@needs_compiler
+def test_another_processor_flag_or_compiler_is_another_library(cache, monkeypatch):
+    """A cache on a shared disk serves different processors."""
+    make, calls = counting(lambda: [line()])
+    row_kernels("one", make, shared=["p"])
+    monkeypatch.setattr(_library, "version", lambda _: "another version")
+    row_kernels("one", make, shared=["p"])
+    monkeypatch.setattr(rows_module, "native", lambda _: ("", "another processor"))
+    row_kernels("one", make, shared=["p"])
+    monkeypatch.setattr(rows_module, "FLAGS", (*rows_module.FLAGS, "-DOTHER"))
+    row_kernels("one", make, shared=["p"])
+    assert len(calls) == len(list(cache.iterdir())) == 4
+
+
+LOADED = """
+import sys
+from rodgen.codegen.rows import row_kernels
+def make():
+    raise SystemExit("made again")
+kernel = row_kernels("one", make, shared=["p"])["line"]
+print(kernel([[2.0, 0.0]], [1.0, 1.0]), kernel.target)
+print(sorted({"sympy", "jinja2", "mpmath"} & set(sys.modules)))
+"""
+
+
+@pytest.mark.parametrize("level", BOTH)
+def test_what_is_kept_is_loaded_without_sympy(cache, monkeypatch, level):
+    monkeypatch.setenv("RODGEN_CPU", level)
+    made = row_kernels("one", lambda: [line()], shared=["p"])["line"]
+    done = subprocess.run([sys.executable, "-c", LOADED], capture_output=True, text=True)
+    assert (done.stderr, done.stdout) == ("", f"[3.] {made.target}\n[]\n")
+
+
+def told(call: Callable[[], Any]) -> tuple[Any, list[str]]:
+    with warnings.catch_warnings(record=True) as notices:
+        warnings.simplefilter("always")
+        result = call()
+    return result, [str(n.message) for n in notices]
+
+
+@pytest.mark.parametrize(
+    ("compiler", "reason"),
+    [
+        ("no-such-compiler", "CC names the compiler 'no-such-compiler', which is not there"),
+        ("false", "false fails: exit code 1"),
+    ],
+)
+def test_without_a_compiler_numpy_runs_and_one_notice_says_why(cache, monkeypatch, compiler, reason):
+    monkeypatch.setenv("CC", compiler)
+    make, calls = counting(lambda: [line()])
+    made, notices = told(lambda: row_kernels("one", make, shared=["p"]))
+    assert made["line"].target == "numpy"
+    assert len(notices) == 1
+    assert re.fullmatch(f"kernels that are made at run time run on NumPy, not in C: .*{reason}", notices[0])
+    again, notices = told(lambda: row_kernels("one", make, shared=["p"]))
+    assert notices == []
+    assert again["line"]([[2, 0]], [1, 1]).tolist() == made["line"]([[2, 0]], [1, 1]).tolist() == [3]
+    assert len(calls) == (1 if compiler == "no-such-compiler" else 2)
+
+
+def test_numpy_that_is_asked_for_is_no_surprise(monkeypatch):
+    monkeypatch.setenv("RODGEN_CPU", "numpy")
+    made, notices = told(lambda: row_kernels("one", lambda: [line()], shared=["p"]))
+    assert made["line"].target == "numpy"
+    assert notices == []
+
+
+@pytest.mark.parametrize("level", BOTH)
+def test_a_spoilt_or_forbidden_cache_is_done_without(cache, monkeypatch, level):
+    monkeypatch.setenv("RODGEN_CPU", level)
+    row_kernels("one", lambda: [line()], shared=["p"])
+    (kept,) = cache.iterdir()
+    if kept.suffix == ".so":
+        kept.write_bytes(b"half a library")
+        kept.rename(kept.with_suffix(".was"))  # a loaded library must not change under its process
+        kept.with_suffix(".was").replace(kept)
+    monkeypatch.setenv("RODGEN_CACHE", os.path.join(os.devnull, "cache"))
+    assert row_kernels("one", lambda: [line()], shared=["p"])["line"]([[2, 0]], [1, 1]).tolist() == [3]
