@@ -222,14 +222,19 @@ class Problem:
         total = sum(self._each(of_block))
         return total if np.isfinite(total) else np.inf
 
+    @np.errstate(over="ignore", invalid="ignore")
     def normal_equations(self, theta: Array, frame: Frame) -> tuple[float, Array, Array]:
-        """Return cost, JᵀJ and Jᵀr with respect to all parameters, at once and in bounded memory."""
+        """Return cost, JᵀJ and Jᵀr with respect to all parameters, at once and in bounded memory.
+
+        The cost is infinite where a residual or a derivative is not finite.
+        """
         p = len(self.model.parameters)
         if "residual_and_jacobian" not in self.model.kernels:
             return self.cost(theta, frame), np.zeros((p, p)), np.zeros(p)
         kernel, e = self.model.kernels["residual_and_jacobian"], self.model.parameters_of_effects(theta)
         geometries = self._geometries(theta, frame)
 
+        @np.errstate(over="ignore", invalid="ignore")  # each thread has its own
         def of_block(number: int, group: _Group, start: int, stop: int) -> tuple[int, float, Array, Array]:
             residual, jacobian = kernel(self._block(number, group, start, stop), geometries[number], e)
             flat, r = jacobian.reshape(-1, jacobian.shape[-1]), residual.ravel()
@@ -249,7 +254,7 @@ class Problem:
             slots = self.model.slots(theta, self.groups[number].target, self.groups[number].run)
             A += slots.T @ square @ slots
             b += slots.T @ gradient
-        return cost, A, b
+        return cost if np.isfinite(cost) and np.isfinite(A).all() else np.inf, A, b
 
     def bend(self, theta: Array, frame: Frame, moved: tuple[Array, Frame], step: Array, part: float) -> Array:
         """Return Jᵀr″, r″ the second derivative of the residuals along a step, (parameters,).

@@ -21,6 +21,8 @@ ROUGH = 0.02
 """A fit that leaves more than this part of the readings' spread may be a wrong valley: others are tried."""
 SEARCH_ROWS = 20_000
 """A search looks at so many rows at most, evenly taken."""
+ANY_SIZE = np.geomspace(1e-6, 1e6, 97)
+"""Sizes that are tried for a parameter in a user's formula, of either sign, internal units: eight a decade."""
 SEARCH_STEPS = 400
 """Values that are tried for a searched parameter at most."""
 
@@ -96,6 +98,9 @@ def searched(problem: Problem, solution: Solution, free: Sequence[int], new: Seq
     compared, so that no candidate needs a fit of its own.
     """
     theta = solution.theta.copy()
+    every = -(-problem.rows // SEARCH_ROWS)
+    if every > 1:
+        problem = Problem(problem.model, problem.observations.take(slice(None, None, every)))
     for index in new:
         parameter = problem.model.parameters[index]
         if not parameter.searched or parameter.key in problem.model.machine.values:
@@ -134,8 +139,12 @@ def _fall(cost: float, square: Array, gradient: Array, free: Sequence[int]) -> f
 
 
 def _grid(problem: Problem, index: int) -> Array:
+    """Return the values that are tried for a parameter."""
+    effects = problem.model.machine.effects
     parameter, o = problem.model.parameters[index], problem.observations
-    name = parameter.slot[-1]
+    name, own = parameter.slot[-1], any(e.name == parameter.effect and e.definition.own for e in effects)
+    if own:
+        return np.concatenate([-ANY_SIZE, ANY_SIZE])
     if name == "tau" and o.t is not None:
         t = np.unique(o.t)
         if len(t) > 1:
@@ -148,4 +157,4 @@ def _grid(problem: Problem, index: int) -> Array:
             # frequencies closer than a quarter of 1/span look alike; above half the number of places none is seen
             highest = (len(q) - 1) / 2
             return span / np.linspace(0.75, highest, int(min(SEARCH_STEPS, 4 * highest)))
-    return np.array([parameter.hold or 1.0])
+    return np.array([1.0])

@@ -13,12 +13,12 @@ with respect to them is taken.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from fractions import Fraction
 from typing import Any, TypeAlias
 
 import sympy as sp
 
 from rodgen.codegen.kernel import Kernel, KernelBuilder
+from rodgen.errors import RodgenError
 from rodgen.machines._structure import MOMENTS, Structure, Term
 from rodgen.machines.formula import Formula
 from rodgen.symbolic import select
@@ -234,14 +234,15 @@ class _Model:
 
     # effects -------------------------------------------------------------------------------------------------
 
-    def value(self, number: int, formula: str) -> Any:
+    def value(self, number: int, formula: str, **more: Any) -> Any:
         """Evaluate an effect's formula: a number, or a vector."""
-        term, names = self.structure.terms[number], self.names(number)
-        return Formula.parse(formula, file="effect", place=term.component).evaluate(
-            names,
-            FUNCTIONS,
-            lambda x: sp.Rational(x.numerator, x.denominator) if isinstance(x, Fraction) else x,
+        component = self.structure.terms[number].component
+        value = Formula.parse(formula, file="effect", place=component).evaluate(
+            self.names(number) | more, FUNCTIONS, lambda x: sp.Rational(x.numerator, x.denominator)
         )
+        if any(sp.sympify(x).has(sp.I, sp.zoo, sp.nan, sp.oo) for x in sp.flatten([value])):
+            raise RodgenError(f"the formula {formula!r} of an effect is no real number anywhere")
+        return value
 
     def names(self, number: int) -> dict[str, Any]:
         term = self.structure.terms[number]
@@ -370,11 +371,7 @@ class _Model:
                 continue
             up = -self.known("gravity")
             c = self.let("cos_zenith", up.dot(x))
-            names = self.names(n) | {"tan_zenith": 1 / c}
-            formula = Formula.parse(term.formula, file="effect", place="lift")
-            f = self.let(
-                "lift", formula.evaluate(names, FUNCTIONS, lambda x: sp.Rational(x.numerator, x.denominator))
-            )
+            f = self.let("lift", self.value(n, term.formula, tan_zenith=1 / c))
             # angle f sin z, with f = a / cos z
             square = self.let("square", f**2 * (1 - c**2))
             is_small = square < SERIES_BELOW

@@ -213,7 +213,7 @@ def _check_hold(machine: Machine, effect: Effect) -> None:
     for name, value in effect.hold.items():
         if name not in units:
             raise UnfitEffectError(f"hold.{name}", f"no parameter of {effect.name}", listed(units))
-        if name in effect.definition.searched and not value > 0:
+        if name in effect.definition.searched and not effect.definition.own and not value > 0:
             raise UnfitEffectError(f"hold.{name}", f"{value:g}", "a positive number")
     if effect.name == "periodic_drive_error" and "P" in effect.hold:
         period = machine.joint(str(effect.place)).period

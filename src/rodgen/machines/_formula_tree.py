@@ -20,6 +20,7 @@ __all__ = [
     "Operation",
     "fold",
     "names_in",
+    "names_within",
     "write",
 ]
 
@@ -117,6 +118,23 @@ def names_in(node: Node) -> Iterator[str]:
         case Operation(_, left, right):
             yield from names_in(left)
             yield from names_in(right)
+
+
+def names_within(node: Node) -> Iterator[str]:
+    """List the names on which a tree does not depend linearly: in an argument, a divisor or a power."""
+    match node:
+        case Call(_, inner):
+            yield from names_in(inner)
+        case Negation(inner):
+            yield from names_within(inner)
+        case Operation("**", _, _):
+            yield from names_in(node)
+        case Operation("/", left, right):
+            yield from names_within(left)
+            yield from names_in(right)
+        case Operation(_, left, right):
+            yield from names_within(left)
+            yield from names_within(right)
 
 
 # how tightly a node holds together; a child that holds less than its place asks for is put in parentheses

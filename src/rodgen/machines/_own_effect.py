@@ -81,7 +81,10 @@ def own_effect(
     parsed = Formula.parse(formula, file=file, place=f"{place}, formula")
     checked.names(parsed, parameters)
     checked.dimension(parsed, parameters, component)
-    return EffectDefinition(name, frozenset({at}), component, parsed, dict(parameters), meaning, own=True)
+    searched = tuple(p for p in parameters if p in parsed.inner_names)
+    return EffectDefinition(
+        name, frozenset({at}), component, parsed, dict(parameters), meaning, searched=searched, own=True
+    )
 
 
 class _Check:

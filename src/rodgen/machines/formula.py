@@ -28,6 +28,7 @@ from rodgen.machines._formula_tree import (
     Operation,
     fold,
     names_in,
+    names_within,
     write,
 )
 from rodgen.machines.units import ONE, Dimension
@@ -95,6 +96,17 @@ between; expected '2*q'
     def names(self) -> frozenset[str]:
         """Every name in it, ``pi`` included, functions not."""
         return frozenset(names_in(self.tree))
+
+    @property
+    def inner_names(self) -> frozenset[str]:
+        """The names in a function's argument, below a fraction bar or in a power: the rest enters linearly.
+
+        Examples
+        --------
+        >>> sorted(Formula.parse("a*exp(-t/tau) + b*q", file="machine.toml", place="formula").inner_names)
+        ['t', 'tau']
+        """
+        return frozenset(names_within(self.tree))
 
     def evaluate(
         self,
