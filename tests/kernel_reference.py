@@ -15,9 +15,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from rodgen.codegen import Kernel
-from rodgen.derivation import axis, rodrigues, rotations
+from rodgen.derivation import axis, machine_model, rodrigues, rotations
 
-MODULES = {"axis": axis.derivation, "rodrigues": rodrigues.derivation, "rotations": rotations.derivation}
+MODULES = {d.name: d for d in (m.derivation for m in (axis, machine_model, rodrigues, rotations))}
 KERNELS: dict[str, Kernel] = {k.name: k for d in MODULES.values() for k in d.kernels.values()}
 MODULE_OF = {name: module for module, d in MODULES.items() for name in d.kernels}
 
@@ -98,6 +98,15 @@ def rotation_inputs() -> Rotation:
     return Rotation.from_rotvec(vectors * angles[:, None])
 
 
+def rotation_vectors() -> np.ndarray:
+    """Rotation vectors of every size; some near 1/2, where the series end, on both sides and to rounding."""
+    lengths = [0.3, 1.0, 2.0, 3.0, np.pi, 6.0, 50.0, 0.499, 0.501, 0.1, 1e-2, 1e-4, 1e-8, 1e-20, 1e-200]
+    random = unit(np.random.default_rng(5).normal(size=(len(lengths), 3))) * np.array(lengths)[:, None]
+    border = [[x, 0, 0] for x in (0.5, np.nextafter(0.5, 0), np.nextafter(0.5, 1))] + [[0.3, 0.4, 0]]
+    extreme = [[0, 0, 0], [0, -1e-3, 0], [np.nan, 0, 0], [0, np.inf, 0]]
+    return np.concatenate([random, border, extreme])
+
+
 def inputs_of(kernel: Kernel) -> dict[str, np.ndarray]:
     """Arrays (n, ...) for every input."""
     names = {p.name for p in kernel.inputs}
@@ -120,6 +129,12 @@ def inputs_of(kernel: Kernel) -> dict[str, np.ndarray]:
             values[name] = np.clip(1e-3 * root, -1, 1) * np.clip(size, 1e-150, 1e150)
             values[name] = values[name] @ values[name].swapaxes(1, 2)
         values["var_angle"] = np.full(n, 1e-8)
+    elif "w" in names:
+        values = {"w": rotation_vectors()}
+    elif "tilt" in names:
+        tilts = rotation_vectors()[:, :2]
+        bases = Rotation.from_rotvec(rng.normal(size=(len(tilts), 3))).as_matrix()
+        values = {"axis": bases[:, 2], "u": bases[:, 0], "v": bases[:, 1], "tilt": tilts}
     elif "matrix" in names:
         good = rotation_inputs().as_matrix()
         bad = [

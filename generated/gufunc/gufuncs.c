@@ -40,6 +40,8 @@ DECLARE_ALL(axis_axis_condition)
 DECLARE_ALL(axis_axis_jacobian)
 DECLARE_ALL(axis_axis_covariance)
 DECLARE_ALL(axis_axis_residual)
+DECLARE_ALL(machine_model_rotation_from_vector)
+DECLARE_ALL(machine_model_tilted_axis)
 DECLARE_ALL(rodrigues_solve_axis_paper)
 DECLARE_ALL(rotations_rotate)
 DECLARE_ALL(rotations_rodrigues_vector_from_axis_angle)
@@ -90,6 +92,14 @@ NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUB
 static const char types_axis_axis_residual[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_machine_model_rotation_from_vector[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_machine_model_tilted_axis[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 };
 static const char types_rodrigues_solve_axis_paper[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
@@ -161,6 +171,10 @@ static const struct definition definitions[] = {
    ALL_LOOPS(axis_axis_covariance), types_axis_axis_covariance},
   {"axis_residual", "(3),(3),(),(3),(3)->(3),(3,6)", "Derivatives of axis_residual.", 5, 2, 7,
    ALL_LOOPS(axis_axis_residual), types_axis_axis_residual},
+  {"rotation_from_vector", "(3)->(3,3),(3,3)", "Matrix of the rotation by a rotation vector, and its left Jacobian.", 1, 2, 3,
+   ALL_LOOPS(machine_model_rotation_from_vector), types_machine_model_rotation_from_vector},
+  {"tilted_axis", "(3),(3),(3),(2)->(3),(3,2)", "An axis, turned by the rotation vector a u + b v, and its derivatives by a and b.", 4, 2, 6,
+   ALL_LOOPS(machine_model_tilted_axis), types_machine_model_tilted_axis},
   {"solve_axis_paper", "(3),(3),()->(2,3),(3)", "Rodrigues vectors that turn a point into another by a known angle, as the paper computes them.", 3, 2, 5,
    ALL_LOOPS(rodrigues_solve_axis_paper), types_rodrigues_solve_axis_paper},
   {"rotate", "(3),(3)->(3)", "Rotate a vector by Rodrigues' formula.", 2, 1, 3,

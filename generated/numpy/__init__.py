@@ -7,6 +7,7 @@ Template: numpy_init.py.j2.
 from types import SimpleNamespace
 
 from . import axis
+from . import machine_model
 from . import rodrigues
 from . import rotations
 
@@ -17,6 +18,8 @@ ALL = SimpleNamespace(
     axis_jacobian=axis.axis_jacobian,
     axis_covariance=axis.axis_covariance,
     axis_residual=axis.axis_residual,
+    rotation_from_vector=machine_model.rotation_from_vector,
+    tilted_axis=machine_model.tilted_axis,
     solve_axis_paper=rodrigues.solve_axis_paper,
     rotate=rotations.rotate,
     rodrigues_vector_from_axis_angle=rotations.rodrigues_vector_from_axis_angle,

@@ -1,0 +1,1463 @@
+# ---
+# jupyter:
+#   jupytext:
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+#   kernelspec:
+#     display_name: Python 3
+#     language: python
+#     name: python3
+# ---
+
+# %% [markdown]
+# # What a machine's model rests on
+#
+# A machine is a chain of joints from its base to the measured point. Joint $j$ slides along its axis $\vec n$, or
+# turns about the line through the point $\vec P$ along it. All axes, points and targets are given in machine axes
+# with every joint at zero. A target $\vec p$ is seen at
+#
+# $$\vec y=(1+k)\;B\;S\;W\;\mathrm{Lift}\;\bigl(D_1J_1\,D_2J_2\cdots D_nJ_n\;\vec p\,\bigr),$$
+#
+# where $J_j$ is the joint's own motion and $D_j$ its error motion; refraction lifts directions; $W$, $S$ and $B$
+# move the frame (a drift, a shift of the set-up, the free frame of the instrument), and $k$ is the instrument's
+# scale.
+#
+# A model of a machine is that line as a program, one joint after the other, with its derivatives. This notebook
+# proves what such a program takes for granted: that each step is the motion it is taken for, that the published
+# machine of Stebulyanin and Pimushkin is one of these chains, what each kind of parameter does to the seen point,
+# what an error motion means, and which changes nothing can see.
+
+# %%
+from dataclasses import replace
+
+import sympy as sp
+
+from rodgen.codegen import KernelBuilder
+from rodgen.codegen.kernel import Derivative
+from rodgen.symbolic import (
+    Derivation,
+    Letter,
+    cross,
+    dot,
+    equal,
+    in_notebook,
+    norm,
+    rodrigues,
+    select,
+    skew,
+)
+
+derivation = Derivation(
+    "machine_model",
+    title="Machines: chains of joints, error motions, and what each parameter does to the seen point",
+    source='Stebulyanin and Pimushkin, "Solution of the Rodriguez Equation in Modeling Volumetric Geometric '
+    'Accuracy of Multi-Coordinate Systems", sec. 2 and eq. (1)',
+)
+d = derivation
+
+# %% [markdown]
+# ## Symbols
+#
+# What has no definition is free. A rotation that may be any is written by a quaternion of any length. What a motion
+# makes of a point gets a letter of its own, such as $J\vec x$; proofs put in what stands behind it. The whole table
+# is at the end.
+
+# %%
+q = d.symbol("q", "q", "reading of a joint, with its errors: angle or length", "rad or length")
+h = d.symbol("h", "h", "half of an angle", "rad")
+n = d.vector("n", r"\vec n", "unit vector of a joint's axis", "1")
+P = d.vector("P", r"\vec P", "point on a joint's axis; where its error motion turns", "length")
+x = d.vector("x", r"\vec x", "a point, as the joints beyond have left it", "length")
+z = d.vector("z", r"\vec z", "another one", "length")
+omega = d.vector(
+    "omega", r"\vec\omega", "rate of a small turn, a rotation vector per unit of a parameter", "rad"
+)
+s = d.vector("s", r"\vec s", "translation of any rigid motion", "length")
+
+
+def any_rotation(name: str) -> sp.Matrix:
+    """Matrix of a quaternion of any length: every rotation there is."""
+    scalar, *vector = sp.symbols(f"{name}_w {name}_x {name}_y {name}_z", real=True)
+    turn = skew(sp.Matrix(vector))
+    return sp.eye(3) + (2 * scalar * turn + 2 * turn**2) / (scalar**2 + sum(v**2 for v in vector))
+
+
+Q = d.matrix("Q", "Q", "any rotation: of the joints before, of a frame", "1", value=any_rotation("Q"))
+E = d.matrix("E", "E", "the rotation of an error motion", "1", value=any_rotation("E"))
+epsilon = sp.Symbol("epsilon", real=True)
+unit = {n.components[2]: dot(n, n) - 1}
+
+
+def turned(v: sp.Basic, angle: sp.Expr = q, axis: sp.Basic = n) -> sp.Basic:
+    """Rodrigues' formula: v turned about a unit axis."""
+    return sp.cos(angle) * v + sp.sin(angle) * cross(axis, v) + (1 - sp.cos(angle)) * dot(axis, v) * axis
+
+
+def turn(v: sp.Basic, angle: sp.Expr = q) -> sp.Basic:
+    """What a rotary joint does to a point."""
+    return P + turned(v - P, angle)
+
+
+def slide(v: sp.Basic) -> sp.Basic:
+    """What a linear joint does to a point."""
+    return v + q * n
+
+
+def letter(name: str, latex: str, quantity: str, value: sp.Basic, its_unit: str = "length") -> sp.Basic:
+    """Name a vector by what it is."""
+    return d.vector(name, latex, quantity, its_unit, value=value)
+
+
+def slope(
+    name: str, latex: str, quantity: str, of: sp.Basic, by: sp.Symbol, at: int | None = None
+) -> sp.Basic:
+    """Name the derivative of an exact expression, taken by SymPy in components: what a proof compares with."""
+    rate = sp.Matrix(d.value(of)).diff(by)
+    return letter(name, latex, quantity, rate if at is None else rate.subs(by, at), "its own")
+
+
+def slope_along(name: str, latex: str, quantity: str, of: sp.Basic, by: sp.Basic, rate: sp.Basic) -> sp.Basic:
+    """Name the derivative of an exact expression when a vector changes at some rate."""
+    of = sp.Matrix(d.value(of))
+    terms = (of.diff(part) * speed for part, speed in zip(by, rate, strict=True))
+    return letter(name, latex, quantity, sum(terms, sp.zeros(3, 1)), "its own")
+
+
+d
+
+# %% [markdown]
+# ## One joint
+#
+# The motion of a rotary joint is the paper's eq. (1), Rodrigues' formula, about a line that need not pass through
+# the origin: $J\vec x=\vec P+R(\vec x-\vec P)$. Written with sine and cosine it has no infinite tangent at a half
+# turn.
+
+# %%
+theta = d.vector("theta", r"\vec\theta", "the paper's Rodrigues vector", "1", value=2 * sp.tan(h) * n)
+R_x = letter("R_x", r"R\vec x", "x turned about n by q", turned(x))
+R_z = letter("R_z", r"R\vec z", "z turned likewise", turned(z))
+J_x = letter("J_x", r"J\vec x", "what a rotary joint makes of x", turn(x))
+J_z = letter("J_z", r"J\vec z", "what it makes of z", turn(z))
+d.check(
+    "turn-is-eq-1",
+    equal(R_x, rodrigues(x, theta)),
+    text="The joint's rotation is the one of eq. (1) with the Rodrigues vector 2 tan(q/2) n, here with q = 2h.",
+).prove(given={q: 2 * h}, modulo=unit)
+
+# %%
+R_of_cross = letter("R_of_cross", r"R(\vec x\times\vec z)", "a turned cross product", turned(cross(x, z)))
+d.check(
+    "turn-is-rigid",
+    equal(norm(J_x - J_z) ** 2, norm(x - z) ** 2),
+    equal(cross(R_x, R_z), R_of_cross),
+    text="It keeps distances, and it keeps right hands right: it is a rigid motion.",
+).prove(modulo=unit)
+
+# %%
+along = d.symbol("along", r"\lambda", "way along an axis", "length")
+of_axis = letter(
+    "of_axis", r"J(\vec P+\lambda\vec n)", "what it makes of a point of its axis", turn(P + along * n)
+)
+elsewhere = letter(
+    "elsewhere",
+    r"J_{\vec P+\lambda\vec n}\,\vec x",
+    "the same joint with another point of its axis",
+    P + along * n + turned(x - P - along * n),
+)
+d.check(
+    "axis-stays",
+    equal(of_axis, P + along * n),
+    equal(elsewhere, J_x),
+    text="It leaves every point of its axis where it is. Which of them is named does not matter: the place of an "
+    "axis has two freedoms, across itself.",
+).prove(modulo=unit)
+
+# %%
+L_x = letter("L_x", r"J_s\vec x", "what a linear joint makes of x, x + q n", slide(x))
+L_z = letter("L_z", r"J_s\vec z", "what it makes of z", slide(z))
+d.check(
+    "slide-is-rigid",
+    equal(L_x - L_z, x - z),
+    text="A linear joint moves every point alike: it keeps all differences, and so distances and directions. Where "
+    "its axis lies means nothing.",
+).prove()
+
+# %% [markdown]
+# ### Why "product of exponentials"
+#
+# In homogeneous coordinates both motions are $e^{q\Xi}$: of the twist
+# $\Xi=\bigl[\begin{smallmatrix}[\vec n]_\times&-\vec n\times\vec P\\0&0\end{smallmatrix}\bigr]$ for a rotary joint,
+# of $\bigl[\begin{smallmatrix}0&\vec n\\0&0\end{smallmatrix}\bigr]$ for a linear one. The exponential is the only
+# solution of $\frac{dJ}{dq}=\Xi J$ that starts from the identity. So two facts prove it; the first is the
+# derivative that a fit needs.
+
+# %%
+by_q = slope("by_q", r"\frac{\partial J\vec x}{\partial q}", "derivative by the reading", turn(x), q)
+R_of_speed = letter(
+    "R_of_speed", r"R\bigl(\vec n\times(\vec x-\vec P)\bigr)", "turned", turned(cross(n, x - P))
+)
+at_rest = letter("at_rest", r"J\vec x|_{q=0}", "the joint at zero", turn(x, sp.S.Zero))
+d.check(
+    "by-reading",
+    equal(by_q, cross(n, J_x - P)),
+    equal(by_q, R_of_speed),
+    equal(at_rest, x),
+    text="A point moves across the axis and its own arm: n × (Jx − P), which is n × (x − P), turned.",
+).prove(modulo=unit)
+
+# %%
+by_q_slide = slope("by_q_slide", r"\frac{\partial J_s\vec x}{\partial q}", "the same of a slide", slide(x), q)
+d.check("by-slide", equal(by_q_slide, n), text="The same for a linear joint.").prove()
+
+# %%
+q_1 = d.symbol("q_1", "q_1", "a part of a reading", "rad")
+q_2 = d.symbol("q_2", "q_2", "the other part", "rad")
+whole = letter("whole", r"J(q_1+q_2)\,\vec x", "one turn", turn(x, q_1 + q_2))
+in_parts = letter("in_parts", r"J(q_1)\,J(q_2)\,\vec x", "two turns", turn(turn(x, q_2), q_1))
+d.check(
+    "parts-of-a-reading",
+    equal(whole, in_parts),
+    text="Turns about one axis add up. So an error of the reading is a turn of its own, before or after.",
+).prove(modulo=unit)
+
+# %% [markdown]
+# ## The chain
+#
+# Everything is given at zero, but when joint 1 moves, it carries the axis of joint 2 away. The product takes care of
+# that: with $G\vec x=Q\vec x+\vec s$ for whatever the joints before have done,
+# $G\,J_{\vec n,\vec P}=J_{Q\vec n,G\vec P}\,G$. Read from the right, joints move in their places at zero, the last one
+# first. Read from the left, they move one after the other from the base, each about the axis to which those before
+# have carried it.
+
+# %%
+G_x = letter("G_x", r"G\vec x", "x, carried", Q * x + s)
+G_P = letter("G_P", r"G\vec P", "the joint's point, carried", Q * P + s)
+G_J_x = letter("G_J_x", r"G\,J\vec x", "what the joint made of x, carried", Q * turn(x) + s)
+J_G_x = letter(
+    "J_G_x",
+    r"J_{Q\vec n,G\vec P}\,G\vec x",
+    "what the carried joint makes of the carried x",
+    Q * P + s + turned(Q * (x - P), axis=Q * n),
+)
+d.check(
+    "carried-turn",
+    equal(G_J_x, J_G_x),
+    equal(G_x - G_P, Q * (x - P)),
+    text="A rotary joint, carried, turns about the carried axis through the carried point.",
+).prove()
+
+# %%
+G_L_x = letter("G_L_x", r"G\,J_s\vec x", "what the slide made of x, carried", Q * slide(x) + s)
+d.check(
+    "carried-slide",
+    equal(G_L_x, G_x + q * (Q * n)),
+    text="A linear joint, carried, slides along the carried axis.",
+).prove()
+
+# %% [markdown]
+# ## The paper's machine
+#
+# Section 2 of the paper describes a gantry of three linear joints that carries a rotary one, with
+# $\vec r_A=\vec r_1+C\vec q+\vec r_a$. Some of the words that define its symbols are lost in print; this is how they
+# map.
+#
+# | paper | chain | machine file |
+# | --- | --- | --- |
+# | stationary Cartesian system | machine axes | `frame = "machine"` |
+# | $\vec q$, linear displacements | readings of the first three joints | `type = "prismatic"` |
+# | column $\vec c_j$ of the calibration matrix $C$ | $(1+k_j)\,\vec n_j$ | `axis`, effects `squareness` and `scale` |
+# | $\vec r_1$, origin of the moving system | point $\vec P$ of the rotary joint | `point` |
+# | $\vec e$, $\chi$ | axis $\vec n$ and reading $q$ of the fourth joint | `type = "revolute"`, `axis` |
+# | $\vec\rho$, pole of the effector before the turn | $\vec p-\vec P$ | `[[target]]`, less `point` |
+# | $\vec r_a=\vec\rho\,'$, the pole after it | $R(\vec p-\vec P)$ | |
+# | $\vec r_A$, the pole in the stationary system | $J_1J_2J_3J_4\,\vec p$ | columns `x`, `y`, `z` |
+#
+# The axes of a machine file are unit vectors; the lengths of the columns of $C$ are therefore scales. Nine numbers
+# of $C$ are three times the two tilts of an axis and one scale, and every $C$ without a column of zeros is such a
+# chain.
+
+# %%
+C = d.matrix("C", "C", "the paper's calibration matrix", "1", value=Letter("C", 3, 3).components)
+commands = d.vector("commands", r"\vec q", "the paper's coordinates of the three linear joints", "length")
+r_1 = d.vector("r_1", r"\vec r_1", "the paper's origin of the moving system", "length")
+r_a = d.vector("r_a", r"\vec r_a", "the paper's pole of the effector in the moving system", "length")
+columns = [C.components[:, j] for j in range(3)]
+scales = [
+    d.symbol(f"k_{j}", f"k_{j}", f"scale of linear joint {j}", "1", value=norm(column) - 1)
+    for j, column in enumerate(columns, start=1)
+]
+axes = [
+    d.vector(f"n_{j}", rf"\vec n_{j}", f"unit axis of linear joint {j}", "1", value=column / norm(column))
+    for j, column in enumerate(columns, start=1)
+]
+
+
+def gantry(point: sp.Basic) -> sp.Basic:
+    """Three linear joints, the last one first, each with its scale on the reading."""
+    for axis, k, command in reversed(list(zip(axes, scales, commands, strict=True))):
+        point = point + (command + k * command) * axis
+    return point
+
+
+r_A = letter("r_A", r"\vec r_A", "what three linear joints make of the target r₁ + r_a", gantry(r_1 + r_a))
+d.state(
+    "r-A",
+    equal(r_A, r_1 + C * commands + r_a),
+    text="Three linear joints along the columns of C, and the target r₁ + r_a.",
+    place="sec. 2",
+    assumptions=["no column of C vanishes"],
+).prove()
+
+# %% [markdown]
+# That no column vanishes is all that the chain needs. To *command* a place, $C$ must be invertible. The paper
+# takes an inverse for granted where it speaks of correcting motions.
+
+# %%
+wanted = d.vector("wanted", r"\vec r^*", "where the pole is wanted", "length")
+lacking = sp.Matrix(d.value(wanted - r_1 - r_a))
+command_for = letter(
+    "command_for",
+    r"\vec q^*",
+    "the command that brings it there, C⁻¹(r* − r₁ − r_a)",
+    C.components.adjugate() * lacking / C.components.det(),
+)
+d.check(
+    "command",
+    equal(r_1 + C * command_for + r_a, wanted),
+    text="With an invertible C every place has one command, and as r_a may be any vector, that is so with a rotary "
+    "joint, too. The paper says that translations alone do not correct a machine with one: that is true of the "
+    "body's direction, not of the place of the pole. In either case the axis and its place must be known.",
+    assumptions=["det C ≠ 0"],
+).prove()
+
+# %%
+zero = d.vector("zero", r"\vec a", "zero offsets of the linear joints", "length")
+of_sum = letter(
+    "of_sum", r"\vec r_A'", "r_A of (r₁ + C a) + z and r_a − z", (r_1 + C * zero + z) + C * commands + r_a - z
+)
+d.check(
+    "only-the-sum",
+    equal(r_1 + C * (commands + zero) + r_a, of_sum),
+    text="Readings of the pole tell the sum of r₁, C a and r_a alone: zero offsets, the origin of the moving system "
+    "and a target that does not turn are one vector.",
+).prove()
+
+# %% [markdown]
+# With the rotary joint as the fourth of the chain, its point $\vec P=\vec r_1$ and the target
+# $\vec p=\vec r_1+\vec\rho$, the paper's $\vec r_a$ is $\vec\rho\,'$ of eq. (1).
+
+# %%
+rho = d.vector("rho", r"\vec\rho", "the paper's pole before the turn, in the moving system", "length")
+four = letter(
+    "four", r"J_1J_2J_3J_4(\vec r_1+\vec\rho)", "what a chain of four makes of it", gantry(r_1 + turned(rho))
+)
+d.state(
+    "r-A-with-rotation",
+    equal(four, r_1 + C * commands + rodrigues(rho, theta)),
+    text="The chain of three linear joints and a rotary one.",
+    place="sec. 2, with eq. (1)",
+    assumptions=["no column of C vanishes", equal(norm(n), 1), sp.Ne(sp.cos(h), 0)],
+).prove(given={q: 2 * h}, modulo=unit)
+
+# %%
+beside = letter(
+    "beside",
+    r"J_{\vec n,\vec P+C\vec q}\,(\vec x+C\vec q)",
+    "a turn about an axis that was carried along, parallel to itself",
+    P + C * commands + turned((x + C * commands) - (P + C * commands)),
+)
+d.state(
+    "axis-unchanged",
+    equal(J_x + C * commands, beside),
+    text="The slides carry the axis along, parallel to itself.",
+    said="remains unchanged and does not depend on the movement in telescopic kinematic pairs",
+    place="sec. 2",
+).prove()
+
+# %% [markdown]
+# One thing the paper leaves out. Eq. (1) turns about an axis through the origin of the moving system. If the axis
+# passes it by, at $\vec b$, its direction does not determine $\vec r_a$; `point` is as much a parameter as `axis`.
+
+# %%
+aside = d.vector("aside", r"\vec b", "a point of the axis in the moving system", "length")
+after = letter(
+    "after", r"\vec r_a(\vec b)", "pole after a turn about an axis through b", aside + turned(rho - aside)
+)
+d.state(
+    "direction-is-enough",
+    equal(after, rodrigues(rho, theta)),
+    text="The pole after the turn follows from the direction of the axis.",
+    said="a vector that completely depends on the true direction of the unit vector of the axis",
+    place="sec. 2",
+    assumptions=[equal(norm(n), 1)],
+).refute(
+    {n: (0, 0, 1), h: sp.pi / 4, rho: (1, 0, 0), aside: (0, 1, 0)},
+    equal(after, aside + rodrigues(rho - aside, theta)),
+    given={q: 2 * h},
+    modulo=unit,
+    label="M10",
+    because="It depends on the place of the axis, too, unless the axis passes through the origin of the moving "
+    "system.",
+)
+
+# %% [markdown]
+# ## Rotation vectors
+#
+# An error motion turns by a rotation vector $\vec w$: about its direction, by its length $\varphi$. It enters
+# exactly, $R(\vec w)=I+S[\vec w]_\times+K[\vec w]_\times^2$ with $S=\frac{\sin\varphi}\varphi$ and
+# $K=\frac{1-\cos\varphi}{\varphi^2}$. Nothing in it is singular at $\vec w=0$, where all error motions nearly are.
+
+# %%
+w = d.vector("w", r"\vec w", "rotation vector", "rad")
+phi = d.symbol("phi", r"\varphi", "its length, the angle", "rad", value=norm(w))
+S = d.symbol("S", "S", "sin(φ)/φ", "1", value=sp.sin(phi) / phi)
+K = d.symbol("K", "K", "(1 - cos φ)/φ²", "1", value=(1 - sp.cos(phi)) / phi**2)
+T = d.symbol("T", "T", "(φ - sin φ)/φ³", "1", value=(phi - sp.sin(phi)) / phi**3)
+COEFFICIENTS = ("S", "K", "T")
+
+
+def by_vector(v: sp.Basic, w: sp.Basic = w) -> sp.Basic:
+    """Turn v by a rotation vector, whose length S and K know."""
+    return v + S * cross(w, v) + K * cross(w, cross(w, v))
+
+
+W_x = letter("W_x", r"R(\vec w)\,\vec x", "x turned by w, with the letters S and K", by_vector(x))
+W_z = letter("W_z", r"R(\vec w)\,\vec z", "z turned by w", by_vector(z))
+d.check(
+    "vector-is-eq-1",
+    equal(W_x, x + S * cross(w, x) + K * cross(w, cross(w, x))),
+    equal(W_x, rodrigues(x, theta)),
+    equal(W_x, R_x),
+    text="For w = 2h n it is the rotation of eq. (1) about n by 2h.",
+).prove(given={w: 2 * h * n, phi: 2 * h, q: 2 * h}, modulo=unit)
+
+# %%
+left = d.matrix(
+    "left",
+    "L",
+    "left Jacobian of w, I + K[w] + T[w]²",
+    "1",
+    value=sp.Matrix(d.value(sp.Identity(3) + K * skew(w) + T * skew(w) * skew(w), {K: K, T: T})),
+)
+change = d.vector("change", r"\vec\delta", "change of a vector per unit of a parameter", "its own")
+by_w = slope_along(
+    "by_w", r"\frac{d}{d\epsilon}R(\vec w+\epsilon\vec\delta)\,\vec z", "at ε = 0", by_vector(z), w, change
+)
+d.check(
+    "left-jacobian",
+    equal(by_w, cross(left * change, W_z)),
+    text="To first order R(w + δ) = R(Lδ) R(w) with L = I + K[w] + T[w]²: what w turns moves by (Lδ) × what it is.",
+).prove()
+
+# %%
+small_turn = (
+    x
+    + sp.sin(epsilon * phi) / phi * cross(w, x)
+    + (1 - sp.cos(epsilon * phi)) / phi**2 * cross(w, cross(w, x))
+)
+at_zero = slope(
+    "at_zero", r"\frac{d}{d\epsilon}R(\epsilon\vec w)\,\vec x", "at ε = 0", small_turn, epsilon, 0
+)
+d.check(
+    "at-zero", equal(at_zero, cross(w, x)), text="At zero L is the identity: a small turn adds w × x."
+).prove()
+
+# %%
+Q_W_x = letter("Q_W_x", r"Q\,R(\vec w)\,\vec x", "the turned x, carried", Q * by_vector(x))
+W_Q_x = letter(
+    "W_Q_x", r"R(Q\vec w)\,Q\vec x", "the carried x, turned by the carried w", by_vector(Q * x, Q * w)
+)
+d.check(
+    "carried-vector",
+    equal(Q_W_x, W_Q_x),
+    equal(norm(Q * w) ** 2, norm(w) ** 2),
+    text="Carried by a rotation Q, the turn by w is the turn by Qw, as long as w itself: S and K are the same.",
+).prove(given={S: S, K: K})
+
+# %% [markdown]
+# ### Smooth at zero
+#
+# Near zero the quotients lose their digits, and at zero they are 0/0. Below $\varphi^2=\frac14$ eight terms of their
+# series in $\varphi^2$ stand in, $S_8=\sum_{k<8}\frac{(-\varphi^2)^k}{(2k+1)!}$, and likewise $K_8$ with $(2k+2)!$ and
+# $T_8$ with $(2k+3)!$. By Taylor's theorem a sum that agrees with a function in its derivatives at zero, but for the
+# $m$-th, differs from it by at most $\frac{\varphi^m}{m!}$ times the largest value of that one.
+
+# %%
+TERMS = 8
+square = d.symbol("square", r"\varphi^2", "square of an angle", "rad²")
+small = d.symbol("small", r"\varphi", "an angle", "rad")
+
+
+def series(square: sp.Expr, first: int) -> sp.Expr:
+    """The sum of (-square)^k / (2k + first)! by Horner's rule: S for 1, K for 2, T for 3."""
+    value = sp.S.Zero
+    for k in reversed(range(TERMS)):
+        value = sp.Rational((-1) ** k, sp.factorial(2 * k + first)) + square * value
+    return value
+
+
+S_8, K_8, T_8 = (
+    d.symbol(
+        f"{name}_8", f"{name}_8", f"eight terms of the series of {name}", "1", value=series(square, first)
+    )
+    for first, name in enumerate(COEFFICIENTS, start=1)
+)
+
+
+def taylor(function: sp.Expr, first: int) -> list[sp.Basic]:
+    """What the theorem asks for: derivatives at zero that vanish, and the next one, which is a cosine."""
+    rates = [function - sp.expand(small**first * series(small**2, first))]
+    for _ in range(2 * TERMS + first):
+        rates.append(rates[-1].diff(small))
+    return [*(equal(rate.subs(small, 0), 0) for rate in rates[:-1]), equal(rates[-1], sp.cos(small))]
+
+
+for first, terms, function in (
+    (1, S_8, sp.sin(small)),
+    (2, K_8, 1 - sp.cos(small)),
+    (3, T_8, small - sp.sin(small)),
+):
+    order = 2 * TERMS + first
+    d.check(
+        f"series-{COEFFICIENTS[first - 1]}",
+        sp.Le(
+            sp.Abs(terms - function / small**first),
+            small ** (2 * TERMS) / sp.factorial(order, evaluate=False),
+        ),
+        assumptions=[sp.Ne(small, 0)],
+    ).prove(
+        *taylor(function, first),
+        given={square: small**2},
+        because=f"Of what eight terms leave out, times a power of φ, the derivatives at zero up to the {order - 1}th "
+        f"vanish, and the {order}th is cos φ everywhere.",
+    )
+d.entries["series-S"]
+
+# %%
+d.entries["series-K"]
+
+# %%
+d.entries["series-T"]
+
+# %%
+beta_S, beta_K, beta_T = (
+    d.symbol(
+        f"beta_{name}",
+        rf"\beta_{name}",
+        f"what may be left out of {name} below φ² = 1/4",
+        "1",
+        value=sp.Rational(1, 4) ** TERMS / sp.factorial(2 * TERMS + first),
+    )
+    for first, name in enumerate(COEFFICIENTS, start=1)
+)
+d.check(
+    "series-bound",
+    sp.Lt(beta_S, sp.Rational(1, 2**64)),
+    sp.Lt(beta_K, sp.Rational(1, 2**68)),
+    sp.Lt(beta_T, sp.Rational(1, 2**72)),
+    text="4.3e-20, 2.4e-21 and 1.3e-22, of numbers near 1, 1/2 and 1/6: a thousandth of the rounding of double "
+    "precision.",
+).prove(
+    equal(beta_S, sp.Rational(1, 23310331287699456000)),
+    equal(beta_K, sp.Rational(1, 419585963178590208000)),
+    equal(beta_T, sp.Rational(1, 7972133300393213952000)),
+    because="Their reciprocals are 23310331287699456000 > 2⁶⁴, 419585963178590208000 > 2⁶⁸ and "
+    "7972133300393213952000 > 2⁷².",
+)
+
+# %%
+d.check(
+    "half-angle",
+    equal((1 - sp.cos(2 * h)) / (2 * h) ** 2, 2 * (sp.sin(h) / (2 * h)) ** 2),
+    text="Beyond, K is 2 sin²(φ/2)/φ², in which nothing cancels.",
+).prove()
+
+# %% [markdown]
+# ### The tilted axis
+#
+# The axis of the file, $\vec n_0$, with unit vectors $\vec u$ and $\vec v$ that complete it, is turned by the rotation
+# vector $a\vec u+b\vec v$. Every direction is reached with a turn of at most $\pi$, so two freedoms are all there
+# are; and the derivatives are smooth in $a$ and $b$.
+
+# %%
+a = d.symbol("a", "a", "tilt about u", "rad")
+b = d.symbol("b", "b", "tilt about v", "rad")
+n_0 = d.vector("n_0", r"\vec n_0", "axis of the file", "1")
+u = d.vector("u", r"\vec u", "unit vector square to it", "1")
+v = d.vector("v", r"\vec v", "unit vector square to both", "1")
+tilt = {w: a * u + b * v}
+in_frame = {n_0: (0, 0, 1), u: (1, 0, 0), v: (0, 1, 0), **tilt}
+tilted = letter(
+    "tilted", r"\vec n(a,b)", "the tilted axis, R(a u + b v) n₀", by_vector(n_0, a * u + b * v), "1"
+)
+d.check(
+    "tilted-axis",
+    equal(tilted, sp.cos(phi) * n_0 + S * (b * u - a * v)),
+    equal(norm(tilted), 1),
+    text="The tilted axis, for orthonormal u, v, n₀.",
+).prove(
+    equal(tilted, sp.cos(phi) * n_0 + S * (b * u - a * v)),
+    equal(norm(tilted) ** 2, 1),
+    given=in_frame,
+    because="Both sides are identical for u, v, n₀ = x, y, z, and turn with them; a length is not negative.",
+)
+
+# %%
+by_a, by_b = (
+    letter(
+        f"by_{name}",
+        rf"\frac{{\partial\vec n}}{{\partial {name}}}",
+        f"derivative of the tilted axis by {name}",
+        sp.Matrix(d.value(tilted, in_frame)).diff(symbol),
+        "1/rad",
+    )
+    for name, symbol in (("a", a), ("b", b))
+)
+d.check(
+    "by-tilt-of-the-axis",
+    equal(by_a, cross(left * u, tilted)),
+    equal(by_b, cross(left * v, tilted)),
+    equal(by_a, -a * S * n_0 - S * v - a * (K - T) * (b * u - a * v)),
+    equal(by_b, -b * S * n_0 + S * u - b * (K - T) * (b * u - a * v)),
+    text="Its derivatives, as turns and in components; no quotient is left but S, K and T.",
+).prove(given=in_frame)
+
+# %% [markdown]
+# ## What each parameter does to the seen point
+#
+# A parameter of joint $j$ enters at one place of the chain. What stands to the left of it, the joint's error motion,
+# the joints nearer to the base, the moves of the frame and the scale, carries the change like a direction: it turns
+# it, and stretches it by $1+k$. So it is enough to know the change right where it arises.
+#
+# | parameter | change where it arises | entry |
+# | --- | --- | --- |
+# | reading of a rotary joint | $\vec n\times(J\vec x-\vec P)$ | by-reading |
+# | reading of a linear joint | $\vec n$ | by-slide |
+# | tilt of a rotary axis | $\vec\omega\times(J\vec x-\vec P)-R(\vec\omega\times(\vec x-\vec P))$ | by-tilt |
+# | tilt of a linear axis | $q\;\vec\omega\times\vec n$ | by-tilt |
+# | offset of a point, $\vec\delta=\vec u$ or $\vec v$ | $\vec\delta-ER\,\vec\delta$ | by-point |
+# | translation of an error motion | $\vec\delta$ | by-error-motion |
+# | rotation vector of an error motion | $(L\vec\delta)\times E(J\vec x-\vec P)$ | by-error-motion |
+# | target | $\vec\delta$, carried by all joints | carried-change |
+# | target that is a direction | as the tilt of an axis | by-tilt-of-the-axis |
+# | drift or shift of the frame, $W$, $S$ | as an error motion about the origin | by-error-motion |
+# | free frame, $B$ | $\vec\delta$; $R_B(\vec\delta\times\vec x)$ | by-frame |
+# | scale of the instrument | the point that it multiplies | by-scale |
+# | coefficient of refraction | $\vec\omega\times\vec y$ with $\vec\omega=\vec x\times\vec h/c$ | by-refraction |
+#
+# An axis tilts at the rate $\vec\omega=L\vec u$ or $L\vec v$. A parameter of a reading, a translation or a rotation
+# vector comes with the slope of its effect's formula as a factor.
+
+# %%
+factor = d.symbol("factor", "k", "scale of the instrument", "1")
+carried = slope(
+    "carried",
+    r"\frac{d}{d\epsilon}(1+k)\,G(\vec x+\epsilon\vec\delta)",
+    "derivative of a point that is carried and stretched, at ε = 0",
+    (1 + factor) * (Q * (x + epsilon * change) + s),
+    epsilon,
+    0,
+)
+d.check(
+    "carried-change",
+    equal(carried, (1 + factor) * (Q * change)),
+    equal(Q * cross(n, x - P), cross(Q * n, G_x - G_P)),
+    text="A change is carried like a direction; and the motion n × (x − P) that a joint gives, carried, is the motion "
+    "about the carried axis.",
+).prove()
+
+# %%
+by_axis, by_slide_axis = (
+    d.matrix(
+        name,
+        rf"\frac{{\partial {of}\vec x}}{{\partial\vec n}}",
+        f"derivative of a {kind} by the components of the axis, as if they were free",
+        "length",
+        value=sp.Matrix(d.value(value)).jacobian(sp.Matrix(n.components)),
+    )
+    for name, of, kind, value in (
+        ("by_axis", "J", "turn", turn(x)),
+        ("by_slide_axis", "J_s", "slide", slide(x)),
+    )
+)
+R_of_tilt = letter(
+    "R_of_tilt", r"R\bigl(\vec\omega\times(\vec x-\vec P)\bigr)", "turned", turned(cross(omega, x - P))
+)
+d.check(
+    "by-tilt",
+    equal(by_axis * cross(omega, n), cross(omega, J_x - P) - R_of_tilt),
+    equal(by_slide_axis * cross(omega, n), q * cross(omega, n)),
+    text="The axis turns at the rate ω. A rotary joint turns its result with it, less what it would make of an arm "
+    "that turns; a linear joint swings its stroke. The left sides differentiate by the components of n as if they "
+    "were free: so a program may add ε ∂n/∂a to the axis, though that is of unit length to first order only.",
+).prove(modulo=unit)
+
+# %%
+translation = d.vector("translation", r"\vec t", "translation of an error motion", "length")
+E_R_change = letter(
+    "E_R_change", r"ER\,\vec\delta", "δ, turned by joint and error motion", E * turned(change)
+)
+by_point = slope(
+    "by_point",
+    r"\frac{d}{d\epsilon}D_{\vec P+\epsilon\vec\delta}\,J_{\vec P+\epsilon\vec\delta}\,\vec x",
+    "derivative by the point of a joint with an error motion, at ε = 0",
+    (P + epsilon * change) + E * turned(x - P - epsilon * change) + translation,
+    epsilon,
+    0,
+)
+d.check(
+    "by-point",
+    equal(by_point, change - E_R_change),
+    text="The point is the centre of the joint's turn and of its error motion: what turns about it moves by δ, less "
+    "the turned δ.",
+).prove()
+
+# %%
+D_x = letter(
+    "D_x",
+    r"D\vec x",
+    "what an error motion makes of x, P + R(w)(x − P) + t",
+    P + by_vector(x - P) + translation,
+)
+by_t = slope(
+    "by_t",
+    r"\frac{d}{d\epsilon}D_{\vec t+\epsilon\vec\delta}\,\vec x",
+    "derivative by its translation",
+    P + by_vector(x - P) + translation + epsilon * change,
+    epsilon,
+)
+by_D_w = slope_along(
+    "by_D_w",
+    r"\frac{d}{d\epsilon}D_{\vec w+\epsilon\vec\delta}\,\vec x",
+    "derivative by its rotation vector, at ε = 0",
+    P + by_vector(x - P) + translation,
+    w,
+    change,
+)
+d.check(
+    "by-error-motion",
+    equal(by_t, change),
+    equal(by_D_w, cross(left * change, D_x - P - translation)),
+    text="Where w and t are sums over several effects, each has its part of the change.",
+).prove(
+    equal(by_t, change),
+    equal(by_D_w, by_w),
+    equal(D_x - P - translation, W_z),
+    d.entries["left-jacobian"],
+    given={x: P + z},
+    because="The translation adds its own change; the arm z = x − P is turned by w as any vector is.",
+)
+
+# %%
+by_B = slope(
+    "by_B",
+    r"\frac{d}{d\epsilon}\bigl(Q\,R(\epsilon\vec w)\,\vec x+\vec s+\epsilon\vec\delta\bigr)",
+    "derivative of a free frame by a turn about machine axes and by its translation, at ε = 0",
+    Q * small_turn + s + epsilon * change,
+    epsilon,
+    0,
+)
+d.check(
+    "by-frame",
+    equal(by_B, Q * cross(w, x) + change),
+    text="The free frame may be anywhere: it is kept as a matrix, and changed by small turns about machine axes.",
+).prove()
+
+# %%
+by_k = slope(
+    "by_k", r"\frac{\partial(1+k)\vec x}{\partial k}", "derivative by the scale", (1 + factor) * x, factor
+)
+origin = d.vector("origin", r"\vec o", "where distances are measured from", "length")
+by_distance = d.symbol(
+    "by_distance",
+    r"\frac{d}{d\epsilon}\left|\vec x+\epsilon\vec\delta-\vec o\right|",
+    "derivative of a distance, at ε = 0",
+    "1",
+    value=sp.sqrt(sum(p**2 for p in d.value(x + epsilon * change - origin))).diff(epsilon).subs(epsilon, 0),
+)
+d.check(
+    "by-scale",
+    equal(by_k, x),
+    equal(by_distance, dot(x - origin, change) / norm(x - origin)),
+    text="The scale of the instrument; and of a distance the part of a change that lies along it.",
+).prove()
+
+# %% [markdown]
+# ## Where an error motion enters
+#
+# In $D_jJ_j$ a point is first moved by the joint, then by its error: $D\vec x=\vec P+R(\vec w)(\vec x-\vec P)+\vec t$,
+# with $\vec w$ and $\vec t$ along machine axes *at zero*, and all of that carried by the joints before. So the
+# components are those that an instrument on the body that carries the joint sees: the fixed sensitive direction of ISO
+# 230-7. Had it been put after the joint, $J_jD_j$, it would belong to the body that the joint moves, and with the
+# same numbers differ:
+#
+# - at a rotary joint $\vec w$ and $\vec t$ would turn with it: a constant radial error would go round;
+# - at a linear joint the centre of its rotation would travel along, and the stroke would not swing: the arm that makes
+#   a displacement of an angular error (Abbe's offset) would lack $q\,\vec n$.
+
+# %%
+back_w = letter("back_w", r"R^{-1}\vec w", "rotation vector, turned back by the joint", turned(w, -q), "rad")
+back_t = letter("back_t", r"R^{-1}\vec t", "translation, turned back by the joint", turned(translation, -q))
+D_J_x = letter(
+    "D_J_x", r"D\,J\vec x", "error motion before the joint", P + by_vector(turned(x - P)) + translation
+)
+J_D_x = letter(
+    "J_D_x",
+    r"J\,D_{R^{-1}\vec w,\,R^{-1}\vec t}\;\vec x",
+    "error motion after the joint, turned back",
+    turn(P + by_vector(x - P, back_w) + back_t),
+)
+d.check(
+    "before-or-after-a-turn",
+    equal(D_J_x, J_D_x),
+    text="A motion before a rotary joint is one after it, with w and t turned back by the reading.",
+).prove(given={S: S, K: K}, modulo=unit)
+
+# %%
+D_L_x = letter(
+    "D_L_x", r"D\,J_s\vec x", "error motion before a slide", P + by_vector(slide(x) - P) + translation
+)
+L_D_x = letter(
+    "L_D_x", r"J_s\,D\vec x", "error motion after a slide", slide(P + by_vector(x - P) + translation)
+)
+travelling = letter(
+    "travelling", r"\vec P-q\vec n", "the fixed centre, as the moving body sees it", P - q * n
+)
+L_D_back = letter(
+    "L_D_back",
+    r"J_s\,D_{\vec P-q\vec n}\,\vec x",
+    "error motion after a slide, about the fixed centre",
+    slide(travelling + by_vector(x - travelling) + translation),
+)
+W_n = letter("W_n", r"R(\vec w)\,\vec n", "the axis, turned by w", by_vector(n), "1")
+d.check(
+    "before-or-after-a-slide",
+    equal(D_L_x, L_D_back),
+    equal(D_L_x - L_D_x, q * (W_n - n)),
+    text="Before a linear joint the error turns about a point that does not travel. After it, the same w and t about "
+    "the same P would lack the swing of the stroke.",
+).prove(given={S: S, K: K})
+
+# %%
+D_about = letter(
+    "D_about",
+    r"D_{\vec P+\vec s}\,\vec x",
+    "error motion about another centre",
+    (P + s) + E * (x - P - s) + translation,
+)
+d.check(
+    "centre-of-an-error-motion",
+    equal(D_about, P + E * (x - P) + (translation + s - E * s)),
+    text="About another centre it is the same motion with another translation. So the tilt of a spindle, told for "
+    "another height along its axis, has a radial error beside it: `point` says which.",
+).prove(given={E: E})
+
+# %% [markdown]
+# A *constant* error motion is a change of the geometry: of the joint and of everything beyond it. Not of the joint
+# alone: `axis_tilt` and `axis_offset` leave the later joints and the targets where they are given at zero, and are
+# therefore a constant error motion *and its inverse behind the joint*, $DJD^{-1}$.
+
+# %%
+D_P = letter("D_P", r"D\vec P", "the joint's point after a constant error motion", P + translation)
+E_D_x = letter("E_D_x", r"D\vec x", "x after a constant error motion", P + E * (x - P) + translation)
+E_D_J_x = letter(
+    "E_D_J_x", r"D\,J\vec x", "a constant error motion of a rotary joint", P + E * turned(x - P) + translation
+)
+E_D_L_x = letter("E_D_L_x", r"D\,J_s\vec x", "one of a linear joint", P + E * (slide(x) - P) + translation)
+J_E_D_x = letter(
+    "J_E_D_x",
+    r"J_{E\vec n,\,D\vec P}\,D\vec x",
+    "what the moved joint makes of the moved x",
+    P + translation + turned(E * (x - P), axis=E * n),
+)
+d.check(
+    "constant-error-motion",
+    equal(E_D_J_x, J_E_D_x),
+    equal(E_D_L_x, E_D_x + q * (E * n)),
+    equal(E_D_x - D_P, E * (x - P)),
+    text="D J = J′ D, where J′ is the joint about D's image of its axis. Passed on from joint to joint, D moves the "
+    "axes and points of this joint and of all later ones, and in the end the target.",
+).prove(
+    equal(E_D_x, E * x + (P + translation - E * P)),
+    equal(D_P, E * P + (P + translation - E * P)),
+    d.entries["carried-turn"],
+    d.entries["carried-slide"],
+    given={E: E},
+    because="D is a rigid motion like any: these are carried-turn and carried-slide for Q = E and s = P + t − E P.",
+)
+
+# %%
+ahead = letter("ahead", r"J(q+a)\,\vec x", "the joint with a zero offset", turn(x, q + a))
+by_offset = letter(
+    "by_offset",
+    r"D_{a\vec n,\,0}\,J\vec x",
+    "an error motion about the joint's own axis",
+    P + by_vector(turned(x - P), a * n),
+)
+d.check(
+    "zero-offset",
+    equal(by_offset, ahead),
+    text="A constant rotation vector a n along the joint's own axis is its zero offset.",
+).prove(given={S: sp.sin(a) / a, K: (1 - sp.cos(a)) / a**2}, modulo=unit)
+
+# %% [markdown]
+# ## What no reading can tell
+#
+# Move the whole machine by $G\vec x=Q\vec x+\vec s$: axes, points, targets and error motions. Each factor of the chain
+# passes $G$ on to its left, $G\,D_1J_1\cdots D_nJ_n\,\vec p=D'_1J'_1\cdots D'_nJ'_n\,G\vec p$. A free frame takes it
+# back. Where a free frame stands beside free axes, six numbers therefore change no reading. That is gauge, no lack of
+# data.
+
+# %%
+B = d.matrix("B", "R_B", "rotation of the free frame", "1", value=Letter("B", 3, 3).components)
+t_B = d.vector("t_B", r"\vec t_B", "its translation", "length")
+d.check(
+    "gauge",
+    equal((B * Q.T) * G_x + (t_B - B * Q.T * s), B * x + t_B),
+    text="The frame B G⁻¹ sees the machine that was moved by G as B sees the machine.",
+).prove(
+    equal(Q.T * G_x - Q.T * s, x),
+    d.entries["carried-turn"],
+    d.entries["carried-slide"],
+    d.entries["carried-vector"],
+    because="Qᵀ takes back what Q does. x is what the chain makes of a target, and G x is what it makes of it when "
+    "axes, points, targets, and the translations and rotation vectors of error motions are moved along.",
+)
+
+# %% [markdown]
+# It ends where something does not move along. Effects that feel gravity keep only those $G$ that keep its direction
+# (`moment-in-the-pose`, below). An effect with components along fixed directions keeps the $G$ that keep these. Three
+# more directions of that kind, by `parts-of-a-reading` and `slide-is-rigid`:
+#
+# - the zero offset of a first rotary joint, beside a free frame: $B\,J_1(q+a)=\bigl(B\,J_1(a)\bigr)J_1(q)$;
+# - the zero offset of a last rotary joint, beside free targets:
+#   $J_n(q+a)\,\vec p=J_n(q)\,\bigl(J_n(a)\,\vec p\,\bigr)$;
+# - the place of a linear joint, unless an error motion turns about it.
+#
+# ## Directions
+#
+# An autocollimator, a telescope or a laser beam tells directions: unit vectors, on which only rotations act. The
+# residual compares the seen direction $\vec y$ with the measured one, $\vec m$, on the plane that touches the sphere in
+# $\vec m$, by stereographic projection: with $\vec e_1$ horizontal and $\vec e_2=\vec m\times\vec e_1$
+#
+# $$r_i=\frac{2\,\vec e_i\cdot(\vec m-\vec y)}{1+\vec m\cdot\vec y}.$$
+
+# %%
+m = d.vector("m", r"\vec m", "measured direction", "1")
+y = d.vector("y", r"\vec y", "seen direction", "1")
+e_1 = d.vector("e_1", r"\vec e_1", "unit vector square to m", "1")
+e_2 = d.vector("e_2", r"\vec e_2", "unit vector square to both", "1")
+up = d.vector("up", r"\vec h", "direction of the zenith, against gravity", "1")
+in_basis = {m: (0, 0, 1), e_1: (1, 0, 0), e_2: (0, 1, 0)}
+seen_unit = {y.components[2]: dot(y, y) - 1}
+res_1, res_2 = (
+    d.symbol(
+        f"res_{i}", f"r_{i}", f"component {i} of the residual", "1", value=2 * dot(e, m - y) / (1 + dot(m, y))
+    )
+    for i, e in ((1, e_1), (2, e_2))
+)
+between = d.symbol("between", r"\psi", "angle between measured and seen direction", "rad")
+d.check(
+    "residual",
+    equal(res_1, -2 * dot(e_1, y) / (1 + dot(m, y))),
+    equal(res_1**2 + res_2**2, 4 * (1 - dot(m, y)) / (1 + dot(m, y))),
+    equal((2 * sp.tan(between / 2)) ** 2, 4 * (1 - sp.cos(between)) / (1 + sp.cos(between))),
+    text="The residual is 2 tan(ψ/2) long, of the angle ψ between the directions: with m · y = cos ψ both squares are "
+    "the same. It is the angle but for ψ³/12, alike in all directions, and finite up to opposite ones.",
+).prove(
+    equal(res_1, -2 * dot(e_1, y) / (1 + dot(m, y))),
+    equal(res_1**2 + res_2**2, 4 * (1 - dot(m, y)) / (1 + dot(m, y))),
+    equal((2 * sp.tan(h)) ** 2, 4 * (1 - sp.cos(2 * h)) / (1 + sp.cos(2 * h))),
+    given=in_basis,
+    modulo=seen_unit,
+    because="In the basis (e₁, e₂, m) both sides are identical for a unit vector y; scalar products do not depend on "
+    "the basis. With ψ = 2h the last line is the double angle.",
+)
+
+# %%
+d.check(
+    "horizontal",
+    equal(dot(cross(up, m), up), 0),
+    equal(dot(cross(m, cross(up, m)), up), norm(up) ** 2 * norm(m) ** 2 - dot(up, m) ** 2),
+    text="With e₁ along h × m the first component is horizontal; the second, along m × e₁, points up, as "
+    "|h|²|m|² − (h · m)² is not negative.",
+).prove()
+
+# %%
+y_rate = d.vector("y_rate", r"\dot{\vec y}", "change of the seen direction per unit of a parameter", "1")
+by_direction = d.symbol(
+    "by_direction",
+    r"\dot r_1",
+    "derivative of a component of the residual",
+    "1",
+    value=sum(d.value(res_1).diff(part) * rate for part, rate in zip(y, y_rate, strict=True)),
+)
+d.check(
+    "by-direction",
+    equal(by_direction, -(2 * dot(e_1, y_rate) + res_1 * dot(m, y_rate)) / (1 + dot(m, y))),
+    text="Its derivative; where the model fits, y = m, it is −e₁ · ẏ.",
+).prove(given=in_basis)
+
+# %% [markdown]
+# ### Refraction
+#
+# The air lifts a direction $\vec x$ at the zenith angle $\zeta$ towards the zenith $\vec h$ by $\alpha=a\tan\zeta$.
+# With $c=\vec h\cdot\vec x=\cos\zeta$ and $\sigma=\sin\zeta$ that is
+# $\vec y=\vec x\cos\alpha+(\vec h-c\,\vec x)\frac{\sin\alpha}\sigma$. At the zenith it is 0/0. But
+# $\alpha=f\sigma$ with $f=a/c$, which has no singularity there: the lift is the rotation by the vector
+# $f\,\vec x\times\vec h$. At the horizon $f$ is infinite, as the tangent is.
+
+# %%
+ray = d.vector("ray", r"\vec x", "a direction before it is lifted", "1")
+cosine = d.symbol("cosine", "c", "cosine of the zenith angle", "1", value=dot(up, ray))
+sine = d.symbol("sine", r"\sigma", "its sine", "1", value=norm(cross(ray, up)))
+f = d.symbol("f", "f", "lift over the sine of the zenith angle", "rad")
+coefficient = d.symbol("coefficient", "a", "coefficient of refraction", "rad")
+
+
+def lift(alpha: sp.Expr) -> sp.Basic:
+    """Lift the ray by an angle."""
+    return sp.cos(alpha) * ray + sp.sin(alpha) / sine * (up - cosine * ray)
+
+
+lifted = letter("lifted", r"\vec y", "the ray, lifted by the angle fσ", lift(f * sine), "1")
+lift_vector = letter(
+    "lift_vector", r"f\,\vec x\times\vec h", "its rotation vector", f * cross(ray, up), "rad"
+)
+raised = {up: (0, 0, 1)}
+ray_unit = {ray.components[2]: dot(ray, ray) - 1}
+d.check(
+    "lift",
+    equal(lifted, ray + S * cross(lift_vector, ray) + K * cross(lift_vector, cross(lift_vector, ray))),
+    equal(norm(lift_vector) ** 2, f**2 * (norm(ray) ** 2 * norm(up) ** 2 - cosine**2)),
+    equal(dot(up, lifted), cosine * sp.cos(f * sine) + sine * sp.sin(f * sine)),
+    text="The lift is the rotation by the vector f x × h: S and K of f²σ² = f²(1 − c²) are smooth at the zenith, and "
+    "no root is taken of a difference. The zenith angle falls by α: its cosine becomes cos(ζ − α).",
+    assumptions=[equal(norm(ray), 1), equal(norm(up), 1)],
+).prove(given={**raised, phi: f * sine}, modulo=ray_unit)
+
+# %%
+by_refraction = slope(
+    "by_refraction",
+    r"\frac{\partial\vec y}{\partial a}",
+    "derivative of the lifted direction by the coefficient",
+    lift(coefficient / cosine * sine),
+    coefficient,
+)
+lift_rate = letter("lift_rate", r"\vec\omega_a", "rate of the turn, x × h / c", cross(ray, up) / cosine, "1")
+d.check(
+    "by-refraction",
+    equal(by_refraction, cross(lift_rate, lifted)),
+    equal(by_refraction, (sp.cos(f * sine) * (up - cosine * ray) - sine * sp.sin(f * sine) * ray) / cosine),
+    text="The direction turns about its own fixed axis, by tan ζ per unit of a: not at all at the zenith.",
+).prove(given={**raised, f: coefficient / cosine}, modulo=ray_unit)
+
+# %% [markdown]
+# ## Gravity
+#
+# What is not balanced winds up drives and bends beams. The pose is the ideal one: $\vec r=\vec c-\vec P$ leads from the
+# joint's point to the mean of the targets, carried by the joint and those beyond; $\vec g$ is gravity's direction,
+# carried *back* by the joints before. Then all is said in the axes at zero of the body that carries the joint, where
+# its error motion is told, too.
+
+# %%
+g = d.vector("g", r"\vec g", "direction of gravity in that body", "1")
+arm = d.vector("arm", r"\vec r", "from the joint's point to the mean of the targets", "length")
+moment = letter("moment", r"\vec M", "moment of a unit force along g", cross(arm, g))
+M = d.symbol("M", "M", "its part about the axis", "length", value=dot(n, moment))
+quarter = letter(
+    "quarter", r"\vec r_\perp", "the arm, turned by 90° about the axis", cross(n, arm) + dot(n, arm) * n
+)
+M_perp = d.symbol(
+    "M_perp", r"M_\perp", "the same with the turned arm", "length", value=dot(n, cross(quarter, g))
+)
+across = letter("across", r"\vec M_a", "part of the moment across the axis", moment - M * n)
+R_arm = letter("R_arm", r"R\,\vec r", "the arm, turned by q about the axis", turned(arm))
+d.check(
+    "moment-in-the-pose",
+    equal(cross(Q * arm, Q * g), Q * moment),
+    equal(dot(Q * n, cross(Q * arm, Q * g)), M),
+    text="In the pose the carrying body is turned by Q: arm, gravity and axis are Qr, Qg and Qn. The moment about the "
+    "axis is the same, the moment vector is carried.",
+).prove()
+
+# %%
+d.check(
+    "moment-about-the-axis",
+    equal(dot(n, cross(arm + along * n, g)), M),
+    equal(dot(cross(n, arm), g), M),
+    text="M does not depend on which point of the axis is taken. And it is how fast the load comes down as the joint "
+    "turns: a joint that gives way to its load has a positive coefficient.",
+).prove()
+
+# %%
+d.check(
+    "moment-turned",
+    equal(quarter, R_arm),
+    equal(M_perp, dot(n, arm) * dot(n, g) - dot(arm, g)),
+    text="For q = 90° the turned arm is that of M⊥; and M⊥ is, with the minus sign, the scalar product of the parts of "
+    "arm and gravity that lie across the axis.",
+).prove(given={q: sp.pi / 2}, modulo=unit)
+
+# %%
+d.check(
+    "moment-by-reading",
+    equal(dot(n, cross(R_arm, g)), M * sp.cos(q) + M_perp * sp.sin(q)),
+    text="As the joint turns, M and M⊥ are cosine and sine of one wave: k M + k₂ M⊥ has any amplitude and phase. Where "
+    "gravity does not turn against the joint's own axes, that is a cos q + b sin q, and nothing tells it from an "
+    "eccentric encoder.",
+).prove(modulo=unit)
+
+# %%
+guide_arm = cross(arm - q * n, g)
+guide = letter(
+    "guide", r"\vec M_g", "moment about P + q n, across the axis", guide_arm - dot(n, guide_arm) * n
+)
+d.check(
+    "moment-across",
+    equal(dot(n, across), 0),
+    equal(across, cross(n, cross(moment, n))),
+    equal(guide, across - q * cross(n, g)),
+    text="The part across the axis; and that of a carriage, about where it has got to.",
+).prove(modulo=unit)
+
+# %% [markdown]
+# ### A beam that sags
+#
+# The load $\vec c_0$ on a beam drops along gravity by $\delta$, and turns by the slope $\beta$ about
+# $\vec n\times\vec g$. As an error motion about $\vec P$ that is $\vec w=\beta\,\vec n\times\vec g$ and
+# $\vec t=\delta\,\vec g+(\vec c_0-\vec P)-R(\vec w)(\vec c_0-\vec P)$.
+
+# %%
+c_0 = d.vector("c_0", r"\vec c_0", "the load, carried by this joint alone", "length")
+drop = d.symbol("drop", r"\delta", "by how much it drops", "length")
+E_2 = d.matrix("E_2", "E_2", "rotation of all error motions of the joint", "1", value=any_rotation("E_2"))
+t_sag = letter("t_sag", r"\vec t_s", "translation of the sag", drop * g + (c_0 - P) - E * (c_0 - P))
+d.check(
+    "sag",
+    equal(P + E * (c_0 - P) + t_sag, c_0 + drop * g),
+    equal(P + E * (x - P) + t_sag, (c_0 + drop * g) + E * (x - c_0)),
+    equal(P + E_2 * (c_0 - P) + t_sag, (c_0 + drop * g) + (E_2 - E) * (c_0 - P)),
+    text="The load is where it has dropped to, and all else turns about it. With other rotations at the same joint the "
+    "sum of all rotation vectors acts, E₂, and they carry the load on.",
+).prove(given={E: E, E_2: E_2})
+
+# %%
+d.check(
+    "sag-turns-down",
+    equal(cross(cross(n, g), n), g - dot(n, g) * n),
+    text="The beam turns towards gravity: with a positive slope its end goes down. On an inclined axis the turn is "
+    "smaller the steeper it is; the drop stays along g.",
+).prove(modulo=unit)
+
+# %% [markdown]
+# How drop and slope belong together is told by the beam equation, $EI\,\eta''''=p$. A **cantilever**, an arm that has
+# been run out of its guide by $\ell$ and carries a load $F$ at its end:
+
+# %%
+stiffness = d.symbol("stiffness", "EI", "bending stiffness", "force·length²", positive=True)
+ell = d.symbol("ell", r"\ell", "length that is run out", "length", positive=True)
+travel = d.symbol("travel", r"\mathcal{L}", "the whole travel", "length", positive=True)
+F = d.symbol("F", "F", "load", "force")
+p = d.symbol("p", "p", "weight per length", "force/length")
+xi = sp.Symbol("xi", real=True)
+
+
+def bent(shape: sp.Expr, order: int, place: sp.Basic | int = xi) -> sp.Expr:
+    """A derivative of a shape, at a place."""
+    return (shape.diff(xi, order) if order else shape).subs(xi, place)
+
+
+def number(name: str, latex: str, quantity: str, value: sp.Expr, its_unit: str = "length") -> sp.Symbol:
+    """Name a number by what it is."""
+    return d.symbol(name, latex, quantity, its_unit, value=value)
+
+
+tip_shape = F * xi**2 * (3 * ell - xi) / (6 * stiffness)
+own_shape = p * xi**2 * (6 * ell**2 - 4 * ell * xi + xi**2) / (24 * stiffness)
+tip_drop = number("tip_drop", r"\delta_F", "drop at the end under the load", bent(tip_shape, 0, ell))
+tip_slope = number("tip_slope", r"\beta_F", "slope there", bent(tip_shape, 1, ell), "rad")
+own_drop = number("own_drop", r"\delta_p", "drop at the end by its own weight", bent(own_shape, 0, ell))
+own_slope = number("own_slope", r"\beta_p", "slope there", bent(own_shape, 1, ell), "rad")
+at_the_end = [
+    equal(tip_drop, F * ell**3 / (3 * stiffness)),
+    equal(tip_slope, sp.Rational(3, 2) * tip_drop / ell),
+    equal(own_drop, p * ell**4 / (8 * stiffness)),
+    equal(own_slope, sp.Rational(4, 3) * own_drop / ell),
+]
+d.check(
+    "cantilever",
+    *at_the_end,
+    text="The slope at the end is 3/2 of drop over length for a load, 4/3 for the beam's own weight. It is not the "
+    "derivative of the drop by the length: a beam that is run out further is another beam.",
+    assumptions=["EI η'''' = p; at the guide η = η' = 0; at the end EI η'' = 0 and EI η''' = −F"],
+).prove(
+    *[equal(stiffness * bent(shape, 4), load) for shape, load in ((tip_shape, 0), (own_shape, p))],
+    *[equal(bent(shape, order, 0), 0) for shape in (tip_shape, own_shape) for order in (0, 1)],
+    *[equal(bent(shape, 2, ell), 0) for shape in (tip_shape, own_shape)],
+    *[equal(stiffness * bent(shape, 3, ell), force) for shape, force in ((tip_shape, -F), (own_shape, 0))],
+    *at_the_end,
+    because="The shapes obey the beam equation and its four conditions, which have one solution; these are their "
+    "values at the end.",
+)
+
+# %%
+zeta = d.symbol("zeta", r"\zeta", "part of the travel that is run out, 0 to 1", "1")
+tip = d.symbol("tip", r"\mathrm{tip}", "drop by the load at full travel", "length")
+own = d.symbol("own", r"\mathrm{own}", "drop by the beam's own weight at full travel", "length")
+d.check(
+    "cantilever-by-travel",
+    equal(tip_drop, tip * zeta**3),
+    equal(tip_slope, sp.Rational(3, 2) * tip * zeta**2 / travel),
+    equal(own_drop, own * zeta**4),
+    equal(own_slope, sp.Rational(4, 3) * own * zeta**3 / travel),
+    text="With ℓ = ζ𝓛, and `tip` and `own` for the drops at full travel: the catalogue's cantilever. `load_sag` is its "
+    "load, tip = F k₃, and a drop without a turn, F k₀.",
+).prove(
+    given={ell: zeta * travel, tip: F * travel**3 / (3 * stiffness), own: p * travel**4 / (8 * stiffness)}
+)
+
+# %% [markdown]
+# A **bridge** is built in at both ends; a carriage runs along it and follows its shape. Here the slope *is* the
+# derivative.
+
+# %%
+mid = d.symbol("mid", r"\mathrm{mid}", "sag in the middle", "length", value=p * travel**4 / (384 * stiffness))
+bridge_shape = p * xi**2 * (travel - xi) ** 2 / (24 * stiffness)
+bridge = number(
+    "bridge", r"\eta(\zeta\mathcal{L})", "sag of the bridge", bent(bridge_shape, 0, zeta * travel)
+)
+bridge_slope = number(
+    "bridge_slope", r"\eta'(\zeta\mathcal{L})", "its slope", bent(bridge_shape, 1, zeta * travel), "rad"
+)
+on_the_bridge = [
+    equal(bridge, 16 * mid * zeta**2 * (1 - zeta) ** 2),
+    equal(bridge_slope, 32 * mid * zeta * (1 - zeta) * (1 - 2 * zeta) / travel),
+]
+d.check(
+    "bridge",
+    *on_the_bridge,
+    text="A bridge that is built in at both ends sags by its own weight.",
+    assumptions=["EI η'''' = p; at both ends η = η' = 0; mid is η in the middle"],
+).prove(
+    equal(stiffness * bent(bridge_shape, 4), p),
+    *[equal(bent(bridge_shape, order, end), 0) for order in (0, 1) for end in (0, travel)],
+    equal(bent(bridge_shape, 0, travel / 2), mid),
+    *on_the_bridge,
+    because="The shape obeys the beam equation and its four conditions; these are its sag and its slope at ζ𝓛.",
+)
+
+# %% [markdown]
+# The same drop belongs to another bridge: a light one on two supports, bent by the carriage's own weight. But where a
+# load makes the shape that it stands on, the slope below it is *half* the derivative of its drop. Which bridge a
+# machine has, its angles tell; the heights do not.
+
+# %%
+rest = travel - ell
+left_part = F * rest * xi * (travel**2 - rest**2 - xi**2) / (6 * stiffness * travel)
+right_part = F * ell * (travel - xi) * (travel**2 - ell**2 - (travel - xi) ** 2) / (6 * stiffness * travel)
+under = number("under", r"\eta_F", "drop under a load that stands at ζ𝓛", bent(left_part, 0, ell))
+under_slope = number("under_slope", r"\eta_F'", "slope under it", bent(left_part, 1, ell), "rad")
+middle = number(
+    "middle", r"\mathrm{mid}_F", "drop of the load in the middle", F * travel**3 / (48 * stiffness)
+)
+under_the_load = [
+    equal(under, 16 * middle * zeta**2 * (1 - zeta) ** 2),
+    equal(under_slope, 16 * middle * zeta * (1 - zeta) * (1 - 2 * zeta) / travel),
+]
+d.check(
+    "bridge-bent-by-its-load",
+    *under_the_load,
+    text="A bridge on two supports under a travelling load.",
+    assumptions=["η = η'' = 0 at both ends; under the load η, η', η'' are continuous and EI η''' jumps by F"],
+).prove(
+    *[equal(bent(part, 4), 0) for part in (left_part, right_part)],
+    *[
+        equal(bent(part, order, end), 0)
+        for part, end in ((left_part, 0), (right_part, travel))
+        for order in (0, 2)
+    ],
+    *[equal(bent(left_part, order, ell), bent(right_part, order, ell)) for order in (0, 1, 2)],
+    equal(stiffness * (bent(right_part, 3, ell) - bent(left_part, 3, ell)), F),
+    *under_the_load,
+    given={ell: zeta * travel},
+    because="Both parts obey the beam equation, the conditions at the ends and those under the load.",
+)
+
+# %% [markdown]
+# ## The kernels
+#
+# Two steps are the same in every machine, and are wanted outside of its own program, too, where its geometry is set
+# up: the matrix of a rotation vector with its left Jacobian, and a tilted axis with its derivatives. Both are smooth
+# at zero, where every fit starts.
+
+
+# %%
+def coefficients(k: KernelBuilder, w: sp.Matrix) -> tuple[sp.Symbol, sp.Symbol, sp.Symbol]:
+    """S, K and T of a rotation vector."""
+    square = k.let("square", w.dot(w))
+    is_small = k.let("is_small", square < sp.Rational(1, 4))
+    safe = k.let("safe", select(is_small, sp.S.One, square))
+    angle = k.let("angle", sp.sqrt(safe))
+    half_angle = k.let("half_angle", angle / 2)
+    sine, half_sine = k.let("sine", sp.sin(angle)), k.let("half_sine", sp.sin(half_angle))
+    quotients = sine / angle, 2 * (half_sine / angle) ** 2, (angle - sine) / (angle * safe)
+    return tuple(
+        k.let(name, select(is_small, series(square, first), quotient))
+        for first, (name, quotient) in enumerate(zip(COEFFICIENTS, quotients, strict=True), start=1)
+    )
+
+
+def rotation_from_vector():
+    k = KernelBuilder(
+        "rotation_from_vector",
+        summary="Matrix of the rotation by a rotation vector, and its left Jacobian.",
+        source="derivation machine_model, entries vector-is-eq-1 and left-jacobian",
+        notes="R(w + dw) = R(L dw) R(w) to first order. Smooth at zero.",
+    )
+    w = k.input("w", 3, unit="rad", doc="rotation vector", between=(-2, 2))
+    S, K, T = coefficients(k, w)
+    turn = skew(w)
+    k.output("matrix", sp.eye(3) + S * turn + K * turn**2, unit="1", doc="rotation matrix R")
+    k.output("left_jacobian", sp.eye(3) + K * turn + T * turn**2, unit="1", doc="left Jacobian L")
+    return k.build()
+
+
+def tilted_axis():
+    k = KernelBuilder(
+        "tilted_axis",
+        summary="An axis, turned by the rotation vector a u + b v, and its derivatives by a and b.",
+        source="derivation machine_model, entries tilted-axis and by-tilt-of-the-axis",
+        notes="u and v are meant to complete the axis to a right-handed basis; the turn is exact for any.",
+    )
+    axis, u, v = (
+        k.input(name, 3, unit="1", doc=doc, between=(-1, 1))
+        for name, doc in (("axis", "unit vector"), ("u", "unit vector square to it"), ("v", "axis x u"))
+    )
+    tilt = k.input("tilt", 2, unit="rad", doc="a and b", between=(-1, 1))
+    w = k.let("w", tilt[0] * u + tilt[1] * v)
+    S, K, T = coefficients(k, w)
+    across = k.let("across", w.cross(axis))
+    turned_axis = k.let("turned_axis", axis + S * across + K * w.cross(across))
+    k.output("tilted", turned_axis, unit="1", doc="the tilted axis")
+    slopes = []
+    for name, side in (("a", u), ("b", v)):
+        beside = k.let(f"beside_{name}", w.cross(side))
+        slopes.append((side + K * beside + T * w.cross(beside)).cross(turned_axis))
+    slopes = sp.Matrix.hstack(*slopes)
+    k.output("tilted_jacobian", slopes, unit="1/rad", doc="derivative of tilted; last axis: a, b")
+    # named as what it is, so that the emitted test holds it against differences
+    return replace(k.build(), derivative=Derivative("tilted_axis", ("tilted",), ("tilt",)))
+
+
+rotation, tilting = rotation_from_vector(), tilted_axis()
+
+# %% [markdown]
+# What they compute is what was proved: in terms of $S$, $K$ and $T$, and these on both sides of the case distinction.
+
+# %%
+kernel_matrix, kernel_left = (
+    d.matrix(name, latex, quantity, "1", value=rotation.expand(output, keep=COEFFICIENTS))
+    for name, latex, quantity, output in (
+        ("kernel_matrix", "R_k", "the kernel's matrix", "matrix"),
+        ("kernel_left", "L_k", "the kernel's left Jacobian", "left_jacobian"),
+    )
+)
+in_kernel = {c: sp.Symbol(c.name, real=True) for c in (S, K, T)}
+d.check(
+    "kernel-rotation",
+    equal(kernel_matrix * x, W_x),
+    equal(kernel_left, left),
+    text="The matrices of rotation_from_vector.",
+).prove(
+    equal(kernel_matrix * x, W_x),
+    equal(kernel_left, sp.Identity(3) + K * skew(w) + T * skew(w) * skew(w)),
+    given=in_kernel,
+    because="Both sides are identical, for any S, K, T.",
+)
+
+# %%
+of_tilt = {sp.Symbol("tilt_1", real=True): a, sp.Symbol("tilt_2", real=True): b}
+of_tilt |= {sp.Symbol(f"axis_{i}", real=True): part for i, part in enumerate(n_0, start=1)}
+kernel_axis = letter(
+    "kernel_axis",
+    r"\vec n_k",
+    "the kernel's axis",
+    tilting.expand("tilted", keep=COEFFICIENTS).subs(of_tilt),
+    "1",
+)
+slopes = tilting.expand("tilted_jacobian", keep=COEFFICIENTS).subs(of_tilt)
+kernel_by_a = letter("kernel_by_a", r"\vec n_{k,a}", "its derivative by a", slopes[:, 0], "1/rad")
+kernel_by_b = letter("kernel_by_b", r"\vec n_{k,b}", "its derivative by b", slopes[:, 1], "1/rad")
+d.check(
+    "kernel-tilted",
+    equal(kernel_axis, tilted),
+    equal(kernel_by_a, cross(left * u, tilted)),
+    equal(kernel_by_b, cross(left * v, tilted)),
+    text="The axis and the derivatives of tilted_axis, for any u, v and n₀.",
+).prove(given={**tilt, **in_kernel})
+
+# %%
+branch = sp.Symbol("is_small")
+both = (rotation, tilting)
+steps = ("is_small", "square", "safe", "angle")
+kernel_large, kernel_small = (
+    d.matrix(
+        name,
+        latex,
+        f"S, K and T of both kernels {where} φ² = 1/4",
+        "1",
+        value=sp.Matrix(
+            [[k.expand(c, keep=steps).subs(branch, is_small) for k in both] for c in COEFFICIENTS]
+        ),
+        columns=2,
+    )
+    for name, latex, where, is_small in (
+        ("kernel_large", r"k_>", "from", sp.false),
+        ("kernel_small", r"k_<", "below", sp.true),
+    )
+)
+kernel_square = number(
+    "kernel_square", r"\varphi_k^2", "the kernel's square", rotation.expand("square"), "rad²"
+)
+kernel_angle = number(
+    "kernel_angle",
+    r"\varphi_k",
+    "the kernel's angle from φ² = 1/4",
+    rotation.expand("angle", keep=("is_small",)).subs(branch, sp.false),
+    "rad",
+)
+quotients = sp.ImmutableMatrix([[c, c] for c in (S, K, T)])
+sums = sp.ImmutableMatrix([[c, c] for c in (S_8, K_8, T_8)])
+in_half = {sp.Symbol("angle", real=True): 2 * h, sp.Symbol("safe", real=True): (2 * h) ** 2}
+d.check(
+    "kernel-coefficients",
+    equal(kernel_square, norm(w) ** 2),
+    equal(kernel_angle, phi),
+    equal(kernel_large, quotients),
+    equal(kernel_small, sums),
+    text="Both kernels make the quotients of the rotation vector's length, and below φ² = 1/4 the series.",
+).prove(
+    equal(kernel_square, norm(w) ** 2),
+    equal(kernel_angle**2, kernel_square),
+    equal(
+        sp.ImmutableMatrix(d.value(kernel_large).subs(in_half)),
+        sp.ImmutableMatrix(d.value(quotients, {phi: 2 * h})),
+    ),
+    equal(kernel_small, sums),
+    because="The squares of the angles agree, and angles are not negative; with φ = 2h the quotients are identical by "
+    "the double angle, and so are the sums.",
+)
+
+# %% [markdown]
+# ## All symbols
+
+# %%
+d
+
+# %%
+derivation.kernel(rotation, tilting)
+if in_notebook():
+    for kernel in derivation.kernels.values():
+        print(f"{kernel.name:20} {sum(kernel.operations.values()):5d} operations")
