@@ -1,4 +1,7 @@
-"""Rotations of a few vectors, with their derivatives: the geometry that does not change from row to row."""
+"""Rotations of a few vectors, with their derivatives: the geometry that does not change from row to row.
+
+The formulas are proved in the derivation ``machine_model``, which the kernels are made from.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,9 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["complete_basis", "cross_matrix", "left_jacobian", "rotation_matrix", "rotation_vector", "tilted"]
+from rodgen._kernels import kernels
+
+__all__ = ["complete_basis", "left_jacobian", "rotation_matrix", "rotation_vector", "tilted"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -31,38 +36,32 @@ def complete_basis(axis: ArrayLike) -> tuple[Array, Array]:
     return u + 0.0, np.cross(n, u) + 0.0
 
 
-def cross_matrix(w: ArrayLike) -> Array:
-    """Return the matrix of the cross product with w, (3, 3)."""
-    x, y, z = np.asarray(w, float)
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-
-
-def _coefficients(square: float) -> tuple[float, float, float]:
-    """Return sin(x)/x, (1 - cos x)/x² and (x - sin x)/x³ of the root x of a number, also near zero."""
-    if square < 1e-4:  # the terms that are left out are below 1e-18 of the sum
-        return (
-            1 - square / 6 * (1 - square / 20 * (1 - square / 42)),
-            (1 - square / 12 * (1 - square / 30 * (1 - square / 56))) / 2,
-            (1 - square / 20 * (1 - square / 42 * (1 - square / 72))) / 6,
-        )
-    angle = np.sqrt(square)
-    return np.sin(angle) / angle, 2 * np.sin(angle / 2) ** 2 / square, (angle - np.sin(angle)) / angle**3
-
-
 def rotation_matrix(w: ArrayLike) -> Array:
-    """Return the matrix of the rotation by a rotation vector in radians, (3, 3)."""
-    w = np.asarray(w, float)
-    by_sine, by_cosine, _ = _coefficients(float(w @ w))
-    k = cross_matrix(w)
-    return np.eye(3) + by_sine * k + by_cosine * (k @ k)
+    """Return the matrix of the rotation by a rotation vector in radians, (..., 3, 3).
+
+    Examples
+    --------
+    >>> rotation_matrix([0, 0, 1]).round(6)
+    array([[ 0.540302, -0.841471,  0.      ],
+           [ 0.841471,  0.540302,  0.      ],
+           [ 0.      ,  0.      ,  1.      ]])
+    """
+    matrix: Array = kernels.rotation_from_vector(w)[0]
+    return matrix
 
 
 def left_jacobian(w: ArrayLike) -> Array:
-    """Return L with R(w + dw) = R(L dw) R(w) to first order, (3, 3)."""
-    w = np.asarray(w, float)
-    _, by_cosine, third = _coefficients(float(w @ w))
-    k = cross_matrix(w)
-    return np.eye(3) + by_cosine * k + third * (k @ k)
+    """Return L with R(w + dw) = R(L dw) R(w) to first order, (..., 3, 3).
+
+    Examples
+    --------
+    >>> left_jacobian([0, 0, 1]).round(6)
+    array([[ 0.841471, -0.459698,  0.      ],
+           [ 0.459698,  0.841471,  0.      ],
+           [ 0.      ,  0.      ,  1.      ]])
+    """
+    jacobian: Array = kernels.rotation_from_vector(w)[1]
+    return jacobian
 
 
 def rotation_vector(matrix: ArrayLike) -> Array:
@@ -73,23 +72,29 @@ def rotation_vector(matrix: ArrayLike) -> Array:
     return np.asarray(axis, float) * float(angle)
 
 
-def tilted(axis: Array, u: Array, v: Array, tilt: Array) -> tuple[Array, Array]:
+def tilted(axis: ArrayLike, u: ArrayLike, v: ArrayLike, tilt: ArrayLike) -> tuple[Array, Array]:
     """Turn an axis by the rotation vector a u + b v.
 
     Parameters
     ----------
-    axis, u, v : ndarray, shape (3,)
+    axis, u, v : array_like, shape (..., 3)
         Orthonormal.
-    tilt : ndarray, shape (2,)
+    tilt : array_like, shape (..., 2)
         a and b in radians.
 
     Returns
     -------
-    axis : ndarray, shape (3,)
-    derivative : ndarray, shape (3, 2)
+    axis : ndarray, shape (..., 3)
+    derivative : ndarray, shape (..., 3, 2)
         With respect to a and b.
+
+    Examples
+    --------
+    >>> axis, derivative = tilted([0, 0, 1], [1, 0, 0], [0, 1, 0], [0.5, 0])
+    >>> axis.round(6)
+    array([ 0.      , -0.479426,  0.877583])
+    >>> derivative[:, 0].round(6)
+    array([ 0.      , -0.877583, -0.479426])
     """
-    w = tilt[0] * u + tilt[1] * v
-    turned = rotation_matrix(w) @ axis
-    turns = left_jacobian(w) @ np.column_stack([u, v])
-    return turned, cross_matrix(turned) @ -turns
+    turned, derivative = kernels.tilted_axis(axis, u, v, tilt)
+    return turned, derivative
