@@ -204,6 +204,19 @@ def test_held_inputs_decide_selects() -> None:
     assert held.expand("f_jacobian") == sp.Matrix([1, 0])
 
 
+def test_what_is_infinite_or_not_real_at_held_inputs_is_as_in_floating_point() -> None:
+    k = builder()
+    x = k.input("x", unit="1", doc="a number")
+    a = k.input("a", unit="1", doc="zero")
+    root, quotient = k.let("root", sp.sqrt(a - 1)), k.let("quotient", 1 / a)
+    k.output("f", select(quotient < 5, root, x) + select(a > 1, root * x, 2 * x), unit="1", doc="a sum")
+    kernel = k.build()
+    assert kernel.at({"a": 0}).expand("f") == 3 * x
+    assert kernel.evaluate({"x": 7, "a": 0})["f"] == 21
+    with pytest.raises(KernelError, match="f_jacobian_1 has no value at"):
+        kernel.jacobian(["a"], mode="reverse", at={"a": 1})
+
+
 def test_a_value_that_is_not_there_is_told() -> None:
     kernel = one_input(lambda x: 1 / x)
     with pytest.raises(KernelError, match="f has no value at"):

@@ -166,7 +166,7 @@ def _build(command: Command, flags: Sequence[str], files: Mapping[str, str], pat
     """Compile beside the final place, and move there what is complete."""
     with tempfile.TemporaryDirectory(dir=path.parent, prefix="build-") as folder:
         for name, text in files.items():
-            (Path(folder) / name).write_text(text)
+            (Path(folder) / name).write_text(text, encoding="utf-8")
         done = _run([*command, *flags, "kernels.c", "-o", "kernels.so", "-lm"], folder)
         if done.returncode != 0:
             lines = done.stderr.splitlines() or [f"exit code {done.returncode}"]
@@ -179,13 +179,13 @@ def kept_text(about: Sequence[str], make: Callable[[], str]) -> str:
     """Return a text from the cache, or make it; a cache that cannot be written is done without."""
     path = _safe_cache() / (_name(about) + ".py")
     try:
-        return path.read_text()
+        return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
         text = make()
     try:
         with tempfile.TemporaryDirectory(dir=path.parent, prefix="build-") as folder:
             part = Path(folder) / path.name
-            part.write_text(text)
+            part.write_text(text, encoding="utf-8")
             os.replace(part, path)
     except OSError:
         pass

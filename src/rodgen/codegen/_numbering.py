@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from functools import reduce
 from itertools import count
 from typing import TYPE_CHECKING
 
@@ -80,6 +81,16 @@ class Numbering:
         """Return the operand that has this value; write the operations that it still needs."""
         return self._written(value, None)
 
+    def product(self, a: sp.Basic, b: sp.Basic) -> sp.Basic:
+        """Return the operand that is the product of two operands."""
+        if a is sp.S.One:
+            return b
+        return a if b is sp.S.One else self._line(sp.Mul(a, b), None)
+
+    def total(self, terms: Sequence[sp.Basic]) -> sp.Basic:
+        """Return the operand that is the sum of operands."""
+        return terms[0] if len(terms) == 1 else self._line(sp.Add(*terms), None)
+
     def _written(self, value: sp.Basic, name: sp.Symbol | None) -> sp.Basic:
         if value.is_Symbol:
             return self._stands_for.get(value, value)
@@ -97,13 +108,10 @@ class Numbering:
             return self._line(sp.Add(*terms), name)
         if isinstance(value, sp.Mul):
             factor, rest = value.as_coeff_Mul()
-            product: sp.Basic = sp.S.One
             parts = [self._written(part, None) for part in sp.Mul.make_args(rest)]
             parts.sort(key=self._is_apart, reverse=True)
-            for n, part in enumerate(parts, 1):
-                last = name if n == len(parts) and factor is sp.S.One else None
-                product = self._line(sp.Mul(product, part), last)
-            return self._line(factor * product, name)
+            *inner, last = parts if factor is sp.S.One else [*parts, factor]
+            return self._line(sp.Mul(reduce(self.product, inner), last), name)
         if isinstance(value, sp.Pow):
             return self._power(value.base, value.exp, name)
         if isinstance(value, sp.Piecewise):
@@ -112,13 +120,13 @@ class Numbering:
             condition = self._condition(value)
             return condition if condition in (sp.true, sp.false) else self._line(condition, name)
         if not value.args:
-            # a number; mathematics has no infinities of floating point, and both are a sign of a value that is not used
-            return sp.nan if value in (sp.zoo, sp.oo, -sp.oo) else value
+            return self._line(value, name)
         return self._line(value.func(*(self._written(a, None) for a in value.args)), name)
 
     def _term(self, value: sp.Basic) -> sp.Basic:
         factor, rest = value.as_coeff_Mul()
-        return factor * self._written(rest, None)
+        operand = self._written(rest, None)
+        return operand if factor is sp.S.One else factor * operand
 
     def _is_apart(self, term: sp.Basic) -> bool:
         symbol = term.as_coeff_Mul()[1]
@@ -153,13 +161,18 @@ class Numbering:
             return self._stands_for.get(value, value)
         if isinstance(value, Relational):
             left, right = self._written(value.lhs, None), self._written(value.rhs, None)
+            if sp.nan in (left, right):
+                return sp.true if isinstance(value, sp.Ne) else sp.false
             return value.func(left, right, evaluate=left.is_number and right.is_number)
         return value.func(*map(self._condition, value.args))
 
     def _line(self, operation: sp.Basic, name: sp.Symbol | None) -> sp.Basic:
         """Return the operand of an operation on operands."""
-        if operation.is_Symbol or not operation.args:
-            return sp.nan if operation is sp.zoo else operation
+        if operation.is_Symbol:
+            return operation
+        if not operation.args:
+            # what is infinite or not real has no number in a program; where it counts, floating point has none either
+            return sp.nan if getattr(operation, "is_real", None) is False else operation
         sign: sp.Basic = sp.S.One
         if isinstance(operation, sp.Mul) and operation.args[0].is_negative and operation.args[0].is_Number:
             sign, operation = sp.S.NegativeOne, -operation
@@ -171,9 +184,12 @@ class Numbering:
                 symbol = sp.Symbol(next(self._names), real=None if isinstance(operation, Boolean) else True)
             else:
                 symbol = name
+            used = operation.free_symbols
+            if not used and getattr(operation, "is_real", None) is False:
+                return sp.nan
             self._found[operation] = symbol
             self.lines.append((symbol, operation))
-            if operation.free_symbols <= self.apart:
+            if used <= self.apart:
                 self.apart.add(symbol)
         return symbol if sign is sp.S.One else -symbol
 

@@ -85,7 +85,7 @@ def gradients(
                             if depends[operand] >> n & 1:
                                 adjoints[x][guard | condition].append(slope)
                         continue
-                    share = program.operand(adjoint * slope)
+                    share = program.product(adjoint, slope)
                     if share != 0:
                         adjoints[operand][guard | condition].append(share)
         return [_everywhere(program, _met(program, adjoints[x])) for x in variables]
@@ -139,19 +139,19 @@ def _possible(guard: Guard) -> bool:
 
 def _met(program: Numbering, adjoints: dict[Guard, list[sp.Expr]]) -> dict[Guard, sp.Expr]:
     """Add the adjoints that meet at a line, and take one of two where their conditions leave a choice."""
-    met = {guard: program.operand(sp.Add(*shares)) for guard, shares in adjoints.items()}
+    met = {guard: program.total(shares) for guard, shares in adjoints.items()}
     joins = True
     while joins and len(met) > 1:
         joins = False
         for a, b in combinations(sorted(met, key=_order), 2):
             apart = a ^ b
             if a < b:
-                met[a] = program.operand(met[a] + _where(b - a, met.pop(b)))
+                met[a] = program.total([met[a], program.operand(_where(b - a, met.pop(b)))])
             elif len(apart) == 2 and not _possible(apart):
                 ((condition, _),) = {pair for pair in apart if pair[1]}
                 yes, no = (a, b) if (condition, True) in a else (b, a)
                 both = sp.Piecewise((met.pop(yes), condition), (met.pop(no), True), evaluate=False)
-                met[a & b] = program.operand(met.get(a & b, sp.S.Zero) + program.operand(both))
+                met[a & b] = program.total([program.operand(both), *([met[a & b]] if a & b in met else [])])
             else:
                 continue
             joins = True
@@ -173,4 +173,4 @@ def _where(guard: Guard, adjoint: sp.Expr) -> sp.Expr:
 
 
 def _everywhere(program: Numbering, adjoints: dict[Guard, sp.Expr]) -> sp.Expr:
-    return program.operand(sp.Add(*(program.operand(_where(g, a)) for g, a in adjoints.items())))
+    return program.total([program.operand(_where(g, a)) for g, a in adjoints.items()] or [sp.S.Zero])

@@ -5,8 +5,10 @@ an array of results, a row each. It is compiled once and kept in the user's cach
 process that finds it there imports neither SymPy nor Jinja2.
 
 C takes 2, 4 or 8 rows at a time, as many as the vectors of this processor have room for. Measured on a chain of six
-revolute joints with 63 parameters and three residuals, in nanoseconds a row on one core of a Xeon with AVX-512: 23 for
-the residuals and 120 with their derivatives; a loop over scalars takes 200 and 420.
+revolute joints with 63 parameters and three residuals, in nanoseconds a row on one core of a Xeon with AVX-512: 20 for
+the residuals and 120 with their derivatives, half of it to write 1.5 kB; 200 beyond the second cache, so that blocks of
+some 500 rows are best. A loop over scalars takes 200 and 420, NumPy 450 and 1900. All of it is derived, printed and
+compiled in 2 s, and loaded in 0.03 s.
 """
 
 from __future__ import annotations
