@@ -1022,9 +1022,7 @@ def lift(alpha: sp.Expr) -> sp.Basic:
 
 
 lifted = letter("lifted", r"\vec y", "the ray, lifted by the angle fσ", lift(f * sine), "1")
-lift_vector = letter(
-    "lift_vector", r"f\,\vec x\times\vec h", "its rotation vector", f * cross(ray, up), "rad"
-)
+lift_vector = letter("lift_vector", r"\vec w_a", "its rotation vector, f x × h", f * cross(ray, up), "rad")
 raised = {up: (0, 0, 1)}
 ray_unit = {ray.components[2]: dot(ray, ray) - 1}
 d.check(
@@ -1105,8 +1103,8 @@ d.check(
     "moment-by-reading",
     equal(dot(n, cross(R_arm, g)), M * sp.cos(q) + M_perp * sp.sin(q)),
     text="As the joint turns, M and M⊥ are cosine and sine of one wave: k M + k₂ M⊥ has any amplitude and phase. Where "
-    "gravity does not turn against the joint's own axes, that is a cos q + b sin q, and nothing tells it from an "
-    "eccentric encoder.",
+    "the joints before do not turn gravity and those beyond do not move the load, that is a cos q + b sin q, and nothing "
+    "tells it from an eccentric encoder.",
 ).prove(modulo=unit)
 
 # %%
@@ -1461,3 +1459,54 @@ derivation.kernel(rotation, tilting)
 if in_notebook():
     for kernel in derivation.kernels.values():
         print(f"{kernel.name:20} {sum(kernel.operations.values()):5d} operations")
+
+# %% [markdown]
+# ## Accuracy
+#
+# The largest error of an entry of the left Jacobian, in units of $\varepsilon$, for rotation vectors of all sizes:
+# of the kernel, and of the quotients without series and half angle. At zero, where a fit starts, the quotients are no
+# numbers, and for the errors of a machine, some $10^{-8}$ to $10^{-3}$ rad, they lose up to half of the digits.
+
+# %%
+if in_notebook():
+    import matplotlib.pyplot as plt
+    import mpmath
+    import numpy as np
+
+    from rodgen.codegen.compile import compile_kernel
+
+    def jacobian(w, by_cosine, by_rest, one):
+        """L from its coefficients, whatever the numbers are."""
+        x, y, z = w
+        turn = np.array([[0 * x, -z, y], [z, 0 * x, -x], [-y, x, 0 * x]])
+        return one + by_cosine * turn + by_rest * (turn @ turn)
+
+    def by_quotients(w):
+        angle = np.sqrt(w @ w)
+        return jacobian(w, (1 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3, np.eye(3))
+
+    def exactly(w):
+        w = np.array([mpmath.mpf(float(part)) for part in w])
+        angle = mpmath.sqrt(w @ w)
+        one = np.vectorize(mpmath.mpf)(np.eye(3))
+        return jacobian(w, (1 - mpmath.cos(angle)) / angle**2, (angle - mpmath.sin(angle)) / angle**3, one)
+
+    angles = np.logspace(-10, 1, 300)
+    vectors = np.random.default_rng(1).normal(size=(300, 3))
+    vectors *= (angles / np.linalg.norm(vectors, axis=1))[:, None]
+    with mpmath.workdps(60):
+        exact = [exactly(w) for w in vectors]
+        found = {
+            "the quotients": [by_quotients(w) for w in vectors],
+            "the kernel": compile_kernel(rotation)(vectors)[1],
+        }
+        errors = {
+            name: [float(abs(a - b).max()) / np.finfo(float).eps for a, b in zip(values, exact, strict=True)]
+            for name, values in found.items()
+        }
+    figure, panel = plt.subplots(figsize=(6, 3.6), layout="constrained")
+    for (name, error), mark in zip(errors.items(), (".", "x"), strict=True):
+        panel.plot(angles, np.maximum(error, 1e-2), mark, markersize=4, label=name)
+    panel.set(xscale="log", yscale="log", xlabel="φ (rad)", ylabel="largest error / ε")
+    panel.legend()
+    plt.show()

@@ -64,8 +64,8 @@ d = derivation
 #
 # A quantity with a definition is replaced by it in every proof. What remains free are the Rodrigues vector
 # $\vec\theta$ and the points $\vec\rho$ and $\vec\rho\,'$. (The paper also names the coordinates of $\vec\rho$
-# $x_A, y_A, z_A$ and does not use these names. Its equations on the machine as a whole, in its section 2, are not
-# treated here.) The whole table stands before the kernels.
+# $x_A, y_A, z_A$ and does not use these names. Its equations on the machine as a whole, in its section 2, are those of
+# the notebook `machine_model`.) The whole table stands before the kernels.
 
 # %%
 half = d.symbol("half_angle", r"\tfrac{\chi}{2}", "half the angle of rotation", "rad")

@@ -493,7 +493,7 @@ def test_bytes_are_the_same_in_every_process() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 99])
 def test_bytes_of_all_derivations_are_the_same_in_every_process(seed: int) -> None:
-    names = ("axis", "rodrigues", "rotations")
+    names = ("axis", "machine_model", "rodrigues", "rotations")
     assert bytes_with_seed(0, *names) == bytes_with_seed(seed, *names)
 
 
