@@ -1103,8 +1103,8 @@ d.check(
     "moment-by-reading",
     equal(dot(n, cross(R_arm, g)), M * sp.cos(q) + M_perp * sp.sin(q)),
     text="As the joint turns, M and M⊥ are cosine and sine of one wave: k M + k₂ M⊥ has any amplitude and phase. Where "
-    "the joints before do not turn gravity and those beyond do not move the load, that is a cos q + b sin q, and nothing "
-    "tells it from an eccentric encoder.",
+    "the joints before do not turn gravity and those beyond do not move the load, that is a cos q + b sin q, and "
+    "nothing tells it from an eccentric encoder.",
 ).prove(modulo=unit)
 
 # %%
