@@ -66,7 +66,8 @@ def derive_kernels(structure: Structure) -> list[Kernel]:
         kernels.append(
             residual.jacobian(wrt, ["residual"], name="residual_and_jacobian", values=True, mode="reverse")
         )
-    return [_without_freedoms(kernel) for kernel in kernels]
+    # the change of a freedom is in the geometry already
+    return [kernel.at({"freedom": 0}) if structure.slots else kernel for kernel in kernels]
 
 
 def cached(function: Any) -> Any:
@@ -228,7 +229,8 @@ class _Model:
             turned = self.let("turned", n.cross(arm) + n * n.dot(arm))
             found["M_perp"] = n.dot(self.moment(turned, j))
         if "M_guide" in names:
-            guided = self.moment(arm - n * self.column["q", j], j)
+            guide = n * self.column["q", j] if self.structure.moving else sp.zeros(3, 1)
+            guided = self.moment(arm - guide, j)
             found["M_guide"] = guided - n * n.dot(guided)
         return found
 
@@ -445,16 +447,3 @@ def _series(square: sp.Expr, first: int) -> sp.Expr:
     for k in reversed(range(8)):
         value = sp.Rational((-1) ** k, sp.factorial(2 * k + first)) + square * value
     return value
-
-
-def _without_freedoms(kernel: Kernel) -> Kernel:
-    """Set the freedoms to zero, which they are: their change is in the geometry already."""
-    from rodgen.codegen.kernel import Assignment, finish
-
-    ports = [port for port in kernel.inputs if port.name == "freedom"]
-    if not ports:
-        return kernel
-    zero = dict.fromkeys(ports[0].symbols, sp.S.Zero)
-    steps = [Assignment(a.symbol, a.value.xreplace(zero)) for a in kernel.assignments]
-    inputs = [port for port in kernel.inputs if port.name != "freedom"]
-    return finish(kernel.name, kernel.summary, kernel.source, inputs, kernel.outputs, steps, kernel.notes)
