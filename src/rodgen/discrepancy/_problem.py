@@ -27,7 +27,9 @@ __all__ = ["Problem", "one_thread_in_blas"]
 Array: TypeAlias = NDArray[np.float64]
 
 BLOCK = 4096
-"""Rows a call of a kernel: its Jacobian stays in the second-level cache."""
+"""Rows a call of a kernel at most."""
+BLOCK_NUMBERS = 1 << 16
+"""Numbers in the Jacobian of a block: half a megabyte stays in the second-level cache."""
 KEPT_BYTES = 512 << 20
 """The rows of the kernels are kept between evaluations while they need less than this."""
 THREADS_FROM = 4 * BLOCK
@@ -192,9 +194,12 @@ class Problem:
                 block[:, -self.components :] = self.weight[rows]
 
     def _blocks(self) -> Iterator[tuple[int, _Group, int, int]]:
+        structure = self.model.structure
+        a_row = self.components * max(1, len(structure.slots) + len(structure.parameters))
+        step = min(BLOCK, max(256, BLOCK_NUMBERS // a_row))
         for number, group in enumerate(self.groups):
-            for start in range(0, group.count, BLOCK):
-                yield number, group, start, min(start + BLOCK, group.count)
+            for start in range(0, group.count, step):
+                yield number, group, start, min(start + step, group.count)
 
     def _each(self, function: Any) -> Iterator[Any]:
         """Apply a function to every block, in order, in two threads where that pays."""
