@@ -1,4 +1,4 @@
-"""How much do things differ that should be equal, and does anything else explain it?
+"""How much things differ that should be equal, and whether anything else explains it.
 
 Replicates should have equal residuals; two targets on one body should keep their distance. Both are scalars in groups,
 some of them taken in one pose, and what one pose does to all that was read in it makes them dependent. So the degrees
@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["Deviations", "Driver", "Estimated", "drivers", "independent_share"]
 
 Array: TypeAlias = NDArray[np.float64]
-Ints: TypeAlias = NDArray[np.int_]
+Ints: TypeAlias = NDArray[np.integer[Any]]
 
 SURE = 1e-4
 """Probability by chance, over all that is tried, below which something drives the deviations."""
@@ -202,7 +202,7 @@ class Deviations:
         return Estimated.of(self.variance, max(self.share * self.count, 1.0), factor)
 
     def without_drift(self, candidates: list[Driver]) -> tuple[Deviations, list[str]]:
-        """Take out what follows a driver beyond doubt, the strongest one first; return what is left, and their names."""
+        """Take out what follows a driver beyond doubt, the strongest first; return what is left, and their names."""
         left, named = self, list[str]()
         while True:
             tried = [(*left._explained(d), d.name) for d in candidates if d.name not in named]
@@ -216,10 +216,10 @@ class Deviations:
         """Return the probability that chance explains as much as a driver does, and what it leaves."""
         by_row = driver.columns[self.row] * self.lever[:, None]
         mean_weight = self.weight.mean(axis=1, keepdims=True)
-        starts = np.flatnonzero(np.diff(self.group, prepend=self.group[0] - 1)) if len(self.group) else []
-        sizes = np.diff(starts, append=len(self.group))
-        if not len(sizes):
+        if not len(self.group):
             return 1.0, self
+        starts = np.flatnonzero(np.diff(self.group, prepend=self.group[0] - 1))
+        sizes = np.diff(starts, append=len(self.group))
         mean = np.add.reduceat(mean_weight * by_row, starts) / np.add.reduceat(mean_weight, starts)
         columns = (by_row - np.repeat(mean, sizes, axis=0)) * np.sqrt(mean_weight)
         u, size, _ = np.linalg.svd(columns, full_matrices=False)
@@ -263,9 +263,9 @@ def independent_share(value: Array, left: Array, pose: Ints, column: Ints) -> fl
         _, place = np.unique(place[some], return_inverse=True)
         value, left, at, poses = value[some], left[some], at[some], int(place.max()) + 1
     c = value.shape[1]
-    table, seen = (np.zeros((poses, len(columns), c)) for _ in range(2))
-    table[place, at], seen[place, at] = value, np.sqrt(left)
-    table, seen = table.reshape(poses, -1), seen.reshape(poses, -1)
+    both = np.zeros((2, poses, len(columns), c))
+    both[0, place, at], both[1, place, at] = value, np.sqrt(left)
+    table, seen = both.reshape(2, poses, -1)
     number = seen.T @ seen
     with np.errstate(invalid="ignore", divide="ignore"):
         covariance = np.where(number > 0, table.T @ table / number, 0.0)

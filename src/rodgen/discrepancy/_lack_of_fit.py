@@ -1,4 +1,4 @@
-"""Are the residuals larger than the noise: does the model miss something?
+"""Whether the residuals are larger than the noise, that is, whether the model misses something.
 
 Where poses were repeated, the squares of the residuals split into those from the mean of the replicates (pure error)
 and those of that mean from the model, and their ratio is held against F. Else their sum is held against chi-square
@@ -126,7 +126,7 @@ def _against_stated(fit: Fit) -> LackOfFit | None:
 
 
 def _share(value: NDArray[np.float64], pose: NDArray[np.int32], target: NDArray[np.int32]) -> float:
-    """Return the part of the degrees of freedom that is left; repeated readings of a target are columns of their own."""
+    """Return the part of the degrees of freedom that is left; repeated readings of a target are columns, too."""
     targets = int(target.max()) + 1
     order = np.lexsort((target, pose))
     starts = np.flatnonzero(np.diff(pose[order], prepend=-1) | np.diff(target[order], prepend=-1))

@@ -26,7 +26,7 @@ from rodgen.discrepancy._deviations import Deviations, Estimated, drivers
 if TYPE_CHECKING:
     from rodgen.discrepancy.fit import Fit
 
-__all__ = ["NoiseFloor", "figure", "Replicates", "noise_floor", "replicates"]
+__all__ = ["NoiseFloor", "Replicates", "figure", "noise_floor", "replicates"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -237,7 +237,7 @@ def _in_one_basis(fit: Fit, order: NDArray[np.int_], group: NDArray[np.int_]) ->
 
 
 def _told_apart(fit: Fit) -> float:
-    """Return how many fitted parameters may act differently on replicates: those of time, temperature, velocity, run."""
+    """Return how many fitted parameters may tell replicates apart: those of time, temperature, velocity, run."""
     model, runs = fit.problem.model, len(fit.observations.run_names)
     count = 0.0
     for i in fit.free:

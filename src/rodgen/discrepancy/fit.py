@@ -16,10 +16,11 @@ from rodgen.discrepancy._lack_of_fit import LackOfFit, lack_of_fit
 from rodgen.discrepancy._least_squares import Solution, minimise
 from rodgen.discrepancy._noise import NoiseFloor, noise_floor
 from rodgen.discrepancy._problem import Problem, one_thread_in_blas
+from rodgen.discrepancy._robust import robust_fit
 from rodgen.discrepancy._start import linear_falls, placed, searched
 from rodgen.discrepancy._summary import as_dict, as_text
 from rodgen.discrepancy.measurements import Measurements
-from rodgen.errors import RodgenError
+from rodgen.errors import RodgenError, shown
 from rodgen.machines._model import Model
 from rodgen.machines._parameters import Parameter
 from rodgen.machines._rigid import rotation_vector
@@ -29,6 +30,8 @@ __all__ = ["Estimate", "Fit", "FitError", "fit"]
 
 Array: TypeAlias = NDArray[np.float64]
 Progress: TypeAlias = Callable[[str, int, float], object]
+
+LOSSES = ("linear", "huber")
 
 
 class FitError(RodgenError):
@@ -207,7 +210,7 @@ def fit(
         Its ``estimate`` and the parameters of its effects are adjusted; fitted values that it carries are the start.
     data : Measurements or Observations
     loss : {"linear", "huber"}
-        Sum of squares, or one that outliers do not pull.
+        Sum of squares, or one that outliers do not pull: they are found, named and taken out.
     start : mapping of str to float, optional
         Further values to start from, by key, internal units.
     progress : callable, optional
@@ -222,16 +225,21 @@ def fit(
     InputFileError
         When the data do not fit the machine.
     FitError
-        When there is nothing to fit, or the model is not finite at the start.
+        When the loss is another one, there is nothing to fit, or the model is not finite at the start.
     """
+    if loss not in LOSSES:
+        raise FitError(f"loss {shown(loss)}; expected one of {', '.join(LOSSES)}")
     observations = data if isinstance(data, Observations) else bind(machine, data)
     if start:
         machine = replace(machine, values={**machine.values, **start})
     model = Model(machine, observations.travel, observations.run_names)
     problem = Problem(model, observations)
     with one_thread_in_blas():
-        solution, free = _solve(problem, progress)
-    return _finished(problem, solution, free, np.zeros(observations.n, bool))
+        if loss == "linear":
+            solution, free = _solve(problem, progress)
+            return _finished(problem, solution, free, np.zeros(observations.n, bool))
+        found = robust_fit(problem, lambda: _solve(problem, progress))
+        return _finished(problem, found.solution, found.free, found.outliers)
 
 
 def _finished(problem: Problem, solution: Solution, free: Sequence[int], outliers: Any) -> Fit:
@@ -310,4 +318,6 @@ def _not_finite(problem: Problem, solution: Solution) -> str:
     row = int(np.argmax(bad))
     place = problem.observations.data.place(row)
     file = problem.observations.data.file
-    return f"{file}: {place}: the model is not finite here; expected formulas and numbers that are"
+    own = [effect.title for effect in problem.model.machine.effects if effect.definition.own]
+    which = f" (check the formula of {', '.join(own)})" if own else ""
+    return f"{file}: {place}: the model is not finite here; expected formulas and numbers that are{which}"
