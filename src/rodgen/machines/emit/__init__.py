@@ -1,0 +1,106 @@
+"""A fitted machine as standalone code: where it really is, and the commands that bring it where it should be.
+
+A controller, or whoever has no rodgen, takes these files: forward model, its derivatives, the nominal machine, and the
+compensation, with their own test. C99 that allocates nothing, or NumPy.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rodgen.errors import RodgenError, shown
+
+if TYPE_CHECKING:
+    from rodgen.machines.machine import Machine
+
+__all__ = ["emit"]
+
+
+def emit(
+    machine: Machine,
+    lang: str,
+    folder: str | os.PathLike[str],
+    *,
+    name: str | None = None,
+    travel: Any = None,
+) -> list[Path]:
+    """Write a fitted machine as standalone code.
+
+    What is emitted, in machine axes:
+
+    forward
+        Joint coordinates, the conditions that the effects depend on (direction of approach, velocity, time,
+        temperatures, load, other columns) and the number of a target -> its place, with all errors.
+    jacobian
+        The same with the derivative with respect to the coordinates, through the effects too.
+    ideal
+        The place on the nominal machine: the numbers of the machine file as they are, without the effects and without
+        what a fit changed in axes, points and targets. (In a file that was saved with the fitted numbers in place
+        those *are* the file's numbers: emit from the fitted machine, not from that file, to correct these too.)
+    compensate
+        A wanted place, a command and its conditions -> the coordinates that bring the target there, a status, and the
+        distance that is left. Where several coordinates serve (more joints than a place has freedoms, joints
+        along each other) they are, to first order in the correction, those that change least, each measured by its
+        travel (a joint without: a turn, or the size of the machine); other weights may be given, 0 holds a joint. They
+        stay within the travels of the file. What cannot be reached is told, with the nearest coordinates found.
+
+    What belongs to the machine. Joints, targets and every effect at them do, and so does refraction: it bends what is
+    seen, whoever looks. With ``frame = "machine"`` the readings are in machine axes, so what moves that frame
+    (drift, a frame shift) is part of the machine as it is seen, and is corrected. With ``frame = "free"`` an instrument
+    stood somewhere beside the machine: where it stood and how it moved is left out, and places are in machine axes.
+    (A drift of the machine itself is an effect of its first joint.) Left out, too, are the instrument's scale and the
+    frame shifts of several runs: set-ups are no property of the machine. The head of each file lists what is in it
+    and what is not.
+
+    A machine that was fitted to distances moves a point as well, and its commands are corrected to places: one distance
+    is no place to go to.
+
+    Parameters
+    ----------
+    machine : Machine
+        Fitted, such as ``fit.machine``: every parameter has a value, fitted or held.
+    lang : {"c", "numpy"}
+        ``"c"``: NAME.h, NAME.c and NAME_test.c; C99 in double precision, nothing but math.h, no allocation, no
+        state, no recursion, every loop bounded. ``"numpy"``: NAME.py and test_NAME.py, over many rows at once.
+    folder : str or os.PathLike
+        Is made where there is none. All files are written, or none.
+    name : str, optional
+        Lower-case identifier that names the files and begins the C functions; made of the machine's name when left out.
+    travel : array_like, shape (joints, 2), optional
+        Range of each joint in the data, internal units, for effects that are measured over a travel which the machine
+        does not say. It limits no compensation.
+
+    Returns
+    -------
+    list of Path
+        The files, in the order of their names. Equal machines give equal bytes.
+
+    Raises
+    ------
+    InputFileError
+        When a parameter has no value, a travel is missing, or the folder cannot be written.
+    RodgenError
+        For another language or a bad name, or when the model is finite nowhere.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from rodgen.machines.machine import Joint, Machine, Measured, Target
+    >>> table = Machine(
+    ...     "Rotary table", "mm", "deg", (0.0, 0.0, -1.0), 20.0, (Joint("C", "revolute", (0.0, 0.0, 1.0)),),
+    ...     (Target("ball", (100.0, 0.0, 0.0)),), Measured("point", "machine"),
+    ... )
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     [path.name for path in emit(table, "c", folder)]
+    ['rotary_table.c', 'rotary_table.h', 'rotary_table_test.c']
+    """
+    if lang not in {"c", "numpy"}:
+        raise RodgenError(f"no language {shown(lang)}; expected 'c' or 'numpy'")
+    from rodgen.machines.emit._content import content_of
+    from rodgen.machines.emit._folder import write_files
+    from rodgen.machines.emit._render import render
+
+    files = render(content_of(machine, name, travel), lang)
+    return write_files(Path(folder), files)

@@ -1,0 +1,364 @@
+"""What the files of an emitted machine say, in no language yet: kernels, tables, words, samples for their test."""
+
+from __future__ import annotations
+
+import keyword
+import re
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.codegen.kernel import Kernel
+from rodgen.errors import RodgenError, shown
+from rodgen.machines._model import Model
+from rodgen.machines._structure import row_effects
+from rodgen.machines.emit._kernels import (
+    OF_A_JOINT,
+    Constant,
+    MachineKernels,
+    aim_kernel,
+    machine_kernels,
+    step_kernel,
+)
+from rodgen.machines.emit._scope import Scope, scope_of
+from rodgen.machines.machine import Effect, Machine
+
+__all__ = ["Content", "Field", "Sample", "content_of", "identifier"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+SAMPLES = 16
+TRIES = 40 * SAMPLES
+"""Points that are tried until enough of them have a place: a formula may have none at some."""
+MARGIN = 0.1
+"""Part of the travel at its ends from where no sample is taken, so that steps beside a sample stay inside."""
+
+_HEADERS = """assert complex ctype errno fenv float inttypes iso646 limits locale math setjmp signal stdarg stdbool
+stddef stdint stdio stdlib string tgmath time wchar wctype"""
+_TAKEN = {*keyword.kwlist, *keyword.softkwlist, *sys.stdlib_module_names, *_HEADERS.split(), "numpy"}
+"""Names that a file of ours would hide from Python or from the C compiler."""
+_LONGEST_NAME = 40
+
+COLUMNS = {
+    "s": ("s", "direction of approach, +1 or -1"),
+    "v": ("v", "velocity"),
+    "T": ("T", "temperature less {reference:g} degC, K"),
+    "t": ("t", "time, s"),
+    "F": ("load", "payload force along gravity, N"),
+    "x": ("x", "covariates, in these units"),
+}
+"""Field of each column beside the coordinates, and what it is."""
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field of a row: a number, or an array.
+
+    Attributes
+    ----------
+    name : str
+    length : int
+        0 for a number.
+    doc : str
+    used : tuple of (str, int)
+        Input of a kernel, and where it stands in the field.
+    """
+
+    name: str
+    length: int
+    doc: str
+    used: tuple[tuple[str, int], ...]
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A point at which the emitted code is tested.
+
+    Attributes
+    ----------
+    q : tuple of float
+    columns : dict of str to float
+        Values of the kernels' further inputs.
+    target : int
+    place, ideal : tuple of float
+        Where the machine is, fitted and nominal: computed with fifty digits.
+    """
+
+    q: tuple[float, ...]
+    columns: dict[str, float]
+    target: int
+    place: tuple[float, ...]
+    ideal: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Content:
+    """All that the files say.
+
+    Attributes
+    ----------
+    name : str
+        Of the files, and prefix of what is in them.
+    machine : Machine
+        As it was given.
+    scope : Scope
+    fitted, ideal : MachineKernels
+    aim, step : Kernel
+    fields : tuple of Field
+        Of a row, beside ``q``.
+    lowest, highest, weight : tuple of float
+        End of the travel of each joint, infinite where there is none; how freely it moves in a compensation.
+    size : float
+        Of the numbers that a place is made of.
+    samples : tuple of Sample
+    """
+
+    name: str
+    machine: Machine
+    scope: Scope
+    fitted: MachineKernels
+    ideal: MachineKernels
+    aim: Kernel
+    step: Kernel
+    fields: tuple[Field, ...]
+    lowest: tuple[float, ...]
+    highest: tuple[float, ...]
+    weight: tuple[float, ...]
+    size: float
+    samples: tuple[Sample, ...]
+
+    @property
+    def directions(self) -> bool:
+        """Whether a place is a direction."""
+        return self.scope.machine.measured.kind == "direction"
+
+    def says(self, constant: Constant) -> str:
+        """Say in a few words what a constant is."""
+        return _says(self.scope, constant)
+
+
+def content_of(machine: Machine, name: str | None = None, travel: Any = None) -> Content:
+    """Derive what is emitted of a machine; see :func:`rodgen.machines.emit.emit`."""
+    from dataclasses import replace
+
+    chosen = identifier(machine.name) if name is None else _checked(name)
+    scope = scope_of(machine, travel)
+    nominal = replace(scope.machine, effects=(), estimate=(), values={})
+    fitted = machine_kernels(scope.model)
+    ideal = machine_kernels(Model(nominal), "ideal", "ideal_")
+    kind, joints = scope.machine.measured.kind, machine.joints
+    size = _size(scope)
+    limits = [joint.travel or (-np.inf, np.inf) for joint in joints]
+    weight = [
+        float(np.ptp(limit))
+        if np.isfinite(np.ptp(limit)) and np.ptp(limit) > 0
+        else 2 * np.pi
+        if joint.type == "revolute"
+        else size
+        for joint, limit in zip(joints, limits, strict=True)
+    ]
+    return Content(
+        name=chosen,
+        machine=machine,
+        scope=scope,
+        fitted=fitted,
+        ideal=ideal,
+        aim=aim_kernel(kind, len(joints)),
+        step=step_kernel(kind, len(joints)),
+        fields=tuple(_fields(scope.machine, fitted)),
+        lowest=tuple(float(low) for low, _ in limits),
+        highest=tuple(float(high) for _, high in limits),
+        weight=tuple(float(w) for w in weight),
+        size=size,
+        samples=tuple(_samples(scope, fitted, ideal, size)),
+    )
+
+
+# names -------------------------------------------------------------------------------------------------------
+
+
+def identifier(text: str) -> str:
+    """Make a name for files and functions of a machine's name.
+
+    Examples
+    --------
+    >>> identifier("Gantry with a rotary C axis"), identifier("Fräse 3"), identifier("6R"), identifier("math")
+    ('gantry_with_a_rotary_c_axis', 'fr_se_3', 'machine_6r', 'math_machine')
+    """
+    name = re.sub(r"[^a-z0-9]+", "_", text.lower()[:400]).strip("_")[:_LONGEST_NAME].strip("_")
+    if not name or not name[0].isalpha():
+        name = f"machine_{name}".strip("_")
+    return f"{name}_machine" if name in _TAKEN else name
+
+
+def _checked(name: str) -> str:
+    if not re.fullmatch(rf"[a-z][a-z0-9_]{{0,{_LONGEST_NAME - 1}}}", name):
+        raise RodgenError(
+            f"the name {shown(name)}; expected lower-case letters, digits and _, a letter first, "
+            f"{_LONGEST_NAME} at most"
+        )
+    if name in _TAKEN:
+        raise RodgenError(f"the name {shown(name)} is taken in C or Python; expected another one")
+    return name
+
+
+# words -------------------------------------------------------------------------------------------------------
+
+_PARTS = {
+    "axis": "axis of {joint}",
+    "point": "point of {joint}, {length}",
+    "u": "first direction across the axis of {joint}",
+    "v": "second direction across the axis of {joint}",
+    "start": "lowest coordinate of {joint}, {coordinate}",
+    "length": "travel of {joint}, {coordinate}",
+    "centre": "mean of the targets",
+    "gravity": "direction of gravity",
+    "shift": "frame shift, {length}",
+    "shift_rotation": "frame shift, rotation",
+    "target": "target {target}",
+}
+
+
+def _says(scope: Scope, constant: Constant) -> str:
+    part, number, name = constant.of
+    machine = scope.machine
+    if part == "effect":
+        slot = scope.model.index["e", number, name]
+        parameter = scope.model.parameters[slot]
+        unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+        return f"{name} of {shown(row_effects(machine)[number].title)}: {constant.value / parameter.factor:.9g}{unit}"
+    words = {"length": machine.length_unit, "joint": "", "coordinate": ""}
+    if part in OF_A_JOINT:
+        joint = machine.joints[number]
+        words |= {"joint": shown(joint.name), "coordinate": coordinate_unit(machine, number)}
+    return _PARTS[part].format(**words, target=shown(machine.targets[0].name))
+
+
+def coordinate_unit(machine: Machine, joint: int) -> str:
+    """Return the unit of a joint's coordinate in the emitted code."""
+    return "rad" if machine.joints[joint].type == "revolute" else machine.length_unit
+
+
+def _fields(machine: Machine, kernels: MachineKernels) -> Iterator[Field]:
+    names = [joint.name for joint in machine.joints]
+    for kind, (field, text) in COLUMNS.items():
+        doc = text.format(reference=machine.reference_temperature)
+        used = [(symbol, of) for symbol, (k, of) in kernels.columns if k == kind]
+        if not used:
+            continue
+        if kind in {"t", "F"}:
+            yield Field(field, 0, doc, ((used[0][0], 0),))
+        elif kind == "x":
+            listed = ", ".join(shown(of) for _, of in used)
+            yield Field(field, len(used), f"{doc} {listed}", tuple((s, i) for i, (s, _) in enumerate(used)))
+        else:
+            listed = ", ".join(shown(names[int(of)]) for _, of in used)
+            yield Field(field, len(names), f"{doc}; of {listed}", tuple((s, int(of)) for s, of in used))
+
+
+def effect_words(scope: Scope) -> list[tuple[str, str]]:
+    """Return the effects that are emitted, each with the values of its parameters."""
+    found = []
+    for effect in scope.machine.effects:
+        values = [
+            f"{name} = {_value(scope, effect, name) / parameter.factor:.6g}"
+            + ("" if parameter.unit == "1" else f" {parameter.unit}")
+            for name in effect.units(scope.machine)
+            if (parameter := _parameter(scope, effect, name)) is not None
+        ]
+        found.append((shown(effect.title), ", ".join(values)))
+    return found
+
+
+def _parameter(scope: Scope, effect: Effect, name: str) -> Any:
+    index = scope.model.keys.get(effect.key(name))
+    return None if index is None else scope.model.parameters[index]
+
+
+def _value(scope: Scope, effect: Effect, name: str) -> float:
+    return float(scope.model.start()[scope.model.keys[effect.key(name)]])
+
+
+# sizes and samples -------------------------------------------------------------------------------------------
+
+
+def _size(scope: Scope) -> float:
+    """Return the largest length that a place is added up from; 1 for a direction."""
+    machine = scope.machine
+    if machine.measured.kind == "direction":
+        return 1.0
+    travel = [max(map(abs, j.travel)) for j in machine.joints if j.travel and j.type == "prismatic"]
+    points = [
+        float(np.linalg.norm(p))
+        for p in (*(j.point for j in machine.joints), *(t.point for t in machine.targets))
+    ]
+    return float(sum(travel) + max(points)) or 1.0
+
+
+def _samples(scope: Scope, fitted: MachineKernels, ideal: MachineKernels, size: float) -> Iterator[Sample]:
+    """Choose points of an even sequence all over the travel, and compute the places there."""
+    machine, joints = scope.machine, scope.machine.joints
+    spans = [
+        tuple(travel)
+        if np.ptp(travel) > 0
+        else (-np.pi, np.pi)
+        if joint.type == "revolute"
+        else (-size, size)
+        for joint, travel in zip(joints, scope.model.travel, strict=True)
+    ]
+    found = 0
+    for n, point in enumerate(_even(len(joints) + len(fitted.columns), TRIES)):
+        inside = MARGIN + (1 - 2 * MARGIN) * point[: len(joints)]
+        q = tuple(float(low + x * (high - low)) for x, (low, high) in zip(inside, spans, strict=True))
+        columns = {
+            name: _column(kind, float(x), spans[int(of)] if kind == "v" else None)
+            for (name, (kind, of)), x in zip(fitted.columns, point[len(joints) :], strict=True)
+        }
+        target = n % len(machine.targets)
+        place = _exact(fitted, q, columns, target)
+        if not np.isfinite(place).all():
+            continue
+        yield Sample(q, columns, target, place, _exact(ideal, q, {}, target))
+        found += 1
+        if found == SAMPLES:
+            return
+    if not found:
+        raise RodgenError(
+            f"{machine.file or machine.name}: the model is not finite at any of {TRIES} points all over the travel; "
+            "expected formulas and values that are"
+        )
+
+
+def _even(dimensions: int, count: int) -> Iterator[Array]:
+    """Fill the unit cube evenly with multiples of powers of 1/φ, where φ^(d + 1) = φ + 1 (Roberts' sequence)."""
+    ratio = 2.0
+    for _ in range(60):
+        ratio = (1 + ratio) ** (1 / (dimensions + 1))
+    step = np.array([ratio**-k for k in range(1, dimensions + 1)])
+    for n in range(1, count + 1):
+        yield np.asarray((0.5 + n * step) % 1.0)
+
+
+def _column(kind: str, x: float, span: Any) -> float:
+    low, high = {"s": (-1, 1), "T": (-5, 5), "t": (0, 3600), "F": (0, 100), "x": (0, 1)}.get(kind, (-1, 1))
+    if kind == "s":
+        return 1.0 if x < 0.5 else -1.0
+    if kind == "v":
+        return (2 * x - 1) * float(np.ptp(span)) / 100  # the whole travel in 100 s
+    return low + x * (high - low)
+
+
+def _exact(
+    kernels: MachineKernels, q: tuple[float, ...], columns: dict[str, float], target: int
+) -> tuple[float, ...]:
+    import mpmath
+
+    try:
+        place = kernels.place.evaluate(kernels.inputs(q, columns, target))["place"]
+    except (ArithmeticError, ValueError, mpmath.libmp.ComplexResult):
+        return (np.nan,) * 3
+    return tuple(float(x) for x in place)

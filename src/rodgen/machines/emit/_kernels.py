@@ -1,0 +1,337 @@
+"""The kernels of an emitted machine.
+
+``place`` and ``place_and_jacobian`` are the fitted machine, ``ideal`` is the nominal one. A number of the machine that
+is 0 or ±1 is folded in, so that an axis along z costs what a turn about z costs; every other one is a named constant.
+What differs from target to target is an input, ``seen``.
+
+``aim`` and ``step`` are what a compensation repeats. With the scaled Jacobian S = J W (W: how freely each joint moves)
+the step is W y, where y is the damped least-squares solution of S y = e; it is solved in as many unknowns as the
+place has freedoms or the machine has joints, whichever are fewer:
+
+    (SᵀS + λ) y = Sᵀe        or        y = Sᵀ (SSᵀ + λ)⁻¹ e.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, TypeAlias
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from rodgen.codegen.kernel import Assignment, Kernel, KernelBuilder, Port, port_symbols
+from rodgen.machines._derive import _Model
+from rodgen.machines._model import Frame, Model
+from rodgen.machines._structure import Structure, Term, row_effects
+from rodgen.symbolic import select
+
+__all__ = ["Constant", "MachineKernels", "aim_kernel", "machine_kernels", "step_kernel"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+SOURCE = "product of exponentials with error motions"
+TINY = sp.Rational(1, 10**300)
+"""Added to what is divided by: where no joint moves the place at all, the step is zero."""
+
+OF_A_JOINT = frozenset({"axis", "point", "u", "v", "start", "length"})
+"""Parts of the geometry that each joint has."""
+SWEEPS = 5
+"""Joints up to which derivatives are accumulated forward: 0.6 of the operations of three sweeps backward with 4 or 5
+joints and many effects, 1.6 of them with 6."""
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A number of the machine that the emitted code names.
+
+    Attributes
+    ----------
+    name : str
+        Identifier in the code, made of fixed words and numbers.
+    value : float
+    of : tuple of (str, int, str)
+        What it is: part of the geometry or ``"effect"``, number of the joint or term, component or parameter.
+    """
+
+    name: str
+    value: float
+    of: tuple[str, int, str]
+
+
+@dataclass(frozen=True)
+class MachineKernels:
+    """Forward kernels of a machine, with its numbers.
+
+    Attributes
+    ----------
+    place : Kernel
+        Inputs: ``q``, the columns (``s0``, ``t``, ...), ``seen`` where targets differ, the constants.
+    columns : tuple of (str, (str, int or str))
+        Names of the inputs that differ from row to row, beside ``q``, and which column each is.
+    constants : tuple of Constant
+    seen : ndarray, shape (targets, n)
+        The input ``seen`` of each target.
+    seen_of : tuple of str
+        What its components are.
+    """
+
+    place: Kernel
+    columns: tuple[tuple[str, tuple[str, int | str]], ...]
+    constants: tuple[Constant, ...]
+    seen: Array
+    seen_of: tuple[str, ...]
+
+    @cached_property
+    def place_and_jacobian(self) -> Kernel:
+        """The kernel with the derivative with respect to ``q`` beside the place."""
+        mode = "forward" if self.place.port("q").size <= SWEEPS else "reverse"
+        name = f"{self.place.name}_and_jacobian"
+        return self.place.jacobian(["q"], ["place"], name=name, values=True, mode=mode)
+
+    def inputs(self, q: Sequence[float], columns: Mapping[str, float], target: int) -> dict[str, Any]:
+        """Return the inputs of the kernels by name, constants and all."""
+        values: dict[str, Any] = {constant.name: constant.value for constant in self.constants}
+        values |= {"q": list(q), **columns}
+        if self.seen.shape[1]:
+            values["seen"] = list(self.seen[target])
+        return {port.name: values[port.name] for port in self.place.inputs}
+
+
+def machine_kernels(model: Model, name: str = "place", prefix: str = "") -> MachineKernels:
+    """Write the forward kernels of a machine in machine axes.
+
+    Parameters
+    ----------
+    model : Model
+        Its parameters have their final values.
+    name, prefix : str
+        Name of the first kernel; what the names of its constants begin with.
+    """
+    structure = replace(
+        model.structure,
+        joints=tuple(replace(joint, axis=False, point=False) for joint in model.structure.joints),
+        target=False,
+    )
+    general = _Model(structure, name, with_residual=False).kernel()
+    numbers = _Numbers(model, structure, prefix)
+    rows, g, e = (list(general.port(port).symbols) for port in ("rows", "g", "e"))
+    columns = [
+        (c, s) for c, s in zip(structure.columns, rows, strict=True) if c[0] not in {"reading", "weight"}
+    ]
+    stands_for = dict(zip(g, numbers.geometry, strict=True))
+    stands_for |= dict(zip(e, numbers.effects, strict=False))  # one is left over where there is none
+    if structure.slots:  # the change of a freedom is in the geometry already
+        stands_for |= dict.fromkeys(general.port("freedom").symbols, sp.S.Zero)
+    known = {symbol: value for symbol, value in stands_for.items() if value.is_Number}
+
+    joints = len(structure.joints)
+    ports = [_port("q", (joints,), "commanded coordinates")]
+    names: dict[str, tuple[str, int | str]] = {}
+    for (kind, of), symbol in columns:
+        if kind == "q":
+            stands_for[symbol] = ports[0].symbols[int(of)]
+            continue
+        of_row = _port(_column_name(kind, of, names), (), "of the row")
+        names[of_row.name] = kind, of
+        stands_for[symbol] = of_row.symbols[0]
+        ports.append(of_row)
+    if numbers.seen.shape[1]:
+        ports.append(_port("seen", (numbers.seen.shape[1],), "of the target"))
+    ports += [_port(constant.name, (), "a number of the machine") for constant in numbers.constants]
+    if known:
+        ports.append(Port("known", (len(known),), "1", "folded in", tuple(known)))
+    renamed = {symbol: value for symbol, value in stands_for.items() if symbol not in known}
+    steps = tuple(Assignment(a.symbol, a.value.xreplace(renamed)) for a in general.assignments)
+    place = replace(general, inputs=tuple(ports), assignments=steps)
+    place = place.at({"known": list(known.values())}) if known else place
+
+    read = {s.name for a in place.assignments for s in a.value.free_symbols}
+    unread = {port.name for port in place.inputs if port.shape == ()} - read
+    return MachineKernels(
+        replace(place, inputs=tuple(port for port in place.inputs if port.name not in unread)),
+        tuple((n, column) for n, column in names.items() if n in read),
+        tuple(constant for constant in numbers.constants if constant.name in read),
+        numbers.seen,
+        numbers.seen_of,
+    )
+
+
+def _port(name: str, shape: tuple[int, ...], doc: str) -> Port:
+    return Port(name, shape, "1", doc, port_symbols(name, shape))
+
+
+def _column_name(kind: str, of: int | str, names: Mapping[str, tuple[str, int | str]]) -> str:
+    if kind == "x":
+        return f"column{sum(k == 'x' for k, _ in names.values())}"
+    return {"t": "t", "F": "load"}.get(kind, f"{kind}{of}")
+
+
+class _Numbers:
+    """What stands for each component of ``g`` and ``e``: a number, a named constant, or a component of ``seen``."""
+
+    def __init__(self, model: Model, structure: Structure, prefix: str) -> None:
+        self.constants: list[Constant] = []
+        self.prefix = prefix
+        theta = model.start()
+        values = np.array(
+            [self._geometry(model, structure, theta, k) for k in range(len(model.machine.targets))]
+        )
+        differ = np.flatnonzero(np.ptp(values, axis=0) > 0)
+        self.seen = values[:, differ]
+        seen = iter(port_symbols("seen", (len(differ),)))
+        slots = [
+            (slot, n, _component(i, length)) for slot, n, length in structure.geometry for i in range(length)
+        ]
+        self.seen_of = tuple(_slot_name(*slots[i]) for i in differ)
+        self.geometry: list[sp.Expr] = [
+            next(seen) if i in differ else self._number(float(values[0, i]), *slot)
+            for i, slot in enumerate(slots)
+        ]
+        effects = [effect.definition for effect in row_effects(model.machine)]
+        self.effects = [
+            self._parameter(float(value), term, name, structure.terms[term], effects[term])
+            for (term, name), value in zip(
+                structure.parameters, model.parameters_of_effects(theta), strict=False
+            )
+        ]
+
+    @staticmethod
+    def _geometry(model: Model, structure: Structure, theta: Array, target: int) -> Array:
+        """Return ``g`` of the structure without freedoms, from that of the model's."""
+        g = model.geometry(theta, Frame.identity(), target)
+        ends = np.cumsum([length for _, _, length in model.structure.geometry])
+        parts = np.split(g, ends[:-1])
+        named = {(name, n): x for (name, n, _), x in zip(model.structure.geometry, parts, strict=True)}
+        return np.concatenate([named[name, n] for name, n, _ in structure.geometry])
+
+    def _number(self, value: float, part: str, number: int, component: str) -> sp.Expr:
+        if value in (0.0, 1.0, -1.0):
+            return sp.Integer(int(value))
+        return self._named(_slot_name(part, number, component), value, (part, number, component))
+
+    def _parameter(self, value: float, number: int, name: str, term: Term, definition: Any) -> sp.Expr:
+        """Return a parameter; one that is zero takes its term away where the formula is known to be linear in it."""
+        if value == 0.0 and not term.own and name not in definition.searched:
+            return sp.S.Zero
+        is_ours = not term.own and name in definition.parameters
+        plain = name if is_ours else f"p{term.parameters.index(name)}"
+        return self._named(f"effect{number}_{plain}", value, ("effect", number, name))
+
+    def _named(self, name: str, value: float, of: tuple[str, int, str]) -> sp.Symbol:
+        self.constants.append(Constant(f"{self.prefix}{name}", value, of))
+        return sp.Symbol(self.constants[-1].name, real=True)
+
+
+def _slot_name(part: str, number: int, component: str) -> str:
+    of = f"{part}{number}" if part in OF_A_JOINT | {"acts"} else part
+    return "_".join(filter(None, [of, component]))
+
+
+def _component(i: int, length: int) -> str:
+    return {1: "", 3: "xyz"[i % 3], 9: f"{i // 3 + 1}{i % 3 + 1}"}[length]
+
+
+# what a compensation repeats ---------------------------------------------------------------------------------
+
+
+def aim_kernel(kind: str, joints: int) -> Kernel:
+    """Write the kernel that tells how far a place is from the wanted one, and how each joint pulls it there.
+
+    Parameters
+    ----------
+    kind : {"point", "direction"}
+    joints : int
+
+    Returns
+    -------
+    Kernel
+        Outputs: ``error`` (3), of a direction in its tangent plane, as long as the chord; ``distance``, of directions
+        the angle; ``pull`` (joints): Jᵀ error; ``reach`` (joints): how far the place goes with each joint.
+    """
+    k = KernelBuilder(
+        "aim", summary="How far it is to the wanted place, and which joints pull.", source=SOURCE
+    )
+    place = k.input("place", 3, unit="1", doc="where the machine is")
+    jacobian = k.input("place_jacobian", (3, joints), unit="1", doc="its derivative")
+    wanted = k.input("wanted", 3, unit="1", doc="where it should be")
+    gap = k.let("gap", wanted - place)
+    square = k.let("square", gap.dot(gap))
+    if kind == "direction":
+        # cos² of half the angle, and the part of the gap across the direction brought to the length of the chord
+        half = k.let("half", 1 - square / 4)
+        safe = k.let("safe", select(half > sp.Rational(1, 10**12), half, sp.Rational(1, 10**12)))
+        error = k.let("across", (gap - place * gap.dot(place)) / sp.sqrt(safe))
+        chord = k.let("chord", sp.sqrt(square) / 2)
+        distance = 2 * sp.asin(select(chord > 1, sp.S.One, chord))  # NaN stays
+    else:
+        error, distance = gap, sp.sqrt(square)
+    k.output("error", error, unit="1", doc="from the place to the wanted one")
+    k.output("distance", distance, unit="1", doc="its length")
+    k.output("pull", jacobian.T * error, unit="1", doc="derivative of half the squared distance, negative")
+    reach = [sp.sqrt(jacobian[:, j].dot(jacobian[:, j])) for j in range(joints)]
+    k.output("reach", sp.Matrix(reach), unit="1", doc="lengths of the Jacobian's columns")
+    return k.build()
+
+
+def step_kernel(kind: str, joints: int) -> Kernel:
+    """Write the kernel of a damped step towards the wanted place, the least one where several do.
+
+    Parameters
+    ----------
+    kind : {"point", "direction"}
+    joints : int
+
+    Returns
+    -------
+    Kernel
+        Inputs ``place``, ``place_jacobian``, ``error``, ``weight`` (joints; 0 holds a joint), ``damping`` (relative to
+        the mean square of the scaled Jacobian); output ``step`` (joints).
+    """
+    k = KernelBuilder("step", summary="The least step of the joints towards the wanted place.", source=SOURCE)
+    place = k.input("place", 3, unit="1", doc="where the machine is")
+    jacobian = k.input("place_jacobian", (3, joints), unit="1", doc="its derivative")
+    error = k.input("error", 3, unit="1", doc="from the place to the wanted one")
+    weight = k.input("weight", joints, unit="1", doc="how freely each joint moves")
+    damping = k.input("damping", unit="1", doc="0 for Newton's step")
+    scaled = k.let("scaled", sp.Matrix(3, joints, lambda i, j: jacobian[i, j] * weight[j]))
+    freedoms = 2 if kind == "direction" else 3
+    few = joints <= freedoms
+    square = scaled.T * scaled if few else scaled * scaled.T
+    square = sp.Matrix(*square.shape, [k.let(f"a{n}", x) for n, x in enumerate(square)])
+    level = k.let("level", square.trace() / freedoms)
+    diagonal = k.let("added", damping * level + TINY)
+    if not few and kind == "direction":
+        square = (
+            square + place * place.T * level
+        )  # no step goes along the direction, so this only keeps it regular
+    square = square + sp.eye(square.rows) * diagonal
+    y = _solved(k, square, scaled.T * error) if few else scaled.T * _solved(k, square, error)
+    k.output(
+        "step", sp.Matrix([w * x for w, x in zip(weight, y, strict=True)]), unit="1", doc="of the joints"
+    )
+    return k.build()
+
+
+def _solved(k: KernelBuilder, a: sp.Matrix, b: sp.Matrix) -> sp.Matrix:
+    """Solve a positive definite system by its factors L D Lᵀ."""
+    n = a.rows
+    factor = sp.eye(n)
+    pivot: list[sp.Expr] = []
+    x: list[sp.Expr] = []
+    for i in range(n):
+        for j in range(i):
+            done = sum((factor[i, m] * factor[j, m] * pivot[m] for m in range(j)), sp.S.Zero)
+            factor[i, j] = k.let(f"l{i}{j}", (a[i, j] - done) / pivot[j])
+        done = sum((factor[i, m] ** 2 * pivot[m] for m in range(i)), sp.S.Zero)
+        pivot.append(k.let(f"pivot{i}", a[i, i] - done))
+    for i in range(n):
+        rest = b[i] - sum((factor[i, m] * x[m] for m in range(i)), sp.S.Zero)
+        x.append(rest if rest.is_Symbol else k.let(f"forward{i}", rest))
+    x = [k.let(f"divided{i}", x[i] / pivot[i]) for i in range(n)]
+    for i in reversed(range(n - 1)):
+        later = sum((factor[m, i] * x[m] for m in range(i + 1, n)), sp.S.Zero)
+        x[i] = k.let(f"solved{i}", x[i] - later)
+    return sp.Matrix(x)

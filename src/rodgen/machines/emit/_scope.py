@@ -1,0 +1,104 @@
+"""What of a fitted model is the machine, and what is the instrument that measured it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from rodgen.errors import InputFileError, shown
+from rodgen.machines._model import Model
+from rodgen.machines._structure import row_effects
+from rodgen.machines.machine import Effect, Machine, Measured
+
+__all__ = ["Scope", "scope_of"]
+
+
+@dataclass(frozen=True)
+class Scope:
+    """The part of a model that is emitted.
+
+    Attributes
+    ----------
+    machine : Machine
+        In machine axes, with the effects that are its own.
+    model : Model
+        Of this machine.
+    left_out : tuple of (str, str)
+        Parts of the fitted model that are not emitted, and why.
+    """
+
+    machine: Machine
+    model: Model
+    left_out: tuple[tuple[str, str], ...]
+
+
+def scope_of(machine: Machine, travel: Any = None) -> Scope:
+    """Take the instrument away from a fitted machine.
+
+    Parameters
+    ----------
+    machine : Machine
+        Every parameter of which has a value, fitted or held.
+    travel : array_like, shape (joints, 2), optional
+        Range of each joint in the data, where the machine does not say it.
+
+    Raises
+    ------
+    InputFileError
+        When a value is missing or not finite, or an effect is measured over a travel that is not known.
+    """
+    left_out = dict(_left_out(machine))
+    reasons = [(shown(effect.title), why) for effect, why in left_out.items()]
+    measured = machine.measured
+    if measured.frame == "free":
+        reasons.insert(0, ("the free frame", "where the instrument stood"))
+    kind = "direction" if measured.kind == "direction" else "point"
+    own = replace(
+        machine,
+        measured=Measured(kind, "machine"),
+        effects=tuple(e for e in machine.effects if e not in left_out),
+    )
+    model = Model(own, travel)
+    _check_values(model)
+    _check_travel(model)
+    return Scope(own, model, tuple(reasons))
+
+
+def _left_out(machine: Machine) -> Iterator[tuple[Effect, str]]:
+    for effect in machine.effects:
+        component = effect.definition.component
+        if component == "factor":
+            yield effect, "the instrument's error, not the machine's"
+        elif effect.place is None and component != "lift" and machine.measured.frame == "free":
+            yield effect, "it moves the measuring frame, which is free"
+        elif any(key.startswith(f"{effect.key('')}[") for key in machine.values):
+            yield effect, "of each set-up another"
+
+
+def _check_values(model: Model) -> None:
+    machine = model.machine
+    for parameter, value in zip(model.parameters, model.start(), strict=True):
+        given = parameter.hold is not None or parameter.key in machine.values or parameter.optional
+        if given and np.isfinite(value):
+            continue
+        raise InputFileError(
+            machine.file or machine.name,
+            parameter.key,
+            f"{value}" if given else "no value yet",
+            "a fitted machine: fit it to measurements first, or hold this parameter",
+        )
+
+
+def _check_travel(model: Model) -> None:
+    machine = model.machine
+    for effect, term in zip(row_effects(machine), model.structure.terms, strict=True):
+        if term.uses_travel and not np.ptp(model.travel[term.joint]) > 0:
+            raise InputFileError(
+                machine.file or machine.name,
+                f"joint {shown(effect.place)}",
+                "no travel",
+                f"travel = [lowest, highest], because {effect.name} is measured over it",
+            )

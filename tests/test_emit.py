@@ -1,0 +1,893 @@
+"""Emitted machines: compiled and run as a user would, against the plain simulator, and each language against the other.
+
+The files are in millimetres and radians (see machine_cases), so the simulator's numbers are the emitted code's.
+Tolerances: places are some 1000 mm away and made by some hundred roundings, 1e-11 mm if they all added up; `WITHIN` is
+ten times that, as in the tests of the models. A compensation ends within 2**-40 of the machine's size, some 2e-9 mm.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib.util
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import C_WARNINGS
+from machine_cases import ARCSEC, Case, data_for, effect, joint, machine_file, unit
+from machine_simulator import Simulated, rotation
+
+from rodgen.discrepancy.fit import fit
+from rodgen.discrepancy.measurements import Measurements
+from rodgen.errors import InputFileError, RodgenError
+from rodgen.machines.emit import emit
+from rodgen.machines.machine import Joint, Machine, Measured, Target
+
+WITHIN = 1e-10
+REACHED = 5e-9
+COMPILERS = [c for c in ("gcc", "clang") if shutil.which(c)]
+X, Y, Z = np.eye(3)
+
+
+# machines ------------------------------------------------------------------------------------------------------------
+
+
+def turned_gantry(**more: Any) -> dict[str, Any]:
+    """Make X, Y, Z and a C axis below the spindle, none of them quite along the machine axes."""
+    joints = [
+        joint("X", "prismatic", X, travel=[0.0, 800.0]),
+        joint("Y", "prismatic", Y + 1e-3 * X, travel=[-300.0, 300.0]),
+        joint("Z", "prismatic", Z, [0, 0, 50], travel=[-400.0, 0.0]),
+        joint("C", "revolute", Z, [10, -5, 0]),
+    ]
+    return machine_file(
+        joints, [(120, 0, -60), (-40, 85, -90)], estimate=["C.axis", "C.point", "target"], **more
+    )
+
+
+def mount(**more: Any) -> dict[str, Any]:
+    """Make a telescope's mount: azimuth from north (y) through east (x), elevation up."""
+    joints = [joint("AZ", "revolute", -Z), joint("EL", "revolute", X)]
+    return machine_file(joints, [Y], kind="direction", estimate=["AZ.axis", "EL.axis", "target"], **more)
+
+
+def arm(**more: Any) -> dict[str, Any]:
+    """Make a 6R arm of some 900 mm."""
+    joints = [
+        joint("J1", "revolute", Z),
+        joint("J2", "revolute", Y, [25, 0, 400]),
+        joint("J3", "revolute", Y, [25, 0, 860]),
+        joint("J4", "revolute", X, [380, 0, 895]),
+        joint("J5", "revolute", Y, [390, 0, 895]),
+        joint("J6", "revolute", X, [470, 0, 895]),
+    ]
+    estimate = [f"J{n}.axis" for n in range(1, 7)] + ["target"]
+    return machine_file(joints, [(520, 10, 880), (515, 40, 900)], estimate=estimate, **more)
+
+
+def placed(file: dict[str, Any], **places: str) -> dict[str, Any]:
+    """Return the file with effects of the catalogue, by the places where they stand; `whole` is the whole machine."""
+    blocks = [
+        effect(name, None if place == "whole" else place)
+        for place, names in places.items()
+        for name in names.split()
+    ]
+    return file | {"effect": blocks}
+
+
+MACHINES: dict[str, Callable[[], dict[str, Any]]] = {
+    "gantry": lambda: placed(
+        turned_gantry(),
+        X="scale straightness backlash",
+        Y="squareness angular_error_motion gravity_sag",
+        Z="thermal_expansion load_sag guide_windup periodic_drive_error",
+        C="encoder_eccentricity radial_error_motion gravity_windup load_windup backlash",
+        whole="linear_drift",
+    ),
+    "mount": lambda: placed(
+        mount(),
+        AZ="tilt_error_motion backlash servo_lag",
+        EL="gravity_windup encoder_eccentricity lateral_windup thermal_offset",
+        whole="refraction warm_up_drift",
+    ),
+    "arm": lambda: placed(
+        arm(), J2="gravity_windup", J3="gravity_windup backlash", J4="zero_offset", J5="encoder_eccentricity",
+        whole="frame_shift",
+    ),
+    "table": lambda: machine_file(
+        [joint("C", "revolute", Z, travel=[-3.0, 3.0])],
+        [(100, 0, 0)],
+        effects=[effect("encoder_ellipticity", "C"), effect("axial_error_motion", "C")],
+    ),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Emitted:
+    """A machine with known errors, emitted in both languages; `row` has the conditions in the order of the C struct."""
+
+    case: Case
+    values: Mapping[str, float]
+    machine: Machine
+    folder: Path
+
+    def fields(self) -> list[str]:
+        """Return the fields of a row beside q, as the C header declares them."""
+        header = next(self.folder.glob("*.h")).read_text()
+        struct = re.search(r"typedef struct \{(.*?)\}", header, re.DOTALL)
+        assert struct is not None
+        return re.findall(r"^  double (\w+)", struct[1], re.MULTILINE)[1:]
+
+    def conditions(self) -> dict[str, np.ndarray]:
+        """Return the conditions of the case's rows, as the NumPy functions take them."""
+        o = self.case.observations
+        temperature = {j: o.temperature[j] if j in o.temperature else np.zeros(o.n) for j in self.case.joints}
+        known = {
+            "s": o.s, "v": o.v, "T": np.stack(list(temperature.values()), -1), "t": o.t, "load": o.load,
+        }  # fmt: skip
+        return {name: np.asarray(known[name], float) for name in self.fields()}
+
+
+def emitted(case: Case, folder: Path, values: Mapping[str, float]) -> Emitted:
+    machine = replace(case.machine, values=dict(values))
+    travel = case.observations.travel
+    emit(machine, "c", folder, name="device", travel=travel)
+    emit(machine, "numpy", folder, name="device_np", travel=travel)
+    return Emitted(case, values, machine, folder)
+
+
+def loaded(folder: Path, name: str = "device_np") -> ModuleType:
+    spec = importlib.util.spec_from_file_location(f"{name}_{abs(hash(folder))}", folder / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+class Compiled:
+    """The emitted C, called row by row."""
+
+    def __init__(self, compiler: str, folder: Path, name: str = "device") -> None:
+        library = folder / f"{name}.so"
+        command = [
+            compiler,
+            *C_WARNINGS,
+            "-O2",
+            "-fPIC",
+            "-shared",
+            str(folder / f"{name}.c"),
+            "-o",
+            str(library),
+            "-lm",
+        ]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stderr) == (0, "")
+        library_ = ctypes.CDLL(str(library))
+        self.function = lambda what: getattr(library_, f"{name}_{what}")
+
+    def rows(self, q: Any, conditions: Mapping[str, np.ndarray]) -> np.ndarray:
+        q = np.atleast_2d(q)
+        columns = [np.asarray(c, float).reshape(len(q), -1) for c in conditions.values()]
+        return np.ascontiguousarray(np.hstack([q, *columns]))
+
+    @staticmethod
+    def at(array: np.ndarray | None) -> Any:
+        return None if array is None else array.ctypes.data_as(ctypes.c_void_p)
+
+    def forward(self, q: Any, target: Any, conditions: Mapping[str, np.ndarray]) -> np.ndarray:
+        rows = self.rows(q, conditions)
+        places = np.empty((len(rows), 3))
+        for row, t, place in zip(rows, np.broadcast_to(target, len(rows)), places, strict=True):
+            self.function("forward")(self.at(row), int(t), self.at(place))
+        return places
+
+    def jacobian(
+        self, q: Any, target: Any, conditions: Mapping[str, np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        rows, joints = self.rows(q, conditions), np.atleast_2d(q).shape[1]
+        places, slopes = np.empty((len(rows), 3)), np.empty((len(rows), 3, joints))
+        for row, t, place, slope in zip(
+            rows, np.broadcast_to(target, len(rows)), places, slopes, strict=True
+        ):
+            self.function("jacobian")(self.at(row), int(t), self.at(place), self.at(slope))
+        return places, slopes
+
+    def compensate(
+        self, wanted: Any, q: Any, target: Any, conditions: Mapping[str, np.ndarray], weight: Any = None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        rows, q = self.rows(q, conditions), np.atleast_2d(q)
+        wanted = np.ascontiguousarray(np.broadcast_to(np.asarray(wanted, float), (len(rows), 3)))
+        weight = None if weight is None else np.ascontiguousarray(weight, float)
+        corrected, status, distance = np.empty(q.shape), np.empty(len(rows), int), np.empty(len(rows))
+        for i, (row, t) in enumerate(zip(rows, np.broadcast_to(target, len(rows)), strict=True)):
+            left = ctypes.c_double()
+            status[i] = self.function("compensate")(
+                self.at(row),
+                int(t),
+                self.at(wanted[i]),
+                self.at(weight),
+                self.at(corrected[i]),
+                ctypes.byref(left),
+            )
+            distance[i] = left.value
+        return corrected, status, distance
+
+
+@pytest.fixture(scope="module")
+def every(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Emitted]:
+    """Return a machine of MACHINES with all its effects, emitted once."""
+
+    @cache
+    def make(name: str) -> Emitted:
+        file = MACHINES[name]()
+        case = Case(file, data_for(file, 40, np.random.default_rng(7), runs=1, turn=2.5))
+        return emitted(case, tmp_path_factory.mktemp(name), case.sizeable(case.model.keys))
+
+    return make
+
+
+def simple(
+    folder: Path, joints: Any, targets: Any, kind: str = "point", **more: Any
+) -> tuple[ModuleType, Machine]:
+    """Emit a machine without errors in NumPy."""
+    machine = Machine(
+        "A machine", "mm", "rad", (0.0, 0.0, -1.0), 20.0, tuple(joints),
+        tuple(Target(f"p{i}", tuple(map(float, t))) for i, t in enumerate(targets)), Measured(kind, "machine"), **more,
+    )  # fmt: skip
+    emit(machine, "numpy", folder, name="device_np")
+    emit(machine, "c", folder, name="device")
+    return loaded(folder), machine
+
+
+def revolute(name: str, axis: Any, point: Any = (0, 0, 0), **more: Any) -> Joint:
+    return Joint(name, "revolute", tuple(map(float, axis)), tuple(map(float, point)), **more)
+
+
+def prismatic(name: str, axis: Any, **more: Any) -> Joint:
+    return Joint(name, "prismatic", tuple(map(float, axis)), **more)
+
+
+# the files by themselves ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", MACHINES)
+@pytest.mark.parametrize("compiler_name", COMPILERS)
+def test_own_test_of_the_c_passes_with_strict_flags(every, compiler_name, name, tmp_path):
+    folder = every(name).folder
+    sources = [str(folder / "device.c"), str(folder / "device_test.c")]
+    command = [compiler_name, *C_WARNINGS, "-O2", *sources, "-o", str(tmp_path / "run"), "-lm"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    done = subprocess.run([tmp_path / "run"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+    held, checks = map(int, re.findall(r"(\d+) of (\d+) checks hold", done.stdout)[0])
+    assert held == checks >= 150
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_own_test_of_the_numpy_passes_with_nothing_but_numpy(every, name):
+    folder = every(name).folder
+    code = "import sys; sys.modules['rodgen'] = sys.modules['sympy'] = None; import runpy, warnings\n"
+    code += f"warnings.simplefilter('error'); sys.path.insert(0, {str(folder)!r})\n"
+    code += f"runpy.run_path({str(folder / 'test_device_np.py')!r}, run_name='__main__')"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, ""), done.stdout
+    assert "all tests hold" in done.stdout
+
+
+@pytest.mark.parametrize("compiler_name", COMPILERS)
+def test_own_test_finds_a_wrong_number(every, compiler_name, tmp_path):
+    shutil.copytree(every("table").folder, tmp_path / "copy")
+    folder = tmp_path / "copy"
+    source = folder / "device.c"
+    wrong = re.sub(
+        r"(effect0_a = )([-\d.e]+)", lambda m: f"{m[1]}{float(m[2]) * 1.001!r}", source.read_text()
+    )
+    assert wrong != source.read_text()
+    source.write_text(wrong)
+    command = [compiler_name, str(source), str(folder / "device_test.c"), "-o", str(folder / "run"), "-lm"]
+    subprocess.run(command, check=True)
+    done = subprocess.run([folder / "run"], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "forward is off its reference" in done.stdout
+    module = (folder / "device_np.py").read_text()
+    (folder / "device_np.py").write_text(module.replace("effect0_a = ", "effect0_a = 1.001 * "))
+    done = subprocess.run(
+        [sys.executable, folder / "test_device_np.py"], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (1, "")
+
+
+def test_emitted_c_has_no_state_and_calls_nothing_but_libm(every):
+    """So it runs on a controller: nothing but functions, constants, loops over numbers that are known beforehand."""
+    for name in MACHINES:
+        text = re.sub(r"/\*.*?\*/", "", (every(name).folder / "device.c").read_text(), flags=re.DOTALL)
+        assert set(re.findall(r"#include [<\"](\S+)[>\"]", text)) == {"device.h", "math.h"}
+        assert not re.search(r"\b(malloc|calloc|realloc|free|printf|goto|while|float)\b", text)
+        declared = re.findall(r"^static (?!const\b)[^(]*$", text, re.MULTILINE)
+        assert declared == []
+        # every function is defined before it is called, and calls no one that follows: there is no recursion
+        functions = list(re.finditer(r"^[\w ]+?\*?(\w+)\([^;{]*\) \{$", text, re.MULTILINE))
+        names = [m[1] for m in functions]
+        for m, end in zip(functions, [*functions[1:], None], strict=True):
+            body = text[m.end() : end.start() if end else None]
+            called = set(re.findall(r"\b(\w+)\(", body)) & set(names)
+            assert called <= set(names[: names.index(m[1])])
+
+
+def test_header_serves_cxx(every, compiler, tmp_path):
+    source = tmp_path / "alone.cpp"
+    source.write_text('#include "device.h"\n#include "device.h"\nint main() { return 0; }\n')
+    command = [
+        compiler,
+        "-x",
+        "c++",
+        "-std=c++11",
+        "-Wall",
+        "-Wextra",
+        "-pedantic",
+        "-Werror",
+        "-fsyntax-only",
+    ]
+    command += ["-I", str(every("gantry").folder), str(source)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if "cc1plus" in done.stderr:
+        pytest.skip("the compiler has no C++")
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_sanitizers_find_nothing(every, compiler, tmp_path):
+    flags = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g"]
+    (tmp_path / "probe.c").write_text("int main(void) { return 0; }\n")
+    probe = [compiler, *flags, str(tmp_path / "probe.c"), "-o", str(tmp_path / "probe")]
+    if subprocess.run(probe, capture_output=True, check=False).returncode:
+        pytest.skip(f"{compiler} has no sanitizers")
+    sources = [str(every("arm").folder / f"device{x}.c") for x in ("", "_test")]
+    subprocess.run([compiler, *C_WARNINGS, *flags, *sources, "-o", str(tmp_path / "run"), "-lm"], check=True)
+    environment = {**os.environ, "ASAN_OPTIONS": "detect_leaks=0"}
+    done = subprocess.run([tmp_path / "run"], capture_output=True, text=True, env=environment, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+# what they compute ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_forward_is_what_the_simulator_measures(every, name):
+    device = every(name)
+    o = device.case.observations
+    module = loaded(device.folder)
+    places = module.forward(o.q, o.target, **device.conditions())
+    expected = device.case.simulated(device.values)
+    within = WITHIN * (1e-3 if device.case.kind == "direction" else 1)
+    assert np.abs(places - expected).max() <= within
+    moved = np.abs(places - device.case.simulated()).max()
+    assert moved > 1e5 * within  # the errors are there
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_ideal_is_the_simulator_without_errors(every, name):
+    device = every(name)
+    o = device.case.observations
+    places = loaded(device.folder).ideal(o.q, o.target)
+    assert np.abs(places - device.case.simulated()).max() <= WITHIN
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_c_and_numpy_compute_the_same(every, compiler, name):
+    device = every(name)
+    o, conditions = device.case.observations, device.conditions()
+    module, c = loaded(device.folder), Compiled(compiler, device.folder)
+    place, slopes = module.jacobian(o.q, o.target, **conditions)
+    c_place, c_slopes = c.jacobian(o.q, o.target, conditions)
+    assert (
+        np.abs(c.forward(o.q, o.target, conditions) - module.forward(o.q, o.target, **conditions)).max()
+        <= WITHIN
+    )
+    assert np.abs(c_place - place).max() <= WITHIN
+    assert np.abs(c_slopes - slopes).max() <= WITHIN
+    wanted = module.ideal(o.q, o.target)
+    for weight in (None, np.linspace(0, 1, o.q.shape[1])):
+        by_numpy = module.compensate(wanted, o.q, o.target, **conditions, weight=weight)
+        by_c = c.compensate(wanted, o.q, o.target, conditions, weight)
+        assert (by_c[1] == by_numpy[1]).all()
+        assert np.abs(by_c[2] - by_numpy[2]).max() <= REACHED
+        reached = by_c[1] == module.CONVERGED
+        assert np.abs(by_c[0] - by_numpy[0])[reached].max(initial=0.0) <= REACHED
+
+
+@pytest.mark.parametrize("name", ["gantry", "mount", "arm"])
+def test_compensated_commands_bring_the_simulated_machine_where_it_should_be(every, name):
+    """The whole loop: errors of a simulated machine, its emitted model, and corrected commands for it."""
+    device = every(name)
+    case, o, module = device.case, device.case.observations, loaded(device.folder)
+    wanted = case.simulated()
+    corrected, status, distance = module.compensate(wanted, o.q, o.target, **device.conditions())
+    assert (status == module.CONVERGED).all()
+    before = np.abs(case.simulated(device.values) - wanted).max()
+    units = {j["name"]: "mm" if j["type"] == "prismatic" else "rad" for j in case.file["joint"]}
+    commands = {f"{n} [{units[n]}]": corrected[:, j] for j, n in enumerate(case.joints)}
+    after = np.abs(case.changed(data=case.data | commands).simulated(device.values) - wanted).max()
+    assert before > 1e-4
+    assert after <= REACHED
+    assert (distance <= REACHED).all()
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.002])
+def test_correction_learned_from_measurements_brings_the_error_down_to_the_noise(sigma, tmp_path):
+    rng = np.random.default_rng(5)
+    file = turned_gantry(noise=max(sigma, 1e-6))
+    file["effect"] = [effect("encoder_eccentricity", "C"), effect("squareness", "Y"), effect("scale", "X")]
+    case = Case(file, data_for(file, 120, rng, runs=1, turn=3.0))
+    truth = case.sizeable([key for key in case.model.keys if "axis" not in key], 3.0) | {
+        "C.axis.a": 60 * ARCSEC, "C.axis.b": -40 * ARCSEC,
+    }  # fmt: skip
+    seen = case.simulated(truth) + sigma * rng.normal(size=(120, 3))
+    readings = {f"{x} [mm]": seen[:, i] for i, x in enumerate("xyz")}
+    fitted = fit(case.machine, Measurements.from_frame(case.data | readings)).machine
+    emit(fitted, "numpy", tmp_path, name="device_np")
+    module = loaded(tmp_path)
+
+    fresh = Case(file, data_for(file, 200, rng, runs=1, turn=3.0))
+    o, wanted = fresh.observations, fresh.simulated()
+    corrected, status, _ = module.compensate(wanted, o.q, o.target)
+    assert (status == module.CONVERGED).all()
+    units = ("mm", "mm", "mm", "rad")
+    commands = {
+        f"{n} [{u}]": corrected[:, j] for j, (n, u) in enumerate(zip(fresh.joints, units, strict=True))
+    }
+    before = fresh.simulated(truth) - wanted
+    after = fresh.changed(data=fresh.data | commands).simulated(truth) - wanted
+    assert np.sqrt(np.mean(before**2)) > 0.02
+    # of 360 readings with noise, 15 parameters: what is left is sigma * sqrt(15/360) on average
+    assert np.sqrt(np.mean(after**2)) <= max(0.5 * sigma, 1e-8)
+
+
+# what can be reached, and what cannot -----------------------------------------------------------------------------
+
+
+def test_joints_along_each_other_share_a_correction_by_the_squares_of_their_weights(tmp_path):
+    joints = [
+        prismatic("X", X, travel=(0.0, 100.0)),
+        prismatic("W", Z, travel=(-100.0, 100.0)),
+        prismatic("Y", Y, travel=(0.0, 100.0)),
+        prismatic("Z", Z, travel=(-300.0, 300.0)),
+    ]
+    device, _ = simple(tmp_path, joints, [(0, 0, 0)])
+    start = np.array([50.0, 10.0, 50.0, 20.0])
+    wanted = device.forward(start) + np.array([1.0, 2.0, 10.0])
+    corrected, status, _ = device.compensate(wanted, start)
+    assert status == device.CONVERGED
+    assert np.allclose(corrected - start, [1, 1, 2, 9], atol=1e-9)  # 10 mm in parts of 200² and 600²
+    corrected, status, _ = device.compensate(wanted, start, weight=[1, 0, 1, 1])
+    assert status == device.CONVERGED
+    assert corrected[1] == start[1]
+    assert np.allclose(corrected - start, [1, 0, 2, 10], atol=1e-9)
+    corrected, status, distance = device.compensate(wanted, start, weight=[1, 0, 1, 0])
+    assert status == device.UNREACHABLE
+    assert np.allclose(corrected - start, [1, 0, 2, 0], atol=1e-9)
+    assert abs(distance - 10) < 1e-9
+
+
+def test_redundant_arm_changes_least_to_first_order(tmp_path):
+    joints = [revolute(f"J{n}", Z, (100 * n, 0, 0), travel=(-2.0 - n, 2.0)) for n in range(5)]
+    device, _ = simple(tmp_path, joints, [(500, 0, 0)])
+    q = np.array([0.1, 0.5, -0.4, 0.9, 0.2])
+    place, slopes = device.jacobian(q)
+    move = 1e-4 * np.array([1.0, -2.0, 0.0])
+    corrected, status, _ = device.compensate(place + move, q)
+    assert status == device.CONVERGED
+    weight = np.array([4.0, 5.0, 6.0, 7.0, 8.0])
+    least = weight * (np.linalg.pinv(slopes * weight) @ move)
+    assert (
+        np.abs(corrected - q - least).max() < 1e-3 * np.abs(least).max()
+    )  # move/arm, the part of second order
+
+
+def test_nearest_point_is_given_where_nothing_reaches(tmp_path):
+    """A turntable carries its target on a circle: the nearest point of a circle is known."""
+    device, _ = simple(tmp_path, [revolute("C", Z)], [(100, 0, 0)])
+    rng = np.random.default_rng(1)
+    angle, radius, height = rng.uniform(-3, 3, 50), rng.uniform(30, 300, 50), rng.uniform(-100, 100, 50)
+    wanted = np.stack([radius * np.cos(angle), radius * np.sin(angle), height], -1)
+    corrected, status, distance = device.compensate(wanted, angle[:, None] + 0.7)
+    nearest = 100 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], -1)
+    assert (status == device.UNREACHABLE).all()
+    # the search rests where a step should gain 1e-6 of the squared distance
+    assert np.abs(distance / np.linalg.norm(wanted - nearest, axis=1) - 1).max() < 1e-5
+    assert np.linalg.norm(device.forward(corrected) - nearest, axis=1).max() < 1.0
+    on_circle = device.compensate(nearest, angle[:, None] + 0.7)
+    assert (on_circle[1] == device.CONVERGED).all()
+
+
+def test_travel_is_never_left_and_told_when_it_ends(tmp_path):
+    joints = [
+        prismatic("X", X, travel=(0.0, 100.0)),
+        prismatic("Y", Y, travel=(0.0, 100.0)),
+        prismatic("Z", Z),
+    ]
+    device, _ = simple(tmp_path, joints, [(0, 0, 0)])
+    corrected, status, distance = device.compensate([104.0, 50.0, 1e4], [99.0, 0.0, 0.0])
+    assert status == device.OUT_OF_TRAVEL
+    assert np.allclose(corrected, [100, 50, 1e4], atol=1e-6)
+    assert abs(distance - 4) < 1e-6
+    corrected, status, _ = device.compensate([100.0, 0.0, 5.0], [500.0, -7.0, 0.0])  # from beyond both ends
+    assert status == device.CONVERGED
+    assert np.allclose(corrected, [100, 0, 5], atol=1e-9)
+    assert (corrected[:2] <= 100).all()
+    assert (corrected[:2] >= 0).all()
+
+
+def test_other_joints_take_over_from_one_at_the_end_of_its_travel(tmp_path):
+    joints = [
+        prismatic("X", X, travel=(0.0, 100.0)),
+        prismatic("U", X, travel=(0.0, 100.0)),
+        prismatic("Y", Y),
+    ]
+    device, _ = simple(tmp_path, joints, [(0, 0, 0)])
+    corrected, status, _ = device.compensate([150.0, 0.0, 0.0], [95.0, 20.0, 0.0])
+    assert status == device.CONVERGED
+    assert np.allclose(corrected, [100, 50, 0], atol=1e-6)
+
+
+@pytest.mark.parametrize("off", [1e-6, 1e-4, 0.3])
+@pytest.mark.parametrize("elevation", [np.pi / 2, np.pi / 2 - 1e-9, 1.5])
+def test_mount_at_the_zenith_finds_its_way(off, elevation, tmp_path):
+    """Azimuth moves nothing at the zenith, and every direction beside it needs another azimuth."""
+    device, _ = simple(tmp_path, [revolute("AZ", -Z), revolute("EL", X)], [Y], "direction")
+    around = np.linspace(0, 2 * np.pi, 40)
+    wanted = np.stack(
+        [np.sin(off) * np.cos(around), np.sin(off) * np.sin(around), np.full(40, np.cos(off))], -1
+    )
+    corrected, status, distance = device.compensate(wanted, [0.3, elevation])
+    assert (status == device.CONVERGED).all()
+    assert np.linalg.norm(device.forward(corrected) - wanted, axis=1).max() < 1e-11
+    assert (distance < 1e-11).all()
+
+
+def test_zenith_that_a_crooked_mount_cannot_reach_is_told(tmp_path):
+    """A boresight 1e-3 off its elevation axis's perpendicular leaves a hole of that radius about the azimuth axis."""
+    hole = 1e-3
+    device, _ = simple(
+        tmp_path, [revolute("AZ", -Z), revolute("EL", X)], [(np.sin(hole), np.cos(hole), 0)], "direction"
+    )
+    around, off = np.meshgrid(np.linspace(0, 6, 15), hole * np.array([0.6, 0.9, 1.1, 3.0]))
+    wanted = np.stack([np.sin(off) * np.cos(around), np.sin(off) * np.sin(around), np.cos(off)], -1)
+    _, status, distance = device.compensate(wanted, [0.2, 1.5])
+    assert (status[off > hole] == device.CONVERGED).all()
+    assert (status[off < hole] == device.UNREACHABLE).all()
+    # the search rests where a step should gain 1e-6 of the squared distance
+    assert np.abs(distance / np.abs(hole - off) - 1)[off < hole].max() < 1e-4
+
+
+@pytest.mark.parametrize("inward", [1e-6, 1e-3, 0.5])
+def test_stretched_arm_bends(inward, tmp_path):
+    """Both joints move the tip across: there is no first-order way inward."""
+    device, _ = simple(tmp_path, [revolute("A", Z), revolute("B", Z, (2, 0, 0))], [(4, 0, 0)])
+    corrected, status, _ = device.compensate([4 - inward, 0, 0], [0.0, 0.0])
+    assert status == device.CONVERGED
+    assert np.linalg.norm(device.forward(corrected) - [4 - inward, 0, 0]) < 1e-11
+    _, status, distance = device.compensate([4 + inward, 0, 0], [0.2, 0.1])
+    assert status == device.UNREACHABLE
+    assert abs(distance / inward - 1) < 1e-5
+
+
+def test_far_starts_lead_home(every):
+    """A solver that only corrects need not solve the inverse problem; from anywhere near it should."""
+    device = every("arm")
+    module, conditions = loaded(device.folder), device.conditions()
+    q = device.case.observations.q
+    wanted = module.forward(q, 0, **conditions)
+    start = q + np.random.default_rng(3).uniform(-0.5, 0.5, q.shape)
+    corrected, status, _ = module.compensate(wanted, start, 0, **conditions)
+    assert (status == module.CONVERGED).mean() > 0.95
+    reached = status == module.CONVERGED
+    assert np.abs(module.forward(corrected, 0, **conditions) - wanted)[reached].max() <= REACHED
+
+
+def test_wanted_direction_may_have_any_length(every):
+    device = every("mount")
+    module, conditions = loaded(device.folder), {k: v[:5] for k, v in device.conditions().items()}
+    q = device.case.observations.q[:5]
+    wanted = module.ideal(q)
+    short, long = (module.compensate(f * wanted, q, **conditions)[0] for f in (1.0, 7.0))
+    assert np.abs(short - long).max() < 1e-9
+
+
+def test_what_is_not_finite_is_told_and_changes_no_command(every, compiler):
+    device = every("mount")
+    module, c = loaded(device.folder), Compiled(compiler, device.folder)
+    conditions = {name: values[:1] for name, values in device.conditions().items()}
+    q, wanted = np.array([[0.3, 0.7]]), np.array([[0.5, 0.6, 0.7]])
+    bad = [(wanted * np.nan, q, conditions), (wanted * 0, q, conditions), (wanted * np.inf, q, conditions)]
+    bad += [(wanted, q + np.array([[np.inf, 0]]), conditions)]
+    bad += [(wanted, q, conditions | {name: np.full_like(conditions[name], np.nan)}) for name in conditions]
+    for where, start, given in bad:
+        for corrected, status, distance in (
+            module.compensate(where, start, **given), c.compensate(where, start, 0, given),
+        ):  # fmt: skip
+            assert status == module.NOT_FINITE
+            assert np.array_equal(corrected, start)
+            assert np.isnan(distance)
+    for target in (-1, 1, 1000):
+        assert np.isnan(module.forward(q, target, **conditions)).all()
+        assert np.isnan(c.forward(q, target, conditions)).all()
+        assert np.isnan(module.ideal(q, target)).all()
+        for corrected, status, distance in (
+            module.compensate(wanted, q, target, **conditions), c.compensate(wanted, q, target, conditions),
+        ):  # fmt: skip
+            assert status == module.NO_TARGET
+            assert np.array_equal(corrected, q)
+            assert np.isnan(distance)
+
+
+def test_numpy_functions_broadcast(every):
+    device = every("gantry")
+    module = loaded(device.folder)
+    conditions = {name: values[:6] for name, values in device.conditions().items()}
+    q = device.case.observations.q[:6]
+    flat = module.forward(q, 1, **conditions)
+    one = {name: values[2] for name, values in conditions.items()}
+    assert np.array_equal(module.forward(q[2], 1, **one), flat[2])
+    both = module.forward(q[:, None], np.array([0, 1]), **{k: v[:, None] for k, v in conditions.items()})
+    assert both.shape == (6, 2, 3)
+    assert np.array_equal(both[:, 1], flat)
+    corrected, status, distance = module.compensate(flat[2], q, 1, **one)
+    assert (corrected.shape, status.shape, distance.shape) == ((6, 4), (6,), (6,))
+    assert module.forward(np.empty((0, 4)), 0, **one).shape == (0, 3)
+
+
+# what belongs to the machine --------------------------------------------------------------------------------------
+
+
+def two_joints(
+    frame: str, effects: list[dict[str, Any]], kind: str = "point"
+) -> tuple[Case, dict[str, float]]:
+    joints = [joint("X", "prismatic", X, travel=[-200.0, 300.0]), joint("C", "revolute", Z, [20, 0, 0])]
+    file = machine_file(joints, [(120, 30, 40)], frame=frame, effects=effects, kind=kind)
+    case = Case(file, data_for(file, 20, np.random.default_rng(2), runs=1))
+    values = case.sizeable([k for k in case.model.keys if not k.startswith("frame.")])
+    return case, values
+
+
+def forward_of(case: Case, values: Mapping[str, float], folder: Path, **conditions: Any) -> np.ndarray:
+    machine = replace(case.machine, values=dict(values))
+    emit(machine, "numpy", folder, name="device_np")
+    return np.asarray(loaded(folder).forward(case.observations.q, 0, **conditions))
+
+
+def test_instrument_is_left_out_and_the_head_says_so(tmp_path):
+    own = [effect("scale", "X"), effect("backlash", "C")]
+    theirs = [effect("instrument_scale"), effect("linear_drift")]
+    case, values = two_joints("free", [*own, *theirs])
+    values |= {"frame.x": 500.0, "frame.rx": 0.4}
+    plain, only = two_joints("machine", own)
+    s = case.observations.s.astype(float)
+    found = forward_of(case, values, tmp_path, s=s)
+    assert np.abs(found - plain.simulated(only)).max() <= WITHIN
+    head = (tmp_path / "device_np.py").read_text().partition("import numpy")[0]
+    for words in ("the free frame", "'instrument_scale'", "'linear_drift'"):
+        assert re.search(rf"^ +{words}: ", head.partition("Not in this place")[2], re.MULTILINE)
+
+
+def test_what_moves_the_machines_own_frame_is_corrected(tmp_path):
+    blocks = [effect("linear_drift"), effect("frame_shift"), effect("instrument_scale")]
+    case, values = two_joints("machine", blocks)
+    scale = values.pop("instrument_scale.k")
+    found = forward_of(case, values | {"instrument_scale.k": scale}, tmp_path, t=case.observations.t)
+    assert np.abs(found - case.simulated(values)).max() <= WITHIN
+
+
+def test_set_ups_of_several_runs_are_no_property_of_the_machine(tmp_path):
+    joints = [joint("C", "revolute", Z)]
+    file = machine_file(joints, [(120, 30, 40)], effects=[effect("frame_shift")])
+    case = Case(file, data_for(file, 20, np.random.default_rng(2), runs=2))
+    assert forward_of(case, case.sizeable(case.model.keys), tmp_path) == pytest.approx(
+        case.simulated(), abs=WITHIN
+    )
+    assert "'frame_shift': of each set-up another" in (tmp_path / "device_np.py").read_text()
+
+
+def test_machine_fitted_to_distances_moves_a_point(tmp_path):
+    case, values = two_joints("machine", [effect("scale", "X"), effect("instrument_scale")], kind="distance")
+    point, only = two_joints("machine", [effect("scale", "X")])
+    assert np.abs(forward_of(case, values, tmp_path) - point.simulated(only)).max() <= WITHIN
+
+
+def test_users_formulas_and_covariates_are_emitted(compiler, tmp_path):
+    formula = "a*sin(q)*Oil + b*abs(X)/(1 + Oil**2) + c*sign(X)"
+    own = {
+        "name": "odd", "joint": "C", "component": "reading", "formula": formula,
+        "parameters": {"a": "rad", "b": "rad/mm", "c": "rad"},
+    }  # fmt: skip
+    case, _ = two_joints("machine", [own])
+    oil = np.random.default_rng(8).uniform(0, 2, 20)
+    case = Case(case.file, case.data | {"Oil": oil})
+    values = {"C.odd.a": 1e-3, "C.odd.b": 2e-6, "C.odd.c": -1e-4}
+    found = forward_of(case, values, tmp_path, x=oil[:, None])
+
+    def by_hand(c: Mapping[str, Any]) -> Any:
+        return 1e-3 * np.sin(c["q"]) * oil + 2e-6 * abs(c["X"]) / (1 + oil**2) - 1e-4 * np.sign(c["X"])
+
+    expected = Simulated(case.file, {"C.reading": by_hand}).measure(case.observations.q)
+    assert np.abs(found - expected).max() <= WITHIN
+    emit(replace(case.machine, values=values), "c", tmp_path, name="device")
+    by_c = Compiled(compiler, tmp_path).forward(case.observations.q, 0, {"x": oil[:, None]})
+    assert np.abs(by_c - found).max() <= WITHIN
+
+
+# names, bytes, errors ---------------------------------------------------------------------------------------------
+
+
+HOSTILE = [
+    "*/ #error x /*",
+    'quote """ \\',
+    "??/",
+    "line\nbreak\\",
+    "/*/ */",
+    "%s {0} {{ x }} {% raw %}",
+    "\u202eBiDi",
+    "ä\u2028x",
+]
+
+
+def hostile_machine(names: Iterator[str]) -> Machine:
+    return Machine(
+        next(names), "mm", "deg", (0.0, 0.0, -1.0), 20.0,
+        (revolute(next(names), Z), prismatic(next(names), X, travel=(0.0, 10.0))),
+        (Target(next(names), (10.0, 0.0, 0.0)), Target(next(names), (0.0, 10.0, 0.0))), Measured("point", "machine"),
+        file=next(names),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("first", range(len(HOSTILE)))
+def test_no_text_of_the_user_becomes_code(first, compiler, tmp_path):
+    names = iter((HOSTILE * 2)[first:])
+    machine = hostile_machine(names)
+    for joint_name in (machine.joints[0].name, machine.joints[1].name):
+        kind = machine.joint(joint_name).type
+        definition = next(
+            e.definition
+            for e in [Machine.effect(machine, "zero_offset", joint_name)]
+            if kind in e.definition.at
+        )
+        machine = replace(
+            machine, effects=(*machine.effects, machine.effect(definition.name, joint_name, hold={"a": 0.1}))
+        )
+    emit(machine, "c", tmp_path, name="device")
+    emit(machine, "numpy", tmp_path, name="device_np")
+    sources = [str(tmp_path / "device.c"), str(tmp_path / "device_test.c")]
+    done = subprocess.run(
+        [compiler, *C_WARNINGS, "-Wno-unused-command-line-argument", *sources, "-o", str(tmp_path / "run"), "-lm"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    assert subprocess.run([tmp_path / "run"], capture_output=True, check=False).returncode == 0
+    done = subprocess.run(
+        [sys.executable, "-W", "error", tmp_path / "test_device_np.py"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def table(**more: Any) -> Machine:
+    machine = Machine(
+        "Rotary table", "mm", "deg", (0.0, 0.0, -1.0), 20.0, (revolute("C", Z),),
+        (Target("ball", (100.0, 0.0, 0.0)),), Measured("point", "machine"),
+    )  # fmt: skip
+    return replace(machine, **more)
+
+
+def test_equal_machines_give_equal_bytes(every, tmp_path):
+    device = every("gantry")
+    emit(
+        replace(device.machine, file="elsewhere.toml"),
+        "c",
+        tmp_path,
+        name="device",
+        travel=device.case.model.travel,
+    )
+    for path in tmp_path.iterdir():
+        assert path.read_bytes() == (device.folder / path.name).read_bytes()
+        assert b"\r" not in path.read_bytes()
+
+
+def test_names_come_from_the_machine_or_the_caller(tmp_path):
+    assert [p.name for p in emit(table(), "numpy", tmp_path / "a")] == [
+        "rotary_table.py",
+        "test_rotary_table.py",
+    ]
+    assert [p.name for p in emit(table(), "c", tmp_path / "b", name="t1")] == ["t1.c", "t1.h", "t1_test.c"]
+    assert emit(table(name="math"), "c", tmp_path / "c")[0].name == "math_machine.c"
+    assert emit(table(name="Ωß"), "numpy", tmp_path / "d")[0].name == "machine.py"
+
+
+@pytest.mark.parametrize(
+    "name", ["Big", "2d", "a-b", "", "x" * 60, "math", "numpy", "class", "../up", "a\nb"]
+)
+def test_bad_names_are_told(name, tmp_path):
+    with pytest.raises(RodgenError, match="expected"):
+        emit(table(), "c", tmp_path / "out", name=name)
+    assert not (tmp_path / "out").exists()
+
+
+def test_other_languages_are_told(tmp_path):
+    with pytest.raises(RodgenError, match="no language 'rust'; expected 'c' or 'numpy'"):
+        emit(table(), "rust", tmp_path)
+
+
+def test_machine_without_its_numbers_is_told(tmp_path):
+    machine = table(estimate=("C.axis",))
+    with pytest.raises(InputFileError, match=r"C\.axis\.a: no value yet; expected a fitted machine"):
+        emit(machine, "c", tmp_path / "out")
+    with pytest.raises(InputFileError, match=r"C\.axis\.b: nan; expected"):
+        emit(replace(machine, values={"C.axis.a": 0.0, "C.axis.b": np.nan}), "c", tmp_path / "out")
+    slide = table(joints=(prismatic("X", X),))
+    slide = slide.with_effect(slide.effect("straightness", "X", hold=dict.fromkeys(
+        ("u_2", "u_3", "u_4", "v_2", "v_3", "v_4"), 0.1
+    )))  # fmt: skip
+    with pytest.raises(InputFileError, match=r"joint 'X': no travel; expected travel = "):
+        emit(slide, "c", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    assert emit(slide, "c", tmp_path / "out", travel=[[0, 100]])
+
+
+def test_weights_at_later_joints_that_the_data_did_not_call_for_are_none(tmp_path):
+    two = table(joints=(revolute("A", X), revolute("C", Z, (0, 100, 0))))
+    two = two.with_effect(two.effect("gravity_windup", "A", hold={"k": 0.001, "k2": 0.0}))
+    emit(two, "numpy", tmp_path, name="device_np")
+    text = (tmp_path / "device_np.py").read_text()
+    assert "effect0_k = " in text
+    assert "effect0_k2 = " not in text
+    assert "effect0_p" not in text
+
+
+def test_folder_is_complete_or_not_there(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputFileError, match="no folder can be made"):
+        emit(table(), "c", tmp_path / "file" / "below")
+    (tmp_path / "half" / "rotary_table.h").mkdir(parents=True)
+    (tmp_path / "half" / "rotary_table.c").write_text("mine")
+    with pytest.raises(InputFileError, match=r"rotary_table\.h"):
+        emit(table(), "c", tmp_path / "half")
+    assert (tmp_path / "half" / "rotary_table.c").read_text() == "mine"
+    assert sorted(p.name for p in (tmp_path / "half").iterdir()) == ["rotary_table.c", "rotary_table.h"]
+
+    def full(self: Path, *_: Any, **__: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("rodgen._files.os.replace", full)
+    with pytest.raises(InputFileError, match="No space left"):
+        emit(table(), "c", tmp_path / "deep" / "new")
+    assert not (tmp_path / "deep").exists()
+
+
+def test_rotation_of_the_simulator_is_meant(every):
+    """The references of the emitted tests are the machine's, not a copy of the code under test: one by hand."""
+    values = every("table").values
+    q = 0.8
+    angle = (
+        q
+        + values["C.encoder_ellipticity.a"] * np.cos(2 * q)
+        + values["C.encoder_ellipticity.b"] * np.sin(2 * q)
+    )
+    up = sum(
+        values[f"C.axial_error_motion.{n}"] * f(k * q)
+        for n, f, k in (("c1", np.cos, 1), ("s1", np.sin, 1), ("c2", np.cos, 2), ("s2", np.sin, 2))
+    )
+    place = loaded(every("table").folder).forward([q])
+    assert np.allclose(place, rotation([0, 0, angle]) @ [100, 0, 0] + [0, 0, up], atol=1e-12)
+    assert np.allclose(unit(place), place / np.linalg.norm(place))
