@@ -632,6 +632,21 @@ def test_what_is_not_finite_is_told_and_changes_no_command(every, compiler):
             assert np.isnan(distance)
 
 
+def test_c_may_write_over_what_it_is_given(every, compiler):
+    device = every("gantry")
+    o, conditions = device.case.observations, device.conditions()
+    c = Compiled(compiler, device.folder)
+    wanted, rows = device.case.simulated()[0], c.rows(o.q[:1], {k: v[:1] for k, v in conditions.items()})[0]
+    corrected, left = np.empty(4), ctypes.c_double()
+    arguments = (c.at(rows), int(o.target[0]), c.at(wanted.copy()), None)
+    assert c.function("compensate")(*arguments, c.at(corrected), ctypes.byref(left)) == 0
+    for buffer, place in ((np.append(wanted, 0.0), 2), (rows.copy(), 0)):
+        again = list(arguments)
+        again[place] = c.at(buffer)
+        assert c.function("compensate")(*again, c.at(buffer), ctypes.byref(left)) == 0
+        assert np.array_equal(buffer[:4], corrected)
+
+
 def test_numpy_functions_broadcast(every):
     device = every("gantry")
     module = loaded(device.folder)
