@@ -1,9 +1,12 @@
 """rodgen: the equations of rotating machines, derived, proved, generated as fast code, and fitted to measurements.
 
-The functions here are numeric and need nothing but NumPy; SymPy is imported where something is derived.
+The functions here are numeric and need nothing but NumPy; SymPy is imported where something is derived. `Machine` and
+`Measurements`, which need more, are imported when they are first asked for.
 """
 
+from importlib import import_module as _import_module
 from importlib.metadata import version as _version
+from typing import TYPE_CHECKING as _TYPE_CHECKING
 
 from rodgen._kernels import backend
 from rodgen.axis import (
@@ -33,7 +36,14 @@ from rodgen.rotation import (
     rotate,
 )
 
+if _TYPE_CHECKING:
+    from rodgen.discrepancy.measurements import Measurements as Measurements
+    from rodgen.machines.machine import Machine as Machine
+
 __version__ = _version("rodgen")
+
+# Not in __all__: "from rodgen import *" must do with NumPy alone.
+_LATER = {"Machine": "rodgen.machines.machine", "Measurements": "rodgen.discrepancy.measurements"}
 
 __all__ = [
     "AxisFit",
@@ -62,3 +72,14 @@ __all__ = [
     "rotate",
     "solve_axis",
 ]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _LATER:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    found = globals()[name] = getattr(_import_module(_LATER[name]), name)
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_LATER})

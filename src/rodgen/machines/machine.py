@@ -9,13 +9,17 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, TypeAlias, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 from rodgen.errors import InputFileError, RodgenError, shown
 
 if TYPE_CHECKING:
+    from rodgen.discrepancy.fit import Fit
+    from rodgen.discrepancy.measurements import Measurements
+    from rodgen.discrepancy.simulate import Simulation
     from rodgen.machines.catalogue import EffectDefinition
     from rodgen.machines.units import Dimension
 
@@ -370,6 +374,143 @@ class Machine:
         prefix = gone[0].key("")
         kept = {k: v for k, v in self.values.items() if not k.startswith((f"{prefix}.", f"{prefix}["))}
         return replace(self, effects=tuple(e for e in self.effects if e is not gone[0]), values=kept)
+
+    # what is done with it ------------------------------------------------------------------------------------
+
+    def fit(
+        self,
+        data: Measurements,
+        *,
+        loss: str = "linear",
+        progress: Callable[[str, int, float], object] | None = None,
+    ) -> Fit:
+        """Adjust the parameters until the model meets measurements best.
+
+        Parameters
+        ----------
+        data : Measurements
+        loss : {"linear", "huber"}
+            Sum of squares, or one that outliers do not pull: they are found, named and taken out.
+        progress : callable, optional
+            Called with what is done, the iteration and the cost.
+
+        Returns
+        -------
+        Fit
+            Its ``machine`` is this one with the fitted values.
+
+        Raises
+        ------
+        InputFileError
+            When the data do not fit the machine.
+        FitError
+            When there is nothing to fit, or the model is not finite at the start.
+        """
+        from rodgen.discrepancy.fit import fit
+
+        return fit(self, data, loss=loss, progress=progress)
+
+    def add(
+        self,
+        effect: str | Effect,
+        *,
+        joint: str | None = None,
+        target: str | None = None,
+        hold: Mapping[str, float] | None = None,
+    ) -> Machine:
+        """Return this machine with one more effect.
+
+        Parameters
+        ----------
+        effect : str or Effect
+            A name of the catalogue, as ``rodgen effects`` lists it.
+        joint, target : str, optional
+            Where it is; left out: the whole machine.
+        hold : mapping of str to float, optional
+            Parameters that are not estimated, in the units of the machine file.
+
+        Raises
+        ------
+        InputFileError
+            When it cannot stand there, or is there already.
+
+        Examples
+        --------
+        >>> table = Machine(
+        ...     "Table", "mm", "deg", (0.0, 0.0, -1.0), 20.0, (Joint("C", "revolute", (0.0, 0.0, 1.0)),),
+        ...     (Target("ball", (100.0, 0.0, 0.0)),), Measured("point", "machine"),
+        ... )
+        >>> [effect.title for effect in table.add("backlash", joint="C").effects]
+        ['backlash at C']
+        """
+        if isinstance(effect, str):
+            effect = self.effect(effect, self._place(joint, target), hold=hold)
+        return self.with_effect(effect)
+
+    def remove(self, effect: str, *, joint: str | None = None, target: str | None = None) -> Machine:
+        """Return this machine without one of its effects.
+
+        Parameters
+        ----------
+        effect : str
+            Its name.
+        joint, target : str, optional
+            Where it is; left out: the whole machine.
+
+        Raises
+        ------
+        InputFileError
+            When there is no such effect.
+        """
+        return self.without_effect(effect, self._place(joint, target))
+
+    def _place(self, joint: str | None, target: str | None) -> str | None:
+        if joint is not None and target is not None:
+            found = f"joint {shown(joint)} and target {shown(target)}"
+            raise InputFileError(self.file or self.name, "effect", found, "one of the two, or neither")
+        return joint if joint is not None else target
+
+    def emit(self, lang: str, folder: str | os.PathLike[str], **options: Any) -> list[Path]:
+        """Write the fitted machine as standalone code; see :func:`rodgen.machines.emit.emit`.
+
+        Parameters
+        ----------
+        lang : {"c", "numpy"}
+        folder : str or os.PathLike
+            Is made where there is none.
+        **options
+            ``name`` of the files, and ``travel`` of the joints in the data.
+
+        Returns
+        -------
+        list of Path
+            The files.
+        """
+        from rodgen.machines.emit import emit
+
+        return emit(self, lang, folder, **options)
+
+    def simulate(
+        self, design: Measurements, effects: Sequence[str | Effect] = (), **options: Any
+    ) -> Simulation:
+        """Make up measurements of this machine; see :func:`rodgen.discrepancy.simulate.simulate`.
+
+        Parameters
+        ----------
+        design : Measurements
+            What is commanded; readings are not needed.
+        effects : sequence of str or Effect
+            What the data have in them beside what the machine has, such as ``"backlash@C:b=20arcsec"``.
+        **options
+            ``hidden``, ``noise``, ``seed``.
+
+        Returns
+        -------
+        Simulation
+        """
+        from rodgen.discrepancy.simulate import simulate
+
+        return simulate(self, design, effects, **options)
 
     def describe(self) -> str:
         """Return a short summary: joints, targets, what is measured and estimated, effects."""
