@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,9 @@ from rodgen.machines._model import Model
 from rodgen.machines._parameters import Parameter
 from rodgen.machines._rigid import rotation_vector
 from rodgen.machines.machine import Machine
+
+if TYPE_CHECKING:
+    from rodgen.discrepancy._held_out import HeldOut
 
 __all__ = ["Estimate", "Fit", "FitError", "fit"]
 
@@ -184,6 +187,21 @@ class Fit:
     def lack_of_fit(self) -> LackOfFit | None:
         """Whether the residuals are larger than the noise; None where the noise is not known."""
         return lack_of_fit(self)
+
+    def held_out(self, folds: int | None = None, *, progress: Progress | None = None) -> HeldOut:
+        """Return the error on whole poses that a fit did not see: each is predicted by a fit to others.
+
+        Parameters
+        ----------
+        folds : int, optional
+            Into how many parts the poses are dealt; left out: each of up to 100 poses is one, else 10 parts, or 5 of
+            more than 100 000 rows.
+        progress : callable, optional
+            As of :func:`fit`.
+        """
+        from rodgen.discrepancy._held_out import held_out
+
+        return held_out(self, folds=folds, progress=progress)
 
     def summary(self) -> str:
         """Return the fit as text."""
