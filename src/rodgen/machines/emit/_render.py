@@ -167,6 +167,10 @@ def _words(content: Content) -> Iterator[str]:
     yield f"Its effects:{'' if effects else ' none.'}"
     for title, values in effects:
         yield from _wrapped(f"  {title}: {values}" if values else f"  {title}")
+    if machine.estimate:
+        yield from _wrapped(
+            f"As fitted, not as in the machine file: {', '.join(map(shown, machine.estimate))}"
+        )
     if content.scope.left_out:
         yield f"Not in this {place}, though in the fitted model:"
         yield from (f"  {title}: {why}" for title, why in content.scope.left_out)
