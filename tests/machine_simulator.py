@@ -201,6 +201,7 @@ class Joint:
     arm: Array  # from `point` to c, in the pose, in this joint's frame
     gravity: Array  # in this joint's frame
     later: Mapping[str, Array]  # from `point` to a later joint's
+    turns_only: bool  # a direction is carried: arms are directions without a length
     start: Array  # c at zero
     radian: float  # radians in the file's angle unit
     period: float | None
@@ -382,7 +383,7 @@ def load_sag(j: Joint, k0: float = 0, k3: float = 0) -> Change:
 
 
 def guide_windup(j: Joint, a: float = 0, b: float = 0) -> Change:
-    moment = j.moment(j.arm - along(j.q, j.n))
+    moment = j.moment(j.arm if j.turns_only else j.arm - along(j.q, j.n))
     return {"rotation": (a + b * j.zeta)[:, None] * j.across(moment)}
 
 
@@ -669,6 +670,7 @@ class Simulated:
                 arm=arm if directions else arm - point,
                 gravity=np.einsum("rji,j->ri", before[:, :3, :3], self.gravity),
                 later=later,
+                turns_only=directions,
                 start=c,
                 radian=self.radian,
                 period=joint.get("period"),
