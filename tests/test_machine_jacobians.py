@@ -1,0 +1,199 @@
+"""Every column of a machine's Jacobian, and both ways in which its kernels are evaluated.
+
+The derivatives are held against differences of the plain simulator, which shares no code with rodgen: four values on a
+line give a derivative whose error is h⁴/30 of the fifth one. Angles move by h = 4e-4 rad, and what bends more sharply
+than a sine by as much less, so what is left out is 1e-15 of a column; rounding, eps times the size of a place over that
+of the step, leaves 1e-12 of it and some ten times as much where places are added up. Parameters
+that change little (a period, a time, those of users' formulas) have longer steps, eight values, and an error of h⁸/630.
+
+C and NumPy are held against the same kernel with 50 digits. How far they may be off is asked of the kernel itself: it
+is evaluated again with inputs that are moved by a rounding unit, in a few directions, and a result may be off by
+`UNITS` times what that changes: a few hundred roundings of either sign add up like the root of their number. So they
+are within twice that of each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+from machine_cases import ROWS, Case, every, frame, own, unit
+from scipy.spatial.transform import Rotation
+
+from rodgen.codegen import Kernel
+from rodgen.codegen.rows import row_kernels
+from rodgen.machines._derive import derive_kernels
+from rodgen.machines._model import _key
+
+KINDS = ["point", "direction", "distance"]
+UNITS = 16
+DIRECTIONS = 6
+EPS = float(np.finfo(float).eps)
+STENCILS = {4: {1: 2 / 3, 2: -1 / 12}, 8: {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}}
+
+
+# columns -----------------------------------------------------------------------------------------------------
+
+
+def step(case: Case, key: str, values: dict[str, float]) -> float:
+    """Return a change of a parameter that changes the reading by some 0.1 mm, or 4e-4 rad."""
+    parameter = case.model.parameters[case.model.keys[key]]
+    name = key.rsplit(".", 1)[1]
+    if "own_" in key:
+        part = {"P": 2.5e-3, "D": 2.5e-3, "tau": 0.02, "c": 0.02, "L0": 0.02}.get(name, 0.3)
+        return part * abs(values[key])
+    if name == "P":  # turns by 2 pi q dP / P²
+        joint = case.joints.index(str(parameter.place))
+        return float(0.02 * values[key] ** 2 / (2 * np.pi * np.abs(case.observations.q[:, joint]).max()))
+    if name == "tau":
+        return 8.0 if parameter.effect == "warm_up_drift" else 4e-4
+    if key.startswith("Z.point."):  # moves only what turns about it by an error
+        return 5.0
+    steps = {"arcsec": 2e-3, "mm": 0.5, "arcsec/mm": 5e-6, "1": 5e-4, "1/K": 5e-5, "mm/K": 0.05, "mm/s": 1e-4}
+    steps |= {"arcsec/N/mm": 5e-8, "arcsec/N": 2e-5, "arcsec/K": 1e-4, "mm/N": 0.01, "arcsec/s": 5e-7}
+    return steps[parameter.unit] / 5
+
+
+def moved(case: Case, values: dict[str, float], key: str, by: float) -> np.ndarray:
+    """Return what the simulator reads when one parameter has changed; the frame turns by what comes before it."""
+    if not key.startswith("frame.r"):
+        return case.simulated(values | {key: values.get(key, 0.0) + by})
+    turns = ("frame.rx", "frame.ry", "frame.rz")
+    change = Rotation.from_rotvec([by * (key == turn) for turn in turns])
+    vector = (Rotation.from_rotvec([values[turn] for turn in turns]) * change).as_rotvec()
+    return case.simulated(values | dict(zip(turns, vector, strict=True)))
+
+
+def residuals(case: Case, reading: np.ndarray) -> np.ndarray:
+    """Return measured less predicted; of directions in the stereographic measure, level and upwards."""
+    measured = case.observations.reading
+    if case.kind != "direction":
+        return measured - reading
+    level = np.cross(-np.array(case.machine.gravity), measured)
+    level /= np.linalg.norm(level, axis=1, keepdims=True)
+    upward = np.cross(measured, level)
+    along = np.sum(measured * reading, axis=1)
+    return np.stack([-2 * np.sum(e * reading, axis=1) / (1 + along) for e in (level, upward)], axis=-1)
+
+
+def columns_off(case: Case, values: dict[str, float], keys: Iterable[str], rows: Any) -> dict[str, float]:
+    """Return the columns that are off the simulator's, and by which part of the column."""
+    jacobian = case.problem.jacobian(case.theta(values), case.frame(values))
+    off = {}
+    for key in keys:
+        h = step(case, key, values)
+        points = 8 if "own_" in key or key.endswith((".P", ".tau")) else 4
+        expected = sum(
+            factor * (residuals(case, moved(case, values, key, sign * n * h)) * sign)
+            for n, factor in STENCILS[points].items()
+            for sign in (1, -1)
+        )
+        expected = expected[rows] / h
+        size = np.abs(expected).max()
+        off[key] = np.abs(jacobian[rows, :, case.model.keys[key]] - expected).max() / size if size else np.inf
+    return {key: part for key, part in off.items() if not part < 1e-10}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_each_column_is_the_derivative_of_the_simulator(kind):
+    case = every(kind)
+    keys = [key for key in case.model.keys if not key.startswith("frame.")]
+    values = case.sizeable(keys, 30.0) | frame(kind)
+    rows = np.ones(ROWS, bool)
+    if kind == "direction":
+        case = case.changed(data=case.data | near(case, values))
+        # refraction bends most sharply near the horizon, where differences say little
+        unlifted = values | dict.fromkeys((*frame(kind), "refraction.a"), 0.0)
+        rows = np.abs(case.simulated(unlifted) @ case.machine.gravity) > 0.1
+        assert rows.sum() > 15
+    off = columns_off(case, values, case.model.keys, rows)
+    if kind == "direction":
+        assert off.pop("Z.load_sag.k0") == np.inf  # a drop that turns nothing
+    assert off == {}
+
+
+def near(case: Case, values: dict[str, float]) -> dict[str, np.ndarray]:
+    """Return directions some degrees off those that are predicted, as measured ones are."""
+    reading = case.simulated(values)
+    reading = unit(reading + 0.05 * np.random.default_rng(3).normal(size=reading.shape))
+    return dict(zip(("ux", "uy", "uz"), reading.T, strict=True))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_columns_of_formulas_are_derivatives_of_the_simulator(kind, monkeypatch):
+    monkeypatch.setenv("RODGEN_CPU", "numpy")
+    case, values = own(kind)
+    if kind == "direction":
+        case = case.changed(data=case.data | near(case, values))
+    assert columns_off(case, values, values, slice(None)) == {}
+
+
+# C, NumPy and 50 digits --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_c_and_numpy_give_the_same_numbers_to_rounding(kind, compiler, monkeypatch):
+    case = every(kind)
+    structure = case.model.structure
+    kernels = derive_kernels(structure)
+    compiled = row_kernels(_key(structure), lambda: kernels, shared=("g", "e"))
+    monkeypatch.setenv("RODGEN_CPU", "numpy")
+    plain = row_kernels(_key(structure), lambda: kernels, shared=("g", "e"))
+    keys = [key for key in case.model.keys if not key.startswith("frame.")]
+    values = case.sizeable(keys, 30.0) | frame(kind)
+    if kind == "direction":
+        case = case.changed(data=case.data | near(case, values))
+    theta, place = case.theta(values), case.frame(values)
+    g, e = case.model.geometries(theta, place, [(0, 0)])[0], case.model.parameters_of_effects(theta)
+    rows = case.problem._block(0, case.problem.groups[0], 0, 5)
+    rng = np.random.default_rng(9)
+    for kernel in kernels:
+        results = {
+            "c": compiled[kernel.name](rows, g, e),
+            "numpy": plain[kernel.name](rows, g, e),
+        }
+        assert compiled[kernel.name].target == "c"
+        assert plain[kernel.name].target == "numpy"
+        for row in range(len(rows)):
+            exact, allowed = bound(kernel, (rows[row], g, e), rng)
+            for target, result in results.items():
+                several = result if isinstance(result, tuple) else (result,)
+                found = np.concatenate(
+                    [output[row].reshape(len(output[row]), -1) for output in several], axis=1
+                )
+                off = np.abs(found - exact)
+                assert (off <= allowed).all(), (target, kernel.name, (off / allowed).max())
+
+
+def bound(
+    kernel: Kernel, inputs: Sequence[np.ndarray], rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return what a kernel gives with 50 digits, a column a freedom, and how far off a double may be."""
+    names = [port.name for port in kernel.inputs]
+
+    def evaluate(arrays: Sequence[Any]) -> np.ndarray:
+        results = kernel.evaluate(dict(zip(names, arrays, strict=True)), digits=50)
+        several = [np.asarray(results[port.name]) for port in kernel.outputs]
+        return np.concatenate([output.reshape(len(output), -1) for output in several], axis=1)
+
+    exact = evaluate(inputs)
+    with mpmath.workdps(50):
+        change = np.zeros(exact.shape)
+        for _ in range(DIRECTIONS):
+            change = np.maximum(
+                change, np.abs(evaluate([beside(a, rng) for a in inputs]) - exact).astype(float)
+            )
+    # a component may cancel where its column does not
+    allowed = UNITS * (change.max(axis=0) + EPS / 2 * np.abs(exact).astype(float).max(axis=0))
+    return exact.astype(float), np.broadcast_to(allowed, exact.shape)
+
+
+def beside(array: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Move every component by a rounding unit of its own, up or down."""
+    signs = rng.choice([-1, 1], len(array)).tolist()
+    return np.array(
+        [mpmath.mpf(x) * (1 + sign * mpmath.mpf(EPS)) for x, sign in zip(array.tolist(), signs, strict=True)]
+    )
