@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import os
+import shutil
 import subprocess
 import sys
 from enum import IntEnum
@@ -22,6 +23,7 @@ from kernel_reference import KERNELS, pairs
 import rodgen
 import rodgen.generated
 from rodgen.codegen import Kernel, KernelBuilder, KernelError
+from rodgen.codegen.compile import compile_kernel
 from rodgen.codegen.printers import CPrinter, NumPyPrinter, VectorCPrinter
 from rodgen.codegen.project import KernelModule, check_kernels, render, render_extension, write_kernels
 from rodgen.symbolic import EPS, LARGEST, Derivation, power_of_two_scale, select
@@ -517,3 +519,16 @@ def test_hash_of_the_text_does_not_depend_on_the_order_of_derivations(tmp_path: 
         files = sorted(p for p in (tmp_path / str(n)).rglob("*") if p.is_file())
         digests.append([hashlib.sha256(p.read_bytes()).hexdigest() for p in files])
     assert digests[0] == digests[1]
+
+
+def test_output_that_another_output_uses_is_read_by_its_value():
+    k = KernelBuilder("chained", summary="Two outputs, one of the other.", source="test")
+    a = k.input("a", unit="1", doc="a number")
+    same = k.let("same", a)  # a plain symbol under another name is a number, not a condition
+    k.output("first", same + sp.Rational(1, 2), unit="1", doc="number")
+    k.output("pair", sp.Matrix([a**2, a]), unit="1", doc="vector")
+    first, pair_1 = sp.Symbol("first", real=True), sp.Symbol("pair_1", real=True)
+    k.output("second", first * 3 + pair_1, unit="1", doc="of both")
+    compiled = compile_kernel(k.build())
+    assert compiled.target == "c" or shutil.which("cc") is None
+    assert [np.asarray(x).tolist() for x in compiled(2.25)] == [2.75, [5.0625, 2.25], 13.3125]

@@ -508,7 +508,9 @@ class KernelBuilder:
         A named step is evaluated as it stands: use it to fix the order of operations where rounding
         depends on it. A condition gives a boolean symbol.
         """
-        if isinstance(value, Boolean):
+        if isinstance(value, Boolean) and not (
+            value.is_Symbol and value.is_real
+        ):  # a symbol is a Boolean to SymPy
             symbol = sp.Symbol(name)
             self._claim(name, (symbol,))
             self._step(symbol, value)

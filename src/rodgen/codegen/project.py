@@ -397,17 +397,24 @@ def _c_lines(kernel: Kernel, printer: CPrinter, real: str) -> tuple[list[str], l
         for i, s in enumerate(p.symbols)
     }
     used_later = _read_symbols(kernel)
+    # a number's output is a pointer of that name; where the number is read again it has a name of its own
+    renamed = {
+        s: type(s)(f"{s.name}_value", real=True)
+        for s, (_, port) in targets.items()
+        if s in used_later and port.shape == ()
+    }
     body, stores = [], []
     for assignment in kernel.assignments:
-        symbol, text = assignment.symbol, printer.line(assignment.value)
+        symbol, text = assignment.symbol, printer.line(assignment.value.xreplace(renamed))
         if symbol not in targets:
             body.append(f"const {'int' if assignment.is_condition else real} {symbol.name} = {text};")
             continue
         target, port = targets[symbol]
         cast = "(int8_t)" if port.is_status else ""
         if symbol in used_later or (port.shape == () and cast):
-            body.append(f"const {real} {symbol.name}_value = {text};")
-            stores.append(f"{target} = {cast}{symbol.name}_value;")
+            name = f"{symbol.name}_value" if port.shape == () else symbol.name
+            body.append(f"const {real} {name} = {text};")
+            stores.append(f"{target} = {cast}{name};")
         else:
             stores.append(f"{target} = {cast}{text};")
     return body, stores
