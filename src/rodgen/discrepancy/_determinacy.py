@@ -8,15 +8,16 @@ combinations of parameters change the readings at all.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.discrepancy._problem import Problem
+from rodgen.discrepancy._freedoms import Direction, Elsewhere, describe
+from rodgen.discrepancy._problem import Problem, one_thread_in_blas
 from rodgen.machines._model import Frame
-from rodgen.machines._parameters import Parameter
 
 __all__ = ["Determinacy", "Direction", "determinacy"]
 
@@ -25,27 +26,14 @@ Array: TypeAlias = NDArray[np.float64]
 NOTHING = 1e-9
 """A combination whose effect is below this part of the largest one, all parameters scaled alike, changes nothing:
 rounding in the Jacobian of a gauge direction leaves about 1e-14, a combination worth estimating at least 1e-7."""
-SHARE = 0.05
-"""Parts of a combination below this are not named."""
-
-
-@dataclass(frozen=True)
-class Direction:
-    """A combination of parameters that changes no reading.
-
-    Attributes
-    ----------
-    parts : tuple of (str, float)
-        Keys of the parameters and their parts, the largest first, in internal units, the largest set to 1.
-    gauge : bool
-        Whether it is a choice of coordinates: a free frame moves with the machine, and nothing that is measured changes.
-    text : str
-        One sentence.
-    """
-
-    parts: tuple[tuple[str, float], ...]
-    gauge: bool
-    text: str
+SUSPECT = 1e-6
+"""Parameters that change the readings by less than this part of what another one does, units left aside, are looked at
+more closely."""
+WEAK = 1e-3
+"""A combination below this is hardly determined: parameters in it have a standard deviation a thousand times that
+which they had if the others were known."""
+RESTS = 0.005
+"""A parameter that has a greater part in a direction that is not determined rests on it."""
 
 
 @dataclass(frozen=True)
@@ -61,13 +49,31 @@ class Determinacy:
         Parameters whose value rests on such a direction.
     rank : int
         Number of combinations that are determined.
-    directions : tuple of Direction
     """
 
     covariance: Array
     undetermined: NDArray[np.bool_]
     rank: int
-    directions: tuple[Direction, ...]
+    _at: tuple[Problem, Array, Frame, NDArray[np.int_], Array, Array, Array] | None = field(
+        default=None, repr=False
+    )
+
+    @property
+    def directions(self) -> tuple[Direction, ...]:
+        """Combinations that the data do not determine: choices of coordinates first, then what data are lacking for."""
+        return self._described[0]
+
+    @property
+    def weak(self) -> tuple[Direction, ...]:
+        """Combinations that the data hardly determine."""
+        return self._described[1]
+
+    @cached_property
+    def _described(self) -> tuple[tuple[Direction, ...], tuple[Direction, ...]]:
+        if self._at is None:
+            return (), ()
+        with one_thread_in_blas():
+            return describe(*self._at)
 
 
 def determinacy(problem: Problem, theta: Array, frame: Frame, free: Sequence[int]) -> Determinacy:
@@ -85,8 +91,9 @@ def determinacy(problem: Problem, theta: Array, frame: Frame, free: Sequence[int
     covariance, undetermined = np.zeros((p, p)), np.zeros(p, bool)
     index = np.asarray(free, int)
     if not len(index):
-        return Determinacy(covariance, undetermined, 0, ())
+        return Determinacy(covariance, undetermined, 0)
     triangle = _triangle(problem, theta, frame, index)
+    triangle[:, _without_effect(problem, theta, frame, index, triangle)] = 0.0
     scale = np.linalg.norm(triangle, axis=0)
     scale[scale == 0.0] = 1.0
     _, values, vt = np.linalg.svd(triangle / scale)
@@ -96,57 +103,35 @@ def determinacy(problem: Problem, theta: Array, frame: Frame, free: Sequence[int
     v = vt[held].T / values[held]
     covariance[np.ix_(index, index)] = (v @ v.T) / np.outer(scale, scale)
     null = vt[~held]
-    undetermined[index] = np.any(np.abs(null) > SHARE * 0.1, axis=0) if len(null) else False
-    directions = tuple(_direction(problem, index, d, scale) for d in _sparse(null))
-    return Determinacy(covariance, undetermined, int(held.sum()), directions)
+    undetermined[index] = np.any(np.abs(null) > RESTS, axis=0) if len(null) else False
+    weak = held & (values < WEAK * values[0])
+    if not len(null) and not weak.any():
+        return Determinacy(covariance, undetermined, int(held.sum()))
+    at = (problem, theta, frame, index, scale, null, vt[weak])
+    return Determinacy(covariance, undetermined, int(held.sum()), at)
+
+
+def _without_effect(
+    problem: Problem, theta: Array, frame: Frame, index: NDArray[np.int_], triangle: Array
+) -> NDArray[np.bool_]:
+    """Return the parameters of which the readings show nothing but rounding, beside what other readings would show."""
+    size = np.linalg.norm(triangle, axis=0)
+    if not np.any(size < SUSPECT * size.max(initial=0.0)):
+        return np.zeros(len(size), bool)
+    usual = Elsewhere.of(problem, theta, frame, index).size * float(np.linalg.norm(problem.weight))
+    found: NDArray[np.bool_] = size < NOTHING * usual
+    return found
 
 
 def _triangle(problem: Problem, theta: Array, frame: Frame, index: NDArray[np.int_]) -> Array:
     """Return R of the QR decomposition of the weighted Jacobian, in bounded memory."""
-    found = np.zeros((0, len(index)))
-    waiting: list[Array] = []
+    waiting = [np.zeros((0, len(index)))]
     for _, block in problem.jacobian_blocks(theta, frame):
         waiting.append(block.reshape(-1, block.shape[-1])[:, index])
         if sum(map(len, waiting)) > 50 * len(index) + 20_000:
-            found = np.linalg.qr(np.concatenate([found, *waiting]), mode="r")
-            waiting = []
-    return np.linalg.qr(np.concatenate([found, *waiting]), mode="r") if waiting else found
+            waiting = [_reduced(waiting)]
+    return _reduced(waiting)
 
 
-def _sparse(null: Array) -> Array:
-    """Rotate a basis of the directions so that each has few parts: row echelon form with the largest pivots."""
-    basis = null.copy()
-    done: list[int] = []
-    for row in range(len(basis)):
-        rest = np.abs(basis[row:])
-        rest[:, done] = 0.0
-        r, column = np.unravel_index(int(np.argmax(rest)), rest.shape)
-        basis[[row, row + r]] = basis[[row + r, row]]
-        basis[row] /= basis[row, column]
-        others = np.arange(len(basis)) != row
-        basis[others] -= np.outer(basis[others, column], basis[row])
-        done.append(int(column))
-    return basis
-
-
-def _direction(problem: Problem, index: NDArray[np.int_], direction: Array, scale: Array) -> Direction:
-    parameters = [problem.model.parameters[i] for i in index]
-    values = direction / scale
-    shares = np.abs(direction) / np.abs(direction).max()
-    order = [i for i in np.argsort(-shares, kind="stable") if shares[i] >= SHARE]
-    largest = values[order[0]]
-    parts = tuple((parameters[i].key, float(values[i] / largest)) for i in order)
-    gauge = any(parameters[i].slot[0] in {"frame", "shift"} for i in order) and len(order) > 1
-    return Direction(parts, gauge, _sentence([parameters[i] for i in order], gauge))
-
-
-def _sentence(parameters: Sequence[Parameter], gauge: bool) -> str:
-    names = [p.key for p in parameters]
-    if len(names) == 1:
-        return f"{names[0]} changes no reading: these data say nothing of it."
-    listed = ", ".join(names[:-1]) + f" and {names[-1]}"
-    if gauge:
-        return (
-            f"{listed} move together without a change of any reading: a choice of coordinates, not a fault."
-        )
-    return f"{listed} change together without a change of any reading: only their combination is determined."
+def _reduced(blocks: Sequence[Array]) -> Array:
+    return np.asarray(np.linalg.qr(np.concatenate(blocks), mode="r"))

@@ -223,7 +223,7 @@ class Deviations:
         mean = np.add.reduceat(mean_weight * by_row, starts) / np.add.reduceat(mean_weight, starts)
         columns = (by_row - np.repeat(mean, sizes, axis=0)) * np.sqrt(mean_weight)
         u, size, _ = np.linalg.svd(columns, full_matrices=False)
-        u = u[:, size > 1e-9 * np.linalg.norm(by_row)]
+        u = u[:, size > 1e-9 * np.linalg.norm(by_row * np.sqrt(mean_weight))]
         used = u.shape[1] * self.value.shape[1]
         spare = self.count - used
         if not used or spare < FEW_POSES:
