@@ -217,7 +217,7 @@ class _Words:
         """
         n = vector / np.linalg.norm(vector)
         model = self.problem.model
-        # What carries nothing but the targets leaves them where they are on its axis; what carries joints, only the base.
+        # Targets alone move along the axis of any joint that carries them; a machine along that of its first.
         joints = model.machine.joints if moved <= self._targets else model.machine.joints[:1]
         for j, joint in enumerate(joints):
             axis, point = model.axis(self.theta, j)[0], model.point(self.theta, j)

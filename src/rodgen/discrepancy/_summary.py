@@ -74,6 +74,7 @@ def as_dict(fit: Fit) -> dict[str, Any]:
         "undetermined": [
             {"parts": dict(d.parts), "gauge": d.gauge, "text": d.text} for d in fit.determinacy.directions
         ],
+        "weak": [{"parts": dict(d.parts), "text": d.text} for d in fit.determinacy.weak],
     }
 
 
@@ -87,7 +88,7 @@ def _lines(fit: Fit) -> Iterator[str]:
     yield f"{fit.machine.name}: {fit.observations.n} rows, {readings} readings, {len(fit.free)} parameters"
     if not fit.solution.converged:
         yield "NOT CONVERGED: the numbers below are where the fit stopped."
-    yield f"rms {fit.rms:.4g} {fit.unit} per reading; {fit.noise.text}"
+    yield f"rms {fit.rms:.4g} {fit.unit} per reading. {fit.noise.text}"
     if fit.lack_of_fit:
         yield fit.lack_of_fit.text
     if fit.outliers.any():
@@ -96,7 +97,7 @@ def _lines(fit: Fit) -> Iterator[str]:
     if shown:
         yield ""
         yield from _table(shown)
-    directions = fit.determinacy.directions
+    directions = (*fit.determinacy.directions, *fit.determinacy.weak)
     if directions:
         yield ""
         yield from (d.text for d in directions)
@@ -113,7 +114,7 @@ def _outliers(fit: Fit) -> str:
     rows = np.flatnonzero(fit.outliers)
     places = ", ".join(fit.observations.data.place(int(row)) for row in rows[:NAMED])
     more = f" and {len(rows) - NAMED} more" if len(rows) > NAMED else ""
-    return f"{len(rows)} outliers, taken out of the rms: {places}{more}"
+    return f"{len(rows)} outlier{'s' * (len(rows) > 1)}, taken out of the rms: {places}{more}"
 
 
 def _table(estimates: list[Estimate]) -> Iterator[str]:
