@@ -96,7 +96,8 @@ def _lines(fit: Fit) -> Iterator[str]:
     shown = [e for e in fit.estimates.values() if not e.held or e.value]
     if shown:
         yield ""
-        yield from _table(shown)
+        lacking = {key for d in fit.determinacy.directions if not d.gauge for key, _ in d.parts}
+        yield from _table(shown, lacking)
     directions = (*fit.determinacy.directions, *fit.determinacy.weak)
     if directions:
         yield ""
@@ -117,14 +118,15 @@ def _outliers(fit: Fit) -> str:
     return f"{len(rows)} outlier{'s' * (len(rows) > 1)}, taken out of the rms: {places}{more}"
 
 
-def _table(estimates: list[Estimate]) -> Iterator[str]:
+def _table(estimates: list[Estimate], lacking: set[str]) -> Iterator[str]:
+    """Yield the parameters; those in `lacking` need other data, where others without a value only need coordinates."""
     width = max(len(e.key) for e in estimates)
     yield f"{'parameter':{width}}  {'value':>12}  {'std':>10}  unit"
     for e in estimates:
         if e.held:
             spread = "held"
         elif e.std is None:
-            spread = "undetermined"
+            spread = "undetermined" if e.key in lacking else "gauge"
         else:
             spread = f"{e.std:.2g}"
         yield f"{e.key:{width}}  {e.value:12.6g}  {spread:>10}  {e.unit}"

@@ -92,7 +92,7 @@ def _parameters(machine: Machine, structure: Structure, runs: Sequence[str]) -> 
     if structure.frame:
         if moving:
             yield from (made(f"frame.{x}", length, "frame", x) for x in "xyz")
-        yield from (made(f"frame.{x}", angle, "frame", x) for x in ("rx", "ry", "rz"))
+        yield from (made(f"frame.{x}", machine.angle_unit, "frame", x) for x in ("rx", "ry", "rz"))
     if structure.shift:
         effect = geometric["frame_shift", None]
         for r, run in enumerate(runs if len(runs) > 1 else [""]):
