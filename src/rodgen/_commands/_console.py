@@ -51,7 +51,19 @@ class UsageError(Exception):
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose complaints are one line."""
+    """A parser whose complaints are one line, and whose options may stand anywhere among the files."""
+
+    _in_two_passes = False
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse options first, then the rest: else a file that may be left out would have to stand before them."""
+        if self._in_two_passes or self._subparsers is not None:
+            return super().parse_known_args(args, namespace)
+        self._in_two_passes = True
+        try:
+            return self.parse_known_intermixed_args(args, namespace)
+        finally:
+            self._in_two_passes = False
 
     def error(self, message: str) -> NoReturn:
         """Complain."""
