@@ -65,8 +65,8 @@ notebooks: .venv/installed ## execute the derivations into build/notebooks, as .
 bench: .venv/installed ## measure the speed, beside other libraries and the machine's limits
 	$(BIN)/python benchmarks/run.py
 
-docs: .venv/installed ## draw the picture of the README anew
-	$(BIN)/python docs/make_picture.py
+docs: .venv/installed ## draw the pictures of the README anew
+	$(BIN)/python docs/make_pictures.py
 
 clean: ## remove everything that make made
 	rm -rf .venv build dist .pytest_cache .hypothesis .mypy_cache .ruff_cache

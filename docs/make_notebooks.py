@@ -1,4 +1,4 @@
-"""Execute rodgen's own derivations as notebooks, and write them into build/notebooks as .ipynb and .html.
+"""Execute rodgen's own derivations and its example as notebooks; write them into build/notebooks, .ipynb and .html.
 
 The pages bring MathJax along, so that their formulas are typeset without a network, too.
 """
@@ -17,6 +17,7 @@ from nbconvert import HTMLExporter
 from rodgen._scripts import packaged_derivations, run_notebook
 
 OUTPUT = Path(__file__).resolve().parent.parent / "build/notebooks"
+EXAMPLE = Path(__file__).resolve().parent.parent / "examples/corrected_machine.py"
 MATHJAX = "jupyter-server-mathjax==0.2.6"
 # The fonts that this package has; MathJax looks for others unless it is told.
 FONTS = '"HTML-CSS": { availableFonts: [], preferredFont: null, webFont: "STIX-Web", imageFont: null },'
@@ -42,10 +43,11 @@ def main() -> None:
     exporter = HTMLExporter(exclude_input_prompt=True, exclude_output_prompt=True)
     if mathjax:
         exporter.mathjax_url = mathjax
-    for name in packaged_derivations():
+    for script in (*packaged_derivations(), str(EXAMPLE)):
         start = time.perf_counter()
+        name = Path(script).stem
         notebook = OUTPUT / f"{name}.ipynb"
-        run_notebook(name, notebook)
+        run_notebook(script, notebook)
         title = f"{name} - rodgen"
         page, _ = exporter.from_notebook_node(
             nbformat.read(notebook, as_version=4), resources={"metadata": {"name": title}}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import re
+import shutil
 import subprocess
 import sys
 import textwrap
@@ -23,14 +24,20 @@ FILES = [
 PAGES = "\n".join(file.read_text(encoding="utf-8") for file in FILES)
 
 
-def test_example_prints_what_the_readme_says(tmp_path: Path) -> None:
-    code, output = re.search(r"```python\n(.*?)```.*?```text\n(.*?)```", README, re.DOTALL).groups()
-    assert len([line for line in code.splitlines() if line]) <= 12  # ten lines of use, and imports
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout == output
+def test_examples_print_what_the_readme_says(tmp_path: Path) -> None:
+    machine = re.search(r"```toml\n(.*?)```", README, re.DOTALL)[1]
+    (tmp_path / "machine.toml").write_text(machine, encoding="utf-8")
+    shutil.copy(ROOT / "examples/machines/mount/mmt_2021.csv", tmp_path)
+    examples = re.findall(r"```python\n(.*?)```\s+prints\s+```text\n(.*?)```", README, re.DOTALL)
+    assert len(examples) == README.count("```python") == 2
+    for code, output in examples:
+        assert len([line for line in code.splitlines() if line]) <= 12  # ten lines of use, and imports
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        assert done.stdout == output
+    assert len(list((tmp_path / "build").iterdir())) == 3
 
 
 def test_every_status_is_explained() -> None:

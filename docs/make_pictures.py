@@ -1,6 +1,9 @@
-"""Draw the picture of the README: the two axes of one pair of points, and how exactly they are found.
+"""Draw the pictures of the README and of the tutorials.
 
-python docs/make_picture.py        # writes docs/picture.png
+python docs/make_pictures.py        # writes docs/mount.png and docs/axes.png
+
+mount.png: a telescope's model against its measurements, before and after two effects were added. axes.png: the two
+axes of one pair of points, and how exactly they are found.
 """
 
 from __future__ import annotations
@@ -102,14 +105,50 @@ def draw_accuracy(panel) -> None:
     panel.set_title("Found to the last digits that the data hold", fontsize=11)
 
 
-def main() -> None:
+def draw_mount() -> plt.Figure:
+    """The residuals of the telescope's mount, and how they fall with two effects."""
+    folder = Path(__file__).parent.parent / "examples/machines/mount"
+    machine = rodgen.Machine.load(folder / "machine.toml")
+    data = rodgen.Measurements.load(folder / "mmt_2021.csv")
+    sagging = machine.add("gravity_windup", joint="EL", hold={"k2": 0})
+    fits = [m.fit(data) for m in (machine, sagging, sagging.add("refraction"))]
+
+    figure, (left, right) = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained", width_ratios=[1.5, 1])
+    elevation = np.degrees(fits[0].observations.q[:, 1])
+    for fit, style, label in (
+        (fits[0], {"marker": "o", "mfc": "none", "mec": ORANGE}, "two axes and a tube"),
+        (fits[2], {"marker": ".", "color": BLUE}, "with gravity and refraction"),
+    ):
+        left.plot(elevation, fit.residuals[:, 1], linestyle="none", label=label, **style)
+    left.axhline(0, color=GREY, linewidth=0.8)
+    left.set(xlabel="elevation [deg]", ylabel="measured − predicted [arcsec]")
+    left.set_title("Towards the zenith, 80 stars", fontsize=11)
+    left.legend(frameon=False)
+
+    names = ["base", "+ gravity_windup\nat EL", "+ refraction"]
+    right.plot(names, [fit.rms for fit in fits], "o-", color=BLUE, label="fitted")
+    right.plot(names, [fit.held_out().rms for fit in fits], "s:", color=BLUE, mfc="white", label="held out")
+    for at, fit in enumerate(fits):
+        right.annotate(f"{fit.rms:.2f}″", (at, fit.rms), (8, 4), textcoords="offset points")
+    right.set(ylim=(0, None), xlim=(-0.3, 2.5), ylabel="rms per reading [arcsec]")
+    right.set_title("The error falls", fontsize=11)
+    right.legend(frameon=False)
+    return figure
+
+
+def draw_axes_and_accuracy() -> plt.Figure:
     figure = plt.figure(figsize=(10, 4.4), layout="constrained")
     grid = figure.add_gridspec(1, 2, width_ratios=[1, 1.15])
     draw_axes(figure.add_subplot(grid[0], projection="3d"))
     draw_accuracy(figure.add_subplot(grid[1]))
-    file = Path(__file__).with_name("picture.png")
-    figure.savefig(file, dpi=110, metadata={"Software": None})
-    print(file)
+    return figure
+
+
+def main() -> None:
+    for name, draw in (("mount.png", draw_mount), ("axes.png", draw_axes_and_accuracy)):
+        file = Path(__file__).with_name(name)
+        draw().savefig(file, dpi=110, metadata={"Software": None})
+        print(file)
 
 
 if __name__ == "__main__":
