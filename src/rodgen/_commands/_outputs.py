@@ -41,8 +41,8 @@ class Outputs:
             for file in self._files:
                 file.discard()
 
-    def check(self, path: str) -> None:
-        """Refuse a name that something else has.
+    def claim(self, path: str) -> None:
+        """Refuse a name that something else has; every output is claimed before it is written.
 
         Raises
         ------
@@ -59,14 +59,13 @@ class Outputs:
         self._places.append(place)
 
     def add(self, path: str, content: bytes) -> None:
-        """Write a file, as yet without its name.
+        """Write a file that was claimed, as yet without its name.
 
         Raises
         ------
         InputFileError
             When the place cannot be written.
         """
-        self.check(path)
         file = AtomicFile(path)
         stream = file.open()
         self._files.append(file)

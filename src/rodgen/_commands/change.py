@@ -16,7 +16,7 @@ from rodgen._commands._outputs import Outputs
 from rodgen.errors import InputFileError
 
 if TYPE_CHECKING:
-    from rodgen.discrepancy.ladder import Ladder
+    from rodgen.discrepancy.ladder import Ladder, Rung
     from rodgen.machines.machine import Effect, Machine
 
 __all__ = ["add_to"]
@@ -79,7 +79,8 @@ def _add(options: argparse.Namespace) -> int:
         effect = machine.effect(options.effect, place)
         hold = hold_of(machine, effect, assignments(options.hold))
     except UnfitEffectError as error:
-        raise InputFileError("command line", "--hold", *error.args[1:]) from None
+        place = " ".join(["--hold", *error.key.split(".")[1:]])
+        raise InputFileError("command line", place, error.found, error.expected) from None
     effect = machine.effect(options.effect, place, hold=hold)
     changed = machine.with_effect(effect)
     content = _edited(lambda out: add_effect_to_file(options.machine, effect, out))
@@ -119,6 +120,7 @@ def _changed(
     output = options.output or _new_name(options.machine, effect, added=added)
     ladder = None
     with Outputs(*filter(None, [options.data])) as outputs:
+        outputs.claim(output)
         outputs.add(output, content)
         if options.data:
             from rodgen.discrepancy.ladder import ladder_of
@@ -170,7 +172,7 @@ def _lines(machine: str, output: str, effect: Effect, ladder: Ladder | None, *, 
     rung = ladder.rungs[-1]
     yield rung.verdict
     if added:
-        yield from _parameters(rung.parameters.values())
+        yield from _parameters(rung)
     real = rung.step is not None and rung.step.significant
     definition = effect.definition
     words = [("Meaning", definition.meaning), ("Usual size", definition.usual_size)]
@@ -180,7 +182,12 @@ def _lines(machine: str, output: str, effect: Effect, ladder: Ladder | None, *, 
         yield "Without it the model is worse than it can be: keep it."
 
 
-def _parameters(estimates: Any) -> Iterator[str]:
+def _parameters(rung: Rung) -> Iterator[str]:
+    """List the new parameters, then those of the other effects: they change with what stands beside them."""
+    own = rung.parameters
+    others = [p.key for p in rung.fit.parameters if p.effect is not None and p.key not in own]
+    estimates = [*own.values(), *(rung.fit.estimates[key] for key in others)]
+    estimates = [e for e in estimates if not e.held or e.value or e.key in own]
     width = max((len(e.key) for e in estimates), default=0)
     for e in estimates:
         unit = "" if e.unit == "1" else f" {e.unit}"

@@ -41,11 +41,11 @@ def _run(options: argparse.Namespace) -> int:
 
     with Outputs(options.machine, options.data) as outputs:
         if options.output:
-            outputs.check(options.output)
+            outputs.claim(options.output)
         if options.residuals:
             from rodgen.discrepancy._copy import check_output
 
-            outputs.check(options.residuals)
+            outputs.claim(options.residuals)
             check_output(options.data, options.residuals)
         machine = Machine.load(options.machine)
         data = load_data(options.data)

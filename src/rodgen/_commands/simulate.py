@@ -85,7 +85,9 @@ def _run(options: argparse.Namespace) -> int:
 
     with Outputs(options.machine, options.design) as outputs:
         if options.output not in (None, "-"):
-            outputs.check(options.output)
+            outputs.claim(options.output)
+        if options.truth:
+            outputs.claim(options.truth)
         check_output(options.design, options.output)
         machine = Machine.load(options.machine)
         design = load_data(options.design)

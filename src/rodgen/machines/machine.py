@@ -350,7 +350,9 @@ class Machine:
         return replace(self, effects=(*self.effects, effect))
 
     def _unfit(self, title: str, error: RodgenError) -> InputFileError:
-        return InputFileError(self.file or self.name, title, *error.args[1:])
+        key, found, expected = error.args
+        place = f"{title}, {key}" if key.startswith("hold.") else title
+        return InputFileError(self.file or self.name, place, found, expected)
 
     def without_effect(self, name: str, place: str | None = None) -> Machine:
         """Return this machine without one of its effects, and without that effect's fitted numbers.
