@@ -255,7 +255,8 @@ MALFORMED = {
     ),
     "targets in another column": (
         in_header("target", "targets"),
-        "line 2, column 'targets': 'ball_1'; expected a number (text stands in 'target' and 'run' alone)",
+        "line 1: no column 'target' (the nearest is 'targets'); expected one, because the machine has the targets ball_1 "
+        "and ball_2",
     ),
     "blank run": (
         one_more("run", "1", ""),
@@ -380,10 +381,6 @@ MALFORMED = {
         "expected a temperature (delta_degC for a difference), or another reference_temperature in the machine",
     ),
     # cells and rows
-    "names of a covariate": (
-        one_more("operator", "Ann"),
-        "line 2, column 'operator': 'Ann'; expected a number (text stands in 'target' and 'run' alone)",
-    ),
     "empty cell": (
         in_row(",3", ","),
         "line 3, column 'z [mm]': an empty cell; expected a number in every row",
@@ -398,7 +395,7 @@ MALFORMED = {
     ),
     "number in words": (
         in_row("90", "ninety"),
-        "line 3, column 'C [deg]': 'ninety'; expected a number (text stands in 'target' and 'run' alone)",
+        "line 3, column 'C [deg]': 'ninety'; expected a number",
     ),
     "too large once it is in millimetres": (
         f"{in_header('x [mm]', 'x [km]')}{ROW.replace(',1,', ',1e305,')}\n",
@@ -408,7 +405,7 @@ MALFORMED = {
     "too few cells": (f"{GOOD}1,2\n", "line 3: 2 cells; expected 6, as in the header"),
     "blank lines before": (
         f"\n{HEADER}\n\n{ROW}\n\r\n{ROW.replace('90', 'x')}\n",
-        "line 6, column 'C [deg]': 'x'; expected a number (text stands in 'target' and 'run' alone)",
+        "line 6, column 'C [deg]': 'x'; expected a number",
     ),
     "blank lines before, found when bound": (
         f"\n{GOOD}\n\r\n\n{ROW.replace('1,', '3,', 1)}\n",
@@ -418,7 +415,7 @@ MALFORMED = {
     # Parquet
     "parquet: text": (
         parquet_bytes(columns() | {"C [deg]": ["a", "b", "c"]}),
-        "column 'C [deg]': the type 'string'; expected numbers (text stands in 'target' and 'run' alone)",
+        "column 'C [deg]': the type 'string'; expected numbers",
     ),
     "parquet: null": (
         parquet_bytes(columns() | {"C [deg]": [1.0, None, 2.0]}),
@@ -1277,3 +1274,26 @@ def test_every_example_binds_to_its_machine(file):
         np.testing.assert_allclose(
             observations.q[:, j], [float(row[name]) * scale for row in rows], rtol=1e-15
         )
+
+
+def test_column_of_words_is_kept_and_takes_no_part(tmp_path):
+    text = (
+        "X [mm],C [deg],operator,remark,x [mm],y [mm],z [mm],target\n"
+        "0,0,Ann,first,1,2,3,ball_1\n1,10,Bob,,1,2,3,ball_2\n"
+    )
+    path = tmp_path / "data.csv"
+    path.write_text(text)
+    data = Measurements.load(path)
+    assert data.columns["operator"].values.tolist() == ["Ann", "Bob"]
+    assert data.columns["remark"].values.tolist() == ["first", ""]
+    assert not bind(machine(), data).covariates
+
+
+@pytest.mark.parametrize("column", ["x", "dir_C", "load"])
+def test_words_where_numbers_belong_are_named(column, tmp_path):
+    path = tmp_path / "data.csv"
+    names = {"x": "x", "dir_C": "dir_C,x [mm]", "load": "load,x [mm]"}[column]
+    cells = "word" if column == "x" else "word,1"
+    path.write_text(f"X [mm],C [deg],{names},y [mm],z [mm],target\n0,0,{cells},2,3,ball_1\n")
+    with pytest.raises(InputFileError, match=f"line 2, column '{column}': 'word'; expected a number$"):
+        bind(machine(), Measurements.load(path))

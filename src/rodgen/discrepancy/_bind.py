@@ -333,6 +333,7 @@ class _Binder:
 
     def _checked(self, column: Any, dimension: Dimension, why: str = "") -> Any:
         quantity, example = _WORDS[dimension]
+        self._check_numbers(column)
         if column.unit is None:
             expected = f"one in brackets, such as '{column.name} [{example}]'{why}"
             raise self._wrong_column(column, "no unit", expected)
@@ -342,7 +343,12 @@ class _Binder:
             raise self._wrong_column(column, found, f"a unit of {quantity}, such as {example}{why}")
         return column
 
+    def _check_numbers(self, column: Any) -> None:
+        if hasattr(column, "codes"):
+            raise self._wrong_cell(column, 0, shown(column.values[0]), "a number")
+
     def _plain(self, column: Any, what: str) -> NDArray[np.float64]:
+        self._check_numbers(column)
         if column.unit is not None:
             unit = parse_unit(column.unit)
             if unit.dimension != ONE or unit.factor() != 1.0:
@@ -540,10 +546,10 @@ class _Binder:
         return celsius
 
     def covariates(self) -> dict[str, NDArray[np.float64]]:
-        """Return every column without a meaning of its own."""
+        """Return every column of numbers without a meaning of its own."""
         found = {}
         for name, column in self.columns.items():
-            if name in self.own:
+            if name in self.own or hasattr(column, "codes"):
                 continue
             warm = name.startswith("T_")
             warm |= column.unit is not None and parse_unit(column.unit).dimension == TEMPERATURE

@@ -157,8 +157,9 @@ class Measurements:
         Raises
         ------
         InputFileError
-            When it cannot be read, a unit is none, or a cell is no finite number; names may stand in the columns
-            ``target`` and ``run`` alone.
+            When it cannot be read, a unit is none, or a cell is no finite number. Names stand in the columns
+            ``target`` and ``run``, and in columns without a unit that begin with a word; those are kept, and take
+            no part in a fit.
 
         Examples
         --------

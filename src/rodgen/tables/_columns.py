@@ -57,12 +57,15 @@ class Column:
 
 @dataclass(frozen=True)
 class EveryColumn:
-    """Every column of a table that has a name, each in its own unit or in none; all but `text` hold numbers.
+    """Every column of a table that has a name, each in its own unit or in none.
+
+    A column without a unit that begins with a word holds words, such as an operator's name; all others but `text`
+    hold numbers.
 
     Attributes
     ----------
     text : tuple of str
-        The names of the columns that hold text; a table need not have them.
+        The names of columns that hold a name in every row; a table need not have them.
     example : str
         A header, for the error messages.
     """

@@ -17,9 +17,9 @@ import re
 import sys
 import zlib
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import IO, Any, TypeVar, cast
 
 import numpy as np
@@ -53,6 +53,7 @@ _MAGIC = (
 )
 # Cells with which measuring software says that there is no measurement.
 _NO_VALUE = {"nan", "na", "n/a", "#n/a", "null", "none", "-", "--", "---", "?", "inf", "infinity", "#div/0!"}
+_WORD = re.compile(r"[^\W\d_]")  # a letter first
 _ARROW_ERRORS = (pa.ArrowException, OSError, ValueError, KeyError, MemoryError)
 
 
@@ -187,15 +188,23 @@ class Table(abc.ABC):
         """Close the file."""
 
     def _want(
-        self, texts: Sequence[str], columns: Sequence[Column] | EveryColumn, *, numbered: bool = False
+        self,
+        texts: Sequence[str],
+        columns: Sequence[Column] | EveryColumn,
+        words: Collection[int] = (),
+        *,
+        numbered: bool = False,
     ) -> None:
-        """Find the wanted columns among the names of all."""
+        """Find the wanted columns among the names of all; `words` are those that hold words where they may."""
         found = match_columns(texts, columns, self.file, self.header, numbered=numbered)
+        if isinstance(columns, EveryColumn):
+            found = [replace(m, holds_text=m.holds_text or (m.index in words and not m.unit)) for m in found]
         self.matches = [match for match in found if not match.holds_text]
         self.text = [match for match in found if match.holds_text]
-        self._names_stand_in = ""
-        if isinstance(columns, EveryColumn) and columns.text:
-            self._names_stand_in = f" (text stands in {' and '.join(map(repr, columns.text))} alone)"
+        # a remark may be missing, the name of a target may not
+        self._needed = (
+            {match.index for match in self.text if match.name in columns.text} if self.text else set()
+        )
 
     def __enter__(self) -> Table:
         return self
@@ -330,7 +339,7 @@ class _CsvTable(Table):
         texts, self._rest = self._read_header()
         self._width = len(texts)
         self.header = f"line {self._next_line - 1}"
-        self._want(texts, columns, numbered=True)
+        self._want(texts, columns, self._words(), numbered=True)
         self._keep_text = keep_text
         types = [pa.string()] * self._width
         if not keep_text:
@@ -360,6 +369,15 @@ class _CsvTable(Table):
                 if line.strip():
                     self._check_text(line, number)
                     return [cell.strip() for cell in _cells(line)], data
+
+    def _words(self) -> set[int]:
+        """Return the columns that begin with a word: it is no number, and does not stand for one that is missing."""
+        line = next((line for line in self._rest[:LONGEST_LINE].split(b"\n") if line.strip()), b"")
+        try:
+            cells = [cell.strip() for cell in _cells(line)]
+        except UnicodeDecodeError:
+            return set()
+        return {i for i, cell in enumerate(cells) if _WORD.match(cell) and cell.lower() not in _NO_VALUE}
 
     def _check_magic(self, data: bytes) -> None:
         if self._stream is not self._raw and data.startswith(b"PAR1"):
@@ -526,15 +544,13 @@ class _CsvTable(Table):
             values.append(numbers)
         for match in self.text:
             stripped = pc.utf8_trim_whitespace(table.column(match.index)).combine_chunks()
-            if (row := pc.index(stripped, "").as_py()) >= 0:
+            if match.index in self._needed and (row := pc.index(stripped, "").as_py()) >= 0:
                 faults.append((row, match.index, ""))
             text.append(stripped)
         if faults:
             row, index, cell = min(faults)
             number = _line_numbers(data, first, table.num_rows)[row]
             found, expected = _cell_fault(cell)
-            if expected == "a number":
-                expected += self._names_stand_in
             if index in {match.index for match in self.text}:
                 expected = "a name in every row"
             name = self.schema.names[index]
@@ -634,6 +650,11 @@ class _ArrowTable(Table):
     counted = "row"
     header = "schema"
 
+    def _words(self) -> set[int]:
+        """Return the columns of text."""
+        kinds = [k.value_type if pa.types.is_dictionary(k) else k for k in self.schema.types]
+        return {i for i, kind in enumerate(kinds) if _is_text(kind)}
+
     def _check_types(self) -> None:
         for match in (*self.matches, *self.text):
             kind = self.schema.field(match.index).type
@@ -641,8 +662,6 @@ class _ArrowTable(Table):
             if _is_number(kind) or (match.holds_text and _is_text(kind)):
                 continue
             expected = "names" if match.holds_text else "numbers"
-            if _is_text(kind):
-                expected += self._names_stand_in
             place = f"column {shown(match.text)}"
             raise InputFileError(self.file, place, f"the type {shown(str(kind))}", expected)
 
@@ -673,7 +692,8 @@ class _ArrowTable(Table):
                 column = batch.column(match.index)
                 names = pc.utf8_trim_whitespace(_plain(column).cast(pa.string()))
                 missing = _is_missing(_plain(column), names)
-                if missing.any():
+                names = pc.fill_null(names, "")
+                if match.index in self._needed and missing.any():
                     row = int(np.argmax(missing))
                     faults.append((row, match.index, _cell_text(column, row)))
                 text.append(names)
@@ -733,7 +753,7 @@ class _ParquetTable(_ArrowTable):
             self.total = self._parquet.metadata.num_rows
         except _ARROW_ERRORS as error:
             raise self._damaged(error) from None
-        self._want(self.schema.names, columns)
+        self._want(self.schema.names, columns, self._words())
         self._check_types()
 
     def close(self) -> None:
@@ -766,7 +786,7 @@ class _FrameTable(_ArrowTable):
         self._table = as_arrow(frame, name)
         self.schema = self._table.schema
         self.total = self._table.num_rows
-        self._want(self.schema.names, columns)
+        self._want(self.schema.names, columns, self._words())
         self._check_types()
 
     def close(self) -> None:
