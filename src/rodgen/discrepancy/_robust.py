@@ -12,8 +12,9 @@ where it is, 1, or what the rows say if that is more, so that what a model misse
    every step lowers the robust cost Σ min(z², c²s²), so that more freedom, started from less, never ends higher.
 
 What is left is least squares of the rows that are believed: covariances, chi-squares and tests are theirs. The cut is
-the size which the largest of all good rows exceeds in one of 100 data sets. A row that is left out is judged by the
-variance of its prediction, too: rows that alone tell of something are not called wrong.
+the size which the largest of all good rows exceeds in one of 100 data sets; and that the outliers, as many as they are,
+should be the worst of good rows must be as improbable. So good data have none in about 99 of 100 sets. A row that is
+left out is judged by the variance of its prediction, too: rows that alone tell of something are not called wrong.
 
 Limits: more than half of the rows must be good, and not agree less than the bad ones do. Up to 30 % of gross errors
 in readings or in commands do no harm to machines from one joint to six (tests). Rows far out in their commands that
@@ -111,6 +112,11 @@ def robust_fit(problem: Problem, solve: Callable[[], tuple[Solution, list[int]]]
         solution, _ = judge.settled(other, scale)
         found = judge.judgement(solution, scale, judge.cut)
         best = min(best, found, key=lambda j: j.cost)
+    if best.outliers.any():
+        judge.believe(np.ones(problem.rows, bool))
+        every = minimise(problem, best.solution.theta, best.solution.frame, judge.free)
+        if judge.may_be_chance(best, every):
+            return judge.judgement(every, math.inf, math.inf)
     judge.believe(~best.outliers)
     return best
 
@@ -220,6 +226,27 @@ class _Judge:
             frame = [i for i in self.free if model.parameters[i].slot[0] == "frame"]
             self.believe(~best.outliers)
             yield minimise(self.problem, model.start(), best.solution.frame, frame)
+
+    def may_be_chance(self, best: Judgement, every: Solution) -> bool:
+        """Tell whether good rows, too, could fall so much apart; `every` is the fit of all rows.
+
+        Of the rows of a small data set the best few may agree very well by chance. So the fall of the cost, with as
+        many degrees of freedom as the outliers have, must be improbable over all ways to choose as many rows.
+        """
+        from scipy.special import chdtrc, fdtrc, gammaln
+
+        k = int(best.outliers.sum())
+        gone, spare = self.m * k, self.m * (self.n - k) - self.p
+        if spare < 1:
+            return True
+        fall = (every.cost - best.solution.cost) / gone
+        if self.stated:
+            p = float(chdtrc(gone, gone * fall / best.scale**2))
+        else:
+            variance = max(best.solution.cost / spare, self.rounding**2)
+            p = float(fdtrc(gone, spare, fall / variance))
+        ways = gammaln(self.n + 1) - gammaln(k + 1) - gammaln(self.n - k + 1)
+        return p > 0 and math.log(p) + ways > math.log(FALSE_ALARM)
 
     def _badly_predicted(self, best: Judgement) -> Mask:
         """Return the outliers whose size is no wonder: what is fitted to the others predicts them badly."""
