@@ -255,8 +255,8 @@ MALFORMED = {
     ),
     "targets in another column": (
         in_header("target", "targets"),
-        "line 1: no column 'target' (the nearest is 'targets'); expected one, because the machine has the targets ball_1 "
-        "and ball_2",
+        "line 1: no column 'target' (the nearest is 'targets'); expected one, because the machine has the targets "
+        "ball_1 and ball_2",
     ),
     "blank run": (
         one_more("run", "1", ""),
