@@ -1,0 +1,355 @@
+"""The held-out error, what a step is worth, and the ladder: against fits from scratch, plain F tests and real data."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import rodgen
+from rodgen.discrepancy._bind import bind
+from rodgen.discrepancy._held_out import _dealt, _folds, held_out
+from rodgen.discrepancy._problem import Problem
+from rodgen.discrepancy._step import step
+from rodgen.discrepancy.fit import Fit, fit
+from rodgen.discrepancy.ladder import ladder, ladder_of
+from rodgen.errors import InputFileError, RodgenError
+from rodgen.machines.machine import Joint, Machine, Measured, Target
+
+EXAMPLES = Path(__file__).parent.parent / "examples" / "machines"
+
+
+def example(name: str) -> tuple[Machine, rodgen.Measurements]:
+    (data,) = (EXAMPLES / name).glob("*.csv")
+    return rodgen.Machine.load(EXAMPLES / name / "machine.toml"), rodgen.Measurements.load(data)
+
+
+BALLS = tuple(Target(f"b{i}", (100 * np.cos(i), 100 * np.sin(i), 20.0 * i)) for i in range(4))
+TABLE = Machine(
+    "Table", "mm", "deg", (0.0, 0.0, -1.0), 20.0, (Joint("C", "revolute", (0.0, 0.0, 1.0)),), BALLS,
+    Measured("point", "machine"), ("C.axis", "C.point", "target"),
+)  # fmt: skip
+
+
+def turned(angles, random, *, noise=0.002, pose=0.0, angle=0.0, eccentricity=0.0, targets=BALLS, **columns):
+    """Measurements of the table by plain trigonometry: noise of readings, of a pose, and of its angle (rad)."""
+    rows = []
+    for q in np.deg2rad(angles):
+        turn = q + eccentricity * np.cos(q) + angle * random.normal()
+        shift = pose * random.normal(size=3)
+        for ball in targets:
+            x, y, z = ball.point
+            seen = np.array([np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y, z])
+            rows.append((np.rad2deg(q), ball.name, *(seen + shift + noise * random.normal(size=3))))
+    names = ("C [deg]", "target", "x [mm]", "y [mm]", "z [mm]")
+    frame = dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
+    frame |= {name: list(np.repeat(values, len(targets))) for name, values in columns.items()}
+    return rodgen.Measurements.from_frame(frame)
+
+
+def predicted_alone(full: Fit, rows: np.ndarray) -> np.ndarray:
+    """Residuals of some rows by a fit, from the machine file's own values, to all the others."""
+    o = full.observations
+    machine = replace(full.machine, values={})
+    other = fit(machine, o.take(~rows))
+    problem = Problem(other.problem.model, o.take(rows))
+    return replace(other, problem=problem, observations=problem.observations).residuals
+
+
+# held out ----------------------------------------------------------------------------------------------
+
+
+def test_held_out_error_is_that_of_fits_from_scratch_one_pose_at_a_time():
+    full = fit(*example("mount"))
+    o = full.observations
+    residuals = [predicted_alone(full, o.pose == k) for k in np.unique(o.pose)]
+    expected = np.sqrt(np.mean(np.concatenate(residuals) ** 2))
+    found = full.held_out()
+    assert (found.folds, found.poses, found.unpredicted) == (80, 80, ())
+    # Both fits end within 1e-4 standard deviations of a parameter of the same place.
+    assert found.rms == pytest.approx(expected, rel=1e-6)
+    assert found.rms > full.rms
+    assert found.text == "On poses that the fit did not see the rms is 2.79 arcsec (80 poses, one at a time)."
+
+
+def test_a_free_frame_is_found_without_the_poses_that_are_held_out():
+    full = fit(*example("positioner"))
+    found = full.held_out(folds=4)
+    fold = _folds(found.poses, 4)[_dealt(full.observations)[0]]
+    residuals = np.concatenate([predicted_alone(full, fold == k) for k in range(4)])
+    assert found.rms == pytest.approx(np.sqrt(np.mean(residuals**2)), rel=1e-5)
+
+
+def test_replicates_are_held_out_together():
+    random = np.random.default_rng(1)
+    data = turned([0, 40, 80, 120, 160, 200, 0, 40, 80, 120, 160, 200], random)
+    pose, poses = _dealt(bind(TABLE, data))
+    # The first pose of all comes from the same side as the second: up. Taken again it comes from above.
+    assert poses == 7
+    assert pose.reshape(12, 4).tolist() == [[k] * 4 for k in (0, 1, 2, 3, 4, 5, 6, 1, 2, 3, 4, 5)]
+
+
+def test_few_places_are_told_apart_pose_by_pose():
+    data = turned([0, 90] * 6, np.random.default_rng(1))
+    assert _dealt(bind(TABLE, data))[1] == 12
+
+
+@pytest.mark.parametrize(("poses", "folds"), [(23, 5), (1000, 10), (7, 7)])
+def test_every_fold_has_one_pose_of_each_stretch(poses, folds):
+    fold = _folds(poses, folds)
+    assert np.array_equal(fold, _folds(poses, folds))
+    for start in range(0, poses, folds):
+        stretch = fold[start : start + folds]
+        assert len(set(stretch)) == len(stretch)
+    # Commands that repeat with the period of the folds are not all in one fold.
+    if poses > 100:
+        assert max(np.bincount(fold[::folds], minlength=folds)) < 0.3 * len(fold[::folds])
+
+
+def test_number_of_folds_keeps_the_cost_bounded():
+    random = np.random.default_rng(2)
+    full = fit(TABLE, turned(random.uniform(0, 360, 150), random))
+    assert full.held_out().folds == 10
+    assert full.held_out(folds=150).folds == 150
+    assert full.held_out(folds=1000).folds == 150
+    assert full.held_out().to_dict() == full.held_out().to_dict()
+    with pytest.raises(RodgenError, match="held out in 1 folds; expected 2 or more"):
+        full.held_out(folds=1)
+
+
+def test_a_pose_that_alone_tells_of_its_set_up_is_left_out_and_said():
+    random = np.random.default_rng(3)
+    angles = random.uniform(0, 360, 21)
+    data = turned(angles, random, **{"run": ["1"] * 12 + ["2"] + ["3"] * 8})
+    full = fit(TABLE.add("frame_shift"), data)
+    found = full.held_out()
+    assert found.unpredicted == tuple(range(48, 52))
+    assert found.because
+    assert all("[2]" in key for key in found.because)
+    assert "Left out: 4 rows without which nothing tells of frame_shift[2]." in found.text
+    # 2 µm of noise: the pose that cannot be predicted does not count with an error of any size
+    assert 0.0015 < found.rms < 0.004
+
+
+def test_a_target_seen_once_is_left_out_and_said():
+    random = np.random.default_rng(4)
+    data = turned(random.uniform(0, 360, 15), random)
+    seen = np.ones(60, bool)
+    seen[[3, *range(11, 60, 4)]] = False  # the last ball in the second pose alone
+    found = fit(TABLE, bind(TABLE, data).take(seen)).held_out()
+    assert found.unpredicted == (6,)
+    assert set(found.because) == {"target.b3.x", "target.b3.y", "target.b3.z"}
+
+
+def test_where_no_pose_can_be_predicted_there_is_no_figure():
+    random = np.random.default_rng(5)
+    alone = fit(replace(TABLE, estimate=("C.point",)), turned([30.0], random)).held_out()
+    assert (alone.rms, alone.folds, alone.poses) == (None, 0, 1)
+    assert alone.text == "No pose can be predicted from the others, so that there is no held-out error."
+    two = fit(TABLE, turned([30.0, 200.0], random)).held_out()
+    assert two.rms is None
+    assert len(two.unpredicted) == 8
+
+
+def test_outliers_are_neither_predicted_nor_fitted():
+    random = np.random.default_rng(6)
+    angles = random.uniform(0, 360, 30)
+    good = turned(angles, random)
+    bad = {c.text: np.array(c.values) for c in good.columns.values()}
+    bad["x [mm]"][[17, 40]] += 5.0
+    full = fit(TABLE, rodgen.Measurements.from_frame(bad), loss="huber")
+    assert np.flatnonzero(full.outliers).tolist() == [17, 40]
+    assert full.held_out().rms == pytest.approx(fit(TABLE, good).held_out().rms, rel=0.05)
+
+
+def test_progress_is_told_fold_by_fold():
+    told = []
+    fit(*example("mount")).held_out(folds=3, progress=lambda *what: told.append(what))
+    assert {what for what, _, _ in told} == {f"held out {k} of 3" for k in (1, 2, 3)}
+
+
+# what a step is worth ----------------------------------------------------------------------------------
+
+
+def test_a_step_is_the_plain_f_test_where_a_pose_is_one_reading():
+    """Distances, one a pose, with noise alone: F by numpy's own least squares on a linearised model."""
+    machine, data = example("ballbar_gantry")
+    small = fit(machine, data)
+    large = fit(machine.add("squareness", joint="Y"), data)
+    found = step(small, large)
+    jacobian = large.problem.jacobian(large.solution.theta, large.solution.frame)
+    flat = jacobian.reshape(-1, jacobian.shape[-1])[:, list(large.free)]
+    rank = np.linalg.matrix_rank(flat / np.linalg.norm(flat, axis=0), tol=1e-8)
+    spare = 326 - rank
+    further = rank - small.determinacy.rank
+    statistic = (small.chi_square - large.chi_square) / further / (large.chi_square / spare)
+    # Seven poses were repeated; what their readings share is all that is beside the plain test.
+    assert found.statistic * found.design_effect == pytest.approx(statistic, rel=1e-9)
+    assert found.design_effect < 1.3
+    assert found.p_value < 1e-30
+    assert found.significant
+
+
+def test_chance_in_whole_poses_is_no_effect():
+    """Machines that stop at random angles: an effect of the angle fits that, and a plain F test believes it."""
+    random = np.random.default_rng(7)
+    eccentric = TABLE.add("encoder_eccentricity", joint="C")
+    by_step, by_plain_f = [], []
+    for _ in range(60):
+        data = bind(TABLE, turned(random.uniform(0, 360, 25), random, angle=1e-4))
+        small = fit(TABLE, data)
+        large = fit(replace(eccentric, values=small.machine.values), data)
+        found = step(small, large)
+        by_step.append(found.p_value)
+        by_plain_f.append(stats.f.sf(found.statistic * found.design_effect, 2, large.degrees_of_freedom))
+    # 60 draws: five beyond 5 % are expected at most 1 time in 100 when the level is kept within 0.1
+    assert np.mean(np.array(by_step) < 0.05) < 0.2
+    assert np.mean(np.array(by_plain_f) < 0.05) > 0.4
+
+
+def test_a_real_effect_in_noisy_poses_is_found():
+    random = np.random.default_rng(8)
+    data = turned(random.uniform(0, 360, 40), random, angle=1e-4, eccentricity=4e-4)
+    found = ladder(TABLE, data, [TABLE.effect("encoder_eccentricity", "C")]).rungs[1]
+    assert found.step.significant
+    assert found.step.design_effect > 3
+    assert found.verdict.startswith(
+        "encoder_eccentricity at C is in these data: chance does not do as much (F = "
+    )
+
+
+def test_a_searched_parameter_pays_for_its_search():
+    random = np.random.default_rng(9)
+    data = turned(random.uniform(0, 360, 25), random)
+    rung = ladder(TABLE, data, [TABLE.effect("periodic_drive_error", "C")]).rungs[1]
+    assert rung.step.p_value > 0.05
+    assert not rung.step.significant
+    assert rung.verdict.startswith("periodic_drive_error at C is not in these data: chance does as much")
+
+
+def test_nothing_is_said_of_an_effect_that_the_data_do_not_determine():
+    data = turned(np.linspace(0, 330, 12), np.random.default_rng(10))
+    # A table that always turns the same way has no other direction to compare with: backlash is a zero offset,
+    # which the balls take up.
+    rung = ladder(TABLE, data, [TABLE.effect("backlash", "C")]).rungs[1]
+    assert rung.step is None
+    assert rung.verdict.startswith("Nothing can be said of backlash at C")
+
+
+# the ladder --------------------------------------------------------------------------------------------
+
+
+def test_ladder_of_the_telescope_reads_as_published():
+    machine, data = example("mount")
+    windup = machine.effect("gravity_windup", "EL", hold={"k2": 0})
+    found = ladder(machine, data, [windup, machine.effect("refraction")])
+    # Two independent fits (SciPy's on plain NumPy, and TPOINT's) end at these figures.
+    assert [round(rung.fit.rms, 3) for rung in found.rungs] == [2.711, 0.969, 0.659]
+    held = [rung.held_out.rms for rung in found.rungs]
+    assert held == sorted(held, reverse=True)
+    assert all(rung.step.significant for rung in found.rungs[1:])
+    assert found.line == (
+        "base 2.711 (held out 2.791) -> + gravity_windup at EL 0.969 (held out 1.013) -> "
+        "+ refraction 0.659 (held out 0.698); noise not known; arcsec per reading"
+    )
+    lines = str(found).splitlines()
+    assert [line.split()[:2] for line in lines[2:5]] == [
+        ["base", "2.711"],
+        ["+", "gravity_windup"],
+        ["+", "refraction"],
+    ]
+    assert (
+        len(
+            {line.index(figure) for line, figure in zip(lines[2:5], ("2.711", "0.969", "0.659"), strict=True)}
+        )
+        == 1
+    )
+    assert set(found.rungs[1].parameters) == {"EL.gravity_windup.k", "EL.gravity_windup.k2"}
+    assert json.loads(json.dumps(found.to_dict(), allow_nan=False))["rungs"][2]["effect"] == "refraction"
+
+
+def test_the_other_way_costs_what_the_effect_was_worth():
+    machine, data = example("mount")
+    windup = machine.add("gravity_windup", joint="EL", hold={"k2": 0})
+    up, down = ladder_of([machine, windup], data), ladder_of([windup, machine], data)
+    assert [rung.title for rung in down.rungs] == ["before", "- gravity_windup at EL"]
+    assert down.rungs[1].fit.rms == pytest.approx(up.rungs[0].fit.rms, rel=1e-9)
+    assert down.rungs[1].step.statistic == pytest.approx(up.rungs[1].step.statistic, rel=1e-6)
+    assert down.rungs[1].parameters == {}
+
+
+@pytest.mark.parametrize("name", ["rotary_table", "trunnion", "ballbar_gantry"])
+def test_a_larger_model_never_fits_worse(name):
+    """Also where it starts from values that lead it astray."""
+    machine, data = example(name)
+    joint = machine.joints[0].name
+    steps = [
+        machine.effect("zero_offset", joint),
+        machine.effect("instrument_scale"),
+        machine.effect("scale", joint),
+    ]
+    astray = replace(machine, values={"instrument_scale.k": 0.5, f"{joint}.scale.k": -0.3})
+    found = ladder(astray, data, steps)
+    costs = [rung.fit.chi_square for rung in found.rungs]
+    assert all(after <= before * (1 + 1e-12) for before, after in pairwise(costs))
+
+
+def test_the_noise_stands_beside_the_error():
+    machine, data = example("trunnion")
+    found = ladder(machine, data, [machine.effect("warm_up_drift")])
+    assert found.rungs[0].fit.rms > 4 * found.noise.value
+    # The data were made with 1 µm; 672 readings tell it to 3 %.
+    assert found.rungs[1].fit.rms == pytest.approx(0.001, rel=0.1)
+    assert found.noise.text in str(found)
+    assert "noise 0.001077 (replicates)" in found.line
+
+
+def test_machines_that_differ_by_more_than_one_effect_are_no_rungs():
+    machine, data = example("mount")
+    other = machine.add("refraction").add("encoder_eccentricity", joint="AZ")
+    with pytest.raises(RodgenError, match="differ by more than one effect"):
+        ladder_of([machine, other], data)
+
+
+@pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
+def test_the_picture_is_the_same_each_time(tmp_path, ending):
+    machine, data = example("mount")
+    found = ladder(machine, data, [machine.effect("refraction")])
+    found.plot(tmp_path / f"a.{ending}")
+    found.plot(tmp_path / f"b.{ending}")
+    content = (tmp_path / f"a.{ending}").read_bytes()
+    assert content == (tmp_path / f"b.{ending}").read_bytes()
+    assert len(content) > 5000
+    with pytest.raises(InputFileError, match=r"a name that ends in .png, .svg or .pdf"):
+        found.plot(tmp_path / "a.bmp")
+
+
+def test_the_picture_shows_rungs_and_noise():
+    machine, data = example("rotary_table")
+    figure = ladder(machine, data, [machine.effect("tilt_error_motion", "C")]).draw()
+    (axes,) = figure.axes
+    assert [text.get_text() for text in axes.get_xticklabels()] == ["base", "+ tilt_error_motion\nat C"]
+    labels = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert labels == ["noise, by replicates", "95 % of it", "fitted", "poses that the fit did not see"]
+
+
+def test_a_machine_adds_and_removes():
+    machine, _ = example("mount")
+    more = machine.add("gravity_windup", joint="EL", hold={"k2": 0})
+    assert [effect.title for effect in more.effects] == ["gravity_windup at EL"]
+    assert more.remove("gravity_windup", joint="EL") == machine
+    with pytest.raises(InputFileError, match="one of the two, or neither"):
+        machine.add("backlash", joint="EL", target="boresight")
+    with pytest.raises(InputFileError, match=r"hold.k9: no parameter of gravity_windup"):
+        machine.add("gravity_windup", joint="EL", hold={"k9": 0})
+
+
+def test_held_out_of_nothing_to_adjust_is_the_error_itself():
+    machine, data = example("mount")
+    fixed = fit(replace(machine, estimate=()), data)
+    assert held_out(fixed).rms == pytest.approx(fixed.rms, rel=1e-12)
