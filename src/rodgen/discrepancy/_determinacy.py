@@ -31,7 +31,7 @@ SUSPECT = 1e-6
 more closely."""
 WEAK = 1e-3
 """A combination below this is hardly determined: parameters in it have a standard deviation a thousand times that
-which they had if the others were known."""
+which they had if the others were known. So is one that changes the readings so much less than it would others."""
 RESTS = 0.005
 """A parameter that has a greater part in a direction that is not determined rests on it."""
 
@@ -105,8 +105,6 @@ def determinacy(problem: Problem, theta: Array, frame: Frame, free: Sequence[int
     null = vt[~held]
     undetermined[index] = np.any(np.abs(null) > RESTS, axis=0) if len(null) else False
     weak = held & (values < WEAK * values[0])
-    if not len(null) and not weak.any():
-        return Determinacy(covariance, undetermined, int(held.sum()))
     at = (problem, theta, frame, index, scale, null, vt[weak])
     return Determinacy(covariance, undetermined, int(held.sum()), at)
 

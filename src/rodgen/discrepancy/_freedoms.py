@@ -252,6 +252,11 @@ class _Words:
         rest = hint or ": only their combination is determined"
         return f"{names} change together without a change of any reading in these data{rest}."
 
+    def hardly_changing(self) -> Array:
+        """Return the parameters, one a row, that change the readings far less than they would others."""
+        usual = self._elsewhere.size * float(np.linalg.norm(self.problem.weight))
+        return np.eye(len(self.index))[self.scale < INVARIANT * usual]
+
     def hardly(self, d: Array) -> str:
         """Say the same of what changes the readings, but little."""
         needed = SHOWN_BETTER * self._shown(d, self._imagined[0].jacobian)
@@ -344,7 +349,13 @@ def describe(
     gauge, lacking = words.split(null)
     undetermined = [Direction(words.parts(d), True, words.choice(d)) for d in gauge]
     undetermined += [Direction(words.parts(d), False, words.lack(d)) for d in lacking]
-    hardly = [Direction(words.parts(d), False, words.hardly(d)) for d in sparse(weak)]
+    named = {key for d in undetermined for key, _ in d.parts}
+    hardly = []
+    for d in (*sparse(weak), *words.hardly_changing()):
+        parts = words.parts(d)
+        if len(parts) > 1 or parts[0][0] not in named:
+            hardly.append(Direction(parts, False, words.hardly(d)))
+            named |= {key for key, _ in parts}
     return tuple(undetermined), tuple(hardly)
 
 
