@@ -1,0 +1,312 @@
+"""The noise floor and the lack of fit, on data whose noise is known, and against figures taken by plain loops."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from simulated_fits import TRUTH, fit_to, joint, machine_file, measure, on_table
+
+from rodgen.discrepancy.fit import Fit, fit
+from rodgen.discrepancy.measurements import Measurements
+from rodgen.machines.machine import Machine
+
+EXAMPLES = Path(__file__).parent.parent / "examples" / "machines"
+NOISE = 0.002
+RING = np.repeat(np.radians(np.arange(0.0, 360, 30)), 2)
+TWICE = {"C [rad]": np.concatenate([RING, RING]), "target": ["p", "r"] * 24, "run": [1] * 24 + [2] * 24}
+
+
+def example(name: str) -> Fit:
+    (data,) = (EXAMPLES / name).glob("*.csv")
+    return fit(Machine.load(EXAMPLES / name / "machine.toml"), Measurements.load(data))
+
+
+def readings(columns: Any) -> np.ndarray:
+    return np.stack([columns[f"{x} [mm]"] for x in "xyz"], axis=-1)
+
+
+def add(columns: Any, change: Any) -> dict[str, Any]:
+    changed = readings(columns) + change
+    return {**columns, **{f"{x} [mm]": changed[:, i] for i, x in enumerate("xyz")}}
+
+
+# replicates ------------------------------------------------------------------------------------------------------
+
+
+def test_pure_error_is_the_pooled_scatter_of_equal_commands() -> None:
+    """Nothing in this model tells two passes apart, so that residuals differ as the readings do.
+
+    But the second pass comes to its first place from the other side.
+    """
+    columns = measure(on_table(), TWICE, TRUTH, noise=NOISE, random=np.random.default_rng(1))
+    found = fit_to(on_table(), columns).noise
+    groups: dict[Any, list[np.ndarray]] = {}
+    for row, reading in enumerate(readings(columns)):
+        group = (columns["C [rad]"][row], columns["target"][row], row in {24, 25})
+        groups.setdefault(group, []).append(reading)
+    squares = sum(np.sum((np.array(g) - np.mean(g, axis=0)) ** 2) for g in groups.values())
+    freedoms = sum(3 * (len(g) - 1) for g in groups.values())
+    assert freedoms == 3 * 22
+    assert found.value == pytest.approx(
+        np.sqrt(squares / freedoms), rel=1e-9
+    )  # rounding of readings of 150 mm
+    assert found.source == "replicates"
+    assert found.replicated_poses == 22
+    assert 0.5 * freedoms < found.replicates.degrees_of_freedom <= freedoms
+    assert found.stated is None
+
+
+def covered(count: int, of: str, change: Any = lambda random: 0.0, true: float = NOISE) -> float:
+    """Return how often the interval of a witness holds the true noise."""
+    hits = 0
+    for seed in range(count):
+        random = np.random.default_rng(seed)
+        data = measure(on_table(), TWICE, TRUTH, noise=NOISE, random=random)
+        found = getattr(fit_to(on_table(), add(data, change(random))).noise, of)
+        hits += found.low < true < found.high
+    return hits / count
+
+
+@pytest.mark.parametrize("of", ["replicates", "distances"])
+def test_intervals_hold_the_noise_in_95_of_100_sets(of: str) -> None:
+    # 300 sets: two standard deviations of the share are 0.025
+    assert covered(300, of) == pytest.approx(0.95, abs=0.025)
+
+
+def test_what_the_readings_of_a_pose_share_does_not_count_twice() -> None:
+    """The balls of a pose move together by three times the noise: a pose then tells little more than one ball does."""
+    shared = 3 * NOISE
+
+    def jitter(random: np.random.Generator) -> np.ndarray:
+        return np.repeat(shared * random.normal(size=(24, 3)), 2, axis=0)
+
+    true = float(np.hypot(NOISE, shared))
+    # 150 sets: two standard deviations of the share are 0.036
+    assert covered(150, "replicates", jitter, true) == pytest.approx(0.95, abs=0.045)
+    # Distances between the balls know nothing of it.
+    assert covered(150, "distances", jitter) == pytest.approx(0.95, abs=0.036)
+
+
+def test_repeated_readings_are_no_replicates() -> None:
+    """Each pose is read five times with a fifth of its own scatter; a single reading scatters by both."""
+    angles = np.tile(np.radians(np.arange(0.0, 360, 12)), 2)
+    columns = {"C [rad]": np.repeat(angles, 5)}
+    file = on_table(targets=[(150, 0, 30)])
+    random = np.random.default_rng(4)
+    data = measure(file, columns, noise=NOISE / 5, random=random)
+    data = add(data, np.repeat(NOISE * random.normal(size=(60, 3)), 5, axis=0))
+    found = fit_to(file, data).noise
+    assert found.repeated is not None
+    # 720 readings less 180 means: 4 % are two standard deviations of the scatter's
+    assert found.repeated.value == pytest.approx(NOISE / 5, rel=0.06)
+    true = float(np.hypot(NOISE, NOISE / 5))
+    assert found.replicates.low < true < found.replicates.high
+    assert found.replicates.degrees_of_freedom < 1.2 * 90
+    single = fit_to(file, {key: values[:150] for key, values in data.items()}).noise
+    assert (single.value, single.replicates) == (None, None)
+    assert "Readings repeated in one pose" in single.text
+
+
+def test_a_drift_between_replicates_is_told_and_taken_out() -> None:
+    """The example's spindle grows as it warms up; what the sensors add is 1 µm."""
+    found = example("trunnion").noise
+    assert found.drifts == ("time",)
+    assert found.replicates.low < 0.001 < found.replicates.high
+    assert found.with_drifts.value > 2 * found.value
+    assert "the readings follow time, which is taken out" in found.text
+
+
+def test_runs_that_differ_are_told() -> None:
+    data = measure(on_table(), TWICE, TRUTH, noise=NOISE, random=np.random.default_rng(2))
+    shifted = add(data, np.where(np.arange(48) < 24, 0.0, 5 * NOISE)[:, None])
+    found = fit_to(on_table(), shifted).noise
+    assert found.drifts == ("the run",)
+    assert found.replicates.low < NOISE < found.replicates.high
+    # A model that lets the runs differ leaves nothing to take out.
+    effects = [{"name": "encoder_eccentricity", "joint": "C"}, {"name": "frame_shift"}]
+    modelled = fit_to(on_table(effects=effects), shifted).noise
+    assert modelled.drifts == ()
+    assert modelled.replicates.low < NOISE < modelled.replicates.high
+
+
+def test_no_drift_is_seen_where_there_is_none() -> None:
+    seen = 0
+    for seed in range(100):
+        data = measure(on_table(), TWICE, TRUTH, noise=NOISE, random=np.random.default_rng(seed))
+        found = fit_to(on_table(), data).noise
+        seen += len(found.drifts) + len(found.distance_drifts)
+    assert seen == 0  # one in 10 000 by chance
+
+
+# distances -------------------------------------------------------------------------------------------------------
+
+
+def test_distances_do_not_ask_the_model() -> None:
+    """The table wobbles by a tenth of a millimetre, which no model here knows."""
+    wobble = {**TRUTH, "C.radial_error_motion.u_c2": 0.1, "C.tilt_error_motion.v_s2": 1e-3}
+    columns = {"C [rad]": np.repeat(np.linspace(0, 6, 100), 2), "target": ["p", "r"] * 100}
+    found = fit_to(
+        on_table(), measure(on_table(), columns, wobble, noise=NOISE, random=np.random.default_rng(5))
+    )
+    assert found.rms > 10 * NOISE
+    assert found.noise.value is None
+    assert found.noise.distances.low < NOISE < found.noise.distances.high
+    assert found.noise.distances.degrees_of_freedom == pytest.approx(99, rel=0.02)
+    assert "Distances between targets say" in found.noise.text
+
+
+def test_many_targets_have_many_distances_and_fewer_degrees_of_freedom() -> None:
+    """Six points have fifteen distances, and twelve freedoms that no motion changes."""
+    random = np.random.default_rng(6)
+    points = [tuple(p) for p in random.uniform(-200, 200, (6, 3))]
+    file = machine_file([joint("C", "revolute", (0, 0, 1))], points, estimate=["target"])
+    columns = {"C [rad]": np.repeat(np.linspace(0, 6, 60), 6), "target": list("prstuv") * 60}
+    found = fit_to(file, measure(file, columns, noise=NOISE, random=random)).noise.distances
+    assert found.low < NOISE < found.high
+    assert 59 * 6 < found.degrees_of_freedom < 59 * 12 * 1.05
+
+
+def test_distances_along_a_badly_seen_axis_are_weighted_by_what_is_stated() -> None:
+    columns = {"C [rad]": np.repeat(np.linspace(0, 6, 100), 2), "target": ["p", "r"] * 100}
+    sigma = np.array([0.001, 0.001, 0.02])
+    data = measure(on_table(), columns, TRUTH, noise=sigma, random=np.random.default_rng(7))
+    data |= {f"u_{x} [mm]": np.full(200, s) for x, s in zip("xyz", sigma, strict=True)}
+    found = fit_to(on_table(), data).noise
+    mean = float(np.sqrt(np.mean(sigma**2)))
+    assert found.stated == pytest.approx(mean, rel=1e-12)
+    # 99 degrees of freedom: three standard deviations are 21 %
+    assert found.distances.value == pytest.approx(mean, rel=0.21)
+    assert found.text.endswith(f"Distances between targets say {found.distances.value:.3g} mm, which agrees.")
+
+
+def test_angles_between_directions() -> None:
+    mount = [joint("AZ", "revolute", (0, 0, -1)), joint("EL", "revolute", (1, 0, 0))]
+    file = machine_file(mount, [(0, 1, 0), (0.3, 0.9, -0.2)], kind="direction", estimate=["target"])
+    random = np.random.default_rng(8)
+    columns = {
+        "AZ [rad]": np.repeat(random.uniform(-3, 3, 150), 2),
+        "EL [rad]": np.repeat(random.uniform(0.2, 1.2, 150), 2),
+        "target": ["p", "r"] * 150,
+    }
+    sigma = np.radians(2 / 3600)
+    found = fit_to(file, measure(file, columns, noise=sigma, random=random)).noise
+    assert found.unit == "arcsec"
+    assert found.distances.low < 2 < found.distances.high
+
+
+def test_a_scale_that_follows_the_temperature_is_told() -> None:
+    random = np.random.default_rng(9)
+    columns = {"C [rad]": np.repeat(np.linspace(0, 6, 80), 2), "target": ["p", "r"] * 80}
+    warmth = np.repeat(random.uniform(18, 24, 80), 2)
+    data = measure(on_table(), columns | {"T_C [degC]": warmth}, TRUTH, noise=NOISE, random=random)
+    grown = add(data, readings(data) * 1e-4 * (warmth[:, None] - 20))  # a fiftieth of a millimetre
+    found = fit_to(on_table(), grown).noise
+    assert found.distance_drifts == ("T_C",)
+    assert found.distances.low < NOISE < found.distances.high
+    assert "when their scale, which follows T_C, is taken out" in found.text
+
+
+# what is stated --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("stated", "verdict"),
+    [
+        (NOISE, "agrees"),
+        (NOISE / 4, "times smaller than the replicates say"),
+        (NOISE * 5, "times larger than the replicates say"),
+    ],
+)
+def test_what_is_stated_is_held_against_the_replicates(stated: float, verdict: str) -> None:
+    data = measure(on_table(), TWICE, TRUTH, noise=NOISE, random=np.random.default_rng(1))
+    found = fit_to(on_table(noise=stated), data).noise
+    assert found.source == "replicates"
+    assert found.stated == stated
+    assert f"the stated {stated:.3g} mm" in found.text
+    assert f"{verdict}." in found.text
+
+
+def test_the_stated_noise_is_the_value_without_replicates() -> None:
+    data = measure(on_table(), {"C [rad]": RING[::2]}, TRUTH, noise=NOISE, random=np.random.default_rng(1))
+    found = fit_to(on_table(noise=0.003), data).noise
+    assert (found.value, found.source, found.text) == (0.003, "stated", "The noise is 0.003 mm, as stated.")
+
+
+def test_unknown_noise_is_said_to_be_unknown() -> None:
+    found = example("mount")
+    assert found.noise.value is None
+    assert found.noise.text == "The noise is not known: none is stated, and no pose was repeated."
+    assert found.lack_of_fit is None
+
+
+def test_readings_that_share_their_errors_are_not_taken_for_the_noise() -> None:
+    """Three points made from one measured pose keep their distances to the last digit."""
+    columns = {"C [rad]": np.repeat(np.linspace(0, 6, 40), 2), "target": ["p", "r"] * 40}
+    data = measure(on_table(), columns, TRUTH)
+    data = add(data, np.repeat(NOISE * np.random.default_rng(3).normal(size=(40, 3)), 2, axis=0))
+    found = fit_to(on_table(), data).noise
+    assert found.value is None
+    assert found.text.endswith("without what the readings of a pose share.")
+
+
+def test_json_is_plain() -> None:
+    found = example("gantry_rotary")
+    assert json.loads(json.dumps(found.noise.to_dict()))["value"] == found.noise.value
+    told = json.loads(json.dumps(found.lack_of_fit.to_dict()))
+    assert told["p_value"] == found.lack_of_fit.p_value
+    assert told["text"] == found.lack_of_fit.text
+
+
+# lack of fit -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("noise", "shared"), [({}, 0.0), ({}, 2.0), ({"noise": NOISE}, 0.0)])
+def test_a_right_model_lacks_nothing(noise: dict[str, float], shared: float) -> None:
+    """Probabilities are uniform, or on the safe side, also where the readings of a pose share most of their error."""
+    p = []
+    for seed in range(150):
+        random = np.random.default_rng(seed)
+        columns = TWICE if not noise else {key: values[:24] for key, values in TWICE.items()}
+        data = measure(on_table(), columns, TRUTH, noise=NOISE, random=random)
+        poses = shared * NOISE * random.normal(size=(len(columns["run"]) // 2, 3))
+        found = fit_to(on_table(**noise), add(data, np.repeat(poses, 2, axis=0))).lack_of_fit
+        assert found.against == ("stated" if noise else "replicates")
+        p.append(found.p_value)
+    # 150 sets: two standard deviations of the share of 5 % are 3.6 %, of 50 % are 8 %
+    assert np.mean(np.array(p) < 0.05) < 0.05 + 0.036
+    assert np.mean(np.array(p) < 0.5) == pytest.approx(0.5, abs=0.12)
+
+
+@pytest.mark.parametrize("noise", [{}, {"noise": NOISE}])
+def test_a_missing_effect_is_a_lack_of_fit(noise: dict[str, float]) -> None:
+    random = np.random.default_rng(0)
+    wobble = {**TRUTH, "C.tilt_error_motion.u_c2": 6e-5}
+    columns = TWICE if not noise else {key: values[:24] for key, values in TWICE.items()}
+    found = fit_to(
+        on_table(**noise), measure(on_table(), columns, wobble, noise=NOISE, random=random)
+    ).lack_of_fit
+    assert found.p_value < 1e-6
+    assert "the model misses something (p = " in found.text
+    # a tilt of 60 µrad at 150 mm, an eighth of it in the mean square over balls and components
+    assert 1.2 < found.ratio < 4
+
+
+def test_residuals_of_a_thousand_times_the_noise_have_the_smallest_p() -> None:
+    columns = {"C [rad]": np.linspace(0, 6, 200)}
+    data = measure(on_table(), columns, {**TRUTH, "C.radial_error_motion.u_c2": 3.0})
+    found = fit_to(on_table(noise=NOISE), data).lack_of_fit
+    assert found.p_value == 1e-300
+    assert found.text.endswith("the model misses something (p < 1e-300).")
+
+
+def test_too_large_a_stated_noise_is_told() -> None:
+    data = measure(
+        on_table(), {"C [rad]": RING[::2]}, TRUTH, noise=NOISE / 5, random=np.random.default_rng(1)
+    )
+    found = fit_to(on_table(noise=NOISE), data).lack_of_fit
+    assert found.p_value > 0.99
+    assert "less than stated would do" in found.text
