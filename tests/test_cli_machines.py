@@ -1,0 +1,558 @@
+"""The commands of machines as a user types them: what they print where, what they write, and what they refuse."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+import rodgen
+from rodgen import cli
+
+EXAMPLES = Path(__file__).parent.parent / "examples" / "machines"
+NAMES = sorted(path.parent.name for path in EXAMPLES.glob("*/machine.toml"))
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Work where a user does: the telescope's files in the current folder."""
+    shutil.copy(EXAMPLES / "mount" / "machine.toml", tmp_path / "mount.toml")
+    shutil.copy(EXAMPLES / "mount" / "mmt_2021.csv", tmp_path / "stars.csv")
+    shutil.copy(EXAMPLES / "rotary_table" / "machine.toml", tmp_path / "table.toml")
+    shutil.copy(EXAMPLES / "rotary_table" / "data.csv", tmp_path / "balls.csv")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def rodgen_command(capsys):
+    """Run a command; return its exit code, and what it printed on standard output and standard error."""
+
+    def run(*arguments):
+        code = cli.main([str(argument) for argument in arguments])
+        shown = capsys.readouterr()
+        return code, shown.out, shown.err
+
+    return run
+
+
+def rows(path):
+    content = Path(path).read_bytes()
+    text = (gzip.decompress(content) if str(path).endswith(".gz") else content).decode()
+    header, *body = csv.reader(text.splitlines())
+    return header, body
+
+
+def run(*arguments, **options):
+    """Run the command in a process of its own."""
+    return subprocess.run(
+        [sys.executable, "-m", "rodgen", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        **options,
+    )
+
+
+# fit ---------------------------------------------------------------------------------------------------
+
+
+def test_fit_prints_values_with_their_uncertainties(folder):
+    done = run("fit", "mount.toml", "stars.csv")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith(
+        "Alt-azimuth mount of a telescope: 80 rows, 160 readings, 6 parameters\nrms 2.711 arcsec"
+    )
+    # From an independent fit in plain NumPy: EL.axis.b is -1209.2 arcsec
+    assert "EL.axis.b               -1209.18         3.8  arcsec" in done.stdout
+
+
+def test_fit_prints_json_and_nothing_else(folder, rodgen_command):
+    code, out, err = rodgen_command("fit", "mount.toml", "stars.csv", "--json")
+    found = json.loads(out)
+    assert (code, err) == (0, "")
+    assert round(found["rms"], 3) == 2.711
+    assert found["unit"] == "arcsec"
+    assert set(found["parameters"]["AZ.axis.a"]) == {"value", "std", "unit", "held", "determined"}
+
+
+def test_fit_without_a_spare_reading_is_json_all_the_same(folder, rodgen_command):
+    lines = (folder / "stars.csv").read_text().splitlines()
+    (folder / "three.csv").write_text("\n".join(lines[:4]) + "\n")
+    code, out, _ = rodgen_command("fit", "mount.toml", "three.csv", "--json")
+    assert code == 0
+    assert json.loads(out, parse_constant=pytest.fail)["degrees_of_freedom"] == 0
+
+
+def test_loading_a_compiled_model_imports_no_sympy(folder):
+    assert run("fit", "mount.toml", "stars.csv").returncode == 0
+    code = (
+        "import sys, rodgen.cli\n"
+        "assert rodgen.cli.main(['fit', 'mount.toml', 'stars.csv']) == 0\n"
+        "heavy = {'sympy', 'matplotlib', 'pint', 'jinja2', 'tqdm'} & set(sys.modules)\n"
+        "assert not heavy, heavy\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_fitted_machine_predicts_what_the_fit_predicted(name, tmp_path, rodgen_command):
+    machine = EXAMPLES / name / "machine.toml"
+    (data,) = (EXAMPLES / name).glob("*.csv")
+    code, out, _ = rodgen_command("fit", machine, data, "-o", tmp_path / "fitted.toml", "--json")
+    first = json.loads(out)
+    assert code == 0
+    code, out, _ = rodgen_command("fit", tmp_path / "fitted.toml", data, "--json")
+    second = json.loads(out)
+    assert code == 0
+    # The file holds every bit; a free frame is fitted again, to a part of its uncertainty.
+    assert second["rms"] == pytest.approx(first["rms"], rel=1e-7)
+    assert all(p["held"] or key.startswith("frame.") for key, p in second["parameters"].items())
+
+
+def test_residuals_stand_beside_the_rows_that_they_are_of(folder, rodgen_command):
+    code, out, err = rodgen_command("fit", "table.toml", "balls.csv", "--residuals", "left.csv", "--json")
+    assert (code, err) == (0, "")
+    before, after = rows("balls.csv"), rows("left.csv")
+    assert after[0][: len(before[0])] == before[0]
+    assert after[0][len(before[0]) :] == [
+        "predicted_x [mm]", "predicted_y [mm]", "predicted_z [mm]",
+        "residual_x [mm]", "residual_y [mm]", "residual_z [mm]", "outlier",
+    ]  # fmt: skip
+    assert [row[: len(before[0])] for row in after[1]] == before[1]
+    numbers = np.array([[float(cell) for cell in row[2:5] + row[6:12]] for row in after[1]])
+    read, predicted, residual = numbers[:, :3], numbers[:, 3:6], numbers[:, 6:]
+    assert read - predicted == pytest.approx(residual, abs=1e-12)
+    assert np.sqrt(np.mean(residual**2)) == pytest.approx(json.loads(out)["rms"], rel=1e-12)
+
+
+def test_residuals_are_in_the_unit_of_the_readings(folder, rodgen_command):
+    text = (folder / "balls.csv").read_text().replace("x [mm]", "x [um]", 1)
+    header, *lines = text.splitlines()
+    cells = [line.split(",") for line in lines]
+    micron = [[*row[:2], f"{float(row[2]) * 1000:.1f}", *row[3:]] for row in cells]
+    (folder / "micron.csv").write_text("\n".join([header, *map(",".join, micron)]) + "\n")
+    for name in ("balls", "micron"):
+        assert rodgen_command("fit", "table.toml", f"{name}.csv", "--residuals", f"{name}.csv.gz")[0] == 0
+    (names, one), (_, other) = rows("micron.csv.gz"), rows("balls.csv.gz")
+    assert names[6] == "predicted_x [um]"
+    assert [float(row[9]) for row in one] == pytest.approx([1000 * float(row[9]) for row in other], abs=1e-6)
+
+
+def test_residuals_of_directions_are_angles(folder, rodgen_command):
+    assert rodgen_command("fit", "mount.toml", "stars.csv", "--residuals", "left.parquet")[0] == 0
+    table = pq.read_table("left.parquet").to_pydict()
+    read, predicted = (np.stack([table[p + x] for x in ("ux", "uy", "uz")], -1) for p in ("", "predicted_"))
+    read /= np.linalg.norm(read, axis=1, keepdims=True)
+    angle = 2 * np.arcsin(np.linalg.norm(read - predicted, axis=1) / 2) * 648000 / np.pi
+    parts = np.hypot(table["residual_horizontal [arcsec]"], table["residual_vertical [arcsec]"])
+    assert parts == pytest.approx(angle, rel=1e-6)
+    # seen higher than predicted: the vertical part is positive
+    up = (read - predicted)[:, 2] * 648000 / np.pi / np.sqrt(1 - read[:, 2] ** 2)
+    assert table["residual_vertical [arcsec]"] == pytest.approx(up, abs=0.01)
+
+
+def test_outliers_are_named_and_marked(folder, rodgen_command):
+    header, body = rows("balls.csv")
+    body[17][2] = str(float(body[17][2]) + 3.0)
+    (folder / "bad.csv").write_text("\n".join(map(",".join, [header, *body])) + "\n")
+    code, out, _ = rodgen_command(
+        "fit", "table.toml", "bad.csv", "--loss", "huber", "--residuals", "left.csv"
+    )
+    assert code == 0
+    assert "1 outlier" in out
+    assert "line 19" in out
+    assert [number for number, row in enumerate(rows("left.csv")[1]) if row[-1] == "1"] == [17]
+
+
+def test_fit_reads_standard_input(folder):
+    with open("stars.csv", encoding="utf-8") as stars:
+        done = run("fit", "mount.toml", "-", stdin=stars)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "rms 2.711 arcsec" in done.stdout
+
+
+def test_a_fit_that_does_not_converge_ends_with_1_and_says_so(folder, rodgen_command, monkeypatch):
+    monkeypatch.setattr(
+        "rodgen.discrepancy._least_squares.minimise.__kwdefaults__", {"progress": None, "max_iterations": 1}
+    )
+    code, out, err = rodgen_command("fit", "mount.toml", "stars.csv")
+    assert (code, err) == (1, "")
+    assert "NOT CONVERGED" in out
+
+
+# add and remove ----------------------------------------------------------------------------------------
+
+
+def test_adding_what_is_missing_makes_the_error_fall(folder, rodgen_command):
+    code, out, err = rodgen_command(
+        "add", "mount.toml", "gravity_windup", "stars.csv", "--joint", "EL", "--hold", "k2=0"
+    )
+    assert (code, err) == (0, "")
+    lines = out.splitlines()
+    assert lines[0] == "mount_gravity_windup_EL.toml: mount.toml with gravity_windup at EL"
+    assert [line.split()[-4] for line in lines[4:6]] != []
+    assert lines[4].split() == ["base", "2.711", "2.791", "6"]
+    assert lines[5].split()[:7] == ["+", "gravity_windup", "at", "EL", "0.969", "1.013", "7"]
+    assert "gravity_windup at EL is in these data: chance does not do as much" in out
+    assert "  Remedy       Balance the axis" in out
+    code, out, _ = rodgen_command("add", "mount_gravity_windup_EL.toml", "refraction", "stars.csv")
+    assert code == 0
+    assert out.splitlines()[4].split()[:3] == ["before", "0.969", "1.013"]
+    assert out.splitlines()[5].split()[:4] == ["+", "refraction", "0.659", "0.698"]
+    # TPOINT's coefficients of this run: TF 21.41", TX 2.72"
+    assert "EL.gravity_windup.k  21.41" in out
+    assert "refraction.a         2.71" in out
+
+
+def test_a_new_file_is_the_old_one_with_a_block_more(folder, rodgen_command):
+    before = (folder / "mount.toml").read_text()
+    assert rodgen_command("add", "mount.toml", "gravity_windup", "--joint", "EL", "--hold", "k2=0")[0] == 0
+    after = (folder / "mount_gravity_windup_EL.toml").read_text()
+    assert after.startswith(before)
+    assert tomllib.loads(after)["effect"] == [{"name": "gravity_windup", "joint": "EL", "hold": {"k2": 0}}]
+    assert (folder / "mount.toml").read_text() == before
+
+
+def test_without_measurements_only_the_file_is_written(folder, rodgen_command):
+    code, out, err = rodgen_command("add", "table.toml", "backlash", "--joint", "C", "-o", "new.toml")
+    assert (code, err) == (0, "")
+    assert out.startswith("new.toml: table.toml with backlash at C\n")
+    assert "reading -= b/2*s" in out
+    code, out, _ = rodgen_command(
+        "add", "table.toml", "target_offset", "--target", "ball_2", "-o", "other.toml", "--json"
+    )
+    assert code == 2  # its targets are fitted already
+    code, out, _ = rodgen_command("remove", "new.toml", "backlash", "--joint", "C", "--json")
+    found = json.loads(out)
+    assert (code, found["file"], found["ladder"]) == (0, "new_without_backlash_C.toml", None)
+    assert rodgen.Machine.load(found["file"]) == rodgen.Machine.load("table.toml")
+
+
+def test_a_default_name_never_overwrites(folder, rodgen_command):
+    names = []
+    for _ in range(3):
+        code, out, _ = rodgen_command("add", "mount.toml", "refraction", "--json")
+        assert code == 0
+        names.append(json.loads(out)["file"])
+    assert names == ["mount_refraction.toml", "mount_refraction_2.toml", "mount_refraction_3.toml"]
+
+
+def test_the_machine_itself_may_be_changed(folder, rodgen_command):
+    assert rodgen_command("add", "mount.toml", "refraction", "-o", "mount.toml")[0] == 0
+    assert [e.title for e in rodgen.Machine.load("mount.toml").effects] == ["refraction"]
+    assert rodgen_command("remove", "mount.toml", "refraction", "-o", "mount.toml")[0] == 0
+    # an empty line that stood before the block may stay
+    assert (folder / "mount.toml").read_text().strip() == (
+        EXAMPLES / "mount" / "machine.toml"
+    ).read_text().strip()
+
+
+def test_an_effect_that_is_not_there_is_said_to_be_chance(folder, rodgen_command):
+    code, out, _ = rodgen_command("add", "mount.toml", "encoder_ellipticity", "stars.csv", "--joint", "AZ")
+    assert code == 0
+    assert "encoder_ellipticity at AZ is not in these data: chance does as much (F = " in out
+    assert "Remedy" not in out
+
+
+def test_taking_an_effect_away_shows_the_ladder_the_other_way(folder, rodgen_command):
+    assert (
+        rodgen_command(
+            "add", "mount.toml", "gravity_windup", "--joint", "EL", "--hold", "k2=0", "-o", "two.toml"
+        )[0]
+        == 0
+    )
+    code, out, _ = rodgen_command(
+        "remove", "two.toml", "gravity_windup", "stars.csv", "--joint", "EL", "--json"
+    )
+    found = json.loads(out)["ladder"]
+    assert code == 0
+    assert [rung["title"] for rung in found["rungs"]] == ["before", "- gravity_windup at EL"]
+    assert [round(rung["rms"], 3) for rung in found["rungs"]] == [0.969, 2.711]
+    assert found["rungs"][1]["step"]["significant"]
+    code, out, _ = rodgen_command("remove", "two.toml", "gravity_windup", "stars.csv", "--joint", "EL")
+    assert out.rstrip().endswith("Without it the model is worse than it can be: keep it.")
+
+
+def test_json_of_add_holds_the_ladder(folder, rodgen_command):
+    code, out, err = rodgen_command("add", "mount.toml", "refraction", "stars.csv", "--json")
+    found = json.loads(out)
+    assert (code, err) == (0, "")
+    base, added = found["ladder"]["rungs"]
+    assert (found["effect"], found["place"], found["ladder"]["unit"]) == ("refraction", None, "arcsec")
+    assert base["step"] is None
+    assert added["parameters"]["refraction.a"]["unit"] == "arcsec"
+    assert added["rms"] < added["rms_held_out"] < base["rms"]
+    assert found["remedy"]
+
+
+@pytest.mark.parametrize("hold", ["b=0.01", "b=36arcsec", "b = 36 arcsec", "b=0.6arcmin", "b=-0.01"])
+def test_held_values_are_in_the_units_of_the_file_or_their_own(folder, rodgen_command, hold):
+    code, _, err = rodgen_command(
+        "add", "table.toml", "backlash", "--joint", "C", "-o", "new.toml", "--hold", hold
+    )
+    assert (code, err) == (0, "")
+    value = tomllib.loads((folder / "new.toml").read_text())["effect"][-1]["hold"]["b"]
+    assert abs(value) == pytest.approx(0.01, rel=1e-12)
+    assert (value < 0) == ("-" in hold)
+
+
+# emit --------------------------------------------------------------------------------------------------
+
+
+def test_emit_writes_what_was_fitted(folder, rodgen_command):
+    code, out, err = rodgen_command("emit", "mount.toml", "stars.csv", "--lang", "numpy", "-o", "code")
+    assert (code, err) == (0, "")
+    files = out.split()
+    assert files == sorted(str(path.relative_to(folder)) for path in (folder / "code").iterdir())
+    test = next(name for name in files if Path(name).name.startswith("test_"))
+    done = subprocess.run(
+        [sys.executable, Path(test).name], cwd=folder / "code", capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    code, out, _ = rodgen_command("emit", "mount.toml", "stars.csv", "--lang", "c", "-o", "code", "--json")
+    assert (code, len(json.loads(out)["files"])) == (0, 3)
+
+
+def test_emit_wants_values(folder, rodgen_command):
+    code, out, err = rodgen_command("emit", "mount.toml", "--lang", "c")
+    assert (code, out) == (2, "")
+    assert err.startswith("mount.toml: AZ.axis.a: no value yet; expected ")
+    assert not (folder / "build").exists()
+    assert rodgen_command("fit", "mount.toml", "stars.csv", "-o", "fitted.toml")[0] == 0
+    assert rodgen_command("emit", "fitted.toml", "--lang", "c")[0] == 0
+    assert len(list((folder / "build").iterdir())) == 3
+
+
+# effects -----------------------------------------------------------------------------------------------
+
+
+def test_effects_lists_every_effect_of_the_catalogue(rodgen_command):
+    from rodgen.machines.catalogue import CATALOGUE
+
+    code, out, err = rodgen_command("effects")
+    assert (code, err) == (0, "")
+    for definition in CATALOGUE:
+        assert f"\n  {definition.name} " in f"\n{out}"
+        assert definition.iso in out
+    assert max(map(len, out.splitlines())) <= 120
+    code, out, _ = rodgen_command("effects", "--json")
+    assert [effect["name"] for effect in json.loads(out)] == [definition.name for definition in CATALOGUE]
+
+
+def test_effects_tells_all_about_one(rodgen_command):
+    code, out, _ = rodgen_command("effects", "backlash")
+    assert code == 0
+    assert out.count("Remedy") == 2  # at revolute and at prismatic joints
+    for word in ("at a revolute joint", "ISO 230", "Meaning", "Usual size", "Source", "b [arcsec]"):
+        assert word in out
+    code, out, err = rodgen_command("effects", "backlsh")
+    assert (code, out) == (2, "")
+    assert (
+        err
+        == "command line: NAME: no effect 'backlsh'; expected 'backlash', perhaps; 'rodgen effects' lists all\n"
+    )
+
+
+def test_words_are_printed_where_there_are_no_greek_letters():
+    done = run("effects", "encoder_eccentricity", env={**os.environ, "PYTHONIOENCODING": "ascii"})
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "10 ?m of eccentricity" in done.stdout
+
+
+# simulate ----------------------------------------------------------------------------------------------
+
+
+def test_simulate_hides_an_effect_and_keeps_the_design(folder, rodgen_command):
+    (folder / "design.csv").write_text("C [deg],remark,target\n0.50,a,ball_1\n\n+90,b,ball_2\n180,c,ball_3\n")
+    effect = "encoder_eccentricity@C:a=12arcsec,b=3arcsec"
+    code, out, err = rodgen_command(
+        "simulate", "table.toml", "design.csv", "--effect", effect, "-o", "made.csv", "--truth", "truth.json"
+    )  # fmt: skip
+    assert (code, out) == (0, "")
+    assert err == "made.csv: 3 rows, noise 0.0015 mm; the truth is in truth.json\n"
+    header, body = rows("made.csv")
+    assert header == ["C [deg]", "remark", "target", "x [mm]", "y [mm]", "z [mm]"]
+    assert [row[:3] for row in body] == [
+        ["0.50", "a", "ball_1"],
+        ["+90", "b", "ball_2"],
+        ["180", "c", "ball_3"],
+    ]
+    assert "eccentricity" not in (folder / "truth.json").read_text()
+    code, out, err = rodgen_command("simulate", "--open", "truth.json")
+    assert (code, err) == (0, "")
+    assert "C.encoder_eccentricity.a  12 arcsec" in out
+    code, out, _ = rodgen_command("simulate", "--open", "truth.json", "--json")
+    assert json.loads(out)["noise"] == {"rms": 0.0015, "unit": "mm"}
+
+
+def test_simulate_and_add_find_each_other(folder, rodgen_command):
+    files = ["--truth", "truth.json", "-o", "made.parquet"]
+    code, out, _ = rodgen_command(
+        "simulate", "table.toml", "balls.csv", "--hidden", *files, "--seed", 4, "--json"
+    )
+    noise = {"rms": pytest.approx(0.0015), "unit": "mm"}
+    assert code == 0
+    assert json.loads(out) == {"data": "made.parquet", "truth": "truth.json", "rows": 432, "noise": noise}
+    (hidden,) = json.loads(rodgen_command("simulate", "--open", "truth.json", "--json")[1])["effects"]
+    place = ["--joint", hidden["place"]] if hidden["place"] else []
+    code, out, _ = rodgen_command("add", "table.toml", hidden["effect"], "made.parquet", *place, "--json")
+    last = json.loads(out)["ladder"]["rungs"][1]
+    assert code == 0
+    assert last["step"]["significant"]
+    assert last["rms"] == pytest.approx(0.0015, rel=0.1)
+
+
+def test_simulate_writes_to_standard_output(folder):
+    one, other = (
+        run("simulate", "table.toml", "balls.csv", "--seed", "1", "--noise", "4um") for _ in range(2)
+    )
+    assert one.returncode == 0
+    assert one.stdout == other.stdout
+    assert one.stdout.startswith("C [deg],target,x [mm],y [mm],z [mm],run\n0.0,ball_1,")
+    assert one.stderr == "standard output: 432 rows, noise 0.004 mm\n"
+
+
+# what is refused ---------------------------------------------------------------------------------------
+
+REFUSED = {
+    "fit none.toml stars.csv": "none.toml: file: no such file; expected a machine file",
+    "fit mount.toml none.csv": "none.csv: file: no such file; expected a CSV or Parquet file",
+    "fit stars.csv mount.toml": "stars.csv: line 1",
+    "fit mount.toml balls.csv": "balls.csv: line 1: no column 'AZ'",
+    "fit mount.toml stars.csv --loss cauchy": "rodgen fit: argument --loss: invalid choice: 'cauchy'",
+    "fit mount.toml stars.csv -o mount.toml": "mount.toml: file: the input file itself; expected another name",
+    "fit mount.toml stars.csv -o stars.csv": "stars.csv: file: the input file itself; expected another name",
+    "fit mount.toml stars.csv -o .": ".: file: a folder; expected the name of a file",
+    "fit mount.toml stars.csv -o no/new.toml": "no/new.toml: file: cannot be written (No such file or directory)",
+    "fit mount.toml stars.csv -o new.toml --residuals no/left.csv": "no/left.csv: file: cannot be written",
+    "fit mount.toml stars.csv -o new.toml --residuals new.toml": "new.toml: file: the name of two outputs",
+    "fit mount.toml stars.csv --residuals left.xlsx": "left.xlsx: file: a name that does not say what to write",
+    "fit mount.toml - --residuals left.csv": "standard input: file: a pipe, whose rows are to be written again",
+    "fit mount.toml": "rodgen fit: the following arguments are required: DATA",
+    "compare mount.toml none.csv": "none.csv: file: no such file",
+    "add mount.toml refraction none.csv": "none.csv: file: no such file",
+    "add mount.toml refractoin": "refractoin: no effect 'refractoin' in the catalogue; expected 'refraction'",
+    "add mount.toml backlash": "mount.toml: backlash: missing; expected a prismatic or revolute joint: 'AZ' or 'EL'",
+    "add mount.toml backlash --joint C": "mount.toml: backlash at C: no joint or target 'C'",
+    "add mount.toml refraction --joint EL": "'EL', but refraction acts on the whole machine; expected no joint",
+    "add mount.toml axis_tilt --joint EL": "the same freedom as 'EL.axis' in [estimate]; expected one of the two",
+    "add mount.toml axis_offset --joint EL": "changes no direction: it only moves; expected another effect",
+    "add mount.toml backlash --joint EL --target boresight": "argument --target: not allowed with argument --joint",
+    "add mount.toml gravity_windup --joint EL --hold k9=0": "hold.k9: no parameter of gravity_windup; expected 'k' or",
+    "add mount.toml gravity_windup --joint EL --hold k2": "--hold: 'k2'; expected NAME=VALUE, such as k2=0",
+    "add mount.toml gravity_windup --joint EL --hold k2=x": "--hold k2: 'x'; expected a number, such as 0 or 12arcsec",
+    "add mount.toml gravity_windup --joint EL --hold k2=1mm": "--hold k2: unit 'mm'; expected one such as arcsec",
+    "add mount.toml gravity_windup --joint EL --hold k=1 --hold k=2": "--hold: 'k' twice; expected it once",
+    "add mount.toml refraction stars.csv -o no/new.toml": "no/new.toml: file: cannot be written",
+    "add mount.toml refraction stars.csv -o stars.csv": "stars.csv: file: the input file itself",
+    "remove mount.toml refraction": "[[effect]]: no 'refraction'; expected none: this machine has no effects",
+    "emit mount.toml stars.csv": "rodgen emit: the following arguments are required: --lang",
+    "emit mount.toml stars.csv --lang java": "argument --lang: invalid choice: 'java'",
+    "emit mount.toml stars.csv --lang c -o stars.csv": "stars.csv",
+    "effects none": "command line: NAME: no effect 'none'",
+    "simulate": "rodgen simulate: no MACHINE and DESIGN; expected both, or --open TRUTH.json",
+    "simulate table.toml balls.csv --hidden": "--hidden without --truth; expected --truth TRUTH.json",
+    "simulate table.toml balls.csv --json": "--json, while standard output has the data; expected -o DATA, too",
+    "simulate table.toml balls.csv --seed -1": "argument --seed: '-1' is no whole number from 0 up",
+    "simulate table.toml balls.csv --seed x": "argument --seed: 'x' is no whole number from 0 up",
+    "simulate table.toml balls.csv -o balls.csv": "balls.csv: file: the input file itself",
+    "simulate table.toml balls.csv -o made.csv --truth made.csv": "made.csv: file: the name of two outputs",
+    "simulate table.toml balls.csv -o made.csv --truth no/truth.json": "no/truth.json: file: cannot be written",
+    "simulate table.toml balls.csv -o no/made.csv --truth truth.json": "no/made.csv: file: cannot be written",
+    "simulate table.toml balls.csv --noise 2 -o made.txt": "made.txt: file: a name that does not say what to write",
+    "simulate table.toml balls.csv --effect backlash@D": "no joint or target 'D'",
+    "simulate table.toml balls.csv --open truth.json": "files beside --open; expected --open TRUTH.json alone",
+    "simulate --open none.json": "none.json: file: no such file; expected a file that 'rodgen simulate --truth' wrote",
+    "simulate --open mount.toml": "mount.toml: file: no sealed truth",
+}
+
+
+@pytest.mark.parametrize("command", REFUSED)
+def test_what_cannot_be_is_one_line_and_leaves_nothing(folder, rodgen_command, command):
+    before = sorted(path.name for path in folder.iterdir())
+    code, out, err = rodgen_command(*command.split())
+    assert (code, out) == (2, "")
+    assert REFUSED[command] in err
+    assert err.count("\n") == 1
+    assert "; expected " in err
+    assert sorted(path.name for path in folder.iterdir()) == before
+
+
+def test_files_that_are_there_stay_when_a_later_one_cannot_be_written(folder, rodgen_command):
+    (folder / "fitted.toml").write_text("mine")
+    code, out, _ = rodgen_command(
+        "fit", "mount.toml", "stars.csv", "-o", "fitted.toml", "--residuals", "no/left.csv"
+    )
+    assert (code, out) == (2, "")
+    assert (folder / "fitted.toml").read_text() == "mine"
+
+
+@pytest.mark.parametrize("command", ["fit", "compare", "add", "remove", "emit", "simulate", "effects"])
+def test_every_command_has_help_with_its_exit_codes(command, rodgen_command):
+    code, out, _ = rodgen_command(command, "--help")
+    assert code == 0
+    assert "exit codes:" in out
+    assert "a fit did not converge" in out
+    assert "--json" in out
+    assert max(map(len, out.splitlines())) <= 120
+
+
+def test_commands_are_in_the_documentation(rodgen_command):
+    text = (EXAMPLES.parent.parent / "docs" / "command_line.md").read_text(encoding="utf-8")
+    _, out, _ = rodgen_command("--help")
+    for command in ("fit", "compare", "add", "remove", "emit", "simulate", "effects"):
+        assert f"`rodgen {command} " in text
+        assert f"\n    {command} " in out
+
+
+def test_options_may_stand_anywhere(folder, rodgen_command):
+    texts = [
+        (
+            "add",
+            "--joint",
+            "EL",
+            "--hold",
+            "k2=0",
+            "mount.toml",
+            "gravity_windup",
+            "stars.csv",
+            "-o",
+            "a.toml",
+        ),
+        (
+            "add",
+            "mount.toml",
+            "--joint",
+            "EL",
+            "gravity_windup",
+            "--hold",
+            "k2=0",
+            "-o",
+            "b.toml",
+            "stars.csv",
+        ),
+    ]
+    shown = [rodgen_command(*text) for text in texts]
+    assert [code for code, _, _ in shown] == [0, 0]
+    assert shown[0][1].splitlines()[1:] == shown[1][1].splitlines()[1:]
+
+
+def test_a_progress_bar_shows_where_somebody_looks(folder, capfd, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    assert cli.main(["fit", "mount.toml", "stars.csv"]) == 0
+    shown = capfd.readouterr()
+    assert "making the model" in shown.err
+    assert shown.err.rstrip("\n").endswith("\r")  # and is taken away again
+    assert shown.out.startswith("Alt-azimuth mount")
