@@ -87,6 +87,7 @@ class Problem:
         self.base_weight = self._base_weight()
         self.weight = self.base_weight
         self.groups = list(self._groups())
+        self._pairs = tuple((group.target, group.run) for group in self.groups)
         self._kept: dict[tuple[int, int], Array] | None = None
         if self.rows * len(model.structure.columns) * 8 <= KEPT_BYTES:
             self._kept = {}
@@ -140,7 +141,7 @@ class Problem:
             return np.asarray(1.0 / o.sigma)
         first, second = o.basis
         variance = o.sigma**2
-        return 1.0 / np.sqrt(np.stack([np.sum(e**2 * variance, -1) for e in (first, second)], -1))
+        return np.asarray(1.0 / np.sqrt(np.stack([np.sum(e**2 * variance, -1) for e in (first, second)], -1)))
 
     def _groups(self) -> Iterator[_Group]:
         o = self.observations
@@ -212,8 +213,8 @@ class Problem:
 
     # evaluation ----------------------------------------------------------------------------------------------
 
-    def _geometries(self, theta: Array, frame: Frame) -> list[Array]:
-        return self.model.geometries(theta, frame, [(group.target, group.run) for group in self.groups])
+    def _geometries(self, theta: Array, frame: Frame) -> Array:
+        return self.model.geometries(theta, frame, self._pairs)
 
     def cost(self, theta: Array, frame: Frame) -> float:
         """Return the sum of the squares of the weighted residuals; infinite where one is not finite."""
@@ -246,7 +247,7 @@ class Problem:
             return number, float(r @ r), flat.T @ flat, flat.T @ r
 
         cost = 0.0
-        sums: dict[int, list[Array]] = {}
+        sums: dict[int, list[Array]] = {}  # of each group, in order
         for number, part, square, gradient in self._each(of_block):
             cost += part
             if number in sums:
@@ -255,8 +256,9 @@ class Problem:
             else:
                 sums[number] = [square, gradient]
         A, b = np.zeros((p, p)), np.zeros(p)
-        for number, (square, gradient) in sums.items():
-            slots = self.model.slots(theta, self.groups[number].target, self.groups[number].run)
+        for (square, gradient), slots in zip(
+            sums.values(), self.model.slots(theta, self._pairs), strict=True
+        ):
             A += slots.T @ square @ slots
             b += slots.T @ gradient
         return cost if np.isfinite(cost) and np.isfinite(A).all() else np.inf, A, b
@@ -275,7 +277,7 @@ class Problem:
         full, value = self.model.kernels["residual_and_jacobian"], self.model.kernels["residual"]
         e, moved_e = self.model.parameters_of_effects(theta), self.model.parameters_of_effects(moved[0])
         geometries, moved_geometries = self._geometries(theta, frame), self._geometries(*moved)
-        slots = [self.model.slots(theta, group.target, group.run) for group in self.groups]
+        slots = list(self.model.slots(theta, self._pairs))
 
         def of_block(number: int, group: _Group, start: int, stop: int) -> Array:
             rows = self._block(number, group, start, stop)
@@ -321,7 +323,7 @@ class Problem:
             return
         kernel, e = self.model.kernels["residual_and_jacobian"], self.model.parameters_of_effects(theta)
         geometries = self._geometries(theta, frame)
-        slots = [self.model.slots(theta, group.target, group.run) for group in self.groups]
+        slots = list(self.model.slots(theta, self._pairs))
         for number, group, start, stop in self._blocks():
             _, jacobian = kernel(self._block(number, group, start, stop), geometries[number], e)
             yield group.block(start, stop), jacobian @ slots[number]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -101,13 +101,17 @@ class Model:
         self._bases = [complete_basis(np.array(joint.axis)) for joint in machine.joints]
         directions = machine.targets if machine.measured.kind == "direction" else ()
         self._target_bases = [complete_basis(np.array(t.point)) for t in directions]
+        self._of_effects = self._numbers(
+            [("e", n, name) for n, name in self.structure.parameters] or [("e",)]
+        )
+        self._constant: tuple[tuple[tuple[int, int], ...], Array] = ((), np.zeros((0, 0)))
 
     def _travel(self, travel: Any) -> Array:
         given = [joint.travel for joint in self.machine.joints]
         found = np.zeros((len(given), 2)) if travel is None else np.asarray(travel, float)
         return np.array([f if g is None else g for f, g in zip(found, given, strict=True)])
 
-    @property
+    @functools.cached_property
     def kernels(self) -> Mapping[str, Any]:
         """The compiled kernels ``place``, ``residual``, ``residual_and_jacobian``; made when first asked for."""
         return _kernels(self.structure)
@@ -131,9 +135,13 @@ class Model:
         index = self.index.get(slot)
         return 0.0 if index is None else float(theta[index])
 
+    def _numbers(self, slots: Sequence[tuple[object, ...]]) -> NDArray[np.intp]:
+        """Return the numbers of parameters; that of the zero after the last for those which are none."""
+        return np.array([self.index.get(slot, len(self.parameters)) for slot in slots], np.intp)
+
     def parameters_of_effects(self, theta: Array) -> Array:
         """Return the kernel's vector ``e``; one zero where there are no effects."""
-        return np.array([self.value(theta, "e", n, name) for n, name in self.structure.parameters] or [0.0])
+        return np.asarray(np.append(theta, 0.0)[self._of_effects])
 
     def axis(self, theta: Array, j: int) -> tuple[Array, Array]:
         """Return a joint's axis and its derivative (3, 2) with respect to its two freedoms."""
@@ -155,13 +163,11 @@ class Model:
         u, v = self._target_bases[k]
         return tilted(point, u, v, np.array([self.value(theta, "target", k, x) for x in "ab"]))
 
-    def shift(self, theta: Array, run: int) -> tuple[Array, Array]:
-        """Return rotation vector and translation of the frame shift of a run."""
-        turn = [self.value(theta, "shift", run, x) for x in ("rx", "ry", "rz")]
-        return np.array(turn), np.array([self.value(theta, "shift", run, x) for x in "xyz"])
+    # The parts of ``g`` that change are written into a copy of those that do not, for all joints, targets and set-ups
+    # at once: a small fit is little more than this.
 
-    def geometries(self, theta: Array, frame: Frame, groups: Sequence[tuple[int, int]]) -> list[Array]:
-        """Return the kernel's vector ``g`` for several pairs of target and set-up.
+    def geometries(self, theta: Array, frame: Frame, groups: Sequence[tuple[int, int]]) -> Array:
+        """Return the kernel's vector ``g`` for several pairs of target and set-up, (groups, length).
 
         Parameters
         ----------
@@ -172,81 +178,199 @@ class Model:
         groups : sequence of (int, int)
             Number of the target that is seen, and of the set-up.
         """
-        common = self._common(theta, frame)
-        return [self._filled(common, self._of_group(theta, target, run)) for target, run in groups]
+        s, at, values = self.structure, self._at, np.append(theta, 0.0)
+        g = self._constants(tuple(groups)).copy()
+        turned, by = self._tilted(values)
+        count = len(self._axes)
+        if count:
+            g[:, self._axes_at] = np.concatenate([turned[:count, None], by[:count].swapaxes(1, 2)], 1).ravel()
+        if len(self._points):
+            g[:, self._points_at] = self._moved_points(values).ravel()
+        targets = self._targets + values[self._target_numbers] if s.moving else turned[count:]
+        if s.centre:
+            g[:, at["centre", 0] + np.arange(3)] = targets.mean(axis=0)
+        if s.target:
+            of_target = np.array([target for target, _ in groups], np.intp)
+            start = at["target", 0]
+            g[:, start : start + 3] = targets[of_target]
+            if not s.moving:
+                g[:, start + 3 : start + 9] = by[count:].swapaxes(1, 2).reshape(-1, 6)[of_target]
+        if s.shift:
+            of_run = np.array([run for _, run in groups], np.intp)
+            shifts = values[self._shift_numbers(int(of_run.max(initial=0)) + 1)]
+            parts = {
+                "shift_rotation": rotation_matrix(shifts[:, 3:]),
+                "shift_turns": left_jacobian(shifts[:, 3:]),
+            }
+            for name, value in (parts | ({"shift": shifts[:, :3]} if s.moving else {})).items():
+                value = value.reshape(len(value), -1)
+                g[:, at[name, 0] : at[name, 0] + value.shape[1]] = value[of_run]
+        if s.frame:
+            g[:, at["frame_rotation", 0] : at["frame_rotation", 0] + 9] = frame.rotation.ravel()
+            if s.moving:
+                g[:, at["frame", 0] : at["frame", 0] + 3] = frame.position
+        return g
 
     def geometry(self, theta: Array, frame: Frame, target: int, run: int = 0) -> Array:
         """Return the kernel's vector ``g`` for one target and set-up; see :meth:`geometries`."""
-        return self.geometries(theta, frame, [(target, run)])[0]
+        return np.asarray(self.geometries(theta, frame, [(target, run)])[0])
 
-    def _filled(self, common: Mapping[Any, Any], own: Mapping[Any, Any]) -> Array:
-        g = np.empty(sum(length for _, _, length in self.structure.geometry))
-        start = 0
-        for name, number, length in self.structure.geometry:
-            key = (name, number)
-            g[start : start + length] = own[key] if key in own else common[key]
-            start += length
-        return g
-
-    def _common(self, theta: Array, frame: Frame) -> dict[tuple[str, int], Any]:
-        """Return the parts of ``g`` that all targets and set-ups share."""
-        parts: dict[tuple[str, int], Any] = {
-            ("frame_rotation", 0): frame.rotation.ravel(),
-            ("frame", 0): frame.position,
-            ("gravity", 0): self.machine.gravity,
-            ("origin", 0): self.machine.measured.origin,
+    @functools.cached_property
+    def _at(self) -> dict[tuple[str, int], int]:
+        """Where each part of ``g`` begins."""
+        lengths = [length for _, _, length in self.structure.geometry]
+        starts = np.cumsum([0, *lengths]).tolist()
+        return {
+            (name, j): start for (name, j, _), start in zip(self.structure.geometry, starts, strict=False)
         }
-        for j, joint in enumerate(self.structure.joints):
-            parts["axis", j] = self.machine.joints[j].axis
-            if joint.axis:
-                parts["axis", j], by = self.axis(theta, j)
-                parts["axis_by_a", j], parts["axis_by_b", j] = by.T
-            parts["point", j] = self.point(theta, j) if joint.point else self.machine.joints[j].point
-            parts["u", j], parts["v", j] = self._bases[j]
-            parts["start", j], end = self.travel[j]
-            parts["length", j] = end - self.travel[j, 0]
-        if self.structure.centre:
-            targets = range(len(self.machine.targets))
-            parts["centre", 0] = np.mean([self.target(theta, k)[0] for k in targets], axis=0)
-        return parts
 
-    def _of_group(self, theta: Array, target: int, run: int) -> dict[tuple[str, int], Any]:
-        """Return the parts of ``g`` that depend on the target or the set-up."""
-        point, by = self.target(theta, target)
-        parts: dict[tuple[str, int], Any] = {("target", 0): point}
-        if not self.structure.moving:
-            parts["target_by_a", 0], parts["target_by_b", 0] = by.T
-        if self.structure.shift:
-            turn, shift = self.shift(theta, run)
-            parts["shift_rotation", 0] = rotation_matrix(turn).ravel()
-            parts["shift_turns", 0] = left_jacobian(turn).ravel()
-            parts["shift", 0] = shift
-        name = self.machine.targets[target].name
-        for n, term in enumerate(self.structure.terms):
-            if term.target:
-                parts["acts", n] = float(self._row_effects[n].place == name)
-        return parts
+    def _constants(self, groups: tuple[tuple[int, int], ...]) -> Array:
+        """Return ``g`` with everything that no parameter changes, (groups, length)."""
+        if self._constant[0] != groups:
+            g = np.zeros((len(groups), sum(length for _, _, length in self.structure.geometry)))
+            for (name, j), start in self._at.items():
+                value = self._constant_part(name, j, groups)
+                g[:, start : start + value.shape[-1]] = value
+            self._constant = (groups, g)
+        return self._constant[1]
 
-    def slots(self, theta: Array, target: int, run: int = 0) -> Array:
-        """Return the derivative of the kernel's slots with respect to the parameters, (slots, parameters)."""
+    def _constant_part(self, name: str, j: int, groups: Sequence[tuple[int, int]]) -> Array:
+        machine = self.machine
+        if name == "axis":
+            return np.array(machine.joints[j].axis)
+        if name == "point":
+            return np.array(machine.joints[j].point)
+        if name in {"u", "v"}:
+            return self._bases[j]["uv".index(name)]
+        if name in {"start", "length"}:
+            first, last = self.travel[j]
+            return np.array([first if name == "start" else last - first])
+        if name == "target":
+            return np.array([machine.targets[target].point for target, _ in groups])
+        if name == "gravity":
+            return np.array(machine.gravity)
+        if name == "origin":
+            return np.array(machine.measured.origin)
+        if name == "acts":
+            place = self._row_effects[j].place
+            return np.array([[float(machine.targets[target].name == place)] for target, _ in groups])
+        return np.zeros(1)
+
+    @functools.cached_property
+    def _axes(self) -> list[int]:
+        """The joints whose axes are tilted."""
+        return [j for j, joint in enumerate(self.structure.joints) if joint.axis]
+
+    @functools.cached_property
+    def _axes_at(self) -> NDArray[np.intp]:
+        """Where axes and their two derivatives are: one after the other."""
+        return np.concatenate([self._at["axis", j] + np.arange(9) for j in self._axes])
+
+    @functools.cached_property
+    def _tilts(self) -> tuple[Array, Array, Array, NDArray[np.intp]]:
+        """What is tilted, axes first, then the directions that are seen: n, u, v, numbers of the two angles."""
+        s, machine = self.structure, self.machine
+        vectors = [(machine.joints[j].axis, *self._bases[j]) for j in self._axes]
+        slots: list[tuple[object, ...]] = [(f"axis.{x}", j) for j in self._axes for x in "ab"]
+        if not s.moving:
+            seen = zip(machine.targets, self._target_bases, strict=True)
+            vectors += [(target.point, u, v) for target, (u, v) in seen]
+            slots += [("target", k, x) for k in range(len(machine.targets)) for x in "ab"]
+        n, u, v = np.array(vectors, float).reshape(-1, 3, 3).swapaxes(0, 1).copy()
+        return n, u, v, self._numbers(slots).reshape(-1, 2)
+
+    def _tilted(self, values: Array) -> tuple[Array, Array]:
+        n, u, v, numbers = self._tilts
+        return tilted(n, u, v, values[numbers]) if len(n) else (n, n[..., None])
+
+    @functools.cached_property
+    def _points(self) -> list[int]:
+        """The joints whose points are moved."""
         s = self.structure
+        return [j for j, joint in enumerate(s.joints) if joint.point and ("point", j) in self._at]
+
+    @functools.cached_property
+    def _points_at(self) -> NDArray[np.intp]:
+        return np.concatenate([self._at["point", j] + np.arange(3) for j in self._points])
+
+    @functools.cached_property
+    def _moves(self) -> tuple[Array, Array, NDArray[np.intp]]:
+        """Points, the two directions in which each moves, and the numbers of its two freedoms."""
+        points = np.array([self.machine.joints[j].point for j in self._points], float)
+        numbers = self._numbers([(f"point.{x}", j) for j in self._points for x in "ab"])
+        return points, np.array([self._bases[j] for j in self._points]), numbers.reshape(-1, 1, 2)
+
+    def _moved_points(self, values: Array) -> Array:
+        points, directions, numbers = self._moves
+        return np.asarray(points + (values[numbers] @ directions)[:, 0])
+
+    @functools.cached_property
+    def _targets(self) -> Array:
+        return np.array([target.point for target in self.machine.targets], float)
+
+    @functools.cached_property
+    def _target_numbers(self) -> NDArray[np.intp]:
+        targets = range(len(self.machine.targets))
+        return self._numbers([("target", k, x) for k in targets for x in "xyz"]).reshape(-1, 3)
+
+    def _shift_numbers(self, runs: int) -> NDArray[np.intp]:
+        rigid = ("x", "y", "z", "rx", "ry", "rz")
+        return self._numbers([("shift", run, x) for run in range(runs) for x in rigid]).reshape(-1, 6)
+
+    # from the kernel's slots to parameters -------------------------------------------------------------------
+
+    def slots(self, theta: Array, groups: Sequence[tuple[int, int]]) -> Iterator[Array]:
+        """Yield, for pairs of target and set-up, the derivative of the slots by the parameters, (slots, parameters).
+
+        They are not to be written to.
+        """
+        common = self._common_slots
+        if self.structure.centre and not self.structure.moving and self.structure.target:
+            common = common.copy()
+            by = self._tilted(np.append(theta, 0.0))[1][len(self._axes) :]
+            rows, numbers, kept = self._centre_at
+            common[rows, numbers] += by.swapaxes(0, 1).reshape(3, -1)[:, kept] / len(by)
+        for target, run in groups:
+            matrix = common.copy() if self._group_rows else common
+            for row, kind, component in self._group_rows:
+                number = target if kind == "target" else run
+                if (index := self.index.get((kind, number, component))) is not None:
+                    matrix[row, index] = 1.0
+            yield matrix
+
+    @functools.cached_property
+    def _split_slots(self) -> list[tuple[int, str, str, int]]:
+        return [(row, *name.split("."), number) for row, (name, number) in enumerate(self.structure.slots)]  # type: ignore[misc]
+
+    @functools.cached_property
+    def _group_rows(self) -> list[tuple[int, str, str]]:
+        """The slots that are another parameter for each target or set-up."""
+        return [(row, kind, x) for row, kind, x, _ in self._split_slots if kind in {"target", "shift"}]
+
+    @functools.cached_property
+    def _centre_at(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
+        """The slots of the mean of the directions, the parameters of these, and which of their freedoms have one."""
+        rows = [row for row, kind, _, _ in self._split_slots if kind == "centre"]
+        numbers = self._numbers([("target", k, x) for k in range(len(self.machine.targets)) for x in "ab"])
+        kept = numbers < len(self.parameters)
+        return np.array(rows)[:, None], numbers[kept], kept
+
+    @functools.cached_property
+    def _common_slots(self) -> Array:
+        """The derivative of those slots that are the same parameter for all, and do not depend on values."""
+        s, targets = self.structure, range(len(self.machine.targets))
         matrix = np.zeros((len(s.slots) + len(s.parameters), len(self.parameters)))
-        for row, (name, number) in enumerate(s.slots):
-            kind, component = name.split(".")
-            if kind == "centre":
-                for k in range(len(self.machine.targets)):
-                    by = self.target(theta, k)[1]["xyz".index(component)]
-                    for x, slope in zip("xyz" if s.moving else "ab", by, strict=True):
-                        if (index := self.index.get(("target", k, x))) is not None:
-                            matrix[row, index] += slope / len(self.machine.targets)
+        for row, kind, x, number in self._split_slots:
+            found: list[tuple[object, ...]] = [(f"{kind}.{x}", number)]
+            if kind in {"target", "shift"}:
                 continue
-            key: tuple[object, ...] = {
-                "target": ("target", target, component),
-                "shift": ("shift", run, component),
-                "frame": ("frame", component),
-            }.get(kind, (name, number))
-            if (index := self.index.get(key)) is not None:
-                matrix[row, index] = 1.0
+            if kind == "centre":
+                found = [("target", k, x) for k in targets]  # of directions there is no such parameter
+            elif kind == "frame":
+                found = [("frame", x)]
+            for slot in found:
+                if slot in self.index:
+                    matrix[row, self.index[slot]] = 1.0 / len(found)
         for row, (n, name) in enumerate(s.parameters, start=len(s.slots)):
             matrix[row, self.index["e", n, name]] = 1.0
         return matrix
