@@ -28,6 +28,10 @@ Array: TypeAlias = NDArray[np.float64]
 MAX_ITERATIONS = 200
 SMALL_STEP = 1e-4
 """Steps below this part of a standard deviation, in any direction, change nothing that the data could tell."""
+LEAST_DAMPING, LEAST_FACTOR = 1e-12, 1e-2
+"""Steps that do what was predicted lower the damping, by this factor at most; it hinders the last ones otherwise."""
+FEW_ROWS = 2048
+"""Up to so many rows a call costs more than the Jacobian: every step is tried with it, and it is there if accepted."""
 ROUNDING = 1e-13
 """A predicted fall of the cost below this part of it is rounding: sums of many squares are good to about that."""
 STRAIGHT = 6
@@ -91,6 +95,7 @@ def minimise(
         Its cost is never above that of the start.
     """
     index = np.asarray(free, int)
+    block = index[:, None], index
     cost, square, gradient = problem.normal_equations(theta, frame)
     if not np.isfinite(cost):
         return Solution(theta, frame, np.inf, 0, False)
@@ -99,13 +104,15 @@ def minimise(
     floor = EXACT * problem.scale
     left = max(problem.rows * problem.components - len(index), 1)
     small = max(SMALL_STEP**2 / left, ROUNDING)
+    few = problem.rows <= FEW_ROWS
     damping, growth, iteration = 1e-3, 2.0, 0
     for iteration in range(1, max_iterations + 1):
-        scale = np.sqrt(np.diag(square)[index])
+        square = square[block]
+        scale = np.sqrt(square.diagonal())
         scale[scale == 0.0] = 1.0
-        values, vectors = np.linalg.eigh(square[np.ix_(index, index)] / np.outer(scale, scale))
+        values, vectors = np.linalg.eigh(square / (scale[:, None] * scale))
         values = np.maximum(values, 0.0)
-        along = vectors.T @ (gradient[index] / scale)
+        along = (gradient[index] / scale) @ vectors
         while True:
             step_along = -along / (values + damping)
             predicted = -2 * step_along @ along - step_along @ (values * step_along)
@@ -122,7 +129,10 @@ def minimise(
                 if not straight:
                     step[index] += vectors @ along_bend / scale
             new_theta, new_frame = _moved(problem, theta, frame, step)
-            new_cost = problem.cost(new_theta, new_frame)
+            if few:
+                new_cost, square, gradient = problem.normal_equations(new_theta, new_frame)
+            else:
+                new_cost = problem.cost(new_theta, new_frame)
             if new_cost < cost:
                 break
             damping *= growth
@@ -130,10 +140,11 @@ def minimise(
             if damping > 1e20:
                 return Solution(theta, frame, cost, iteration, True)
         gain = (cost - new_cost) / predicted
-        damping = max(damping * max(1 / 3, 1 - (2 * gain - 1) ** 3), 1e-12)
+        damping = max(damping * max(LEAST_FACTOR, 1 - (2 * gain - 1) ** 3), LEAST_DAMPING)
         growth = 2.0
-        theta, frame = new_theta, new_frame
-        cost, square, gradient = problem.normal_equations(theta, frame)
+        theta, frame, cost = new_theta, new_frame, new_cost
+        if not few:
+            cost, square, gradient = problem.normal_equations(theta, frame)
         if progress:
             progress(iteration, cost)
     return Solution(theta, frame, cost, iteration, False)
