@@ -9,7 +9,7 @@ estimates are corrected for their own scatter (Bai and Saranadasa 1996).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -28,6 +28,8 @@ SURE = 1e-4
 """Probability by chance, over all that is tried, below which something drives the deviations."""
 DEGREE = 3
 """Of the polynomial in a driver that deviations are held against: a drift and its bend."""
+MOST_RUNS = 50
+"""Runs that are looked at one by one; of more, a drift from run to run."""
 MOST_POSES = 20_000
 """Poses that covariances are estimated from at most: their sum is then good to about 1 %."""
 FEW_POSES = 5
@@ -64,7 +66,7 @@ class Estimated:
         return cls(value, degrees_of_freedom, value * low, value * high)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Driver:
     """What may change from one pose to the next that has equal commands.
 
@@ -72,31 +74,33 @@ class Driver:
     ----------
     name : str
         As a sentence calls it.
-    columns : ndarray, shape (n, k)
-        Functions of it, of each row.
+    values : ndarray, shape (n,)
+        Of each row.
+    categories : int
+        How many there are, where values are numbers of categories; else 0.
     """
 
     name: str
-    columns: Array
+    values: NDArray[Any]
+    categories: int = 0
+
+    def columns(self, rows: Ints) -> Array:
+        """Return functions of it for some rows, (rows, k): each category, or powers."""
+        if self.categories:
+            return np.asarray(np.eye(self.categories)[self.values[rows]])
+        x = np.asarray(self.values[rows], float)
+        middle, half = (x.max() + x.min()) / 2, np.ptp(x) / 2
+        return np.asarray(np.polynomial.legendre.legvander((x - middle) / (half or 1.0), DEGREE)[:, 1:])
 
 
 def drivers(o: Observations) -> Iterator[Driver]:
     """Yield run, time (or the order of the rows), temperatures and covariates."""
-    if len(o.run_names) > 1:
-        yield Driver("the run", np.eye(len(o.run_names))[o.run])
-    yield (
-        _polynomial("time", o.t) if o.t is not None else _polynomial("the order of the rows", np.arange(o.n))
-    )
-    for joint, temperature in o.temperature.items():
-        yield _polynomial(f"T_{joint}", temperature)
-    for name, values in o.covariates.items():
-        yield _polynomial(name, values)
-
-
-def _polynomial(name: str, values: NDArray[np.generic]) -> Driver:
-    x = np.asarray(values, float)
-    middle, half = (x.max(initial=0) + x.min(initial=0)) / 2, np.ptp(x) / 2 if len(x) else 0.0
-    return Driver(name, np.polynomial.legendre.legvander((x - middle) / (half or 1.0), DEGREE)[:, 1:])
+    runs = len(o.run_names)
+    if runs > 1:
+        yield Driver("the run", o.run, runs if runs <= MOST_RUNS else 0)
+    yield Driver("time", o.t) if o.t is not None else Driver("the order of the rows", np.arange(o.n))
+    yield from (Driver(f"T_{joint}", temperature) for joint, temperature in o.temperature.items())
+    yield from (Driver(name, values) for name, values in o.covariates.items())
 
 
 @dataclass(frozen=True)
@@ -201,9 +205,12 @@ class Deviations:
         """Return the standard deviation at weight 1, times a factor."""
         return Estimated.of(self.variance, max(self.share * self.count, 1.0), factor)
 
-    def without_drift(self, candidates: list[Driver]) -> tuple[Deviations, list[str]]:
+    def without_drift(self, candidates: Iterable[Driver]) -> tuple[Deviations, list[str]]:
         """Take out what follows a driver beyond doubt, the strongest first; return what is left, and their names."""
         left, named = self, list[str]()
+        if not len(self.group):
+            return left, named
+        candidates = list(candidates)
         while True:
             tried = [(*left._explained(d), d.name) for d in candidates if d.name not in named]
             best = min(tried, key=lambda t: t[0], default=None)
@@ -214,10 +221,8 @@ class Deviations:
 
     def _explained(self, driver: Driver) -> tuple[float, Deviations]:
         """Return the probability that chance explains as much as a driver does, and what it leaves."""
-        by_row = driver.columns[self.row] * self.lever[:, None]
+        by_row = driver.columns(self.row) * self.lever[:, None]
         mean_weight = self.weight.mean(axis=1, keepdims=True)
-        if not len(self.group):
-            return 1.0, self
         starts = np.flatnonzero(np.diff(self.group, prepend=self.group[0] - 1))
         sizes = np.diff(starts, append=len(self.group))
         mean = np.add.reduceat(mean_weight * by_row, starts) / np.add.reduceat(mean_weight, starts)

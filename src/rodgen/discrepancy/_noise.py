@@ -32,6 +32,8 @@ Array: TypeAlias = NDArray[np.float64]
 
 MOST_PAIRS = 60
 """Distances between targets that are looked at in a pose: more tell little that these do not."""
+MOST_ROWS = 1_000_000
+"""Of more rows, every other (third, ...) group of equal commands is looked at."""
 LONGEST = 200_000
 """Poses whose distances are looked at: a standard deviation from them is good to 0.2 %."""
 CHANCE = 0.005
@@ -195,7 +197,8 @@ def replicates(fit: Fit, *, weighted: bool = False) -> Replicates:
         Whether residuals are taken as parts of their stated uncertainty.
     """
     o = fit.observations
-    rows = np.flatnonzero(~fit.outliers)
+    many = o.n // MOST_ROWS + 1
+    rows = np.flatnonzero(~fit.outliers & (o.replicate % many == 0))
     order = rows[np.lexsort((o.pose[rows], o.replicate[rows]))]
     group, pose = o.replicate[order], o.pose[order]
     value = _in_one_basis(fit, order, group)
@@ -211,7 +214,7 @@ def replicates(fit: Fit, *, weighted: bool = False) -> Replicates:
     at = order[starts]
     before = Deviations.of(mean, total, group[starts], pose[starts], np.asarray(o.target[at]), at)
     before = replace(before, lost=_told_apart(fit))
-    deviations, drifts = before.without_drift(list(drivers(o)))
+    deviations, drifts = before.without_drift(drivers(o))
     repeats = sizes[np.isin(group[starts], before.group)]
     return Replicates(
         deviations=deviations,
@@ -268,7 +271,7 @@ def _distances(fit: Fit) -> tuple[Estimated | None, tuple[str, ...]]:
     deviations = Deviations.of(distance[:, None], weight, group, o.pose[row], group, row, lever)
     if deviations.count < 1:
         return None, ()
-    left, drifts = deviations.without_drift(list(drivers(o)))
+    left, drifts = deviations.without_drift(drivers(o))
     factor = 1 / fit.unit_factor
     if o.sigma is not None:
         factor *= float(np.sqrt(np.mean(o.sigma[row] ** 2)))
