@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from rodgen.discrepancy._problem import Problem
 from rodgen.machines._model import Frame
 
-__all__ = ["Solution", "minimise"]
+__all__ = ["Solution", "minimise", "moved"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -122,13 +122,13 @@ def minimise(
             step[index] = vectors @ step_along / scale
             straight = iteration <= STRAIGHT
             if not straight:
-                probe = _moved(problem, theta, frame, PROBE * step)
+                probe = moved(problem, theta, frame, PROBE * step)
                 bend = problem.bend(theta, frame, probe, step, PROBE)[index] / scale
                 along_bend = -(vectors.T @ bend) / (values + damping) / 2
                 straight = not np.linalg.norm(along_bend) <= LARGEST_BEND / 2 * np.linalg.norm(step_along)
                 if not straight:
                     step[index] += vectors @ along_bend / scale
-            new_theta, new_frame = _moved(problem, theta, frame, step)
+            new_theta, new_frame = moved(problem, theta, frame, step)
             if few:
                 new_cost, square, gradient = problem.normal_equations(new_theta, new_frame)
             else:
@@ -150,11 +150,11 @@ def minimise(
     return Solution(theta, frame, cost, iteration, False)
 
 
-def _moved(problem: Problem, theta: Array, frame: Frame, step: Array) -> tuple[Array, Frame]:
+def moved(problem: Problem, theta: Array, frame: Frame, step: Array) -> tuple[Array, Frame]:
     """Add a step; the frame turns by what is not added to its values."""
-    moved, change = theta + step, {}
+    values, change = theta + step, {}
     for i, parameter in enumerate(problem.model.parameters):
         if parameter.slot[0] == "frame":
             change[str(parameter.slot[1])] = float(step[i])
-            moved[i] = 0.0
-    return moved, frame.moved(change) if change else frame
+            values[i] = 0.0
+    return values, frame.moved(change) if change else frame
