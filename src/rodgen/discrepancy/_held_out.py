@@ -1,12 +1,13 @@
 """How well a fit predicts poses that it did not see.
 
-The poses are dealt into folds, each spread over the whole run. The model is fitted anew, from the values of the full
-fit, without the poses of one fold, and predicts these; so every pose is predicted once by a fit that did not know it.
-Which weights at later joints were taken in, and which rows are outliers, is as in the full fit.
+The poses are dealt into folds, each spread over the whole run. The model is fitted anew without the poses of one fold,
+and predicts these; so every pose is predicted once by a fit that did not know it. Which weights at later joints were
+taken in, and which rows are outliers, is as in the full fit.
 
-A pose that alone tells of something (the only one of its set-up, or of its target) is predicted by nothing. The part of
-what is known of a combination of parameters that a fold holds is an eigenvalue of the fold's share of the
-information, in coordinates in which all of it is the identity; where it is 1, the other folds know nothing.
+In coordinates in which all information is the identity, a fold has a share S of it and pulls at the full fit by
+g = Bᵀr, B the derivative of its residuals r. Without it the fit is, to first order, (1 - S)⁻¹ g away: that is where the
+new fit starts. Along an eigenvector of S with eigenvalue 1 the other folds know nothing. A pose that alone tells of
+something, such as the only one of its set-up, is predicted by nothing, and left out.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.discrepancy._least_squares import minimise
+from rodgen.discrepancy._least_squares import minimise, moved
 from rodgen.discrepancy._noise import figure
 from rodgen.discrepancy._poses import groups
 from rodgen.discrepancy._problem import Problem, one_thread_in_blas
@@ -28,6 +29,7 @@ from rodgen.errors import RodgenError
 if TYPE_CHECKING:
     from rodgen.discrepancy._bind import Observations
     from rodgen.discrepancy.fit import Fit
+    from rodgen.machines._model import Frame
 
 __all__ = ["HeldOut", "held_out"]
 
@@ -37,7 +39,7 @@ Mask: TypeAlias = NDArray[np.bool_]
 
 ONE_AT_A_TIME = 100
 """Up to so many poses each is a fold of its own."""
-FOLDS, FOLDS_OF_MANY, MANY_ROWS = 10, 5, 100_000
+FOLDS, FOLDS_OF_MANY, MANY_ROWS = 10, 5, 50_000
 """Folds of more poses, and of so many rows that every fit takes seconds."""
 FEWEST_APART = 5
 """Replicates are kept together while so many places are left to tell apart."""
@@ -121,7 +123,7 @@ def held_out(
         To all poses.
     folds : int, optional
         Into how many parts the poses are dealt, 2 or more; as many as there are poses, if that is fewer. Left out:
-        each of up to 100 poses alone, else 10, or 5 of more than 100 000 rows.
+        each of up to 100 poses alone, else 10, or 5 of more than 50 000 rows.
     progress : callable, optional
         Called with what is done, the iteration and the cost.
 
@@ -141,19 +143,18 @@ def held_out(
     if folds < 2:
         return HeldOut(None, fit.unit, 0, poses)
     fold = _folds(poses, folds)[pose]
-    unpredicted, because = _alone(fit, fold, folds)
-    wanted = ~fit.outliers & ~unpredicted
     problem = Problem(fit.problem.model, o)
     squares, converged = 0.0, True
     with one_thread_in_blas():
+        without = _Without(fit, fold, folds)
+        wanted = ~fit.outliers & ~without.unpredicted
         for k in range(folds):
             held = fold == k
             if not (held & wanted).any():
                 continue
             tell = None if progress is None else _told(progress, f"held out {k + 1} of {folds}")
             problem.set_weight(np.where(held | fit.outliers, NO_SAY, 1.0))
-            start = fit.solution
-            solution = minimise(problem, start.theta, start.frame, fit.free, progress=tell)
+            solution = minimise(problem, *without.start(k), fit.free, progress=tell)
             converged &= solution.converged
             residuals = replace(fit, problem=problem, solution=solution).residuals[held & wanted]
             squares += float(np.sum(residuals**2))
@@ -163,8 +164,8 @@ def held_out(
         fit.unit,
         folds,
         poses,
-        tuple(np.flatnonzero(unpredicted).tolist()),
-        because,
+        tuple(np.flatnonzero(without.unpredicted).tolist()),
+        without.because,
         converged,
     )
 
@@ -196,28 +197,55 @@ def _folds(poses: int, folds: int) -> Ints:
     return np.concatenate([random.permutation(folds) for _ in range(stretches)])[:poses]
 
 
-def _alone(fit: Fit, fold: Ints, folds: int) -> tuple[Mask, tuple[str, ...]]:
-    """Return the rows that depend on what only their own fold tells, and the parameters that this is."""
-    whitened = Whitened(fit)
-    root = whitened.root
-    shares = np.zeros((folds, root.shape[1], root.shape[1]))
-    for rows, jacobian in whitened.jacobian_blocks():
-        for k in np.unique(fold[rows]):
-            part = jacobian[fold[rows] == k].reshape(-1, root.shape[1])
-            shares[k] += part.T @ part
-    known: dict[int, Array] = {}
-    for k, share in enumerate(shares):
-        values, vectors = np.linalg.eigh(share)
-        if (values > 1 - ALONE).any():
-            known[k] = vectors[:, values > 1 - ALONE]
-    alone = np.zeros(fit.observations.n, bool)
-    if not known:
-        return alone, ()
-    for rows, jacobian in whitened.jacobian_blocks():
-        for k, direction in known.items():
-            felt = np.linalg.norm(jacobian @ direction, axis=(1, 2)) ** 2 > ALONE
-            alone[rows[felt & (fold[rows] == k)]] = True
-    spread = np.linalg.norm(root, axis=1)
-    spread[spread == 0.0] = 1.0
-    parts = np.max([np.linalg.norm(root @ d, axis=1) / spread for d in known.values()], axis=0)
-    return alone, tuple(p.key for p, part in zip(fit.parameters, parts, strict=True) if part**2 > 0.5)
+class _Without:
+    """A fit without one of its folds, to first order.
+
+    Attributes
+    ----------
+    unpredicted : ndarray of bool, shape (n,)
+        Rows that depend on what only their own fold tells.
+    because : tuple of str
+        Keys of the parameters that this is.
+    """
+
+    def __init__(self, fit: Fit, fold: Ints, folds: int) -> None:
+        self.fit = fit
+        self.whitened = whitened = Whitened(fit)
+        r = whitened.root.shape[1]
+        residuals = fit.problem.residuals(fit.solution.theta, fit.solution.frame, weighted=True)
+        self.shares, self.pulls = np.zeros((folds, r, r)), np.zeros((folds, r))
+        for rows, jacobian in whitened.jacobian_blocks():
+            for k in np.unique(fold[rows]):
+                here = fold[rows] == k
+                part = jacobian[here].reshape(-1, r)
+                self.shares[k] += part.T @ part
+                self.pulls[k] += part.T @ residuals[rows[here]].ravel()
+        self.unpredicted, self.because = self._alone(fold)
+
+    def start(self, k: int) -> tuple[Array, Frame]:
+        """Return where the fit without a fold is, to first order."""
+        values, vectors = np.linalg.eigh(self.shares[k])
+        known = values <= 1 - ALONE
+        away = vectors[:, known] @ ((vectors[:, known].T @ self.pulls[k]) / (1 - values[known]))
+        solution = self.fit.solution
+        return moved(self.fit.problem, solution.theta, solution.frame, self.whitened.root @ away)
+
+    def _alone(self, fold: Ints) -> tuple[Mask, tuple[str, ...]]:
+        known: dict[int, Array] = {}
+        for k, share in enumerate(self.shares):
+            values, vectors = np.linalg.eigh(share)
+            if (values > 1 - ALONE).any():
+                known[k] = vectors[:, values > 1 - ALONE]
+        alone = np.zeros(len(fold), bool)
+        if not known:
+            return alone, ()
+        for rows, jacobian in self.whitened.jacobian_blocks():
+            for k, direction in known.items():
+                felt = np.linalg.norm(jacobian @ direction, axis=(1, 2)) ** 2 > ALONE
+                alone[rows[felt & (fold[rows] == k)]] = True
+        root = self.whitened.root
+        spread = np.linalg.norm(root, axis=1)
+        spread[spread == 0.0] = 1.0
+        parts = np.max([np.linalg.norm(root @ d, axis=1) / spread for d in known.values()], axis=0)
+        parameters = zip(self.fit.parameters, parts, strict=True)
+        return alone, tuple(parameter.key for parameter, part in parameters if part**2 > 0.5)

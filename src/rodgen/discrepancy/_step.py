@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from rodgen.discrepancy._held_out import ALONE, NO_SAY
 from rodgen.discrepancy._least_squares import minimise
-from rodgen.discrepancy._problem import Problem
-from rodgen.discrepancy._start import SEARCH_STEPS
+from rodgen.discrepancy._problem import Problem, one_thread_in_blas
 from rodgen.discrepancy._whitened import Whitened
 
 if TYPE_CHECKING:
@@ -32,6 +31,8 @@ SMALLEST = 1e-300
 """Smaller probabilities are written so."""
 SIGNIFICANT = 0.001
 """Probability by chance below which an effect is called real: somebody may have tried thirty before."""
+MANY_VALUES = 200
+"""Of a searched parameter, at least: no search tries many more that are unlike each other."""
 MANY_POSES = 20
 """So many poses for each parameter, and what a pose does to its own residuals does not matter."""
 
@@ -92,9 +93,10 @@ def step(smaller: Fit, larger: Fit) -> Step | None:
     spare = larger.degrees_of_freedom
     if further < 1 or spare < 1:
         return None
-    fall = max(_cost(smaller, larger) - larger.chi_square, 0.0)
     left = larger.chi_square / spare
-    effect = _design_effect(smaller, larger, left)
+    with one_thread_in_blas():
+        fall = max(_cost(smaller, larger) - larger.chi_square, 0.0)
+        effect = _design_effect(smaller, larger, left)
     poses = len(np.unique(larger.observations.pose[~larger.outliers]))
     readings = spare + larger.determinacy.rank
     freedoms = (float(further), max(spare * min(poses / readings, 1.0), 1.0))
@@ -105,10 +107,17 @@ def step(smaller: Fit, larger: Fit) -> Step | None:
 
 
 def _tried(smaller: Fit, larger: Fit) -> int:
-    """Return how many values of a searched parameter were tried."""
+    """Return how many different values a searched parameter may have found something at."""
     before = {smaller.parameters[i].key for i in smaller.free}
-    new = (larger.parameters[i] for i in larger.free)
-    return SEARCH_STEPS if any(p.searched and p.key not in before for p in new) else 1
+    tried = 1
+    for parameter in (larger.parameters[i] for i in larger.free):
+        if parameter.searched and parameter.key not in before:
+            tried = max(tried, MANY_VALUES)
+            names = [joint.name for joint in larger.machine.joints]
+            if parameter.place in names:  # a period: as many waves as there are places, and those between
+                places = np.unique(larger.observations.q[:, names.index(str(parameter.place))])
+                tried = max(tried, 2 * len(places))
+    return tried
 
 
 def _cost(smaller: Fit, larger: Fit) -> float:
