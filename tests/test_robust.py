@@ -159,6 +159,14 @@ def test_exact_data_have_no_outliers_but_gross_ones() -> None:
     assert np.flatnonzero(fit_to(on_table(), data, loss="huber").outliers).tolist() == [7]
 
 
+def test_where_nothing_is_estimated_outliers_are_still_named() -> None:
+    random = np.random.default_rng(5)
+    file = on_table(estimate=[], effects=[])
+    data = measure(file, columns_of(40, random), noise=NOISE, random=random)
+    data["x [mm]"] = data["x [mm]"] + np.where(np.arange(40) == 7, 0.1, 0.0)
+    assert np.flatnonzero(fit_to(file, data, loss="huber").outliers).tolist() == [7]
+
+
 def test_too_few_rows_to_tell_are_fitted_by_least_squares() -> None:
     random = np.random.default_rng(6)
     data = measure(on_table(), columns_of(4, random), TRUTH, noise=NOISE, random=random)

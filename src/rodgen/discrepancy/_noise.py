@@ -36,6 +36,8 @@ MOST_ROWS = 1_000_000
 """Of more rows, every other (third, ...) group of equal commands is looked at."""
 LONGEST = 200_000
 """Poses whose distances are looked at: a standard deviation from them is good to 0.2 %."""
+CLOSE = 10.0
+"""Targets nearer than so many scatters of their distance are left out: noise across their line changes it, too."""
 CHANCE = 0.005
 """A witness contradicts when its figure would be as far off, to this side, so rarely by chance ..."""
 ALIKE = 1.1
@@ -197,7 +199,7 @@ def replicates(fit: Fit, *, weighted: bool = False) -> Replicates:
         Whether residuals are taken as parts of their stated uncertainty.
     """
     o = fit.observations
-    many = o.n // MOST_ROWS + 1
+    many = max(o.n - 1, 0) // MOST_ROWS + 1
     rows = np.flatnonzero(~fit.outliers & (o.replicate % many == 0))
     order = rows[np.lexsort((o.pose[rows], o.replicate[rows]))]
     group, pose = o.replicate[order], o.pose[order]
@@ -299,9 +301,12 @@ def _pairs(fit: Fit) -> Iterator[tuple[NDArray[np.int_], Array, Array]]:
         if not len(i):
             continue
         x, y = o.reading[i], o.reading[j]
-        distance = np.linalg.norm(y - x, axis=1)
+        distance, longest = np.linalg.norm(y - x, axis=1), np.inf
         if fit.machine.measured.kind == "direction":
-            distance = 2 * np.arcsin(np.minimum(distance / 2, 1.0))
+            distance, longest = 2 * np.arcsin(np.minimum(distance / 2, 1.0)), np.pi
+        if min(distance.mean(), longest - distance.mean()) <= CLOSE * distance.std():
+            continue
+        if fit.machine.measured.kind == "direction":
             along = [_tangent(x, y), _tangent(y, x)]
         else:
             along = [(y - x) / distance[:, None]] * 2

@@ -132,7 +132,7 @@ class _Judge:
         reading = problem.observations.reading
         self.rounding = 64 * np.finfo(float).eps * float(np.max(np.abs(reading), initial=0.0))
         spare = self.m * self.n - self.p
-        self.can_tell = self.n > 2 and spare > self.m and bool(self.free)
+        self.can_tell = self.n > 2 and spare > self.m
         self.half = min((self.n + math.ceil(self.p / self.m) + 1) // 2, self.n)
         self.cut = self._cut(spare) if self.can_tell else math.inf
 
@@ -252,7 +252,7 @@ class _Judge:
         """Return the outliers whose size is no wonder: what is fitted to the others predicts them badly."""
         found = np.zeros(self.n, bool)
         rows = np.flatnonzero(best.outliers)
-        if not len(rows):
+        if not len(rows) or not self.free:
             return found
         self.believe(~best.outliers)
         solution, index = best.solution, np.asarray(self.free, int)
