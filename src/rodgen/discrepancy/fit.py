@@ -195,7 +195,7 @@ class Fit:
         ----------
         folds : int, optional
             Into how many parts the poses are dealt; left out: each of up to 100 poses is one, else 10 parts, or 5 of
-            more than 100 000 rows.
+            more than 50 000 rows.
         progress : callable, optional
             As of :func:`fit`.
         """
