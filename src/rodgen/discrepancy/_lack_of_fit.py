@@ -82,7 +82,7 @@ def lack_of_fit(fit: Fit) -> LackOfFit | None:
     Returns
     -------
     LackOfFit or None
-        None where the noise is not known, or no degree of freedom is left.
+        None where the noise is not known or zero, or no degree of freedom is left.
     """
     stated = fit.observations.sigma is not None
     pure = replicates(fit, weighted=stated)
@@ -98,14 +98,13 @@ def _against_replicates(fit: Fit, pure: Replicates) -> LackOfFit | None:
     error = pure.deviations
     cells = pure.cells * fit.problem.components - fit.determinacy.rank
     spare = cells - error.count
-    if error.count < 1 or spare < 1:
+    if error.count < 1 or spare < 1 or not error.variance > 0:
         return None
     squares = max(pure.cell_squares - error.sum_of_squares, 0.0)
     share = error.share
     freedoms = (max(share * spare, 1.0), max(share * error.count, 1.0))
-    with np.errstate(divide="ignore"):
-        statistic = float(np.divide(squares / spare, error.variance))
-        ratio = float(np.sqrt(np.divide(pure.cell_squares / cells, error.variance)))
+    statistic = squares / spare / error.variance
+    ratio = float(np.sqrt(pure.cell_squares / cells / error.variance))
     p = max(float(fdtrc(*freedoms, statistic)), SMALLEST)
     return LackOfFit(p, ratio, "replicates", statistic, freedoms)
 

@@ -65,8 +65,6 @@ class Replicates:
         Of a cell, in the mean.
     repeated : Estimated or None
         Scatter of the readings of one target in one pose.
-    share : float
-        Part of the degrees of freedom that is left because the readings of a pose depend on each other.
     """
 
     deviations: Deviations
