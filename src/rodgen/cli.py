@@ -42,6 +42,7 @@ _EXTRAS = {
     "pyarrow": "tables",
     "tqdm": "tables",
     "scipy": "machines",
+    "threadpoolctl": "machines",
     "matplotlib": "plot",
 }
 

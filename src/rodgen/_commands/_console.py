@@ -26,6 +26,7 @@ __all__ = [
     "show",
     "show_json",
     "tell",
+    "working",
 ]
 
 OK, FAILED, BAD_INPUT, INTERRUPTED, READER_GONE = 0, 1, 2, 130, 141
@@ -148,18 +149,25 @@ def reading(stack: contextlib.ExitStack) -> ReadProgress | None:
 
 
 @contextlib.contextmanager
-def fitting() -> Iterator[FitProgress | None]:
-    """Show what a fit does, where somebody looks."""
+def working(what: str) -> Iterator[Callable[[str], object] | None]:
+    """Show what is done, and how long it has taken, where somebody looks."""
     if not _is_watched():
         yield None
         return
     from tqdm import tqdm
 
     line = "{desc}  {elapsed}"
-    with tqdm(desc="making the model", bar_format=line, leave=False, file=sys.stderr) as bar:
+    with tqdm(desc=what, bar_format=line, leave=False, file=sys.stderr) as bar:
 
-        def told(what: str, iteration: int, cost: float) -> None:
-            bar.set_description_str(f"{what}, iteration {iteration}", refresh=False)
+        def told(what: str) -> None:
+            bar.set_description_str(what, refresh=False)
             bar.update()
 
         yield told
+
+
+@contextlib.contextmanager
+def fitting() -> Iterator[FitProgress | None]:
+    """Show what a fit does, where somebody looks."""
+    with working("making the model") as told:
+        yield None if told is None else lambda what, iteration, _: told(f"{what}, iteration {iteration}")

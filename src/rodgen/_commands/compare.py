@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from rodgen._commands._console import FAILED, OK, Command, fitting, show, show_json
+from rodgen._commands._console import FAILED, OK, Command, fitting, show, show_json, working
 from rodgen._commands._machine import FILES, add_files, add_json, add_loss, load_data
 
 __all__ = ["add_to"]
@@ -34,10 +34,12 @@ def _run(options: argparse.Namespace) -> int:
     with fitting() as progress:
         fit = machine.fit(data, loss=options.loss, progress=progress)
     comparison = fit.compare()
+    plots = []
     if options.plot:
-        comparison.plot(options.plot)
+        with working("drawing") as told:
+            plots = comparison.plot(options.plot, told)
     if options.json:
-        show_json(comparison.to_dict())
+        show_json(comparison.to_dict() | {"plots": plots})
     else:
-        show(str(comparison))
+        show("\n".join([str(comparison), *plots]))
     return OK if fit.solution.converged else FAILED

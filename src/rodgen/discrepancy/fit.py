@@ -28,6 +28,7 @@ from rodgen.machines.machine import Machine
 
 if TYPE_CHECKING:
     from rodgen.discrepancy._held_out import HeldOut
+    from rodgen.discrepancy.compare import Comparison
 
 __all__ = ["Estimate", "Fit", "FitError", "fit"]
 
@@ -202,6 +203,12 @@ class Fit:
         from rodgen.discrepancy._held_out import held_out
 
         return held_out(self, folds=folds, progress=progress)
+
+    def compare(self) -> Comparison:
+        """Hold what is left against everything that was noted: where the model is worst, and what that depends on."""
+        from rodgen.discrepancy.compare import compare
+
+        return compare(self)
 
     def summary(self) -> str:
         """Return the fit as text."""
