@@ -20,7 +20,7 @@ from rodgen.discrepancy._robust import robust_fit
 from rodgen.discrepancy._start import linear_falls, placed, searched
 from rodgen.discrepancy._summary import as_dict, as_text
 from rodgen.discrepancy.measurements import Measurements
-from rodgen.errors import RodgenError, shown
+from rodgen.errors import InputFileError, RodgenError, shown
 from rodgen.machines._model import Model
 from rodgen.machines._parameters import Parameter
 from rodgen.machines._rigid import rotation_vector
@@ -255,6 +255,10 @@ def fit(
     if loss not in LOSSES:
         raise FitError(f"loss {shown(loss)}; expected one of {', '.join(LOSSES)}")
     observations = data if isinstance(data, Observations) else bind(machine, data)
+    if not observations.n:
+        raise InputFileError(
+            observations.data.file, "file", "no rows", "at least one measurement under the header"
+        )
     if start:
         machine = replace(machine, values={**machine.values, **start})
     model = Model(machine, observations.travel, observations.run_names)
