@@ -30,6 +30,7 @@ def folder(tmp_path, monkeypatch):
     shutil.copy(EXAMPLES / "mount" / "mmt_2021.csv", tmp_path / "stars.csv")
     shutil.copy(EXAMPLES / "rotary_table" / "machine.toml", tmp_path / "table.toml")
     shutil.copy(EXAMPLES / "rotary_table" / "data.csv", tmp_path / "balls.csv")
+    (tmp_path / "empty.csv").write_text("AZ [deg],EL [deg],ux,uy,uz\n")
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -190,6 +191,29 @@ def test_a_fit_that_does_not_converge_ends_with_1_and_says_so(folder, rodgen_com
     code, out, err = rodgen_command("fit", "mount.toml", "stars.csv")
     assert (code, err) == (1, "")
     assert "NOT CONVERGED" in out
+
+
+# compare -----------------------------------------------------------------------------------------------
+
+
+def test_compare_says_what_the_error_depends_on(folder, rodgen_command):
+    code, out, err = rodgen_command("compare", "mount.toml", "stars.csv")
+    assert (code, err) == (0, "")
+    # What is missing hangs with the tube: it follows the elevation, and shows towards the zenith.
+    assert "What is left depends on EL" in out
+    assert "towards the zenith" in out
+    code, out, _ = rodgen_command("compare", "mount.toml", "stars.csv", "--json", "--loss", "huber")
+    found = json.loads(out, parse_constant=pytest.fail)
+    assert code == 0
+    assert (found["data"], found["rows"], found["plots"]) == ("stars.csv", 80, [])
+
+
+def test_compare_draws(folder, rodgen_command):
+    code, out, _ = rodgen_command("compare", "mount.toml", "stars.csv", "--plot", "pictures", "--json")
+    assert code == 0
+    plots = json.loads(out)["plots"]
+    assert plots
+    assert all(Path(plot).parent.name == "pictures" and Path(plot).stat().st_size for plot in plots)
 
 
 # add and remove ----------------------------------------------------------------------------------------
@@ -441,6 +465,11 @@ REFUSED = {
     "fit mount.toml stars.csv --residuals left.xlsx": "left.xlsx: file: a name that does not say what to write",
     "fit mount.toml - --residuals left.csv": "standard input: file: a pipe, whose rows are to be written again",
     "fit mount.toml": "rodgen fit: the following arguments are required: DATA",
+    "fit mount.toml empty.csv -o new.toml": "empty.csv: file: no rows; expected at least one measurement under the",
+    "add mount.toml refraction empty.csv": "empty.csv: file: no rows",
+    "compare mount.toml empty.csv": "empty.csv: file: no rows",
+    "emit mount.toml empty.csv --lang c": "empty.csv: file: no rows",
+    "simulate mount.toml empty.csv -o made.csv": "empty.csv: file: no rows; expected at least one pose",
     "compare mount.toml none.csv": "none.csv: file: no such file",
     "add mount.toml refraction none.csv": "none.csv: file: no such file",
     "add mount.toml refractoin": "refractoin: no effect 'refractoin' in the catalogue; expected 'refraction'",

@@ -168,6 +168,8 @@ class Ladder:
             for sentence in [rung.held_out.text]
         )
         for rung in self.rungs:
+            if count := int(rung.fit.outliers.sum()):
+                yield f"{rung.title}: {count} outlier{'s' * (count != 1)}, taken out."
             if not rung.fit.solution.converged:
                 yield f"{rung.title}: NOT CONVERGED, the figures are where the fit stopped."
 
@@ -239,6 +241,22 @@ def ladder(
         When an effect cannot stand at its place, or the data do not fit the machine.
     FitError
         When there is nothing to fit.
+
+    Examples
+    --------
+    >>> from rodgen.discrepancy.measurements import Measurements
+    >>> from rodgen.machines.machine import Joint, Machine, Measured, Target
+    >>> table = Machine(
+    ...     "Table", "mm", "deg", (0.0, 0.0, -1.0), 20.0, (Joint("C", "revolute", (0.0, 0.0, 1.0)),),
+    ...     (Target("ball", (100.0, 0.0, 0.0)),), Measured("point", "machine"), estimate=("target",),
+    ... )
+    >>> design = Measurements.from_frame({"C [deg]": np.arange(0.0, 360.0, 10.0)})
+    >>> data = table.simulate(design, ["encoder_ellipticity@C:a=20arcsec"], noise="2um", seed=1).data
+    >>> found = ladder(table, data, [table.effect("encoder_ellipticity", "C")])
+    >>> [(rung.title, round(rung.fit.rms, 3)) for rung in found.rungs]
+    [('base', 0.004), ('+ encoder_ellipticity at C', 0.002)]
+    >>> found.rungs[1].held_out.rms < found.rungs[0].held_out.rms, found.rungs[1].step.significant
+    (True, True)
     """
     machines = [machine]
     for effect in steps:

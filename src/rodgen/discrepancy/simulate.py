@@ -112,6 +112,8 @@ def simulate(
     if seed is None:
         seed = int(np.random.SeedSequence().entropy) % 2**32  # type: ignore[arg-type]
     bound = bind(machine, design, allow_missing_readings=True)
+    if not bound.n:
+        raise InputFileError(design.file, "file", "no rows", "at least one pose under the header")
     lab = Lab(
         machine, with_reading(bound, np.eye(3)[:1] if bound.reading.shape[1] == 3 else 0.0), noise, seed
     )
