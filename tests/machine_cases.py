@@ -311,7 +311,7 @@ TARGETS = [(120, 30, 40), (-20, 90, 10)]
 
 
 def _estimate(kind: str) -> list[str]:
-    moving = ["B.point", "C.point", "Z.point"] if kind != "direction" else []
+    moving = ["B.point", "C.point"] if kind != "direction" else []
     return ["B.axis", "C.axis", *moving]
 
 
@@ -327,6 +327,50 @@ def every(kind: str) -> Case:
 
 def frame(kind: str) -> dict[str, float]:
     return {key: value for key, value in FREE_FRAME.items() if kind != "direction" or ".r" in key}
+
+
+Title = tuple[str, str | None]
+
+
+def title(block: Mapping[str, Any]) -> Title:
+    """Return name and place of an [[effect]]."""
+    return block["name"], block.get("joint") or block.get("target")
+
+
+def with_effects(
+    kind: str, chosen: Iterable[Title], data: Mapping[str, Any], *, geometry_known: bool, **measured: Any
+) -> Case:
+    """Return the machine of every effect with some that are estimated; the others are held where they do nothing.
+
+    So all of these machines share the kernels of one. Where the geometry is not known, axes, points and targets are
+    estimated, too.
+    """
+    case, chosen = every(kind), set(chosen)
+    file = dict(case.file)
+    effects = []
+    if geometry_known:
+        for name, what in (entry.split(".") for entry in file["estimate"]["parameters"]):
+            held = {"axis": "axis_tilt", "point": "axis_offset"}[what]
+            effects.append(effect(held, name, hold={"a": 0.0, "b": 0.0}))
+        file["estimate"] = {"parameters": []}
+    for block in case.file["effect"]:
+        geometric = block["name"] in {"axis_tilt", "axis_offset", "squareness", "target_offset"}
+        if title(block) in chosen or (geometric and not geometry_known):
+            effects.append(block)
+            continue
+        names = {key.rsplit(".", 1)[1] for key in case.keys_of(block)}
+        effects.append(block | {"hold": {name: float(name in {"tau", "P"}) for name in sorted(names)}})
+    file["effect"] = effects
+    file["measured"] = file["measured"] | measured
+    made = Case(file, data)
+    assert made.model.structure == case.model.structure
+    return made
+
+
+def noisy(kind: str, reading: np.ndarray, size: float, rng: np.random.Generator) -> np.ndarray:
+    """Add the noise of an instrument; across a direction, so that its length stays 1."""
+    noise = size * rng.normal(size=reading.shape)
+    return reading + noise if kind != "direction" else unit(reading + np.cross(noise, reading))
 
 
 # a machine with formulas of its own ----------------------------------------------------------------------------
@@ -370,7 +414,10 @@ def own(kind: str) -> tuple[Case, dict[str, float]]:
         blocks[-1] |= {"meaning": "Something."} | ({key: place} if place else {})
         values = dict(zip(parameters, given, strict=True))
         numbers |= {".".join(filter(None, [place, f"own_{n}", name])): x for name, x in values.items()}
-    file = machine_file(JOINTS, TARGETS, kind=kind, effects=blocks, gravity=(0.6, 0, -0.8))
+    if kind != "direction":
+        numbers |= {"Z.point.a": 3.0, "Z.point.b": -2.0}
+    estimate = [] if kind == "direction" else ["Z.point"]
+    file = machine_file(JOINTS, TARGETS, kind=kind, estimate=estimate, effects=blocks, gravity=(0.6, 0, -0.8))
     rng = np.random.default_rng(14)
     more = {"flow": rng.uniform(0, 4, ROWS), "T_room [degC]": rng.uniform(15, 30, ROWS)}
     return Case(file, data_for(file, ROWS, rng) | more), numbers

@@ -1,0 +1,279 @@
+"""A fit ends at the least cost there is, wherever it starts.
+
+Rough starts: the tracker stands anywhere and is turned anyhow, each axis is 5 to 10 degrees off, each target 100 mm.
+What is least is known from a fit that starts at the truth. Searches: periods and times of any size. Nested models: one
+with more effects never costs more than the one inside it, from scratch or from the smaller one's end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from machine_cases import (
+    Case,
+    data_for,
+    effect,
+    every,
+    frame,
+    joint,
+    machine_file,
+    noisy,
+    title,
+    with_effects,
+)
+from scipy.spatial.transform import Rotation
+
+from rodgen.discrepancy._start import trilaterated
+from rodgen.discrepancy.fit import fit
+
+R, P = "revolute", "prismatic"
+NOISE = {"point": 0.02, "direction": 1e-5, "distance": 0.02}
+"""mm, rad; so that what is left of a wrong valley is not lost in it."""
+
+
+# rough starts ------------------------------------------------------------------------------------------------
+
+
+def robot(kind: str) -> dict[str, Any]:
+    z, y, x = (0, 0, 1), (0, 1, 0), (1, 0, 0)
+    places = [
+        (z, (0, 0, 0)),
+        (y, (150, 0, 450)),
+        (y, (150, 0, 1050)),
+        (x, (400, 0, 1200)),
+        (y, (800, 0, 1200)),
+    ]
+    joints = [joint(f"J{n}", R, *place) for n, place in enumerate([*places, (x, (900, 0, 1200))], start=1)]
+    return machine_file(
+        joints, [(1000, 50, 1200), (1000, -60, 1240), (980, 20, 1130)], kind=kind, frame="free"
+    )
+
+
+def mount(kind: str) -> dict[str, Any]:
+    return machine_file(
+        [joint("AZ", R, (0, 0, -1)), joint("EL", R, (1, 0, 0))], [(0, 1, 0)], kind=kind, frame="free"
+    )
+
+
+def gantry(kind: str) -> dict[str, Any]:
+    slides = {"X": ((1, 0, 0), [0.0, 800.0]), "Y": ((0, 1, 0), [0.0, 600.0]), "Z": ((0, 0, 1), [-400.0, 0.0])}
+    joints = [joint(name, P, axis, travel=travel) for name, (axis, travel) in slides.items()]
+    joints.append(joint("C", R, (0, 0, 1)))
+    return machine_file(joints, [(120, 0, -60), (-40, 85, -90)], kind=kind, frame="free")
+
+
+def table(kind: str) -> dict[str, Any]:
+    return machine_file(
+        [joint("C", R, (0, 0, 1))], [(120, 0, 40), (-40, 85, 60), (0, 0, 200)], kind=kind, frame="free"
+    )
+
+
+def positioner(kind: str) -> dict[str, Any]:
+    joints = [joint("theta", R, (0, 0, 1)), joint("phi", R, (0, 0, 1), (200, 0, 0))]
+    return machine_file(joints, [(400, 0, 40), (360, 85, 60)], kind=kind, frame="free")
+
+
+ROUGH = [
+    pytest.param(robot, "point", 200, id="robot and tracker"),
+    pytest.param(mount, "direction", 40, id="mount"),
+    pytest.param(gantry, "point", 80, id="gantry"),
+    pytest.param(gantry, "distance", 80, id="gantry and ballbar"),
+    pytest.param(table, "point", 30, id="table"),
+    pytest.param(table, "distance", 50, id="table and distances"),
+    pytest.param(positioner, "point", 40, id="positioner"),
+    pytest.param(positioner, "distance", 80, id="positioner and distances"),
+]
+
+
+def all_estimated(file: dict[str, Any]) -> dict[str, Any]:
+    turns = [j["name"] for j in file["joint"] if j["type"] == R]
+    points = [f"{name}.point" for name in turns] if file["measured"]["kind"] != "direction" else []
+    axes = [f"{j['name']}.axis" for j in file["joint"]]
+    return file | {"estimate": {"parameters": [*axes, *points, "target"]}}
+
+
+def truth(case: Case, rng: np.random.Generator) -> dict[str, float]:
+    """Draw what is wrong with the machine file, and where the frame is."""
+
+    def tilt(key: str) -> dict[str, float]:
+        size, towards = np.radians(rng.uniform(5, 10)), rng.uniform(0, 2 * np.pi)
+        return {f"{key}.a": size * np.cos(towards), f"{key}.b": size * np.sin(towards)}
+
+    directions = case.kind == "direction"
+    values: dict[str, float] = {}
+    for entry in case.file["estimate"]["parameters"]:
+        if entry.endswith(".axis"):
+            values |= tilt(entry)
+        elif entry.endswith(".point"):
+            values |= {f"{entry}.{x}": rng.normal() * 30 for x in "ab"}
+    for target in case.file["target"]:
+        if directions:
+            values |= tilt(f"target.{target['name']}")
+        else:
+            away = rng.normal(size=3)
+            away *= 100 / np.linalg.norm(away)
+            values |= {f"target.{target['name']}.{x}": v for x, v in zip("xyz", away, strict=True)}
+    turn = Rotation.from_quat(rng.normal(size=4)).as_rotvec()
+    values |= {f"frame.r{x}": v for x, v in zip("xyz", turn, strict=True)}
+    if not directions:
+        values |= {f"frame.{x}": rng.uniform(-3000, 3000) for x in "xyz"}
+    return values
+
+
+def missed(
+    make: Callable[[str], dict[str, Any]], kind: str, rows: int, seeds: Iterable[int]
+) -> list[tuple[int, float]]:
+    """Return the draws of which a fit from the file misses the least cost, and by how much."""
+    file = all_estimated(make(kind))
+    worse = []
+    for seed in seeds:
+        rng = np.random.default_rng([31, seed])
+        case = Case(file, data_for(file, rows, rng, runs=1, turn=2.5))
+        values = truth(case, rng)
+        observations = replace(
+            case.observations, reading=noisy(kind, case.simulated(values), NOISE[kind], rng)
+        )
+        start = {key: value for key, value in values.items() if not key.startswith("frame.")}
+        best = fit(case.machine, observations, start=start)
+        found = fit(case.machine, observations)
+        if not found.chi_square < best.chi_square * (1 + 1e-5):
+            worse.append((seed, found.chi_square / best.chi_square))
+    return worse
+
+
+@pytest.mark.parametrize(("make", "kind", "rows"), ROUGH)
+def test_rough_starts_end_at_the_least_cost(make, kind, rows):
+    assert missed(make, kind, rows, range(15)) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("make", "kind", "rows"), ROUGH)
+def test_of_many_rough_starts_99_percent_end_at_the_least_cost(make, kind, rows):
+    assert len(missed(make, kind, rows, range(200))) <= 2
+
+
+def test_distances_tell_where_they_are_measured_from():
+    rng = np.random.default_rng(5)
+    at = np.array([400.0, -700.0, 900.0])
+    places = rng.normal(size=(20, 3)) * [300, 200, 100]
+    first, *_ = trilaterated(places, np.linalg.norm(places - at, axis=1))
+    assert np.allclose(
+        first, at, rtol=0, atol=1e-8
+    )  # lengths of 1000, squared and subtracted: 1e-13 * 1e6 / 100
+    places[:, 2] = 50.0  # in a plane, a place over it looks as one below
+    found = trilaterated(places, np.linalg.norm(places - at, axis=1))[1:]
+    assert sorted(p[2] for p in found) == pytest.approx([-800, 900])
+    assert np.allclose([p[:2] for p in found], at[:2])
+
+
+# searches ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("rows", "waves"),
+    [(60, 1.3), (60, 20), (400, 3), (400, 100), (3000, 3.3), (3000, 10), (3000, 400), (3000, 900)],
+)
+def test_a_period_is_found_among_many(rows, waves):
+    """From one wave over the whole way to a thousand; 3 to 6 µm, seen with a noise of 2 µm."""
+    rng = np.random.default_rng([33, rows])
+    file = machine_file(
+        [joint("C", R, (0, 0, 1)), joint("X", P, (1, 0, 0))],
+        [(120, 0, 40), (-40, 85, 60)],
+        estimate=["C.axis", "C.point", "target"],
+        effects=[effect("periodic_drive_error", "C")],
+    )
+    case = Case(file, data_for(file, rows, rng, runs=1))
+    key = "C.periodic_drive_error"
+    values = {f"{key}.a": 4e-5, f"{key}.b": 3e-5, f"{key}.P": 6.0 / waves}
+    reading = noisy("point", case.simulated(values), 0.002, rng)
+    found = fit(case.machine, replace(case.observations, reading=reading))
+    for x, value in values.items():
+        estimate = found.estimates[x]
+        factor = case.model.parameters[case.model.keys[x]].factor
+        assert abs(estimate.value * factor - value) < 5 * estimate.std * factor
+
+
+@pytest.mark.parametrize("tau", [40.0, 300.0, 2000.0, 8000.0])
+def test_a_time_constant_is_found_whether_short_or_long(tau):
+    """Over 4000 s, with 80 readings: some readings fall into the warming up, or it goes on to the end."""
+    rng = np.random.default_rng(34)
+    file = machine_file([joint("C", R, (0, 0, 1))], estimate=["target"], effects=[effect("warm_up_drift")])
+    case = Case(file, data_for(file, 80, rng, runs=1))
+    values = {
+        "warm_up_drift.x": 0.1,
+        "warm_up_drift.y": -0.2,
+        "warm_up_drift.z": 0.15,
+        "warm_up_drift.tau": tau,
+    }
+    reading = noisy("point", case.simulated(values), 0.002, rng)
+    found = fit(case.machine, replace(case.observations, reading=reading))
+    best = fit(case.machine, replace(case.observations, reading=reading), start=values)
+    assert found.chi_square == pytest.approx(best.chi_square, rel=1e-6)
+    assert found.estimates["warm_up_drift.tau"].value == pytest.approx(tau, rel=0.2)
+
+
+# nested models -----------------------------------------------------------------------------------------------
+
+
+def climbs(kind: str, seeds: Iterable[int]) -> list[tuple[int, float]]:
+    """Return the draws where a larger model costs more than the one inside it, and by which part.
+
+    A machine with six effects is measured; some effects, right or wrong ones, are fitted, then one more.
+    """
+    worse = []
+    titles = [title(block) for block in every(kind).file["effect"]]
+    size = {"point": 0.002, "direction": 2e-6, "distance": 0.002}[kind]
+    for seed in seeds:
+        rng = np.random.default_rng([41, seed])
+        data = data_for(every(kind).file, 60, rng)
+        true, order = ([titles[i] for i in rng.permutation(len(titles))] for _ in range(2))
+        full = Case(every(kind).file, data)
+        keys = [
+            key for block in full.file["effect"] if title(block) in true[:6] for key in full.keys_of(block)
+        ]
+        reading = noisy(kind, full.simulated(full.sizeable(keys) | frame(kind)), size, rng)
+        known, count = bool(rng.integers(2)), int(rng.integers(5))
+        small, large = (with_effects(kind, order[:n], data, geometry_known=known) for n in (count, count + 1))
+        inner = fit(small.machine, replace(small.observations, reading=reading))
+        end = {inner.parameters[i].key: float(inner.solution.theta[i]) for i in inner.free}
+        for start in ({}, end):
+            outer = fit(large.machine, replace(large.observations, reading=reading), start=start)
+            if not outer.chi_square <= inner.chi_square * (1 + 1e-8):  # a fit ends so near to the least
+                worse.append((seed, outer.chi_square / inner.chi_square - 1))
+    return worse
+
+
+@pytest.mark.parametrize("kind", ["point", "direction", "distance"])
+def test_a_larger_model_never_fits_worse(kind):
+    assert climbs(kind, range(6)) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["point", "direction", "distance"])
+def test_of_many_larger_models_none_fits_worse(kind):
+    assert climbs(kind, range(6, 100)) == []
+
+
+def test_effects_that_are_added_one_by_one_lower_the_cost_each_time(monkeypatch):
+    monkeypatch.setenv("RODGEN_CPU", "numpy")
+    file = all_estimated(table("point"))
+    case = Case(file, data_for(file, 60, np.random.default_rng(3)))
+    full = case.changed(file=file | {"effect": [effect("backlash", "C"), effect("radial_error_motion", "C")]})
+    keys = [key for block in full.file["effect"] for key in full.keys_of(block)]
+    reading = noisy("point", full.simulated(full.sizeable(keys)), 0.002, np.random.default_rng(4))
+    observations = replace(case.observations, reading=reading)
+    machine, costs = case.machine, []
+    found = fit(machine, observations)
+    for name in ("encoder_ellipticity", "backlash", "radial_error_motion"):
+        costs.append(found.chi_square)
+        found = fit(found.machine.with_effect(found.machine.effect(name, "C")), observations)
+    costs.append(found.chi_square)
+    assert (np.diff(costs) <= 0).all()
+    cold = machine
+    for name in ("radial_error_motion", "backlash", "encoder_ellipticity"):
+        cold = cold.with_effect(cold.effect(name, "C"))
+    assert fit(cold, observations).chi_square == pytest.approx(found.chi_square, rel=1e-7)
