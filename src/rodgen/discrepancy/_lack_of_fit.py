@@ -93,13 +93,13 @@ def lack_of_fit(fit: Fit) -> LackOfFit | None:
 
 
 def _against_replicates(fit: Fit, pure: Replicates) -> LackOfFit | None:
-    from scipy.special import fdtrc
-
     error = pure.deviations
     cells = pure.cells * fit.problem.components - fit.determinacy.rank
     spare = cells - error.count
     if error.count < 1 or spare < 1 or not error.variance > 0:
         return None
+    from scipy.special import fdtrc  # a quarter of a second, only where it is needed
+
     squares = max(pure.cell_squares - error.sum_of_squares, 0.0)
     share = error.share
     freedoms = (max(share * spare, 1.0), max(share * error.count, 1.0))
