@@ -62,8 +62,8 @@ check-c: .venv/installed
 notebooks: .venv/installed ## execute the derivations into build/notebooks, as .ipynb and .html
 	@$(BIN)/python docs/make_notebooks.py
 
-bench: .venv/installed ## measure the speed, beside other libraries and the machine's limits
-	$(BIN)/python benchmarks/run.py
+bench: .venv/installed ## measure the speed, beside other libraries and the machine's limits (ONLY=fits or axis: a part)
+	$(BIN)/python benchmarks/run.py $(if $(ONLY),--only $(ONLY))
 
 docs: .venv/installed ## draw the pictures of the README anew
 	$(BIN)/python docs/make_pictures.py

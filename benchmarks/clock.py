@@ -16,6 +16,7 @@ class Entry:
     solves: int  # solved by one call
     repeats: int = 1  # calls in one sample
     threads: int = 1
+    processor: Callable[[], int] = time.thread_time_ns  # or process_time_ns: of all threads of a contender
     # ns per solve, one a round: processor time, which leaves out what the system gave to others meanwhile;
     # wall time where there are more threads than one.
     samples: list[float] = field(default_factory=list)
@@ -34,12 +35,12 @@ class Entry:
         return (high - low) / self.median
 
     def once(self) -> tuple[float, float]:
-        """Take one sample: processor time of this thread, and wall time, in ns per solve."""
-        call, loop = self.call, range(self.repeats)
-        wall, processor = time.perf_counter_ns(), time.thread_time_ns()
+        """Take one sample: processor time, and wall time, in ns per solve."""
+        call, loop, used = self.call, range(self.repeats), self.processor
+        wall, processor = time.perf_counter_ns(), used()
         for _ in loop:
             call()
-        processor, wall = time.thread_time_ns() - processor, time.perf_counter_ns() - wall
+        processor, wall = used() - processor, time.perf_counter_ns() - wall
         solves = self.repeats * self.solves
         return processor / solves, wall / solves
 

@@ -16,22 +16,31 @@ from contenders import Contender, package
 from contenders.base import OWN, YARDSTICK
 
 HEADERS = {1: "1", 1_000: "1e3", 100_000: "1e5", 10_000_000: "1e7"}
-PACKAGES = ("numpy", "scipy", "sympy", "numba", "casadi", "wrenfold", "ssik")
+PACKAGES = ("numpy", "scipy", "lmfit", "casadi", "jax", "sympy", "numba", "wrenfold", "ssik")
 
-CAVEATS = """\
+TITLE = """\
 # Benchmarks
 
-*Written by `make bench` (`python benchmarks/run.py`); do not edit. With `--quick` it only prints a shorter
-run. The peers are installed into environments of their own, `benchmarks/.venv-peers` and
-`benchmarks/.venv-symforce`, from pinned requirements; their generated code is made at each run.*
+*Written by `make bench` (`python benchmarks/run.py`), or a part of it by `make bench ONLY=fits` or `ONLY=axis`; do not
+edit. With `--quick` it only prints a shorter run. The peers are installed into environments of their own,
+`benchmarks/.venv-peers` and `benchmarks/.venv-symforce`, from pinned requirements; their generated code is made at each
+run.*
 
 Read these first:
 
 - One machine, one run, and a shared one: other tenants use its memory and its last-level cache. Ratios are
-  taken within a round, so they are steadier than the nanoseconds; *spread* is the interquartile range over
-  the median of the gufunc's own samples. A ratio that differs by less than the spread means nothing.
-- One-thread figures are the thread's processor time, so what the system gave to others meanwhile is left out
-  (the caches that they spoil are not); two-thread figures and their ratios are wall time. How much of a
+  taken within a round, so they are steadier than the times; *spread* is the interquartile range over
+  the median of the samples. A ratio that differs by less than the spread means nothing.
+- Times are processor time, so what the system gave to others meanwhile is left out (the caches that they spoil are
+  not), unless they are called wall time.
+- Each peer is set up as one who knows it would.
+- Rows marked † are compiled with `-ffast-math` (Numba: `fastmath=True`): the compiler may then assume that no
+  NaN or infinity occurs and delete tests for them, and may call functions of lower accuracy. That is no
+  option for a library that promises a status for invalid input; the rows are there to show what it buys.
+"""
+
+CAVEATS = """\
+- One-thread figures are the thread's processor time; two-thread figures and their ratios are wall time. How much of a
   processor the samples had is said below: well under 100 %, the machine was busy and all figures are worse.
 - The problem is small (some fifty operations and one tangent), so this compares how well each tool turns a
   short formula into a loop over memory. It says nothing of large expressions, derivatives or other subjects.
@@ -45,12 +54,9 @@ Read these first:
   its best case. In the row "measured lengths" |ρ′| is off by 1e-6, as measured points are: rodgen corrects that,
   in the general form; the peers would answer wrongly by as much. In the row "1 % lengths differ" one element in
   a hundred is not ordinary.
-- Each peer is set up as one who knows it would: outputs given and touched beforehand, `-O3 -march=native`
-  where it is compiled, blocks that fit the cache where it is NumPy, analytic Jacobians and good starts where
-  it iterates. rodgen ships portable code and chooses its instruction set when it runs.
-- Rows marked † are compiled with `-ffast-math` (Numba: `fastmath=True`): the compiler may then assume that no
-  NaN or infinity occurs and delete tests for them, and may call vector tan of lower accuracy. That is no
-  option for a library that promises a status for invalid input; the rows are there to show what it buys.
+- Peers have outputs given and touched beforehand, `-O3 -march=native` where they are compiled, blocks that fit the
+  cache where they are NumPy, analytic Jacobians and good starts where they iterate. rodgen ships portable code and
+  chooses its instruction set when it runs.
 - Numba from PyPI has no SVML, so it calls the scalar tangent.
 - N = 1 is one call from Python with arrays of one element: it shows call overhead. Peers in C or C++ go
   through ctypes with addresses taken beforehand, which is less than any Python interface would cost.
@@ -172,7 +178,7 @@ def _sizes(name: str, sizes: dict[int, dict[str, clock.Entry]]) -> dict[str, dic
     return found
 
 
-def _number(value: float | None) -> str:
+def number(value: float | None) -> str:
     if value is None:
         return "–"
     if value >= 1000:
@@ -184,13 +190,13 @@ def _cell(sizes: dict, n: int, key: str) -> str:
     found = sizes.get(HEADERS[n])
     if not found or found.get(key) is None:
         return "–"
-    text = _number(found[key])
+    text = number(found[key])
     if key == "ns a solve" and found["solves timed"] != n:
         text += f" [{found['solves timed']:,}]"
     return text
 
 
-def _table(header: list[str], rows: list[list[str]]) -> str:
+def table(header: list[str], rows: list[list[str]]) -> str:
     def line(cells: list[str]) -> str:
         return "| " + " | ".join(cells) + " |"
 
@@ -203,20 +209,48 @@ def _columns(result: dict) -> list[int]:
     return [n for n in HEADERS if n in measured]
 
 
-def page(result: dict) -> str:
-    """Write the page: caveats, machine, headline, tables, limits, threads, what is missing."""
-    columns = _columns(result)
+def compose(parts: dict[str, dict]) -> str:
+    """Write the page of those parts that were ever measured: caveats, machine, headlines, tables."""
+    from fits import page as fits
+
+    axis, machines = parts.get("axis"), parts.get("fits")
     condition = f"random, condition number of the axis at most {problem.LARGEST_CONDITION:.0f}"
-    parts = [CAVEATS.format(condition=condition, bytes=limits.BYTES_A_SOLVE)]
-    parts += ["## Machine\n", *(f"- {name}: {value}" for name, value in result["machine"].items())]
+    lines = [TITLE]
+    if machines:
+        lines += ["Of fits of machines:\n", fits.caveats()]
+    if axis:
+        lines += ["Of solve_axis:\n", CAVEATS.format(condition=condition, bytes=limits.BYTES_A_SOLVE)]
+    lines += ["## Machine\n"]
+    facts = [part["machine"] for part in (machines, axis) if part]
+    same = facts[0] if all(f == facts[0] for f in facts) else None
+    if same:
+        lines += [f"- {name}: {value}" for name, value in same.items()] + [""]
+    else:
+        for title, part in (("fits", machines), ("solve_axis", axis)):
+            lines += [
+                f"For {title}:\n",
+                *(f"- {name}: {value}" for name, value in part["machine"].items()),
+                "",
+            ]
+    lines += ["## In short\n"]
+    lines += [*fits.headline(machines), ""] if machines else []
+    lines += [*_headline(axis), ""] if axis else []
+    lines += [fits.page(machines)] if machines else []
+    lines += [page(axis)] if axis else []
+    return "\n".join(lines)
+
+
+def page(result: dict) -> str:
+    """Write the part on solve_axis: tables, limits, threads, what is missing."""
+    columns = _columns(result)
+    parts = ["## solve_axis\n"]
     parts += [f"- rounds: {', '.join(f'{r} at N = {n}' for n, r in result['rounds'].items())}"]
     shares = ", ".join(f"{share:.0%} at N = {n}" for n, share in result["processor share"].items())
     parts += [f"- share of one processor that the samples had: {shares}\n"]
-    parts += _headline(result)
     rows = sorted(result["rows"], key=lambda row: row["sizes"]["1e5"]["ns a solve"])
-    parts += ["## Time for one solve, one thread (ns)\n"]
+    parts += ["### Time for one solve, one thread (ns)\n"]
     parts.append(
-        _table(
+        table(
             ["contender", *(f"N = {HEADERS[n]}" for n in columns), "largest error"],
             [
                 [
@@ -230,17 +264,17 @@ def page(result: dict) -> str:
     )
     parts.append("\nA number in brackets is how many solves were timed where that is fewer than N.\n")
     if any(row["name"] == package.GUFUNC for row in rows):
-        parts += [f"## The same as a multiple of {package.GUFUNC}\n"]
+        parts += [f"### The same as a multiple of {package.GUFUNC}\n"]
         header = ["contender", *(f"N = {HEADERS[n]}" for n in columns)]
         body = [[_mark(row), *(_cell(row["sizes"], n, "ratio") for n in columns)] for row in rows]
         if 10_000_000 in columns:
             header.append("fraction of the bandwidth limit at 1e7")
             for cells, row in zip(body, rows, strict=True):
                 cells.append(_cell(row["sizes"], 10_000_000, "fraction of the limit"))
-        parts += [_table(header, body), ""]
+        parts += [table(header, body), ""]
     parts += _limits(result) + _threads(result)
-    parts += ["## How each is set up\n", *(f"- {_mark(row)}: {row['note']}" for row in rows), ""]
-    parts.append("## Not measured\n")
+    parts += ["### How each is set up\n", *(f"- {_mark(row)}: {row['note']}" for row in rows), ""]
+    parts.append("### Not measured\n")
     parts += [f"- {item['name']}: {item['reason']}" for item in result["missing"]] or [
         "Nothing: all of them ran."
     ]
@@ -269,22 +303,20 @@ def _headline(result: dict) -> list[str]:
     own = rows.get(package.GUFUNC)
     if own is None:
         return []
-    lines = ["## In short\n"]
+    lines = []
     for n in ("1e5", "1e7"):
         if n not in own["sizes"]:
             continue
         peer, loose = (_fastest(result["rows"], n, strict=s) for s in (True, False))
-        text = f"- N = {n}: {_number(own['sizes'][n]['ns a solve'])} ns a solve"
+        text = f"- N = {n}: {number(own['sizes'][n]['ns a solve'])} ns a solve"
         text += f" (spread {own['sizes'][n]['spread']:.0%})"
-        text += (
-            f"; the fastest peer, {peer['name']}, takes {_number(peer['sizes'][n]['ratio'])} times as long"
-        )
+        text += f"; the fastest peer, {peer['name']}, takes {number(peer['sizes'][n]['ratio'])} times as long"
         if loose is not peer:
             text += f"; of the † rows, {loose['name']} takes "
-            text += f"{_number(loose['sizes'][n]['ratio'])} times as long"
+            text += f"{number(loose['sizes'][n]['ratio'])} times as long"
         yardsticks = [row for row in result["rows"] if row["family"] == YARDSTICK and n in row["sizes"]]
         for row in yardsticks:
-            text += f"; {_mark(row)} takes {_number(row['sizes'][n]['ratio'])} times as long"
+            text += f"; {_mark(row)} takes {number(row['sizes'][n]['ratio'])} times as long"
         if "fraction of the limit" in own["sizes"][n]:
             text += f"; {own['sizes'][n]['fraction of the limit']:.0%} of what the measured bandwidth allows"
         lines.append(text + ".")
@@ -300,7 +332,7 @@ def _headline(result: dict) -> list[str]:
     for name, sizes in result["threads"].items():
         for n, found in sizes.items():
             lines.append(f"- {name}, N = {n}: {1 / found['ratio']:.2f} times as fast as one thread{busy}.")
-    return [*lines, ""]
+    return lines
 
 
 def _limits(result: dict) -> list[str]:
@@ -312,13 +344,13 @@ def _limits(result: dict) -> list[str]:
         "triad_streaming_2": "triad, non-temporal stores, two threads",
     }
     rows = [
-        [text, f"{limits.BYTES_A_SOLVE / found[name]:.1f}", _number(found[name])]
+        [text, f"{limits.BYTES_A_SOLVE / found[name]:.1f}", number(found[name])]
         for name, text in names.items()
         if name in found
     ]
-    parts = ["## The machine's own limits\n"]
+    parts = ["### The machine's own limits\n"]
     parts.append(
-        _table(["memory", "GB/s", f"ns for the {limits.BYTES_A_SOLVE} bytes of a solve"], rows) + "\n"
+        table(["memory", "GB/s", f"ns for the {limits.BYTES_A_SOLVE} bytes of a solve"], rows) + "\n"
     )
     moved = {
         "traffic 1e5": "plain stores, N = 1e5",
@@ -326,15 +358,15 @@ def _limits(result: dict) -> list[str]:
         "traffic 1e7": "plain stores, N = 1e7",
         "traffic_streaming 1e7": "non-temporal stores, N = 1e7",
     }
-    rows = [[text, _number(found[name])] for name, text in moved.items() if name in found]
+    rows = [[text, number(found[name])] for name, text in moved.items() if name in found]
     if rows:
         parts += ["What a solve reads and writes, without its arithmetic, one thread:\n"]
-        parts.append(_table(["moved by", "ns a solve"], rows) + "\n")
+        parts.append(table(["moved by", "ns a solve"], rows) + "\n")
     if "arithmetic" in found:
         parts.append(
             "Arithmetic: the compact form alone, on component arrays in the first cache, compiled with\n"
             "`-ffast-math` (vector tangent from libmvec, nothing tested), takes "
-            f"{_number(found['arithmetic'])} ns a solve on one thread.\n"
+            f"{number(found['arithmetic'])} ns a solve on one thread.\n"
             "It has two divisions, a square root and a tangent; a kernel with statuses and safe ranges has\n"
             "more, so below that only a cheaper formula would go.\n"
         )
@@ -345,7 +377,7 @@ def _threads(result: dict) -> list[str]:
     if not result["threads"]:
         return []
     parts = [
-        "## Two threads\n",
+        "### Two threads\n",
         "The gufunc releases the GIL, so threads on slices of the same arrays are all it takes:\n",
         "```python",
         "def work(part):",
@@ -360,9 +392,9 @@ def _threads(result: dict) -> list[str]:
         [
             name,
             f"N = {n}",
-            _number(found["ns a solve"]),
+            number(found["ns a solve"]),
             f"{1 / found['ratio']:.2f}",
-            _number(found.get("fraction of the limit of two threads")),
+            number(found.get("fraction of the limit of two threads")),
         ]
         for name, sizes in result["threads"].items()
         for n, found in sizes.items()
@@ -372,4 +404,4 @@ def _threads(result: dict) -> list[str]:
         parts.append(
             "The machine was busy in this run: two threads did not have two processors, so no gain shows.\n"
         )
-    return [*parts, _table(header, rows) + "\n"]
+    return [*parts, table(header, rows) + "\n"]
