@@ -229,7 +229,7 @@ def test_adding_what_is_missing_makes_the_error_fall(folder, rodgen_command):
     assert [line.split()[-4] for line in lines[4:6]] != []
     assert lines[4].split() == ["base", "2.711", "2.791", "6"]
     assert lines[5].split()[:7] == ["+", "gravity_windup", "at", "EL", "0.969", "1.013", "7"]
-    assert "gravity_windup at EL is in these data: chance does not do as much" in out
+    assert "gravity_windup at EL explains more than chance does" in out
     assert "  Remedy       Balance the axis" in out
     code, out, _ = rodgen_command("add", "mount_gravity_windup_EL.toml", "refraction", "stars.csv")
     assert code == 0

@@ -219,7 +219,7 @@ def test_a_real_effect_in_noisy_poses_is_found():
     assert found.step.significant
     assert found.step.design_effect > 3
     assert found.verdict.startswith(
-        "encoder_eccentricity at C is in these data: chance does not do as much (F = "
+        "encoder_eccentricity at C explains more than chance does (F = "
     )
 
 

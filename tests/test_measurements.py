@@ -399,7 +399,7 @@ MALFORMED = {
     ),
     "too large once it is in millimetres": (
         f"{in_header('x [mm]', 'x [km]')}{ROW.replace(',1,', ',1e305,')}\n",
-        "line 3, column 'x [km]': 1e+305, too large for a double in mm, rad, s, K and N; "
+        "line 3, column 'x [km]': 1e+305, too large in mm, rad, s, K and N; "
         "expected a number of a usual size",
     ),
     "too few cells": (f"{GOOD}1,2\n", "line 3: 2 cells; expected 6, as in the header"),

@@ -30,6 +30,8 @@ __all__ = ["READINGS", "Observations", "bind"]
 READINGS = {"point": ("x", "y", "z"), "direction": ("ux", "uy", "uz"), "distance": ("d",)}
 """The columns of a reading, by what a machine measures."""
 
+SMALLEST, LARGEST = 1e-100, 1e100
+"""Readings and uncertainties beyond leave the range of a double when they are squared and summed up."""
 UNIT_LENGTH_TOLERANCE = 1e-3
 """How far the length of a measured direction may be off 1: components rounded to three decimals still pass, an azimuth
 in the wrong column does not."""
@@ -358,15 +360,15 @@ class _Binder:
     def _scaled(self, column: Column, out: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
         """Return a column in internal units, in `out` where it is given."""
         factor = parse_unit(column.unit).factor(self.machine.length_unit) if column.unit else 1.0
+        largest = max(column.values.max(initial=0.0), -column.values.min(initial=0.0))
+        if largest > LARGEST / factor:
+            row = int(np.argmax(np.abs(column.values)))
+            found = f"{_number(column, row)}, too large in {self.machine.length_unit}, rad, s, K and N"
+            raise self._wrong_cell(column, row, found, "a number of a usual size")
         if out is None and factor == 1.0:
             return column.values
         scaled = empty(column.values.shape) if out is None else out
-        with np.errstate(over="ignore"):
-            np.multiply(column.values, factor, out=scaled)
-        if factor > 1.0 and not np.isfinite(scaled).all():
-            row = int(np.argmin(np.isfinite(scaled)))
-            found = f"{_number(column, row)}, too large for a double in {self.machine.length_unit}, rad, s, K and N"
-            raise self._wrong_cell(column, row, found, "a number of a usual size")
+        np.multiply(column.values, factor, out=scaled)
         return scaled
 
     def number(self, name: str, dimension: Dimension) -> NDArray[np.float64] | None:
@@ -508,8 +510,9 @@ class _Binder:
             elif column.unit is not None:
                 self._checked(column, ANGLE)
             self._scaled(column, sigma[:, i])
-            if not (sigma[:, i] > 0.0).all():
-                row = int(np.argmin(sigma[:, i] > 0.0))
+            usual = (sigma[:, i] > SMALLEST) & (sigma[:, i] < LARGEST)
+            if not usual.all():
+                row = int(np.argmin(usual))
                 raise self._wrong_cell(column, row, _number(column, row), "a positive uncertainty")
         return sigma
 

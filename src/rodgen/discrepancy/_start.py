@@ -27,7 +27,9 @@ LEAST_WAVES, MOST_WAVES = 0.75, 1000.0
 """Waves over the whole way that are tried. Neighbours are half a wave apart: a quarter off leaves 80 % of the fall."""
 SEARCH_STEPS = 2_000
 """Values that are tried for a searched parameter at most."""
-PEAKS = 3
+GRID = 0.01
+"""Places are on a grid when all distances are whole multiples of the least one, within this."""
+PEAKS = 10
 """The best of them, from which a fit is tried."""
 ANY_SIZE = np.geomspace(1e-6, 1e6, 97)
 """Sizes that are tried for a parameter in a user's formula, of either sign, internal units: eight a decade."""
@@ -196,7 +198,7 @@ def _period(
     q = some.observations.q[:, joint]
     places = np.unique(q)
     span = places[-1] - places[0]
-    highest = min((len(places) - 1) / 2, MOST_WAVES)  # of more none is seen
+    highest = _most_waves(places)
     if highest < LEAST_WAVES:
         return float(span) or 1.0
     jacobian = some.jacobian(solution.theta, solution.frame)
@@ -234,6 +236,14 @@ def _period(
         ended = minimise(some, theta, solution.frame, [*free, *waves, index])
         best.append((ended.cost, float(ended.theta[index])))
     return min(best)[1]
+
+
+def _most_waves(places: Array) -> float:
+    """Return how many waves over the way the places can tell from fewer: on a grid half its steps, else any number."""
+    steps = np.diff(places)
+    multiples = steps / steps.min(initial=np.inf)
+    on_grid = bool(np.all(np.abs(multiples - np.round(multiples)) < GRID))
+    return float(min(multiples.sum() / 2, MOST_WAVES)) if on_grid else MOST_WAVES
 
 
 def _scaled(columns: Array) -> Array:
@@ -285,6 +295,6 @@ def _grid(problem: Problem, index: int) -> Array:
         joint = [joint.name for joint in problem.model.machine.joints].index(str(parameter.place))
         q = np.unique(o.q[:, joint])
         if len(q) > 3:
-            highest = min((len(q) - 1) / 2, MOST_WAVES / 10)
+            highest = min(_most_waves(q), MOST_WAVES / 10)
             return np.asarray((q[-1] - q[0]) / np.arange(LEAST_WAVES, highest + 0.25, 0.25))
     return np.array([1.0])

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.discrepancy._held_out import ALONE, NO_SAY
+from rodgen.discrepancy._lack_of_fit import SMALLEST
 from rodgen.discrepancy._least_squares import minimise
 from rodgen.discrepancy._problem import Problem, one_thread_in_blas
 from rodgen.discrepancy._whitened import Whitened
@@ -27,8 +28,6 @@ __all__ = ["Step", "step"]
 
 Array: TypeAlias = NDArray[np.float64]
 
-SMALLEST = 1e-300
-"""Smaller probabilities are written so."""
 SIGNIFICANT = 0.001
 """Probability by chance below which an effect is called real: somebody may have tried thirty before."""
 MANY_VALUES = 200

@@ -14,6 +14,8 @@ __all__ = ["as_dict", "as_text", "geometry"]
 
 STRONG = 0.95
 """Correlations above this are named: such parameters are hardly told apart."""
+LATE = 0.05
+"""Part of the measurement's duration by which its time may begin beside 0 without a word."""
 NAMED = 8
 """Correlations and outliers that are named at most; the rest is counted."""
 
@@ -93,6 +95,7 @@ def _lines(fit: Fit) -> Iterator[str]:
         yield fit.lack_of_fit.text
     if fit.outliers.any():
         yield _outliers(fit)
+    yield from _warnings(fit)
     shown = [e for e in fit.estimates.values() if not e.held or e.value]
     if shown:
         yield ""
@@ -109,6 +112,15 @@ def _lines(fit: Fit) -> Iterator[str]:
         yield from (f"  {a} and {b}: {r:+.4f}" for a, b, r in pairs[:NAMED])
         if len(pairs) > NAMED:
             yield f"  and {len(pairs) - NAMED} more pairs"
+
+
+def _warnings(fit: Fit) -> Iterator[str]:
+    """Yield what may be meant otherwise than it is taken."""
+    t = fit.observations.t
+    if t is not None and any(effect.name == "warm_up_drift" for effect in fit.machine.effects):
+        first, span = float(t.min()), float(np.ptp(t))
+        if abs(first) > LATE * span:
+            yield f"t begins at {first:.6g} s: warm_up_drift counts from t = 0, when the machine was cold."
 
 
 def _outliers(fit: Fit) -> str:

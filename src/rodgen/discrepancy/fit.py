@@ -24,6 +24,7 @@ from rodgen.errors import InputFileError, RodgenError, shown
 from rodgen.machines._model import Model
 from rodgen.machines._parameters import Parameter
 from rodgen.machines._rigid import rotation_vector
+from rodgen.machines._structure import row_effects
 from rodgen.machines.machine import Machine
 
 if TYPE_CHECKING:
@@ -263,6 +264,7 @@ def fit(
         machine = replace(machine, values={**machine.values, **start})
     model = Model(machine, observations.travel, observations.run_names)
     problem = Problem(model, observations)
+    _check_travel(problem)
     with one_thread_in_blas():
         if loss == "linear":
             solution, free = _solve(problem, progress)
@@ -274,8 +276,34 @@ def fit(
 def _finished(problem: Problem, solution: Solution, free: Sequence[int], outliers: Any) -> Fit:
     model = problem.model
     values = {p.key: float(solution.theta[i]) for i, p in enumerate(model.parameters)}
-    machine = replace(model.machine, values=values)
+    # what is measured along a travel means nothing without it
+    joints = tuple(
+        replace(joint, travel=(float(model.travel[j, 0]), float(model.travel[j, 1])))
+        if j in _measured_along(model)
+        else joint
+        for j, joint in enumerate(model.machine.joints)
+    )
+    machine = replace(model.machine, values=values, joints=joints)
     return Fit(machine, problem.observations, problem, solution, tuple(free), outliers)
+
+
+def _measured_along(model: Model) -> dict[int, str]:
+    """Return the joints along whose travel an effect is measured, with the effect."""
+    terms = zip(row_effects(model.machine), model.structure.terms, strict=True)
+    return {term.joint: effect.title for effect, term in terms if term.uses_travel and term.joint is not None}
+
+
+def _check_travel(problem: Problem) -> None:
+    """Refuse an effect along a way that has no length."""
+    model = problem.model
+    for j, title in _measured_along(model).items():
+        if not model.travel[j, 1] > model.travel[j, 0]:
+            o, joint = problem.observations.data, model.machine.joints[j].name
+            found = (
+                f"one coordinate in all rows, and no travel in the machine, along which {title} is measured"
+            )
+            place = f"{o.header_place}, column {shown(joint)}"
+            raise InputFileError(o.file, place, found, f"travel of joint {joint}, or rows in which it moves")
 
 
 def _solve(problem: Problem, progress: Progress | None) -> tuple[Solution, list[int]]:
@@ -349,4 +377,6 @@ def _not_finite(problem: Problem, solution: Solution) -> str:
     file = problem.observations.data.file
     own = [effect.title for effect in problem.model.machine.effects if effect.definition.own]
     which = f" (check the formula of {', '.join(own)})" if own else ""
+    if problem.model.structure.kind == "direction" and not own:
+        which = " (a prediction right opposite to its reading? check the signs of axes and targets)"
     return f"{file}: {place}: the model is not finite here; expected formulas and numbers that are{which}"

@@ -34,6 +34,8 @@ __all__ = ["Ladder", "Rung", "ladder", "ladder_of"]
 
 Progress: TypeAlias = Callable[[str, int, float], object]
 
+REMAINS = 1e-3
+"""A lack of fit this improbable is told beside the verdict on an effect."""
 DIGITS = 3
 """Of the smallest error; the others have as many decimals, so that they read as a column."""
 
@@ -71,7 +73,11 @@ class Rung:
         chance = f"F = {self.step.statistic:.3g}, p {_chance(self.step, '= ')}"
         if not self.step.significant:
             return f"{name} is not in these data: chance does as much ({chance})."
-        return f"{name} is in these data: chance does not do as much ({chance})."
+        text = f"{name} explains more than chance does ({chance}); another effect may explain the same."
+        left = self.fit.lack_of_fit
+        if left is not None and left.p_value < REMAINS:
+            text += f" What is left is {left.ratio:.2g} times the noise: this is not it, or not all."
+        return text
 
     @property
     def parameters(self) -> dict[str, Estimate]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -47,6 +46,10 @@ _CHANGES_NOTHING = {
     ("point", "lift"): "no point: it bends light",
     ("distance", "lift"): "no distance: it bends light",
 }
+
+
+LARGEST = 1e100
+"""Numbers beyond it leave the range of a double when they are squared and summed up."""
 
 
 class UnfitEffectError(RodgenError):
@@ -109,8 +112,8 @@ def held(machine: Machine, effect: Effect, hold: Mapping[str, float]) -> dict[st
             raise UnfitEffectError(f"hold.{name}", f"no parameter of {effect.name}", some)
         _, dimension = unit_factor(units[name], machine.length_unit)
         found[name] = float(value) * machine.file_factor(dimension)
-        if not math.isfinite(found[name]):
-            raise UnfitEffectError(f"hold.{name}", f"{value}", "a finite number")
+        if not abs(found[name]) < LARGEST:
+            raise UnfitEffectError(f"hold.{name}", f"{value:g}", "a number of a usual size")
     return found
 
 

@@ -169,6 +169,13 @@ def _positive(number: float) -> float:
     return number
 
 
+def _noise(number: float) -> float:
+    """Take a noise whose square, and the inverse of it, are numbers."""
+    if not 1e-100 <= number <= 1e100:
+        raise UnfitError
+    return number
+
+
 def _pair(value: Any) -> tuple[float, float]:
     if not isinstance(value, list) or len(value) != 2:
         raise UnfitError
@@ -240,7 +247,7 @@ def _measured(top: Table, per_radian: float) -> Measured:
         raise table.error("from", f"given beside kind = {kind!r}", "it with kind = 'distance' only")
     origin = table.get("from", _POINT) if kind == "distance" else None
     scale = _scaled(per_radian if kind == "direction" else 1.0)
-    noise = table.get("noise", NUMBER.then(scale).then(_positive, "a positive number"), None)
+    noise = table.get("noise", NUMBER.then(scale).then(_noise, "a positive number"), None)
     return Measured(kind, frame, origin, noise)
 
 

@@ -20,6 +20,9 @@ __all__ = ["Frame", "Model"]
 
 Array: TypeAlias = NDArray[np.float64]
 
+NO_DECAY = 1e12
+"""Seconds, longer than any measurement: exp(-t/tau) is 1 with any origin of t."""
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -119,13 +122,15 @@ class Model:
     def start(self) -> Array:
         """Return the values that a fit starts from: what is held, what was fitted before, else zero.
 
-        A parameter that is searched has no meaning at zero; it starts at 1 until the search.
+        A parameter that is searched has no meaning at zero; until the search it has a value at which every formula is
+        finite: 1, and for a time constant so much that nothing decays.
         """
         given = self.machine.values
-        values = [
-            p.hold if p.hold is not None else given.get(p.key, 1.0 if p.searched else 0.0)
-            for p in self.parameters
-        ]
+        values = []
+        for p in self.parameters:
+            unsearched = NO_DECAY if p.slot[-1] == "tau" else 1.0
+            start = given.get(p.key, unsearched if p.searched else 0.0)
+            values.append(start if p.hold is None else p.hold)
         return np.array(values, dtype=float)
 
     # the geometry --------------------------------------------------------------------------------------------

@@ -197,14 +197,14 @@ class Table(abc.ABC):
     ) -> None:
         """Find the wanted columns among the names of all; `words` are those that hold words where they may."""
         found = match_columns(texts, columns, self.file, self.header, numbered=numbered)
+        names: tuple[str, ...] = ()
         if isinstance(columns, EveryColumn):
+            names = columns.text
             found = [replace(m, holds_text=m.holds_text or (m.index in words and not m.unit)) for m in found]
         self.matches = [match for match in found if not match.holds_text]
         self.text = [match for match in found if match.holds_text]
         # a remark may be missing, the name of a target may not
-        self._needed = (
-            {match.index for match in self.text if match.name in columns.text} if self.text else set()
-        )
+        self._needed = {match.index for match in self.text if match.name in names}
 
     def __enter__(self) -> Table:
         return self
