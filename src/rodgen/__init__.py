@@ -6,6 +6,7 @@ The functions here are numeric and need nothing but NumPy; SymPy is imported whe
 
 from importlib import import_module as _import_module
 from importlib.metadata import version as _version
+from typing import Any as _Any
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 
 from rodgen._kernels import backend
@@ -74,7 +75,7 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> object:
+def __getattr__(name: str) -> _Any:
     if name not in _LATER:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     found = globals()[name] = getattr(_import_module(_LATER[name]), name)
