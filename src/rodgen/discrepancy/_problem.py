@@ -263,6 +263,7 @@ class Problem:
             b += slots.T @ gradient
         return cost if np.isfinite(cost) and np.isfinite(A).all() else np.inf, A, b
 
+    @np.errstate(over="ignore", invalid="ignore")
     def bend(self, theta: Array, frame: Frame, moved: tuple[Array, Frame], step: Array, part: float) -> Array:
         """Return Jᵀr″, r″ the second derivative of the residuals along a step, (parameters,).
 
@@ -273,12 +274,18 @@ class Problem:
             After `part` of the step.
         step : ndarray, shape (parameters,)
         part : float
+
+        Returns
+        -------
+        ndarray
+            Not finite where the model is not.
         """
         full, value = self.model.kernels["residual_and_jacobian"], self.model.kernels["residual"]
         e, moved_e = self.model.parameters_of_effects(theta), self.model.parameters_of_effects(moved[0])
         geometries, moved_geometries = self._geometries(theta, frame), self._geometries(*moved)
         slots = list(self.model.slots(theta, self._pairs))
 
+        @np.errstate(over="ignore", invalid="ignore")  # each thread has its own
         def of_block(number: int, group: _Group, start: int, stop: int) -> Array:
             rows = self._block(number, group, start, stop)
             residual, jacobian = full(rows, geometries[number], e)
