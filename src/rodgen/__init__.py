@@ -6,8 +6,8 @@ The functions here are numeric and need nothing but NumPy; SymPy is imported whe
 
 from importlib import import_module as _import_module
 from importlib.metadata import version as _version
-from typing import Any as _Any
 from typing import TYPE_CHECKING as _TYPE_CHECKING
+from typing import Any as _Any
 
 from rodgen._kernels import backend
 from rodgen.axis import (
