@@ -6,6 +6,7 @@ simulator and inside rodgen, and no unit stands between them.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, cached_property
 from pathlib import Path
@@ -13,7 +14,6 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-import tomlkit
 from machine_simulator import Simulated, rotation
 
 from rodgen.discrepancy._problem import Problem
@@ -138,6 +138,25 @@ def data_for(
     return data
 
 
+def toml(file: Mapping[str, Any]) -> str:
+    """Write what `machine_file` makes as TOML."""
+
+    def value(x: Any) -> str:
+        if isinstance(x, Mapping):
+            return "{" + ", ".join(f"{json.dumps(k)} = {value(v)}" for k, v in x.items()) + "}"
+        return json.dumps(x, ensure_ascii=False)
+
+    lines = []
+    for name, part in file.items():
+        if isinstance(part, str):
+            lines.append(f"{name} = {value(part)}")
+            continue
+        for block in part if isinstance(part, list) else [part]:
+            lines.append(f"[[{name}]]" if isinstance(part, list) else f"[{name}]")
+            lines += [f"{key} = {value(x)}" for key, x in block.items()]
+    return "\n".join(lines)
+
+
 class Case:
     """A machine file and columns of data.
 
@@ -163,7 +182,7 @@ class Case:
     def machine(self) -> Machine:
         with TemporaryDirectory() as folder:
             path = Path(folder) / "machine.toml"
-            path.write_text(tomlkit.dumps(dict(self.file)), encoding="utf-8")
+            path.write_text(toml(self.file), encoding="utf-8")
             return Machine.load(path)
 
     @cached_property
@@ -289,7 +308,7 @@ def size(unit: str) -> float:
     if unit == "1":
         return 2e-4
     value = 1e-4 if "arcsec" in unit else 0.05
-    for part, smaller in (("arcsec/mm", 1e-3), ("/mm", 1.0), ("/N", 0.02), ("/K", 0.1), ("/s", 1e-3)):
+    for part, smaller in (("/mm", 1e-3), ("/N", 0.02), ("/K", 0.1), ("/s", 1e-3)):
         if part in unit:
             value *= smaller
     return value
@@ -350,16 +369,17 @@ def with_effects(
     effects = []
     if geometry_known:
         for name, what in (entry.split(".") for entry in file["estimate"]["parameters"]):
-            held = {"axis": "axis_tilt", "point": "axis_offset"}[what]
-            effects.append(effect(held, name, hold={"a": 0.0, "b": 0.0}))
+            same = {"axis": "axis_tilt", "point": "axis_offset"}[what]
+            effects.append(effect(same, name, hold={"a": 0.0, "b": 0.0}))
         file["estimate"] = {"parameters": []}
     for block in case.file["effect"]:
         geometric = block["name"] in {"axis_tilt", "axis_offset", "squareness", "target_offset"}
         if title(block) in chosen or (geometric and not geometry_known):
             effects.append(block)
             continue
-        names = {key.rsplit(".", 1)[1] for key in case.keys_of(block)}
-        effects.append(block | {"hold": {name: float(name in {"tau", "P"}) for name in sorted(names)}})
+        held = sorted({key.rsplit(".", 1)[1] for key in case.keys_of(block)})
+        positive = {"P"} if block["name"] == "servo_lag" else {"P", "tau"}
+        effects.append(block | {"hold": {name: float(name in positive) for name in held}})
     file["effect"] = effects
     file["measured"] = file["measured"] | measured
     made = Case(file, data)
