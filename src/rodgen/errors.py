@@ -9,11 +9,28 @@ from __future__ import annotations
 
 import os
 
-__all__ = ["InputFileError", "RodgenError", "shown"]
+__all__ = ["InputFileError", "RodgenError", "UnexpectedError", "shown"]
 
 
 class RodgenError(ValueError):
     """Base class of every error that rodgen raises on purpose."""
+
+
+class UnexpectedError(RodgenError):
+    """Something that cannot be used: what was found, and what was expected. Whoever knows the place adds it.
+
+    Parameters
+    ----------
+    found, expected : str
+    """
+
+    def __init__(self, found: str, expected: str) -> None:
+        self.found = found
+        self.expected = expected
+        super().__init__(found, expected)
+
+    def __str__(self) -> str:
+        return f"{self.found}; expected {self.expected}"
 
 
 class InputFileError(RodgenError):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, TypeAlias
 
-from rodgen.errors import RodgenError
+from rodgen.errors import UnexpectedError
 
 __all__ = [
     "Call",
@@ -25,16 +25,8 @@ __all__ = [
 ]
 
 
-class FormulaError(RodgenError):
+class FormulaError(UnexpectedError):
     """A formula that cannot be used: what was found, and what was expected."""
-
-    def __init__(self, found: str, expected: str) -> None:
-        self.found = found
-        self.expected = expected
-        super().__init__(found, expected)
-
-    def __str__(self) -> str:
-        return f"{self.found}; expected {self.expected}"
 
 
 @dataclass(frozen=True)

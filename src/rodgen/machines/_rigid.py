@@ -34,7 +34,9 @@ def complete_basis(axis: ArrayLike) -> tuple[Array, Array]:
     u = u - n * (n @ u)
     u = u / np.linalg.norm(u)
     (x, y, z), (a, b, c) = n.tolist(), u.tolist()
-    return u + 0.0, np.array([y * c - z * b, z * a - x * c, x * b - y * a]) + 0.0  # np.cross takes five times as long
+    return u + 0.0, np.array(
+        [y * c - z * b, z * a - x * c, x * b - y * a]
+    ) + 0.0  # np.cross takes five times as long
 
 
 def rotation_matrix(w: ArrayLike) -> Array:

@@ -10,7 +10,7 @@ import difflib
 from collections.abc import Iterable
 from typing import Any
 
-from rodgen.errors import RodgenError, shown
+from rodgen.errors import UnexpectedError, shown
 from rodgen.machines._effect_definition import EffectDefinition
 from rodgen.machines._own_effect import own_effect
 from rodgen.machines.formula import Formula
@@ -481,16 +481,8 @@ CATALOGUE: tuple[EffectDefinition, ...] = (*_REVOLUTE, *_PRISMATIC, *_MACHINE, *
 """All effects, in the order in which ``rodgen effects`` lists them."""
 
 
-class UnknownEffectError(RodgenError):
+class UnknownEffectError(UnexpectedError):
     """An effect that the catalogue does not have there: what was found, and what was expected."""
-
-    def __init__(self, found: str, expected: str) -> None:
-        self.found = found
-        self.expected = expected
-        super().__init__(found, expected)
-
-    def __str__(self) -> str:
-        return f"{self.found}; expected {self.expected}"
 
 
 def definitions(name: str, at: str | None = None) -> tuple[EffectDefinition, ...]:

@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from rodgen.errors import InputFileError, RodgenError, shown
+from rodgen.errors import InputFileError, UnexpectedError, shown
 
 __all__ = [
     "Column",
@@ -89,16 +89,8 @@ class Match:
     holds_text: bool = False
 
 
-class UnitError(RodgenError):
+class UnitError(UnexpectedError):
     """A unit that cannot be used: what was found, and what was expected."""
-
-    def __init__(self, found: str, expected: str) -> None:
-        self.found = found
-        self.expected = expected
-        super().__init__(found, expected)
-
-    def __str__(self) -> str:
-        return f"{self.found}; expected {self.expected}"
 
 
 def conversion_factor(unit: str, quantity: Literal["length", "angle"], target: str) -> float:
