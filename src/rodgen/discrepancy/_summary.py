@@ -137,6 +137,8 @@ def _table(estimates: list[Estimate], lacking: set[str]) -> Iterator[str]:
     for e in estimates:
         if e.held:
             spread = "held"
+        elif e.std is None and e.determined:
+            spread = "unknown"  # nothing is left to tell the noise from
         elif e.std is None:
             spread = "undetermined" if e.key in lacking else "gauge"
         else:

@@ -52,7 +52,8 @@ class Estimate:
     key, unit : str
     value : float
     std : float or None
-        One standard deviation; None where it is held, or where the data do not determine it.
+        One standard deviation; None where it is held, where the data do not determine it, or where the noise is not
+        stated and no reading is left to tell it from.
     held, determined : bool
     """
 
@@ -176,7 +177,7 @@ class Fit:
         found = {}
         for i, p in enumerate(self.parameters):
             held, determined = i not in self.free, not self.determinacy.undetermined[i]
-            spread = None if held or not determined else float(std[i] / p.factor)
+            spread = None if held or not determined or np.isnan(std[i]) else float(std[i] / p.factor)
             found[p.key] = Estimate(p.key, p.unit, float(self.values[i] / p.factor), spread, held, determined)
         return found
 
