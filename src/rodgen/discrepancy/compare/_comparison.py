@@ -334,7 +334,7 @@ def compare(fit: Fit) -> Comparison:
     >>> data = {"C [deg]": C, "x [mm]": x + noise[0], "y [mm]": y + noise[1], "z [mm]": z + noise[2]}
     >>> comparison = compare(fit(table, Measurements.from_frame(data)))
     >>> print(comparison.sentences[0])
-    What is left depends on C: 86 % of its variance, in x and y, along the motion of C (p < 1e-31).
+    What is left depends on C: 87 % of its variance, in x and y, along the motion of C (p < 1e-31).
     """
     with one_thread_in_blas():
         sample = Sample.of(fit)

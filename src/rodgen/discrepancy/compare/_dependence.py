@@ -6,8 +6,8 @@ the joint moves the target, wherever that points.
 What is found to explain most joins what the fit takes out, and all are tested again, until nothing is left: so a
 covariate that merely goes along with another is told from one with an effect of its own.
 
-Where residuals of successive poses are alike, p-values count a random walk (`_order`) with the errors. Time itself is
-tested without one, because a walk is a dependence on time.
+Where residuals of successive poses are alike, p-values count a random walk (`_order`) with the errors. Time itself, and
+the run, which is a piece of it, are tested without one, because a walk is a dependence on time.
 
 A claim holds when its p-value times the number of tests is below `CLAIM`: so rarely do data of which nothing is missing
 make any claim here. What explains less than `WORTH_TELLING` is not claimed. To explain is to lower the variance when
@@ -298,6 +298,9 @@ def _first(claims: Sequence[Found]) -> Found:
     most = max(claim.explained for claim in claims)
     best = next(claim for claim in claims if claim.explained >= NEARLY_AS_MUCH * most)
     driver = best.dependence.driver
+    if driver.kind == "time":  # a step between set-ups is no drift
+        steps = [c for c in claims if c.dependence.driver.kind == "run" and c.explained >= best.explained]
+        best = steps[0] if steps else best
     if isinstance(driver, Pair):
         members = [c for c in claims if c.dependence.driver in (driver.first, driver.second)]
         strong = [c for c in members if c.explained >= HALF * best.explained]
@@ -311,8 +314,10 @@ def _trials(sample: Sample, driver: Driver) -> Iterator[Trial]:
     for c in range(sample.components):
         yield Trial(driver, component=c)
     if isinstance(driver, Pair):
+        joints = [c.of for c in (driver.first, driver.second) if c.kind == "joint" and c.of is not None]
+        if driver.first.kind == "load":  # it winds up a joint by an arm that later joints swing about
+            joints = list(range(joints[0] + 1))
         if driver.first.kind != "target":
-            joints = [c.of for c in (driver.first, driver.second) if c.kind == "joint"]
             yield from (Trial(driver, joint=joint) for joint in joints)
     elif driver.of is not None:
         yield Trial(driver, joint=driver.of)
@@ -343,7 +348,7 @@ def _tested(
 def _evidence(now: _Round, driver: Driver, trial: Trial) -> Evidence | None:
     columns, beside = trial.columns(now.space.sample), trial.beside(now.space.sample)
     plain = now.space.test(columns, beside)
-    if plain is None or driver.kind == "time" or now.filtered is now.space:
+    if plain is None or driver.kind in {"time", "run"} or now.filtered is now.space:
         return plain
     if trial.component is not None and now.walks[trial.component] is None:
         return plain

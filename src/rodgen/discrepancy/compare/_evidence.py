@@ -212,6 +212,8 @@ def log10_f_tail(ratio: float, h: float, d: float) -> float:
     p = float(fdtrc(h, d, ratio))
     if p > 1e-290:
         return float(np.log10(p))
-    # the first term of the incomplete beta function, (x^a / a B(a, b)), x = d / (d + h F), is all of it here
+    # the first two terms of the incomplete beta function, of which the third is a 1000th where it is so small
     a, b = d / 2, h / 2
-    return float((a * np.log(d / (d + h * ratio)) - np.log(a) - betaln(a, b)) / np.log(10))
+    x = d / (d + h * ratio)
+    second = max((1 - b) * x * a / (a + 1), -0.9)
+    return float((a * np.log(x) - np.log(a) - betaln(a, b) + np.log1p(second)) / np.log(10))

@@ -69,6 +69,7 @@ def save_plots(
                 out = io.BytesIO()
                 # No date and no random names: the same comparison gives the same bytes.
                 drawn.savefig(out, format=kind[1:], dpi=110, metadata=metadata)
+                drawn.set_layout_engine("none")  # everything has its place now, for the other format, too
                 file = os.path.join(folder, name + kind)
                 write_file(file, out.getvalue())
                 files.append(file)

@@ -8,7 +8,7 @@ number of all regions. Where successive poses are alike, they count for fewer.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -27,6 +27,8 @@ REGION_CLAIM = 0.001
 WORSE = 1.15
 """Ratio of rms from which a region is worth telling."""
 PIECES = 10
+CLOSEST = 1e-6
+"""Values that are closer than this part of the range are not cut apart."""
 LEAST_POSES = 5
 """In a region, and outside of it."""
 AS_BAD = 0.93
@@ -93,87 +95,82 @@ def worst_regions(sample: Sample, covariates: Sequence[Covariate]) -> list[Worst
 
     square = np.mean(sample.fit.residuals[sample.rows] ** 2, axis=1)
     pose = sample.pose[sample.cell]
-    readings = np.bincount(pose)
-    sums = np.bincount(pose, square)
+    readings, sums = np.bincount(pose), np.bincount(pose, square)
     z = np.cbrt(sums / readings)
     z = (z - z.mean()) / (z.std() or 1.0)
-    overall = float(sums.sum() / readings.sum())
-    alike = float(np.mean(z[1:] * z[:-1])) if len(z) > 1 else 0.0
-    fewer = (1 - max(alike, 0.0)) / (1 + max(alike, 0.0))
+    by_pose = np.stack([np.ones(len(z)), z, sums, readings])
+    alike = max(float(np.mean(z[1:] * z[:-1])), 0.0) if len(z) > 1 else 0.0
+    fewer = (1 - alike) / (1 + alike)
     found, looked = [], 0
     for covariate in covariates:
         if covariate.kind in {"target", "approach", "period"}:
             continue
-        best = None
-        for region, inside in _regions(covariate, sample):
-            looked += 1
-            count = int(inside.sum())
-            rms = float(np.sqrt(sums[inside].sum() / readings[inside].sum()))
-            t = _t(z, inside) * np.sqrt(fewer)
-            if rms**2 > WORSE**2 * overall and (best is None or t > best.t):
-                best = Worst(region, rms, count, 0.0, t)
+        best, tried = _worst(covariate, sample.by_pose(covariate.values), by_pose)
+        looked += tried
         if best is not None:
-            found.append(best)
+            found.append(replace(best, t=best.t * np.sqrt(fewer)))
     freedoms = max(len(z) * fewer - 2, 1.0)
-    done = []
-    for worst in found:
-        p = float(stdtr(freedoms, -worst.t)) * looked
-        done.append(
-            Worst(worst.region, worst.rms, worst.poses, float(np.log10(min(max(p, 1e-300), 1.0))), worst.t)
-        )
-    return sorted(
-        done, key=lambda worst: -worst.t * (AS_BAD if worst.region.covariate.kind == "place" else 1.0)
-    )
+    p = [float(stdtr(freedoms, -worst.t)) * looked for worst in found]
+    done = [
+        replace(w, log10_p=float(np.log10(min(max(q, 1e-300), 1.0)))) for w, q in zip(found, p, strict=True)
+    ]
+    return sorted(done, key=lambda w: -w.t * (AS_BAD if w.region.covariate.kind == "place" else 1.0))
 
 
-def _t(z: Array, inside: Mask) -> float:
-    """Return Student's t of two groups, those inside less the others."""
-    a, b = z[inside], z[~inside]
-    square = np.sum((a - a.mean()) ** 2) + np.sum((b - b.mean()) ** 2)
-    if square <= 0:
-        return 0.0
-    return float((a.mean() - b.mean()) / np.sqrt(square / (len(z) - 2) * (1 / len(a) + 1 / len(b))))
+def _worst(covariate: Covariate, values: Array, by_pose: Array) -> tuple[Worst | None, int]:
+    """Return the worst region of a covariate, and how many were compared.
 
-
-def _regions(covariate: Covariate, sample: Sample) -> Iterator[tuple[Region, Mask]]:
-    """Yield regions of a covariate that hold at most half of the poses, with these."""
-    values = sample.by_pose(covariate.values)
-    least = max(LEAST_POSES, int(0.05 * len(values)))
-
-    def fits(inside: Mask) -> bool:
-        return bool(least <= inside.sum() <= len(values) / 2)
-
+    Regions hold at most half of the poses. All are sums over neighbouring pieces, of what is summed up by piece.
+    """
+    edges: Array = np.zeros(0)
     if covariate.categories:
-        for code, name in enumerate(covariate.categories):
-            if fits(values == code):
-                yield Region(covariate, category=name), values == code
-        return
-    if covariate.turn is not None:
-        values = values % covariate.turn if np.ptp(covariate.values) > 1.01 * covariate.turn else values
-    edges = _edges(values)
-    piece = np.searchsorted(edges, values, "right")
-    pieces = len(edges) + 1
-    for first in range(pieces):
-        for last in range(first, first + pieces - 1):
-            if last >= pieces and covariate.turn is None:
-                break
-            inside = (piece - first) % pieces <= last - first
-            if fits(inside):
-                low = edges[first - 1] if first > 0 else None
-                high = edges[last % pieces] if last % pieces < pieces - 1 else None
-                yield Region(covariate, low, high), inside
+        piece, pieces = values.astype(int), len(covariate.categories)
+        first, last = np.arange(pieces), np.arange(pieces)
+    else:
+        if covariate.turn is not None and np.ptp(covariate.values) > 1.01 * covariate.turn:
+            values = values % covariate.turn
+        edges = _edges(values)
+        piece, pieces = np.searchsorted(edges, values, "right"), len(edges) + 1
+        first, last = (x.ravel() for x in np.mgrid[:pieces, : 2 * pieces])
+        allowed = (last >= first) & (last < first + pieces) & ((last < pieces) | (covariate.turn is not None))
+        first, last = first[allowed], last[allowed]
+    by_piece = np.stack([np.bincount(piece, row, pieces) for row in by_pose], axis=-1)
+    below = np.concatenate([np.zeros((1, 4)), np.cumsum(np.tile(by_piece, (2, 1)), axis=0)])
+    count, z, square, readings = (below[last + 1] - below[first]).T
+    poses = len(values)
+    fits = (count >= max(LEAST_POSES, int(0.05 * poses))) & (count <= poses / 2)
+    first, last, count, z, square, readings = (x[fits] for x in (first, last, count, z, square, readings))
+    if not len(first):
+        return None, 0
+    # Student's t of those inside less the others; z has mean 0 and variance 1 over all
+    within = poses - z**2 / count - z**2 / (poses - count)
+    apart = z / count + z / (poses - count)
+    t = apart / np.sqrt(np.maximum(within, 1e-12) / (poses - 2) * (1 / count + 1 / (poses - count)))
+    rms = np.sqrt(square / readings)
+    overall = np.sqrt(by_pose[2].sum() / by_pose[3].sum())
+    t = np.where(rms > WORSE * overall, t, -np.inf)
+    best = int(np.argmax(t))
+    if t[best] <= 0:
+        return None, len(t)
+    a, b = int(first[best]), int(last[best])
+    if covariate.categories:
+        region = Region(covariate, category=covariate.categories[a])
+    else:
+        low = float(edges[a - 1]) if a > 0 else None
+        high = float(edges[b % pieces]) if b % pieces < pieces - 1 else None
+        region = Region(covariate, low, high)
+    return Worst(region, float(rms[best]), int(count[best]), 0.0, float(t[best])), len(t)
 
 
 def _edges(values: Array, pieces: int = PIECES) -> Array:
     """Return round numbers that cut values into about equal pieces, or between every two where these are few."""
     known, count = np.unique(values, return_counts=True)
-    below = np.cumsum(count)[:-1]
-    if len(known) > pieces:
+    gaps = np.flatnonzero(np.diff(known) > CLOSEST * (known[-1] - known[0]))
+    below = np.cumsum(count)[gaps]
+    if len(gaps) >= pieces:
         wanted = np.arange(1, pieces) * len(values) / pieces
-        cuts = np.unique(np.argmin(np.abs(below[:, None] - wanted), axis=0))
-    else:
-        cuts = np.arange(len(below))
-    return np.unique([round_between(known[i], known[i + 1]) for i in cuts])
+        gaps = gaps[np.unique(np.argmin(np.abs(below[:, None] - wanted), axis=0))]
+    return np.unique([round_between(known[i], known[i + 1]) for i in gaps])
 
 
 def round_between(a: float, b: float) -> float:

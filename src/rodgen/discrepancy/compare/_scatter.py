@@ -69,7 +69,7 @@ class Far:
     ----------
     row, component : int
     sigmas : float
-        Its size in standard deviations of the component.
+        Its size in standard deviations of the component's other residuals.
     log10_p : float
         Of any residual as far out.
     """
@@ -151,13 +151,13 @@ def far(sample: Sample, search: Search) -> Far | None:
 
     errors = np.abs(_errors(sample, search))
     cell, c = divmod(int(np.nanargmax(errors)), errors.shape[1])
-    size = float(errors[cell, c])
+    size, count = float(errors[cell, c]), np.isfinite(errors[:, c]).sum()
     # The freedoms of poses: readings of a pose may be one error.
     freedoms = sample.poses * (1 - search.space.taken.shape[1] / search.space.y.size)
-    if freedoms < LEAST_POSES or size**2 >= freedoms:
+    if freedoms < LEAST_POSES or size**2 >= count:
         return None
-    student = size * np.sqrt((freedoms - 1) / (freedoms - size**2))
+    student = size * np.sqrt((count - 1) / (count - size**2))  # against the others alone
     p = float(2 * stdtr(freedoms - 1, -student)) * errors.size
     rows = sample.rows[sample.cell == cell]
     row = int(rows[np.argmax(np.abs(sample.fit.residuals[rows, c]))])
-    return Far(row, c, size, float(np.log10(min(max(p, 1e-300), 1.0))))
+    return Far(row, c, float(student), float(np.log10(min(max(p, 1e-300), 1.0))))
