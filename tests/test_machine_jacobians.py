@@ -25,6 +25,7 @@ from scipy.spatial.transform import Rotation
 
 from rodgen.codegen import Kernel
 from rodgen.codegen.rows import row_kernels
+from rodgen.discrepancy._problem import Problem
 from rodgen.machines._derive import derive_kernels
 from rodgen.machines._model import _key
 
@@ -52,7 +53,17 @@ def step(case: Case, key: str, values: dict[str, float]) -> float:
         return 8.0 if parameter.effect == "warm_up_drift" else 4e-4
     if key.startswith("Z.point."):  # moves only what turns about it by an error
         return 5.0
-    steps = {"arcsec": 2e-3, "mm": 0.5, "arcsec/mm": 5e-6, "1": 5e-4, "1/K": 5e-5, "mm/K": 0.05, "mm/s": 1e-4}
+    steps = {
+        "arcsec": 2e-3,
+        "deg": 2e-3,
+        "rad": 2e-3,
+        "mm": 0.5,
+        "arcsec/mm": 5e-6,
+        "1": 5e-4,
+        "1/K": 5e-5,
+        "mm/K": 0.05,
+        "mm/s": 1e-4,
+    }
     steps |= {"arcsec/N/mm": 5e-8, "arcsec/N": 2e-5, "arcsec/K": 1e-4, "mm/N": 0.01, "arcsec/s": 5e-7}
     return steps[parameter.unit] / 5
 
@@ -148,7 +159,8 @@ def test_c_and_numpy_give_the_same_numbers_to_rounding(kind, compiler, monkeypat
         case = case.changed(data=case.data | near(case, values))
     theta, place = case.theta(values), case.frame(values)
     g, e = case.model.geometries(theta, place, [(0, 0)])[0], case.model.parameters_of_effects(theta)
-    rows = case.problem._block(0, case.problem.groups[0], 0, 5)
+    problem = Problem(case.model, case.observations)  # of its own: it keeps the block
+    rows = problem._block(0, problem.groups[0], 0, 5)
     rng = np.random.default_rng(9)
     for kernel in kernels:
         results = {

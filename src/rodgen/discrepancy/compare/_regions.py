@@ -60,6 +60,8 @@ class Region:
             name, unit = "the row (from 0)", ""
         if self.category is not None:
             return f"{name} is {self.category}"
+        if self.covariate.kind == "approach":
+            return f"{name} is {'-1' if self.low is None else '+1'}"
         if self.low is None:
             return f"{name} is below {self.high:.12g}{unit}"
         if self.high is None:
