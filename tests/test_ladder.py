@@ -218,9 +218,7 @@ def test_a_real_effect_in_noisy_poses_is_found():
     found = ladder(TABLE, data, [TABLE.effect("encoder_eccentricity", "C")]).rungs[1]
     assert found.step.significant
     assert found.step.design_effect > 3
-    assert found.verdict.startswith(
-        "encoder_eccentricity at C explains more than chance does (F = "
-    )
+    assert found.verdict.startswith("encoder_eccentricity at C explains more than chance does (F = ")
 
 
 def test_a_searched_parameter_pays_for_its_search():

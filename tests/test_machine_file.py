@@ -892,7 +892,12 @@ def test_effect_is_added_after_the_others_and_taken_away_again() -> None:
             {},
             "machine.toml: backlash: missing; expected a prismatic or revolute joint: 'X' or 'C'",
         ),
-        ("backlash", "C", {"c": 1}, "machine.toml: backlash at C, hold.c: no parameter of backlash; expected 'b'"),
+        (
+            "backlash",
+            "C",
+            {"c": 1},
+            "machine.toml: backlash at C, hold.c: no parameter of backlash; expected 'b'",
+        ),
         (
             "backlash",
             "ball_1",
