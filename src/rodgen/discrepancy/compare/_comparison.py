@@ -94,19 +94,17 @@ class Comparison:
         """Rows with the largest residuals, outliers left out, the largest first."""
         size = np.linalg.norm(self.fit.residuals, axis=1)
         size[self.fit.outliers | ~np.isfinite(size)] = -1.0
-        rows = np.argsort(-size, kind="stable")[:WORST_ROWS]
+        rows = _largest(size)
         return np.asarray(rows[size[rows] >= 0])
 
     @property
     def worst_poses(self) -> NDArray[np.intp]:
         """Poses with the largest residuals in the mean, by the first row of each, the largest first."""
         rows = np.flatnonzero(~self.fit.outliers)
+        starts = np.flatnonzero(np.diff(self.fit.observations.pose[rows], prepend=-1))
         square = np.sum(self.fit.residuals[rows] ** 2, axis=1)
-        number, first, pose = np.unique(
-            self.fit.observations.pose[rows], return_index=True, return_inverse=True
-        )
-        mean = np.bincount(pose, square) / np.bincount(pose) if len(number) else square
-        return np.asarray(rows[first[np.argsort(-mean, kind="stable")[:WORST_ROWS]]])
+        mean = np.add.reduceat(square, starts) / np.diff(starts, append=len(rows))
+        return np.asarray(rows[starts[_largest(mean)]])
 
     def component(self, trial: Trial) -> str:
         """Name what a trial is about: a component, or the motion of a joint."""
@@ -173,7 +171,7 @@ class Comparison:
             "data": self.fit.observations.data.file,
             "rows": self.fit.observations.n,
             "rows_looked_at": len(self.sample.rows),
-            "poses": len(np.unique(self.fit.observations.pose)),
+            "poses": int(np.sum(np.diff(self.fit.observations.pose, prepend=-1) != 0)),
             "outliers": np.flatnonzero(self.fit.outliers).tolist(),
             "unit": self.unit,
             "rms": self.fit.rms,
@@ -302,6 +300,12 @@ class Comparison:
         from rodgen.discrepancy.compare._plots import save_plots
 
         return save_plots(self, folder, progress)
+
+
+def _largest(values: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return where the largest values are, the largest first."""
+    first = np.argpartition(-values, min(WORST_ROWS, len(values) - 1))[:WORST_ROWS]
+    return np.asarray(first[np.argsort(-values[first], kind="stable")])
 
 
 def compare(fit: Fit) -> Comparison:

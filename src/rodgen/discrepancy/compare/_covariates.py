@@ -260,11 +260,7 @@ def _goes_round(q: Array) -> bool:
 
 def _places(sample: Sample) -> Iterator[Covariate]:
     """Yield where the model puts what was measured, in machine axes."""
-    fit = sample.fit
-    places = fit.problem.places(fit.solution.theta, fit.solution.frame)
-    if fit.machine.measured.frame == "free":
-        places = (places - fit.solution.frame.position) @ fit.solution.frame.rotation
-    place = np.stack([sample.mean(column) for column in places.T], axis=-1)
+    fit, place = sample.fit, sample.places
     size = float(np.max(np.abs(place), initial=0.0)) or 1.0
     place = np.round(place / size, 9) * size  # what differs by rounding is the same
     up = -np.asarray(fit.machine.gravity)

@@ -11,8 +11,9 @@ which is the analysis-of-variance type statistic of Brunner, Dette and Munk (199
 e_p is brought to the size of errors by (1 - H_p)^(-1/2), H_p the pose's block of the hat matrix (Bell and McCaffrey
 2002).
 
-For errors of equal variance the probability of p < 1e-4 is at most 1e-4; when their standard deviation triples over the
-range of X, 4e-4 (simulated: 24 to 100 poses, 1 or 3 rows each, 5 to 16 columns, 20 000 draws each).
+For normal errors of equal variance the probability of p < 1e-4 is at most 1e-4; 5e-4 when their standard deviation
+triples over the range of X, or they have the tails of Student's t with 4 degrees of freedom (simulated: 24 to 100 poses
+with 1 or 3 rows, 5 to 16 columns, 20 000 draws each).
 """
 
 from __future__ import annotations

@@ -228,13 +228,9 @@ def _space(comparison: Comparison) -> Figure:
 
     sample, fit = comparison.sample, comparison.fit
     chosen = _some(len(sample.pose), MOST_ARROWS)
-    frame = fit.solution.frame
-    places = fit.problem.places(fit.solution.theta, frame)
-    place = np.stack([sample.mean(column) for column in places.T], axis=-1)[chosen]
-    residual = sample.residual[chosen]
-    if fit.machine.measured.frame == "free":
-        place = (place - frame.position) @ frame.rotation
-        residual = residual @ frame.rotation if residual.shape[1] == 3 else residual
+    place, residual = sample.places[chosen], sample.residual[chosen]
+    if fit.machine.measured.frame == "free" and residual.shape[1] == 3:
+        residual = residual @ fit.solution.frame.rotation
     drawn = Figure(figsize=(12, 4.6), layout="constrained")
     size = float(np.sqrt(np.mean(np.sum(residual**2, axis=1)))) or 1.0
     wide = float(np.max(np.ptp(place, axis=0))) or 1.0

@@ -148,6 +148,18 @@ class Sample:
         return np.asarray((np.diff(self.number) == 1) & (np.diff(self.run) == 0))
 
     @cached_property
+    def places(self) -> Array:
+        """Where the model puts what was measured, means of cells, (N, 3), in machine axes."""
+        fit, frame = self.fit, self.fit.solution.frame
+        found = Problem(fit.problem.model, self.observations.take(self.rows)).places(
+            fit.solution.theta, frame
+        )
+        if fit.machine.measured.frame == "free":
+            found = (found - frame.position) @ frame.rotation
+        sums = [np.bincount(self.cell, column, len(self.count)) for column in found.T]
+        return np.stack(sums, axis=-1) / self.count[:, None]
+
+    @cached_property
     def motions(self) -> Array:
         """How the prediction moves with each joint's reading, (N, m, joints), in weighted residuals.
 
