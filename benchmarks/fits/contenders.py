@@ -11,13 +11,14 @@ from fits import driver, formulas, peer_casadi, peer_jax
 from fits.cases import Case
 
 OWN, NUMERICAL, EXACT = "rodgen", "numerical Jacobian", "exact Jacobian"
+SAME = "exact Jacobian, same driver"
 FIT = "rodgen"
 
 
 @dataclass(frozen=True)
 class Contender:
     name: str
-    family: str  # OWN, NUMERICAL or EXACT
+    family: str  # OWN, NUMERICAL, EXACT or SAME
     call: Callable[[], np.ndarray | object]  # returns a peer's parameters, or rodgen's Fit
     compile_seconds: float | None = None
     strict: bool = True
@@ -75,11 +76,11 @@ def lmfit_fits(case: Case) -> Iterator[Contender]:
 
 def _exact(name: str, case: Case, found: driver.Exact, *, strict: bool = True) -> Iterator[Contender]:
     rows = case.observations.n
-    calls = {"rodgen's driver": driver.same_driver(found, rows, case.start)}
+    same = driver.same_driver(found, rows, case.start)
+    yield Contender(f"{name}, rodgen's driver", SAME, same, found.seconds, strict)
     if strict:
-        calls["SciPy least_squares, lm"] = driver.scipy_driver(found, case.start, "lm")
-    for how, call in calls.items():
-        yield Contender(f"{name}, {how}", EXACT, call, found.seconds, strict)
+        other = driver.scipy_driver(found, case.start, "lm")
+        yield Contender(f"{name}, SciPy least_squares, lm", EXACT, other, found.seconds)
 
 
 def casadi_fits(case: Case) -> Iterator[Contender]:

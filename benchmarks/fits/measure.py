@@ -20,7 +20,7 @@ import numpy as np
 from contenders import native
 
 from fits import cases, formulas
-from fits.contenders import EXACT, FAMILIES, FIT, NUMERICAL, Contender
+from fits.contenders import FAMILIES, FIT, Contender
 
 # rounds of a full run, of a quick one; 0: left out
 ROUNDS = {
@@ -236,6 +236,3 @@ def _peak() -> float:
     entry.call()
     entry.samples = [entry.once()[0] for _ in range(9)]
     return 1 / entry.median
-
-
-__all__ = ["EXACT", "FIT", "NUMERICAL", "measure"]
