@@ -181,7 +181,7 @@ class Comparison:
             "depends_on": [
                 {
                     "covariate": f.dependence.driver.name,
-                    "components": [self.component(trial) for trial in f.trials],
+                    "components": [self.component(trial) for trial in f.described],
                     "explained": f.explained,
                     "explained_by_component": {
                         n: float(fall / total) if total > 0 else 0.0

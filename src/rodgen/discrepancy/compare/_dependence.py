@@ -156,6 +156,8 @@ class Found:
         Beside those found before.
     trials : tuple of Trial
         That describe it: one along a joint's motion, where that explains about as much as one for each component.
+    motions : tuple of int
+        The joints along whose motion one curve explains about as much; of a pair there may be two.
     explained : float
         Part of the variance of all components; of a pair, with what each of the two explains alone.
     falls : ndarray, shape (m,)
@@ -166,9 +168,15 @@ class Found:
 
     dependence: Dependence
     trials: tuple[Trial, ...]
+    motions: tuple[int, ...]
     explained: float
     falls: Array
     along: tuple[Driver, ...] = ()
+
+    @property
+    def described(self) -> tuple[Trial, ...]:
+        """The trials that describe it, each of those that do equally well."""
+        return tuple(t for t in self.dependence.trials if t in self.trials or t.joint in self.motions)
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,14 +284,18 @@ def _whole(now: _Round, dependence: Dependence) -> Found:
     """Return a claim with what it explains; of a pair, with what each of the two does alone."""
     apart = tuple(dependence.trials[i] for i in dependence.good if dependence.trials[i].joint is None)
     best, falls = apart, _falls(now, apart, dependence.total)
+    motions: tuple[int, ...] = ()
     one = [(dependence.trials[i],) for i in dependence.good if dependence.trials[i].joint is not None]
-    along = sorted(((_falls(now, t, dependence.total), t) for t in one), key=lambda pair: -pair[0].sum())
-    # One curve instead of one for each component is the simpler story, if only one joint tells it.
-    enough = falls.sum() * (NEARLY_AS_MUCH if len(falls) > 1 else 1 / NEARLY_AS_MUCH)
-    clear = len(along) == 1 or (len(along) > 1 and along[1][0].sum() < NEARLY_AS_MUCH * along[0][0].sum())
-    if clear and along[0][0].sum() >= enough:
-        falls, best = along[0]
-    return Found(dependence, best, float(falls.sum() / dependence.total.sum()), falls)
+    along = [(_falls(now, trials, dependence.total), trials) for trials in one]
+    if along:
+        # One curve instead of one for each component is the simpler story.
+        enough = NEARLY_AS_MUCH if len(falls) > 1 else 1 / NEARLY_AS_MUCH
+        most, trials = max(along, key=lambda pair: float(pair[0].sum()))
+        if most.sum() >= enough * falls.sum():
+            best, falls = trials, most
+            good = [t[0].joint for f, t in along if f.sum() >= NEARLY_AS_MUCH * most.sum()]
+            motions = tuple(sorted(joint for joint in good if joint is not None))
+    return Found(dependence, best, motions, float(falls.sum() / dependence.total.sum()), falls)
 
 
 def _falls(now: _Round, trials: Sequence[Trial], total: Array) -> Array:

@@ -105,9 +105,9 @@ def _explained(comparison: Comparison, found: Found) -> str:
     """Say what a covariate explains, and where it shows."""
     said = f"{_text(found.dependence.driver)}: {_percent(found.explained)} of its variance"
     said += _mostly(comparison, found)
-    joint = next((trial.joint for trial in found.trials if trial.joint is not None), None)
-    if joint is not None:
-        said += f", along the motion of {plain(comparison.fit.machine.joints[joint].name)}"
+    joints = [plain(comparison.fit.machine.joints[joint].name) for joint in found.motions]
+    if joints:
+        said += f", along the motion of {_listed(joints, 'or')}"
     return said
 
 
