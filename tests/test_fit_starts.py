@@ -156,6 +156,23 @@ def test_of_many_rough_starts_99_percent_end_at_the_least_cost(make, kind, rows)
     assert len(missed(make, kind, rows, range(200))) <= 2
 
 
+@pytest.mark.parametrize(("make", "kind"), [(mount, "direction"), (table, "distance"), (table, "point")])
+def test_a_fitted_machine_knows_where_its_frame_was(make, kind):
+    rng = np.random.default_rng(35)
+    file = all_estimated(make(kind))
+    case = Case(file, data_for(file, 60, rng, runs=1))
+    observations = replace(case.observations, reading=case.simulated(truth(case, rng)))
+    found = fit(case.machine, observations)
+    frame = {key: e.value for key, e in found.estimates.items() if key.startswith("frame.")}
+    parameters = {p.key: p for p in found.parameters}
+    assert frame == pytest.approx({key: found.machine.values[key] / parameters[key].factor for key in frame})
+    again = fit(found.machine, observations)
+    assert again.solution.iterations <= 2
+    assert again.rms < (1e-6 if kind == "direction" else 1e-9)  # arcsec, mm: nothing but rounding
+    shifted = replace(observations, reading=case.simulated(truth(case, rng)))
+    assert fit(found.machine, shifted).rms < (1e-6 if kind == "direction" else 1e-9)
+
+
 def test_distances_tell_where_they_are_measured_from():
     rng = np.random.default_rng(5)
     at = np.array([400.0, -700.0, 900.0])

@@ -92,8 +92,17 @@ def _best(solutions: Iterable[Solution]) -> Solution:
 
 
 def _nearest(problem: Problem, theta: Array) -> list[Frame]:
-    """Return the frame, or for distances the few frames, that are right where the geometry is."""
-    problem = _thinned(problem)
+    """Return the frame, or for distances the few frames, that are right where the geometry is.
+
+    Beside one that was fitted before, only the better one: the instrument stands there still, or elsewhere now.
+    """
+    frames, known = _in_closed_form(_thinned(problem), theta), Frame.fitted(problem.model.machine.values)
+    if known is not None:
+        return [min((known, *frames), key=lambda frame: problem.cost(theta, frame))]
+    return frames
+
+
+def _in_closed_form(problem: Problem, theta: Array) -> list[Frame]:
     readings = problem.observations.reading
     places = problem.places(theta, Frame.identity())
     if not np.isfinite(places).all():  # as the fit will tell

@@ -161,14 +161,7 @@ class Fit:
     @cached_property
     def values(self) -> Array:
         """Values of all parameters, internal units; the frame as a rotation vector and a position."""
-        values = self.solution.theta.copy()
-        frame = self.solution.frame
-        turn = dict(zip(("rx", "ry", "rz"), rotation_vector(frame.rotation), strict=True))
-        at = turn | dict(zip("xyz", frame.position, strict=True))
-        for i, p in enumerate(self.parameters):
-            if p.slot[0] == "frame":
-                values[i] = at[str(p.slot[1])]
-        return values
+        return _values(self.parameters, self.solution)
 
     @cached_property
     def estimates(self) -> dict[str, Estimate]:
@@ -276,7 +269,8 @@ def fit(
 
 def _finished(problem: Problem, solution: Solution, free: Sequence[int], outliers: Any) -> Fit:
     model = problem.model
-    values = {p.key: float(solution.theta[i]) for i, p in enumerate(model.parameters)}
+    found = _values(model.parameters, solution)
+    values = {p.key: float(x) for p, x in zip(model.parameters, found, strict=True)}
     # what is measured along a travel means nothing without it
     joints = tuple(
         replace(joint, travel=(float(model.travel[j, 0]), float(model.travel[j, 1])))
@@ -286,6 +280,17 @@ def _finished(problem: Problem, solution: Solution, free: Sequence[int], outlier
     )
     machine = replace(model.machine, values=values, joints=joints)
     return Fit(machine, problem.observations, problem, solution, tuple(free), outliers)
+
+
+def _values(parameters: Sequence[Parameter], solution: Solution) -> Array:
+    """Return the values of all parameters, the frame as a rotation vector and a position."""
+    values = solution.theta.copy()
+    turn = dict(zip(("rx", "ry", "rz"), rotation_vector(solution.frame.rotation), strict=True))
+    at = turn | dict(zip("xyz", solution.frame.position, strict=True))
+    for i, p in enumerate(parameters):
+        if p.slot[0] == "frame":
+            values[i] = at[str(p.slot[1])]
+    return values
 
 
 def _measured_along(model: Model) -> dict[int, str]:

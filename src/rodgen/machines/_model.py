@@ -24,6 +24,9 @@ NO_DECAY = 1e12
 """Seconds, longer than any measurement: exp(-t/tau) is 1 with any origin of t."""
 
 
+_TURNS = ("rx", "ry", "rz")
+
+
 @dataclass(frozen=True)
 class Frame:
     """Where the measuring frame is: a reading is ``rotation @ x + position`` of a point x in machine axes.
@@ -43,9 +46,17 @@ class Frame:
         """Return the machine's own frame."""
         return cls(np.eye(3), np.zeros(3))
 
+    @classmethod
+    def fitted(cls, values: Mapping[str, float]) -> Frame | None:
+        """Return the frame that a machine's fitted values tell of, None where they do not."""
+        if "frame.rx" not in values:
+            return None
+        turn, at = (np.array([values.get(f"frame.{x}", 0.0) for x in names]) for names in (_TURNS, "xyz"))
+        return cls(rotation_matrix(turn), at)
+
     def moved(self, change: Mapping[str, float]) -> Frame:
         """Return the frame after small changes of ``x y z rx ry rz``; the turn is about machine axes."""
-        turn = np.array([change.get(x, 0.0) for x in ("rx", "ry", "rz")])
+        turn = np.array([change.get(x, 0.0) for x in _TURNS])
         shift = np.array([change.get(x, 0.0) for x in "xyz"])
         return Frame(self.rotation @ rotation_matrix(turn), self.position + shift)
 
@@ -122,14 +133,15 @@ class Model:
     def start(self) -> Array:
         """Return the values that a fit starts from: what is held, what was fitted before, else zero.
 
-        A parameter that is searched has no meaning at zero; until the search it has a value at which every formula is
-        finite: 1, and for a time constant so much that nothing decays.
+        The frame starts elsewhere: what is here of it is zero. A parameter that is searched has no meaning at zero;
+        until the search it has a value at which every formula is finite: 1, and for a time constant so much that
+        nothing decays.
         """
         given = self.machine.values
         values = []
         for p in self.parameters:
             unsearched = NO_DECAY if p.slot[-1] == "tau" else 1.0
-            start = given.get(p.key, unsearched if p.searched else 0.0)
+            start = given.get(p.key, unsearched if p.searched else 0.0) if p.slot[0] != "frame" else 0.0
             values.append(start if p.hold is None else p.hold)
         return np.array(values, dtype=float)
 
