@@ -140,7 +140,7 @@ def _text(shape: Sequence[Any]) -> str:
 
 
 def row_kernels(
-    key: str, make: Callable[[], Sequence[Kernel]], *, shared: Sequence[str] = ()
+    key: str, make: Callable[[], Sequence[Kernel]], *, shared: Sequence[str] = (), compiled: bool = True
 ) -> dict[str, RowKernel]:
     """Return kernels over rows: from the cache, or made and compiled.
 
@@ -155,6 +155,8 @@ def row_kernels(
         Returns the kernels; called only when nothing is kept for the key. The first input of each is that of the rows.
     shared : sequence of str
         The names of all other inputs.
+    compiled : bool
+        False for NumPy, which costs nothing to make: for kernels that are called a few times only.
 
     Returns
     -------
@@ -182,7 +184,7 @@ def row_kernels(
     about = ["rows", key, _generator(), *shared]
     made = functools.cache(make)
     level = os.environ.get("RODGEN_CPU", "")
-    if level != "numpy":
+    if compiled and level != "numpy":
         try:
             return _compiled(about, made, shared, level)
         except CompilerError as error:

@@ -62,13 +62,15 @@ class Frame:
 
 
 @functools.lru_cache(maxsize=64)
-def _kernels(structure: Structure) -> Mapping[str, Any]:
+def _kernels(structure: Structure, compiled: bool) -> Mapping[str, Any]:
     def make() -> Sequence[Any]:
         from rodgen.machines._derive import derive_kernels
 
         return derive_kernels(structure)
 
-    kernels: Mapping[str, Any] = row_kernels(_key(structure), make, shared=("g", "e"))
+    kernels: Mapping[str, Any] = row_kernels(
+        _key(structure), make, shared=("g", "e"), compiled=compiled
+    )
     return kernels
 
 
@@ -97,6 +99,8 @@ class Model:
         Range of each joint, internal units; from the machine file where it is given there.
     runs : sequence of str
         Names of the set-ups in the data.
+    compiled : bool
+        Whether the kernels are compiled; a model that is evaluated a few times is quicker on NumPy.
 
     Attributes
     ----------
@@ -104,8 +108,11 @@ class Model:
     structure : Structure
     """
 
-    def __init__(self, machine: Machine, travel: Any = None, runs: Sequence[str] = ("",)) -> None:
+    def __init__(
+        self, machine: Machine, travel: Any = None, runs: Sequence[str] = ("",), *, compiled: bool = True
+    ) -> None:
         self.machine = machine
+        self.compiled = compiled
         self.structure = structure_of(machine)
         self.parameters: tuple[Parameter, ...] = parameters_of(machine, self.structure, runs)
         self.index = {p.slot: i for i, p in enumerate(self.parameters)}
@@ -128,7 +135,7 @@ class Model:
     @functools.cached_property
     def kernels(self) -> Mapping[str, Any]:
         """The compiled kernels ``place``, ``residual``, ``residual_and_jacobian``; made when first asked for."""
-        return _kernels(self.structure)
+        return _kernels(self.structure, self.compiled)
 
     def start(self) -> Array:
         """Return the values that a fit starts from: what is held, what was fitted before, else zero.

@@ -1,0 +1,1 @@
+"""Which physical effect is missing in a machine's model, and how far to believe it."""
