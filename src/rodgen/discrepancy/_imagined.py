@@ -74,7 +74,7 @@ class _Imagination:
         """Return a problem with some columns replaced, perhaps of another machine of the same structure."""
         model = self.model
         if machine is not None:
-            model = Model(machine, model.travel, self.o.run_names)
+            model = Model(machine, model.travel, self.o.run_names, compiled=model.compiled)
         made = Problem(model, replace(self.base, **columns))
         if model.structure.kind == "direction":  # a direction is told from the one that is read
             reading = made.places(self.theta, self.frame)

@@ -13,7 +13,7 @@ from rodgen.discrepancy._least_squares import Solution, minimise
 from rodgen.discrepancy._problem import Problem
 from rodgen.machines._model import Frame
 
-__all__ = ["linear_falls", "nearest_frame", "placed", "searched", "trilaterated"]
+__all__ = ["linear_falls", "most_waves", "nearest_frame", "placed", "searched", "trilaterated"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -207,7 +207,7 @@ def _period(
     q = some.observations.q[:, joint]
     places = np.unique(q)
     span = places[-1] - places[0]
-    highest = _most_waves(places)
+    highest = most_waves(places)
     if highest < LEAST_WAVES:
         return float(span) or 1.0
     jacobian = some.jacobian(solution.theta, solution.frame)
@@ -247,7 +247,7 @@ def _period(
     return min(best)[1]
 
 
-def _most_waves(places: Array) -> float:
+def most_waves(places: Array) -> float:
     """Return how many waves over the way the places can tell from fewer: on a grid half its steps, else any number."""
     steps = np.diff(places)
     multiples = steps / steps.min(initial=np.inf)
@@ -304,6 +304,6 @@ def _grid(problem: Problem, index: int) -> Array:
         joint = [joint.name for joint in problem.model.machine.joints].index(str(parameter.place))
         q = np.unique(o.q[:, joint])
         if len(q) > 3:
-            highest = min(_most_waves(q), MOST_WAVES / 10)
+            highest = min(most_waves(q), MOST_WAVES / 10)
             return np.asarray((q[-1] - q[0]) / np.arange(LEAST_WAVES, highest + 0.25, 0.25))
     return np.array([1.0])

@@ -16,7 +16,7 @@ from rodgen.discrepancy._lack_of_fit import LackOfFit, lack_of_fit
 from rodgen.discrepancy._least_squares import Solution, minimise
 from rodgen.discrepancy._noise import NoiseFloor, noise_floor
 from rodgen.discrepancy._problem import Problem, one_thread_in_blas
-from rodgen.discrepancy._robust import robust_fit
+from rodgen.discrepancy._robust import NO_SAY, robust_fit
 from rodgen.discrepancy._start import linear_falls, placed, searched
 from rodgen.discrepancy._summary import as_dict, as_text
 from rodgen.discrepancy.measurements import Measurements
@@ -220,6 +220,8 @@ def fit(
     *,
     loss: str = "linear",
     start: Mapping[str, float] | None = None,
+    outliers: NDArray[np.bool_] | None = None,
+    compiled: bool = True,
     progress: Progress | None = None,
 ) -> Fit:
     """Adjust a machine's parameters until the model meets the measurements best.
@@ -233,6 +235,10 @@ def fit(
         Sum of squares, or one that outliers do not pull: they are found, named and taken out.
     start : mapping of str to float, optional
         Further values to start from, by key, internal units.
+    outliers : ndarray of bool, shape (n,), optional
+        Rows that are known not to be believed; only with the linear loss.
+    compiled : bool
+        False for kernels on NumPy: quicker for one fit to few rows of a model that no other fit has been of.
     progress : callable, optional
         Called with what is done, the iteration and the cost.
 
@@ -256,13 +262,16 @@ def fit(
         )
     if start:
         machine = replace(machine, values={**machine.values, **start})
-    model = Model(machine, observations.travel, observations.run_names)
+    model = Model(machine, observations.travel, observations.run_names, compiled=compiled)
     problem = Problem(model, observations)
     _check_travel(problem)
     with one_thread_in_blas():
         if loss == "linear":
+            gone = np.zeros(observations.n, bool) if outliers is None else outliers
+            if gone.any():
+                problem.set_weight(np.where(gone, NO_SAY, 1.0))
             solution, free = _solve(problem, progress)
-            return _finished(problem, solution, free, np.zeros(observations.n, bool))
+            return _finished(problem, solution, free, gone)
         found = robust_fit(problem, lambda: _solve(problem, progress))
         return _finished(problem, found.solution, found.free, found.outliers)
 
