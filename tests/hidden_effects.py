@@ -313,9 +313,9 @@ def _joint(
     return {"name": name, "type": type_, "axis": list(axis), "point": list(point), **more}
 
 
-def rotary_table(random: np.random.Generator) -> Bench:
+def rotary_table(random: np.random.Generator, size: float = 1.0) -> Bench:
     """Three balls, turned round forwards and backwards twice."""
-    steps = np.arange(0, 360, 15.0) + random.uniform(0, 15)
+    steps = np.arange(0, 360, 15 / size) + random.uniform(0, 15)
     q = np.concatenate([steps, steps[::-1], steps, steps[::-1]])[:, None]
     balls = {"b1": [150, 0, 30], "b2": [-60, 120, 110], "b3": [-80, -100, 60]}
     return _bench(
@@ -324,9 +324,9 @@ def rotary_table(random: np.random.Generator) -> Bench:
     )  # fmt: skip
 
 
-def trunnion(random: np.random.Generator) -> Bench:
+def trunnion(random: np.random.Generator, size: float = 1.0) -> Bench:
     """A tilting table that carries a turning one; two balls, anywhere and back."""
-    q = random.uniform([-95, 0], [35, 360], size=(70, 2))
+    q = random.uniform([-95, 0], [35, 360], size=(round(70 * size), 2))
     balls = {"b1": [110, 0, 80], "b2": [-40, 70, 30]}
     joints = [_joint("A", "revolute", (1, 0, 0), travel=[-100, 40]), _joint("C", "revolute", (0, 0, 1))]
     return _bench(
@@ -335,9 +335,10 @@ def trunnion(random: np.random.Generator) -> Bench:
     )  # fmt: skip
 
 
-def mount(random: np.random.Generator) -> Bench:
+def mount(random: np.random.Generator, size: float = 1.0) -> Bench:
     """A telescope's mount and 100 stars."""
-    q = np.stack([random.uniform(0, 360, 100), random.uniform(18, 85, 100)], -1)
+    stars = round(100 * size)
+    q = np.stack([random.uniform(0, 360, stars), random.uniform(18, 85, stars)], -1)
     joints = [_joint("AZ", "revolute", (0, 0, -1)), _joint("EL", "revolute", (1, 0, 0))]
     return _bench(
         "mount", joints, {"tube": [0, 1, 0]}, ["AZ.axis", "EL.axis", "target"],
@@ -352,20 +353,20 @@ _XYZ = (
 )
 
 
-def gantry(random: np.random.Generator) -> Bench:
+def gantry(random: np.random.Generator, size: float = 1.0) -> Bench:
     """Three linear axes and two balls under the spindle, all over the volume."""
-    q = random.uniform([20, 20, -380], [780, 580, -20], size=(80, 3))
+    q = random.uniform([20, 20, -380], [780, 580, -20], size=(round(80 * size), 3))
     return _bench(
         "gantry", _XYZ, {"short": [0, 0, -60], "long": [70, 30, -220]}, ["target"],
         'kind = "point"\nframe = "machine"', 0.002, q, random, wrong=0.02,
     )  # fmt: skip
 
 
-def ballbar(random: np.random.Generator) -> Bench:
+def ballbar(random: np.random.Generator, size: float = 1.0) -> Bench:
     """A ball bar of 150 mm in three planes, there and back; only distances are read."""
     centre, passes = np.array([400.0, 300.0, -200.0]), []
     for first, second, degrees in ((0, 1, 360), (2, 0, 220), (1, 2, 220)):
-        angle = np.radians(np.arange(0, degrees, 12.0) + random.uniform(0, 12) - (20 if first else 0))
+        angle = np.radians(np.arange(0, degrees, 12 / size) + random.uniform(0, 12) - (20 if first else 0))
         path = np.tile(centre, (len(angle), 1))
         path[:, first] += 150 * np.cos(angle)
         path[:, second] += 150 * np.sin(angle)
@@ -377,9 +378,9 @@ def ballbar(random: np.random.Generator) -> Bench:
     )  # fmt: skip
 
 
-def gantry_rotary(random: np.random.Generator) -> Bench:
+def gantry_rotary(random: np.random.Generator, size: float = 1.0) -> Bench:
     """A portal with a C axis on its ram, and two balls on its arm."""
-    q = random.uniform([20, 20, -380, 0], [780, 580, -20, 360], size=(80, 4))
+    q = random.uniform([20, 20, -380, 0], [780, 580, -20, 360], size=(round(80 * size), 4))
     joints = [*_XYZ, _joint("C", "revolute", (0, 0, 1))]
     return _bench(
         "gantry_rotary", joints, {"b1": [120, 0, -60], "b2": [-40, 85, -90]}, ["C.axis", "C.point", "target"],
@@ -387,9 +388,11 @@ def gantry_rotary(random: np.random.Generator) -> Bench:
     )  # fmt: skip
 
 
-def robot(random: np.random.Generator) -> Bench:
+def robot(random: np.random.Generator, size: float = 1.0) -> Bench:
     """A robot with six joints, seen by a laser tracker that stands anywhere."""
-    q = random.uniform([-70, -40, -50, -120, -90, -150], [70, 45, 40, 120, 90, 150], size=(75, 6))
+    q = random.uniform(
+        [-70, -40, -50, -120, -90, -150], [70, 45, 40, 120, 90, 150], size=(round(75 * size), 6)
+    )
     places = [(0, 0, 0), (175, 0, 495), (175, 0, 1390), (175, 0, 1565), (1135, 0, 1565), (1270, 0, 1565)]
     axes = [(0, 0, 1), (0, 1, 0), (0, 1, 0), (1, 0, 0), (0, 1, 0), (1, 0, 0)]
     joints = [
@@ -403,7 +406,7 @@ def robot(random: np.random.Generator) -> Bench:
     )
 
 
-BENCHES: dict[str, Callable[[np.random.Generator], Bench]] = {
+BENCHES: dict[str, Callable[..., Bench]] = {
     f.__name__: f for f in (rotary_table, trunnion, mount, gantry, ballbar, gantry_rotary, robot)
 }
 
@@ -431,7 +434,7 @@ OUTSIDE: dict[str, Outside] = {
     "kink": Outside("gantry", "Y", "reading", ("Y",), lambda c: np.abs(c["q"] - 330) / 300),
     "play_round_the_turn": Outside("trunnion", "C", "reading", ("C", "dir_C"), lambda c: c["s"] * np.sin(c["q"])),
     "humidity": Outside("rotary_table", None, "tz", ("humidity",), lambda c: (c["humidity"] - 50) / 10),
-    "humidity_scale": Outside("gantry", "X", "reading", ("X", "humidity"), lambda c: c["q"] * (c["humidity"] - 50) / 4e3),
+    "humidity_scale": Outside("gantry", "X", "reading", ("X", "humidity"), lambda c: c["q"] * (c["humidity"] - 50)),
     "product_of_joints": Outside("gantry", "Z", "tz", ("X", "Y"), lambda c: (c["X"] / 400 - 1) * (c["Y"] / 300 - 1)),
     "driven_by_another": Outside("trunnion", "C", "reading", ("A",), lambda c: np.sin(2 * c["A"])),
     "load_squared": Outside("trunnion", "A", "reading", ("load",), lambda c: (c["F"] / 60) ** 2),
@@ -534,6 +537,7 @@ def hidden(
     covariates: bool = False,
     columns: str = "all",
     keep: Sequence[str] = (),
+    size: float = 1.0,
 ) -> Hidden:
     """Hide effects in a machine.
 
@@ -562,14 +566,16 @@ def hidden(
         Of time, temperatures, load, speeds and runs: all, those that the effects need and some, or only those needed.
     keep : sequence of str
         Columns that are kept in any case.
+    size : float
+        Times as many poses as usual.
 
     Raises
     ------
-    Unhidden
+    UnhiddenError
         When the base fit absorbs an effect, or two are one.
     """
     random = np.random.default_rng([seed, 4])
-    b = BENCHES[bench](random) if isinstance(bench, str) else bench
+    b = BENCHES[bench](random, size) if isinstance(bench, str) else bench
     rows, clean = len(b.q), b.measure({})
     noise, sizes = _noise(b, spread, random)
     wander = _wander(b, wanders, random)
@@ -589,7 +595,7 @@ def hidden(
         imitable = np.concatenate([base, b.derivatives(others)], 1) if others else base
         left, seen = visible(b, keys, imitable)
         if seen < MOST_HIDDEN:
-            raise Unhidden(f"{list(effects)[i]}: {seen:.1%} of it is visible")
+            raise UnhiddenError(f"{list(effects)[i]}: {seen:.1%} of it is visible")
         values |= _scaled(keys, goal / b.rms(left))
     place, drivers = None, frozenset[str]()
     if outside is not None:
@@ -599,7 +605,7 @@ def hidden(
         small = 1e-2 if form.component.startswith("t") or form.place in {"X", "Y", "Z"} else arcsec(20)
         left, seen = visible(b, {where: lambda c: small * form.form(c)}, base)
         if seen < MOST_HIDDEN:
-            raise Unhidden(f"{outside}: {seen:.1%} of it is visible")
+            raise UnhiddenError(f"{outside}: {seen:.1%} of it is visible")
         size = small * goal / b.rms(left)
         formulas[where] = lambda c: size * form.form(c)
 
@@ -637,7 +643,7 @@ def hidden(
     return Hidden(name, b, arguments, text, Sealed(truth))
 
 
-class Unhidden(ValueError):
+class UnhiddenError(ValueError):
     """What cannot hide: the base fit absorbs it."""
 
 
@@ -705,9 +711,13 @@ def _covariates(b: Bench, idle: bool, outside: str | None, random: np.random.Gen
     """Give further columns by row: those that matter for nothing, and those that an effect needs."""
     poses = int(b.pose[-1]) + 1
     x = np.arange(poses) / poses
+
+    def wave(waves: float, size: float, noise: float) -> Array:
+        return size * np.sin(2 * np.pi * (waves * x + random.uniform())) + noise * random.normal(size=poses)
+
     all_of_them = {
-        "humidity": np.round(50 + 8 * np.sin(2 * np.pi * (2.3 * x + random.uniform())) + random.normal(size=poses), 1),
-        "T_room": np.round(20 + 2 * np.sin(2 * np.pi * (1.7 * x + random.uniform())) + 0.3 * random.normal(size=poses), 2),
+        "humidity": np.round(50 + wave(2.3, 8, 1), 1),
+        "T_room": np.round(20 + wave(1.7, 2, 0.3), 2),
         "operator_number": random.integers(1, 4, poses).astype(float),
         "pressure": np.round(1013 + np.cumsum(random.normal(size=poses)) * 0.3, 1),
         "battery": np.round(100 - 40 * x, 0),

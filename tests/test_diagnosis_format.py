@@ -1,0 +1,195 @@
+"""What `rodgen diagnose --json` prints is what the file formats say, and its figures are those of the data.
+
+The RMS come from the plain simulator with the fitted numbers, and effects that are said to be the same are fitted anew.
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+import tomllib
+from functools import cache
+from pathlib import Path
+from tempfile import mkdtemp
+
+import numpy as np
+import pytest
+from diagnosis_checks import far_aliases, format_errors, rms_of
+from hidden_effects import hidden
+
+import rodgen
+from rodgen import cli
+from rodgen.discrepancy.fit import fit
+from rodgen.machines.catalogue import CATALOGUE
+
+NAMES = {definition.name for definition in CATALOGUE}
+CASES = {
+    "one effect": ("rotary_table", 1, {"effects": [("encoder_eccentricity", "C")], "raises": 2.0}),
+    "two effects": (
+        "gantry",
+        2,
+        {"effects": [("squareness", "Y"), ("backlash", "X")], "raises": 1.6, "state_noise": True},
+    ),
+    "nothing": ("trunnion", 3, {}),
+    "directions": ("mount", 4, {"effects": [("refraction", None)], "raises": 1.5}),
+    "distances": ("ballbar", 5, {"effects": [("scale", "X")], "raises": 1.5}),
+    "outliers": ("rotary_table", 6, {"effects": [("backlash", "C")], "raises": 2.0, "outliers": 0.03}),
+    "a target": ("gantry_rotary", 7, {"effects": [("scale", "Y")], "raises": 1.5, "spread": "stated"}),
+    "outside": ("rotary_table", 8, {"outside": "fifth_harmonic", "raises": 2.0}),
+}
+
+
+@cache
+def files(name: str) -> tuple[Path, Path]:
+    bench, seed, more = CASES[name]
+    return hidden(bench, seed, **more).write(mkdtemp())
+
+
+@cache
+def diagnosed(name: str) -> rodgen.discrepancy.diagnose.Diagnosis:
+    machine, data = files(name)
+    return fit(rodgen.Machine.load(machine), rodgen.Measurements.load(data)).diagnose()
+
+
+def file_of(name: str) -> dict:
+    return tomllib.loads(files(name)[0].read_text())
+
+
+def rows_of(data: Path) -> int:
+    return len(data.read_text().splitlines()) - 1
+
+
+# the checks themselves ------------------------------------------------------------------------------------------
+
+FINE = {
+    "verdict": "effects_missing",
+    "rows": 10,
+    "outliers": [2, 7],
+    "rms": {
+        "before": 2.0, "after": 1.0, "before_held_out": 2.1, "after_held_out": None, "noise": None, "unit": "mm",
+    },
+    "steps": [
+        {
+            "effect": "encoder_eccentricity", "joint": "C", "p_value": 1e-300, "rms": 1.0, "rms_held_out": 1.1,
+            "parameters": {"a": {"value": 1.0, "std": 0.1, "unit": "arcsec"}},
+            "indistinguishable_from": [{"effect": "axis_offset", "joint": "C"}], "meaning": "The disc ...",
+        }
+    ],
+    "unexplained": [],
+}  # fmt: skip
+MACHINE = {
+    "joint": [{"name": "C"}],
+    "target": [{"name": "b1"}],
+    "measured": {"kind": "point"},
+    "units": {"length": "mm"},
+}
+SPOILT = {
+    "a key too many": lambda d: d.update(note="x"),
+    "verdict": lambda d: d.update(verdict="fine"),
+    "steps beside nothing_missing": lambda d: d.update(verdict="nothing_missing"),
+    "a row that is none": lambda d: d["outliers"].append(10),
+    "a name that is none": lambda d: d["steps"][0].update(effect="eccentricity"),
+    "a joint that is none": lambda d: d["steps"][0].update(joint="B"),
+    "a target's effect at a joint": lambda d: d["steps"][0].update(effect="target_offset"),
+    "p of zero": lambda d: d["steps"][0].update(p_value=0.0),
+    "no number": lambda d: d["rms"].update(before=float("nan")),
+    "unit": lambda d: d["rms"].update(unit="arcsec"),
+    "a step that is not in after": lambda d: d["rms"].update(after=0.5),
+    "its own alias": lambda d: d["steps"][0]["indistinguishable_from"].append(
+        {"effect": "encoder_eccentricity", "joint": "C"}
+    ),
+    "no form": lambda d: d.update(verdict="unknown_effect"),
+    "no reason": lambda d: d.update(verdict="cannot_tell"),
+}
+
+
+def test_the_check_finds_nothing_in_what_is_fine():
+    assert format_errors(FINE, MACHINE, 10, NAMES) == []
+
+
+@pytest.mark.parametrize("what", SPOILT)
+def test_the_check_finds_what_is_spoilt(what):
+    found = copy.deepcopy(FINE)
+    SPOILT[what](found)
+    assert format_errors(found, MACHINE, 10, NAMES)
+
+
+# diagnoses ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_diagnosis_is_written_as_the_formats_say(name):
+    found = diagnosed(name).to_dict()
+    assert format_errors(found, file_of(name), rows_of(files(name)[1]), NAMES) == []
+
+
+@pytest.mark.parametrize("name", ["one effect", "directions"])
+def test_the_command_prints_the_same_and_nothing_else(name, capsys):
+    machine, data = files(name)
+    assert cli.main(["diagnose", str(machine), str(data), "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed == json.loads(json.dumps(diagnosed(name).to_dict()))
+
+
+def test_further_measurements_are_predicted(tmp_path, capsys):
+    machine, data = files("one effect")
+    _, other = hidden("rotary_table", 1001, raises=2.0).write(tmp_path)
+    # the other data are of the same machine without the effect and with other errors: only the format is looked at
+    assert cli.main(["diagnose", str(machine), str(data), "--json", "--test", str(other)]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert format_errors(printed, file_of("one effect"), rows_of(data), NAMES, test=True) == []
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_errors_are_those_of_the_plain_simulator_with_the_fitted_numbers(name):
+    machine, data = files(name)
+    found = diagnosed(name)
+    for rms, model in ((found.rms.before, found.base), (found.rms.after, found.final)):
+        # without the formulas that a diagnosis only proposes
+        assert rms == pytest.approx(rms_of(machine, data, model, found.outliers), rel=1e-5)
+    for step, model in zip(found.steps, found.fits[1:], strict=True):
+        assert step.rms == pytest.approx(rms_of(machine, data, model, found.outliers), rel=1e-5)
+
+
+def test_errors_held_out_are_larger_than_fitted():
+    for name in CASES:
+        rms = diagnosed(name).rms
+        for fitted, held_out in ((rms.before, rms.before_held_out), (rms.after, rms.after_held_out)):
+            if held_out is not None:
+                assert fitted < held_out < 1.5 * fitted, name
+
+
+def test_outliers_are_row_numbers_of_the_file():
+    found = diagnosed("outliers")
+    case = hidden(*CASES["outliers"][:2], **CASES["outliers"][2])
+    truth = case.sealed.open(found)
+    assert set(found.outliers) >= truth.outliers
+    assert (
+        len(set(found.outliers) - truth.outliers) <= 2
+    )  # a good reading beyond 4 sigma is believed to be one
+
+
+def test_parameters_are_those_of_the_final_model():
+    found = diagnosed("two effects")
+    estimates = found.final.estimates
+    for step in found.steps:
+        for name, parameter in step.parameters.items():
+            assert parameter.value == estimates[step.effect.key(name)].value
+            assert parameter.unit == estimates[step.effect.key(name)].unit
+
+
+@pytest.mark.parametrize("name", ["one effect", "two effects", "directions", "distances", "a target"])
+def test_effects_said_to_be_the_same_fit_as_well_when_fitted_anew(name):
+    machine, data = files(name)
+    found = diagnosed(name).to_dict()
+    assert far_aliases(rodgen.Machine.load(machine), rodgen.Measurements.load(data), found) == []
+
+
+def test_p_values_end_at_1e_300_and_ranking_goes_on():
+    machine, data = hidden("rotary_table", 9, [("encoder_eccentricity", "C")], raises=400.0, size=2.0).write(
+        mkdtemp()
+    )
+    found = fit(rodgen.Machine.load(machine), rodgen.Measurements.load(data)).diagnose()
+    assert found.steps[0].p_value == 1e-300
+    assert found.steps[0].log10_p < -300
+    assert np.all(np.diff([ranked.log10_p for ranked in found.ranking]) >= 0)
