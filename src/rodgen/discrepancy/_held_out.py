@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from rodgen.discrepancy.fit import Fit
     from rodgen.machines._model import Frame
 
-__all__ = ["HeldOut", "held_out"]
+__all__ = ["HeldOut", "deal", "held_out"]
 
 Array: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int_]
@@ -168,6 +168,12 @@ def held_out(
         without.because,
         converged,
     )
+
+
+def deal(observations: Observations, folds: int) -> Ints:
+    """Return the fold of each row, (n,): whole poses, and replicates of a pose together."""
+    pose, poses = _dealt(observations)
+    return np.asarray(_folds(poses, min(folds, poses))[pose])
 
 
 def _told(progress: Callable[[str, int, float], object], what: str) -> Callable[[int, float], object]:

@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 from rodgen.discrepancy._least_squares import Solution, minimise
 from rodgen.discrepancy._problem import Problem
 
-__all__ = ["Judgement", "robust_fit"]
+__all__ = ["Judgement", "gross_rows", "robust_fit"]
 
 Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
@@ -119,6 +119,32 @@ def robust_fit(problem: Problem, solve: Callable[[], tuple[Solution, list[int]]]
             return judge.judgement(every, math.inf, math.inf)
     judge.believe(~best.outliers)
     return best
+
+
+def gross_rows(problem: Problem, solution: Solution, free: Sequence[int]) -> Mask:
+    """Return the rows, (n,), that do not agree with the others and a fit of the right model that is close to them.
+
+    Parameters
+    ----------
+    problem : Problem
+        Is not changed.
+    solution : Solution
+        Of the rows that were believed before.
+    free : sequence of int
+        Numbers of the parameters that are adjusted.
+    """
+    problem = Problem(problem.model, problem.observations)
+    judge = _Judge(problem, free)
+    if not judge.can_tell:
+        return np.zeros(problem.rows, bool)
+    solution, scale = judge.settled(solution)
+    best = judge.judgement(solution, scale, judge.cut)
+    if best.outliers.any():
+        judge.believe(np.ones(problem.rows, bool))
+        every = minimise(problem, solution.theta, solution.frame, judge.free)
+        if judge.may_be_chance(best, every):
+            return np.zeros(problem.rows, bool)
+    return best.outliers
 
 
 class _Judge:

@@ -30,6 +30,7 @@ from rodgen.machines.machine import Machine
 if TYPE_CHECKING:
     from rodgen.discrepancy._held_out import HeldOut
     from rodgen.discrepancy.compare import Comparison
+    from rodgen.discrepancy.diagnose import Diagnosis
 
 __all__ = ["Estimate", "Fit", "FitError", "fit"]
 
@@ -204,6 +205,12 @@ class Fit:
         from rodgen.discrepancy.compare import compare
 
         return compare(self)
+
+    def diagnose(self, *, test: Measurements | None = None, progress: Progress | None = None) -> Diagnosis:
+        """Find out which physical effects are missing in the model; see :func:`rodgen.discrepancy.diagnose.diagnose`."""
+        from rodgen.discrepancy.diagnose import diagnose
+
+        return diagnose(self, test=test, progress=progress)
 
     def summary(self) -> str:
         """Return the fit as text."""

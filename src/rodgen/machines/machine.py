@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 from rodgen.errors import InputFileError, RodgenError, shown
 
 if TYPE_CHECKING:
+    from rodgen.discrepancy.diagnose import DiagnosedEffect
     from rodgen.discrepancy.fit import Fit
     from rodgen.discrepancy.measurements import Measurements
     from rodgen.discrepancy.simulate import Simulation
@@ -414,7 +415,7 @@ class Machine:
 
     def add(
         self,
-        effect: str | Effect,
+        effect: str | Effect | DiagnosedEffect,
         *,
         joint: str | None = None,
         target: str | None = None,
@@ -424,8 +425,8 @@ class Machine:
 
         Parameters
         ----------
-        effect : str or Effect
-            A name of the catalogue, as ``rodgen effects`` lists it.
+        effect : str, Effect or DiagnosedEffect
+            A name of the catalogue, as ``rodgen effects`` lists it, or a step of a diagnosis.
         joint, target : str, optional
             Where it is; left out: the whole machine.
         hold : mapping of str to float, optional
@@ -446,8 +447,8 @@ class Machine:
         ['backlash at C']
         """
         if isinstance(effect, str):
-            effect = self.effect(effect, self._place(joint, target), hold=hold)
-        return self.with_effect(effect)
+            return self.with_effect(self.effect(effect, self._place(joint, target), hold=hold))
+        return self.with_effect(effect if isinstance(effect, Effect) else effect.effect)
 
     def remove(self, effect: str, *, joint: str | None = None, target: str | None = None) -> Machine:
         """Return this machine without one of its effects.

@@ -112,9 +112,14 @@ class Space:
         """Return the lengths that these columns have."""
         return np.asarray(self.length[self._parts[id(candidate)]])
 
+    @property
+    def model(self) -> Array:
+        """The model's columns in coordinates, of length 1, (K, p)."""
+        return np.asarray(self._triangle[:, self._model])
+
     def base(self, included: Sequence[Candidate] = ()) -> Array:
         """Return an orthonormal basis of the model with some candidates, (K, rank)."""
-        columns = [self._triangle[:, self._model], *(self.columns(c) for c in included)]
+        columns = [self.model, *(self.columns(c) for c in included)]
         return _orthonormal(np.concatenate(columns, axis=1))
 
     # scores --------------------------------------------------------------------------------------------------

@@ -1,0 +1,382 @@
+"""The way from a fit to what is missing in its model.
+
+Everything is decided on linear columns in one space (`_selection`), and everything that is told comes from full fits:
+of the model as it was, with each effect that was found, and of what could stand in their place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.discrepancy._bind import Observations, bind
+from rodgen.discrepancy._least_squares import minimise
+from rodgen.discrepancy._problem import Problem, one_thread_in_blas
+from rodgen.discrepancy._robust import gross_rows
+from rodgen.discrepancy.diagnose._aliases import aliases_of
+from rodgen.discrepancy.diagnose._blocks import Blocks
+from rodgen.discrepancy.diagnose._candidates import Candidate, candidates
+from rodgen.discrepancy.diagnose._carriers import Carriers, catalogue_effects
+from rodgen.discrepancy.diagnose._correlation import Correlation, correlation, covariance_of_estimates
+from rodgen.discrepancy.diagnose._diagnosis import (
+    SMALLEST,
+    DiagnosedEffect,
+    Diagnosis,
+    Ranked,
+    Rms,
+    Unexplained,
+)
+from rodgen.discrepancy.diagnose._gross import gross_errors, together
+from rodgen.discrepancy.diagnose._outside import Outside, outside_of
+from rodgen.discrepancy.diagnose._selection import Selection
+from rodgen.discrepancy.diagnose._space import Score, Space
+from rodgen.discrepancy.fit import Estimate, Fit, FitError, fit
+from rodgen.discrepancy.measurements import Measurements
+from rodgen.machines._model import Frame, Model
+from rodgen.machines.machine import Machine
+
+__all__ = ["diagnose"]
+
+Array: TypeAlias = NDArray[np.float64]
+Mask: TypeAlias = NDArray[np.bool_]
+Progress: TypeAlias = Callable[[str, int, float], object]
+
+FEWEST_SPARE = 6
+"""Readings beyond the parameters that a test needs."""
+FEWEST_POSES = 4
+COMPILE_FROM = 20_000
+"""From so many rows on compiling a model that is fitted once pays."""
+FOLDS = 10
+ROUNDS = 3
+RARE = 0.01
+
+
+def diagnose(
+    fitted: Fit | Machine,
+    data: Measurements | Observations | None = None,
+    *,
+    test: Measurements | None = None,
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """Find out which physical effects are missing in a machine's model, from measurements alone.
+
+    Parameters
+    ----------
+    fitted : Fit or Machine
+        The model as it is: fitted, or to be fitted to `data`.
+    data : Measurements or Observations, optional
+        Needed with a machine.
+    test : Measurements, optional
+        Others, of which the error is told, too. Only the frame is fitted to them, where it is free.
+    progress : callable, optional
+        Called with what is done, a number and the cost.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    InputFileError
+        When the data do not fit the machine.
+    FitError
+        When there is nothing to fit, or no data are given with a machine.
+    """
+    if isinstance(fitted, Fit):
+        machine, observations = fitted.machine, fitted.observations
+    else:
+        if data is None:
+            raise FitError("a machine without measurements; expected both, or a fit")
+        machine = fitted
+        observations = data if isinstance(data, Observations) else bind(machine, data)
+        fitted = fit(machine, observations, progress=progress)
+    with one_thread_in_blas():
+        return _Diagnosing(fitted, test, progress).run()
+
+
+@dataclass(eq=False)
+class _Work:
+    """What one look at the data rests on: the base fit without outliers, and the space of all columns."""
+
+    base: Fit
+    carriers: Carriers
+    found: list[Candidate]
+    correlation: Correlation
+    space: Space
+    selection: Selection
+    residual: Array
+    total: float
+
+
+class _Diagnosing:
+    def __init__(self, fitted: Fit, test: Measurements | None, progress: Progress | None) -> None:
+        self.fitted, self.test, self.progress = fitted, test, progress
+        self.observations = fitted.observations
+        self.notes: list[str] = []
+
+    def tell(self, what: str) -> None:
+        if self.progress is not None:
+            self.progress(what, 0, self.fitted.chi_square)
+
+    # the way -------------------------------------------------------------------------------------------------
+
+    def run(self) -> Diagnosis:
+        reason = self._cannot_tell(self.fitted)
+        if reason:
+            return self._undecided(reason)
+        outliers = self.fitted.outliers
+        if not outliers.any():
+            outliers = self._gross(self._carriers(self.fitted))
+        for last in (False, False, True):
+            base = self.fitted
+            if not np.array_equal(outliers, base.outliers):
+                base = self._fit(self.fitted.machine, outliers)
+                reason = self._cannot_tell(base)
+                if reason:
+                    return self._undecided(reason)
+            work = self._work(base)
+            chosen = self._chosen(work)
+            outside = self._outside(work, chosen)
+            fits = self._fits(work, outside.kept)
+            again = outliers if last else self._judged(fits[-1], outside, outliers)
+            if np.array_equal(again, outliers):
+                break
+            outliers = again
+        return self._told(work, outside, fits)
+
+    def _cannot_tell(self, base: Fit) -> str:
+        """Return why nothing can be told, or nothing."""
+        poses = len(np.unique(base.observations.pose[~base.outliers]))
+        if base.degrees_of_freedom < FEWEST_SPARE:
+            return (
+                f"{base.degrees_of_freedom} readings more than the parameters that they determine; "
+                f"a test needs {FEWEST_SPARE} at least."
+            )
+        if poses < FEWEST_POSES:
+            return f"Only {poses} pose{'s' * (poses != 1)}; a test needs {FEWEST_POSES} at least."
+        lacking = [d.text for d in base.determinacy.directions if not d.gauge]
+        return " ".join(lacking[:3])
+
+    def _undecided(self, reason: str) -> Diagnosis:
+        base = self.fitted
+        held_out = self._held_out(base)
+        rms = Rms(base.rms, base.rms, held_out, held_out, base.noise.value, base.unit)
+        outliers = tuple(np.flatnonzero(base.outliers).tolist())
+        return Diagnosis(
+            "cannot_tell", reason, self.observations.n, outliers, self._with_test(rms, [base]), (), (), (), (base,)
+        )
+
+    # what everything rests on --------------------------------------------------------------------------------
+
+    def _carriers(self, base: Fit) -> Carriers:
+        self.tell("candidates")
+        return Carriers.of(base, catalogue_effects(base.machine, base.observations))
+
+    def _gross(self, carriers: Carriers) -> Mask:
+        effects = catalogue_effects(carriers.fit.machine, carriers.fit.observations)
+        columns = [c.columns for c in _one_each(candidates(carriers, effects))]
+        every = np.concatenate([carriers.model[:, :, :0], *columns], axis=2)
+        wrong = gross_errors(carriers.model, every, carriers.residual)
+        found = np.zeros(self.observations.n, bool)
+        found[carriers.rows[wrong]] = True
+        return self._alone(found)
+
+    def _alone(self, outliers: Mask) -> Mask:
+        """Return no outliers where they lie side by side: these show something, and are not wrong."""
+        o = self.observations
+        drivers = [o.q[:, j] for j in range(o.q.shape[1])] + ([] if o.t is None else [o.t])
+        drivers += [*o.temperature.values(), *o.covariates.values()] + ([] if o.load is None else [o.load])
+        if outliers.any() and together(outliers, drivers):
+            return np.zeros_like(outliers)
+        return outliers
+
+    def _work(self, base: Fit) -> _Work:
+        carriers = self._carriers(base)
+        found = list(candidates(carriers, catalogue_effects(base.machine, base.observations)))
+        model = carriers.model
+        self.tell("correlation")
+        every = [c.columns for c in _one_each(found)]
+        how = correlation(carriers, np.concatenate([model, *every], axis=2))
+        self.tell("scores")
+        space = Space(model, found, how.whiten)
+        residual, total = space.residual(carriers.residual)
+        blocks = Blocks(carriers.observations, model, carriers.residual)
+        selection = Selection(space, blocks, self.observations.n)
+        return _Work(base, carriers, found, how, space, selection, residual, total)
+
+    def _chosen(self, work: _Work) -> list[Candidate]:
+        """Return what the residuals call for; after a full fit of it, what is left once more."""
+        chosen = work.selection.run(work.residual, work.total)
+        return chosen
+
+    def _outside(self, work: _Work, chosen: list[Candidate]) -> Outside:
+        self.tell("forms outside the catalogue")
+        return outside_of(work.carriers, work.correlation, work.selection, work.residual, work.total, chosen)
+
+    # full fits -----------------------------------------------------------------------------------------------
+
+    def _fit(self, machine: Machine, outliers: Mask) -> Fit:
+        self.tell("fit")
+        return fit(machine, self.observations, outliers=outliers, compiled=self.observations.n >= COMPILE_FROM)
+
+    def _fits(self, work: _Work, chosen: Sequence[Candidate]) -> list[Fit]:
+        """Fit the model with one effect after the other, each from where the one before ended."""
+        fits = [work.base]
+        for candidate in chosen:
+            machine = fits[-1].machine.with_effect(candidate.effect)
+            searched = {candidate.effect.key(name): value for name, value in candidate.searched.items()}
+            fits.append(self._fit(replace(machine, values={**machine.values, **searched}), work.base.outliers))
+        return fits
+
+    def _judged(self, final: Fit, outside: Outside, outliers: Mask) -> Mask:
+        """Return which rows the final model does not believe."""
+        if outside.forms:  # what is not modelled yet looks like outliers
+            return outliers
+        found = gross_rows(final.problem, final.solution, final.free)
+        return self._alone(found) if found.mean() < RARE * 20 else outliers
+
+    def _held_out(self, found: Fit) -> float | None:
+        return found.held_out(folds=FOLDS, progress=self.progress).rms
+
+    # what is told --------------------------------------------------------------------------------------------
+
+    def _told(self, work: _Work, outside: Outside, fits: list[Fit]) -> Diagnosis:
+        final = fits[-1]
+        self.tell("error on poses left out")
+        held_out = [self._held_out(found) for found in fits]
+        kept = outside.kept
+        self.tell("what else would explain it")
+        steps = []
+        for k, candidate in enumerate(kept):
+            score = _score_of(work, kept[:k], candidate)
+            log10 = (score.log_p + np.log(work.space.tests([score], kept[:k]))) / np.log(10) if score else 0.0
+            steps.append(
+                DiagnosedEffect(
+                    candidate.effect,
+                    max(10 ** max(log10, -300), SMALLEST),
+                    float(log10),
+                    fits[k + 1].rms,
+                    held_out[k + 1],
+                    self._estimates(work, final, candidate),
+                    aliases_of(work.selection, work.carriers, final, kept, k, work.correlation.independent),
+                )
+            )
+        unexplained = tuple(self._form(work, final, form) for form in outside.forms)
+        rms = Rms(
+            work.base.rms, final.rms, held_out[0], held_out[-1], final.noise.value, final.unit
+        )
+        if work.correlation.text:
+            self.notes.append(work.correlation.text)
+        verdict, reason = self._verdict(work, final, steps, unexplained)
+        return Diagnosis(
+            verdict,
+            reason,
+            self.observations.n,
+            tuple(np.flatnonzero(work.base.outliers).tolist()),
+            self._with_test(rms, fits),
+            tuple(steps),
+            unexplained,
+            _ranking(work),
+            tuple(fits),
+            work.correlation,
+            tuple(self.notes),
+        )
+
+    def _verdict(
+        self, work: _Work, final: Fit, steps: Sequence[DiagnosedEffect], forms: Sequence[Unexplained]
+    ) -> tuple[str, str | None]:
+        if forms:
+            return "unknown_effect", None
+        if steps:
+            return "effects_missing", None
+        lack = final.lack_of_fit
+        if lack is not None and lack.p_value < RARE and work.correlation.independent:
+            return "cannot_tell", (
+                f"{lack.text} It follows nothing that was recorded: the noise is larger than that, "
+                "or something acts that was not recorded."
+            )
+        return "nothing_missing", None
+
+    def _form(self, work: _Work, final: Fit, form: object) -> Unexplained:
+        raise NotImplementedError
+
+    def _estimates(self, work: _Work, final: Fit, candidate: Candidate) -> dict[str, Estimate]:
+        """Return an effect's parameters by their short names, their spread with what readings share."""
+        prefix = candidate.effect.key("")
+        spread = self._spread(work, final)
+        found = {}
+        for i, parameter in enumerate(final.parameters):
+            if not parameter.key.startswith((f"{prefix}.", f"{prefix}[")):
+                continue
+            estimate = final.estimates[parameter.key]
+            if parameter.optional and i not in final.free:
+                continue
+            if estimate.std is not None and spread is not None:
+                estimate = replace(estimate, std=float(spread[i] / parameter.factor))
+            found[parameter.key[len(prefix) :].removeprefix(".")] = estimate
+        return found
+
+    def _spread(self, work: _Work, final: Fit) -> Array | None:
+        """Return standard deviations of all parameters where readings depend on each other, internal units."""
+        if work.correlation.independent:
+            return None
+        o = work.carriers.observations
+        problem = Problem(final.problem.model, o)
+        problem.set_weight((work.carriers.weight / problem.base_weight)[:, 0])
+        jacobian = problem.jacobian(final.solution.theta, final.solution.frame)[:, :, list(final.free)]
+        found = np.zeros(len(final.parameters))
+        part = len(work.carriers.rows) / max(int((~final.outliers).sum()), 1)
+        variance = np.diag(covariance_of_estimates(work.correlation, jacobian)) * part
+        found[list(final.free)] = np.sqrt(np.maximum(variance, 0.0))
+        return found
+
+    def _with_test(self, rms: Rms, fits: Sequence[Fit]) -> Rms:
+        if self.test is None:
+            return rms
+        others = bind(self.fitted.machine, self.test)
+        return replace(
+            rms, before_test=_error_on(fits[0], others), after_test=_error_on(fits[-1], others)
+        )
+
+
+def _one_each(found: Sequence[Candidate]) -> list[Candidate]:
+    """Return the candidates, those with a searched parameter at a few of its values."""
+    by_key: dict[tuple[str, str | None], list[Candidate]] = {}
+    for candidate in found:
+        by_key.setdefault(candidate.key, []).append(candidate)
+    return [c for several in by_key.values() for c in several[:: max(len(several) // 4, 1)]]
+
+
+def _score_of(work: _Work, before: Sequence[Candidate], candidate: Candidate) -> Score | None:
+    left = work.selection.left(work.residual, work.total, before)
+    scores = work.space.scores(work.residual, left, before)
+    return next((score for score in scores if score.candidate.key == candidate.key), None)
+
+
+def _ranking(work: _Work) -> tuple[Ranked, ...]:
+    scores = work.space.scores(work.residual, work.total)
+    tests = np.log(work.space.tests(scores)) if scores else 0.0
+    found = []
+    for s in scores:
+        log10 = min((s.log_p + tests) / np.log(10), 0.0)
+        freedoms = (float(s.freedoms), float(s.spare))
+        explains = s.fall / work.total if work.total > 0 else 0.0
+        p = max(10 ** max(log10, -300), SMALLEST)
+        found.append(Ranked(s.candidate.effect, p, float(log10), s.statistic, freedoms, s.visible, explains))
+    return tuple(found)
+
+
+def _error_on(found: Fit, others: Observations) -> float:
+    """Return the error on further measurements, to which only the frame is fitted, where it is free."""
+    model = Model(found.machine, found.problem.model.travel, others.run_names, compiled=False)
+    problem = Problem(model, others)
+    theta = model.start()
+    frame = Frame.fitted(found.machine.values) or Frame.identity()
+    free = [i for i, p in enumerate(model.parameters) if p.slot[0] == "frame"]
+    solution = minimise(problem, theta, frame, free)
+    nobody = np.zeros(others.n, bool)
+    return replace(found, observations=others, problem=problem, solution=solution, outliers=nobody).rms

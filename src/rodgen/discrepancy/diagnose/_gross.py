@@ -1,0 +1,130 @@
+"""Rows that are grossly wrong, before anything is known of what the model misses.
+
+What the model misses is not to be taken for outliers, nor outliers for an effect. So rows are judged by what is left
+when every candidate may take what it likes: whatever they stand for explains much, a slip of the hand nothing. The fit
+of so many columns is made robust by weights (Huber 1964), and a row counts as wrong by the size which the largest of
+all good rows exceeds in one of a hundred data sets.
+"""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["gross_errors", "together"]
+
+Array: TypeAlias = NDArray[np.float64]
+Mask: TypeAlias = NDArray[np.bool_]
+
+PART = 4
+"""A column for so many readings at most: with more each row would be fitted by itself."""
+STEPS = 30
+HUBER = 1.345
+FALSE_ALARM = 0.01
+MOST = 0.2
+"""More rows than this part are not wrong by chance: then something is missing."""
+TOGETHER = 1e-3
+
+
+def gross_errors(model: Array, candidates: Array, residual: Array) -> Mask:
+    """Return the rows that no candidate explains, (n,).
+
+    Parameters
+    ----------
+    model : ndarray, shape (n, m, p)
+        The model's columns.
+    candidates : ndarray, shape (n, m, K)
+        All others.
+    residual : ndarray, shape (n, m)
+        Weighted residuals.
+    """
+    n, m = residual.shape
+    base = _leading(model.reshape(n * m, -1), n * m)
+    rest = candidates.reshape(n * m, -1)
+    rest = rest - base @ (base.T @ rest)
+    basis = np.concatenate([base, _leading(rest, n * m // PART - base.shape[1])], axis=1)
+    spare = n * m - basis.shape[1]
+    if n < 8 or spare < 2 * m or not residual.any():
+        return np.zeros(n, bool)
+    cut = _cut(n, m, spare)
+    weight = np.ones(n)
+    size = np.zeros(n)
+    for _ in range(STEPS):
+        root = np.repeat(np.sqrt(weight), m)
+        weighted = basis * root[:, None]
+        square = weighted.T @ weighted
+        along = np.linalg.lstsq(square, weighted.T @ (root * residual.ravel()), rcond=1e-10)[0]
+        left = (residual.ravel() - basis @ along).reshape(n, m)
+        own = np.einsum("nmk,kl,nml->n", basis.reshape(n, m, -1), np.linalg.pinv(square), basis.reshape(n, m, -1))
+        share = np.clip(1 - weight * own / m, 0.05, 1.0)
+        size = np.sqrt(np.einsum("nm,nm->n", left, left) / share)
+        scale = _scale(size, m)
+        if scale <= 0:
+            return np.zeros(n, bool)
+        z = size / scale / np.sqrt(m)
+        new = np.where(z < HUBER, 1.0, np.where(z > 3 * HUBER, 1e-8, HUBER / np.maximum(z, 1e-300)))
+        if np.max(np.abs(new - weight)) < 1e-3:
+            break
+        weight = new
+    found = size > cut * scale
+    if found.mean() > MOST:
+        return np.zeros(n, bool)
+    return np.asarray(found)
+
+
+def _scale(size: Array, m: int) -> float:
+    from scipy.special import chdtri
+
+    return float(np.median(size) / np.sqrt(chdtri(m, 0.5)))
+
+
+def _cut(n: int, m: int, spare: int) -> float:
+    """Return the size, in scales, that the largest of all good rows exceeds in one of a hundred data sets."""
+    from scipy.special import fdtri
+
+    return float(np.sqrt(m * fdtri(m, max(spare, 2), 1 - FALSE_ALARM / n))) * (1 + 5 / max(spare, 1))
+
+
+def _leading(columns: Array, most: int) -> Array:
+    """Return an orthonormal basis of the directions that columns of length 1 have most in common."""
+    size = np.linalg.norm(columns, axis=0)
+    columns = columns[:, size > 0] / size[size > 0]
+    if not columns.shape[1] or most < 1:
+        return np.zeros((len(columns), 0))
+    values, vectors = np.linalg.eigh(columns.T @ columns)
+    keep = np.flatnonzero(values > 1e-9 * max(values[-1], 1e-300))[::-1][:most]
+    basis, _ = np.linalg.qr(columns @ vectors[:, keep])
+    return basis
+
+
+def together(outliers: Mask, drivers: list[Array]) -> bool:
+    """Tell whether rows that look wrong lie side by side in something: then they are right, and something is missing.
+
+    Parameters
+    ----------
+    outliers : ndarray of bool, shape (n,)
+    drivers : list of ndarray, each of shape (n,)
+        Coordinates of joints, time.
+
+    Notes
+    -----
+    The number of neighbours that are both outliers is held against that of a random order, as a Poisson number.
+    """
+    from scipy.special import pdtrc
+
+    k, n = int(outliers.sum()), len(outliers)
+    if k < 3:
+        return False
+    chance = 1.0
+    for driver in drivers:
+        if np.ptp(driver) == 0:
+            continue
+        order = np.lexsort((np.random.default_rng(0).random(n), driver))
+        marked = outliers[order]
+        pairs = int(np.sum(marked[1:] & marked[:-1]))
+        expected = k * (k - 1) / n
+        if pairs:
+            chance = min(chance, float(pdtrc(pairs - 1, expected)))
+    return chance * max(len(drivers), 1) < TOGETHER

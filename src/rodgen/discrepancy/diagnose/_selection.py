@@ -1,0 +1,217 @@
+"""Which candidates together explain the residuals, in the space of their columns.
+
+Forward: the candidate that chance imitates least, as long as that is improbable over all of them and errors on poses
+left out fall by what anybody would notice. Backward: what is explained by the others, too, is taken out again; and one
+or two of the set are exchanged for a single other that does better. An effect with few parameters is preferred to one
+with more that does the same: the larger one must lower chi-square by 12 + ln(rows) for each further parameter, and
+by more than the little by which real effects differ from formulas.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.discrepancy.diagnose._blocks import Blocks
+from rodgen.discrepancy.diagnose._candidates import Candidate
+from rodgen.discrepancy.diagnose._space import Score, Space, log_p
+
+__all__ = ["FAMILY_WISE", "Selection", "a_parameter"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+FAMILY_WISE = 0.01
+"""Rate of false alarms over all candidates together."""
+NOTICED = 0.005
+"""The error on poses left out must fall by this part: what lowers it less is not worth an effect."""
+IMPERFECT = 0.03
+"""A real effect differs from its formula by this part of its size; so much more at the same place is no effect."""
+ALIKE = 0.005
+"""Effects that take away nearly the same, up to this part of it, are alike: then the simpler one is meant."""
+MOST_STEPS = 8
+RIVALS = 40
+"""Candidates that are tried in exchange."""
+
+
+def a_parameter(rows: int) -> float:
+    """Return by how much chi-square must fall for a further parameter."""
+    return float(12 + np.log(rows))
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Chooses candidates.
+
+    Attributes
+    ----------
+    space : Space
+    blocks : Blocks
+        Of poses, for the error on poses left out.
+    rows : int
+    level : float
+        Rate of false alarms.
+    """
+
+    space: Space
+    blocks: Blocks
+    rows: int
+    level: float = FAMILY_WISE
+
+    def run(self, residual: Array, total: float, forced: Sequence[Candidate] = ()) -> list[Candidate]:
+        """Return the candidates that the residuals call for, in the order of adding.
+
+        Parameters
+        ----------
+        residual, total : ndarray, float
+            Coordinates of the residuals of the model as it was, and their sum of squares; see `Space.residual`.
+        forced : sequence of Candidate
+            What is in already, and stays.
+        """
+        included = self._forward(residual, total, list(forced))
+        for _ in range(3):
+            better = self._exchanged(residual, total, included, len(forced))
+            better = self._backward(residual, total, better, len(forced))
+            more = self._forward(residual, total, better)
+            if [c.key for c in more] == [c.key for c in included]:
+                break
+            included = more
+        return self._ordered(residual, total, included, len(forced))
+
+    # forward -------------------------------------------------------------------------------------------------
+
+    def _forward(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
+        included = list(included)
+        while len(included) < MOST_STEPS:
+            best = self.best(residual, total, included)
+            if best is None or not self.is_worth(residual, total, included, best):
+                break
+            included.append(best.candidate)
+        return included
+
+    def best(self, residual: Array, total: float, included: Sequence[Candidate]) -> Score | None:
+        """Return the candidate to add next, None where chance does as much."""
+        left = self.left(residual, total, included)
+        scores = self.space.scores(residual, left, included)
+        if not scores:
+            return None
+        tests = self.space.tests(scores, included)
+        level = np.log(self.level / (1 + len(included)))  # each step may be wrong, and the model is less exact
+        real = [s for s in scores if s.freedoms and s.log_p + np.log(tests) < level]
+        if not real:
+            return None
+        first = real[0]
+        variance = first.left / max(first.spare, 1)
+        needed = a_parameter(self.rows) * variance
+
+        def alike(score: Score) -> bool:
+            saved = first.freedoms - score.freedoms
+            return saved > 0 and first.fall - score.fall < max(needed * saved, ALIKE * first.fall)
+
+        simpler = [s for s in real if alike(s)]
+        return min(simpler, key=lambda s: (s.freedoms, -s.fall)) if simpler else first
+
+    def is_worth(self, residual: Array, total: float, included: Sequence[Candidate], best: Score) -> bool:
+        """Tell whether a candidate lowers the error noticeably, and is more than an imperfection of what is in."""
+        here = [c for c in included if _related(c, best.candidate)]
+        if here:
+            others = [c for c in included if not _related(c, best.candidate)]
+            explained = self.left(residual, total, others) - self.left(residual, total, included)
+            if best.fall < IMPERFECT**2 * explained:
+                return False
+        before = self.blocks.held_out([c.columns for c in included])
+        after = self.blocks.held_out([c.columns for c in (*included, best.candidate)])
+        return after < (1 - NOTICED) * before
+
+    def left(self, residual: Array, total: float, included: Sequence[Candidate]) -> float:
+        """Return the sum of squares that is left with some candidates."""
+        base = self.space.base(included)
+        along = base.T @ residual
+        return max(total - float(along @ along), 1e-12 * total)
+
+    # backward ------------------------------------------------------------------------------------------------
+
+    def _backward(self, residual: Array, total: float, included: list[Candidate], forced: int) -> list[Candidate]:
+        """Take out what the others explain, too, the least first."""
+        included = list(included)
+        while len(included) > forced:
+            worst, chance = None, np.log(self.level)
+            for candidate in included[forced:]:
+                others = [c for c in included if c is not candidate]
+                log = self._log_p(residual, total, others, candidate)
+                if log + np.log(max(len(self.space.candidates), 1)) > chance:
+                    worst, chance = candidate, log
+            if worst is None:
+                break
+            included.remove(worst)
+        return included
+
+    def _log_p(self, residual: Array, total: float, others: Sequence[Candidate], candidate: Candidate) -> float:
+        base = self.space.base(others)
+        directions, _ = self.space.across(base, candidate)
+        left, k = self.left(residual, total, others), directions.shape[1]
+        spare = self.space.readings - base.shape[1] - k
+        if not k or spare < 1:
+            return 0.0
+        return log_p(float(np.sum((directions.T @ residual) ** 2)), left, k, spare)
+
+    # exchange ------------------------------------------------------------------------------------------------
+
+    def _exchanged(
+        self, residual: Array, total: float, included: list[Candidate], forced: int
+    ) -> list[Candidate]:
+        """Exchange one or two for another one while that costs less: chi-square, and so much for each parameter."""
+        best = list(included)
+        for _ in range(MOST_STEPS):
+            free = best[forced:]
+            found = best
+            cost = self.cost(residual, total, best, best)
+            for gone in (*combinations(free, 1), *combinations(free, 2)):
+                kept = [c for c in best if c not in gone]
+                left = self.left(residual, total, kept)
+                for score in self.space.scores(residual, left, kept)[:RIVALS]:
+                    if score.candidate in gone or not score.freedoms:
+                        continue
+                    tried = [*kept, score.candidate]
+                    new = self.cost(residual, total, tried, best)
+                    if new < cost - 1e-6:
+                        found, cost = tried, new
+            if found is best:
+                break
+            best = found
+        return best
+
+    def cost(
+        self, residual: Array, total: float, included: Sequence[Candidate], best: Sequence[Candidate]
+    ) -> float:
+        """Return chi-square, in variances that the best set leaves, and so much for each parameter."""
+        rank = self.space.base(best).shape[1]
+        variance = self.left(residual, total, best) / max(self.space.readings - rank, 1)
+        own = self.space.base(included).shape[1]
+        return self.left(residual, total, included) / variance + a_parameter(self.rows) * own
+
+    def _ordered(
+        self, residual: Array, total: float, included: list[Candidate], forced: int
+    ) -> list[Candidate]:
+        """Put those that take away most first."""
+        order, rest = list(included[:forced]), list(included[forced:])
+        while rest:
+            nxt = min(rest, key=lambda c: self.left(residual, total, [*order, c]))
+            order.append(nxt)
+            rest.remove(nxt)
+        return order
+
+
+def _related(one: Candidate, other: Candidate) -> bool:
+    """Tell whether one may be what is imperfect in the formula of the other: same place, or both follow the warmth."""
+    if one.effect.place == other.effect.place:
+        return True
+    return _is_thermal(one) and _is_thermal(other)
+
+
+def _is_thermal(candidate: Candidate) -> bool:
+    return bool(candidate.effect.definition.formula.names & {"T", "t"})
