@@ -10,7 +10,7 @@ export PIP_ROOT_USER_ACTION := ignore
 BUILT_FROM := pyproject.toml CMakeLists.txt $(wildcard generated/c/*.[ch] generated/gufunc/*.[ch])
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow kernels check check-kernels check-style check-types check-c notebooks bench docs clean
+.PHONY: help demo test test-slow kernels check check-kernels check-style check-types check-c notebooks bench study docs clean
 
 help: ## list what there is to do
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | awk -F'|' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -64,6 +64,9 @@ notebooks: .venv/installed ## execute the derivations into build/notebooks, as .
 
 bench: .venv/installed ## measure the speed, beside other libraries and the machine's limits (ONLY=fits or axis: a part)
 	$(BIN)/python benchmarks/run.py $(if $(ONLY),--only $(ONLY))
+
+study: .venv/installed ## measure how often a diagnosis is right, beside others (N=60 machines a group; ONLY=innocent: a part)
+	$(BIN)/python study/run.py -j $(JOBS) $(if $(N),-n $(N)) $(if $(ONLY),--only "$(ONLY)")
 
 docs: .venv/installed ## draw the pictures of the README anew
 	$(BIN)/python docs/make_pictures.py

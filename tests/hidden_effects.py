@@ -754,11 +754,14 @@ def _kept(
         drivers = OUTSIDE[outside].drivers
         needed |= {d for d in ("t", "load") if d in drivers} | {"v" for d in drivers if d.startswith("v_")}
     chance = {"all": 1.0, "some": 0.6, "few": 0.0}[columns]
-    kept = {}
+    kept: dict[str, Any] = {}
     for name, values in measured.items():
         lucky = random.uniform() < chance
         if name in needed or (lucky and name != "run") or (name == "run" and lucky and columns == "some"):
             kept[name] = values
+    if "covariates" in kept:
+        units = {"T_room": "T_room [degC]"}
+        kept["covariates"] = {units.get(name, name): values for name, values in kept["covariates"].items()}
     return kept
 
 

@@ -1,0 +1,172 @@
+"""What a diagnosis was worth, once the truth is known."""
+
+from __future__ import annotations
+
+import re
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from hidden_effects import Hidden, Truth
+
+import rodgen
+from rodgen.discrepancy.fit import Fit, fit
+
+Title = tuple[str, str | None]
+DRIFTS = {"warm_up_drift", "linear_drift", "frame_shift"}
+STD = 1.959964
+
+
+def judged(case: Hidden, *, with_peers: bool = False, installed: bool = False) -> dict[str, Any]:
+    """Diagnose a case by the public way, open the truth, and hold the two against each other.
+
+    Parameters
+    ----------
+    case : Hidden
+    with_peers : bool
+        Whether the others get the same data.
+    installed : bool
+        Whether those that need to be installed are.
+
+    Returns
+    -------
+    dict
+        Plain data; what does not apply is missing.
+    """
+    with TemporaryDirectory() as folder:
+        machine_file, data_file = case.write(Path(folder))
+        machine, data = rodgen.Machine.load(machine_file), rodgen.Measurements.load(data_file)
+    base = fit(machine, data)  # kernels are made here, so that they do not count as time of the diagnosis
+    start = time.perf_counter()
+    found = fit(machine, data).diagnose()
+    seconds = time.perf_counter() - start
+    truth = case.sealed.open(found)
+
+    steps: list[Title] = [(s.effect.name, s.effect.place) for s in found.steps]
+    same: list[list[Title]] = [
+        [(a.effect.name, a.effect.place) for a in s.indistinguishable_from] for s in found.steps
+    ]
+    record: dict[str, Any] = {
+        "case": case.name,
+        "kind": truth.kind,
+        "verdict": found.verdict,
+        "reason": found.reason,
+        "truth": [list(title) for title in truth.effects],
+        "values": {key: float(x) for key, x in truth.values.items()},
+        "steps": [list(title) for title in steps],
+        "p": [s.log10_p for s in found.steps],
+        "same": [[list(title) for title in titles] for titles in same],
+        "unexplained": [[u.driver, u.component, u.joint, u.form] for u in found.unexplained],
+        "rms": found.rms.to_dict(),
+        "seconds": seconds,
+        "claims": bool(steps or found.unexplained),
+        "cannot_tell": found.verdict == "cannot_tell",
+    }
+    if truth.kind == "none":
+        record["false"] = record["claims"] and not (truth.wanders == "day" and _of_time(found))
+    if truth.kind == "catalogue":
+        record |= _catalogue(machine, data, found, truth, steps, same)
+    if truth.kind == "outside":
+        first = found.unexplained[0] if found.unexplained else None
+        record |= {
+            "told": found.verdict == "unknown_effect",
+            "driver": first is not None and bool(set(re.findall(r"\w+", first.driver)) & truth.drivers),
+            "place": first is not None and first.joint == truth.place,
+            "spurious": len(steps),
+        }
+    if with_peers:
+        record["peers"] = _peers(base, truth, steps, installed)
+    return record
+
+
+def _of_time(found: Any) -> bool:
+    """Tell whether all that is claimed is that the set-up moves in time, which in a day's cycle it does."""
+    return all(s.effect.name in DRIFTS for s in found.steps) and all(
+        u.driver == "t" for u in found.unexplained
+    )
+
+
+def _catalogue(
+    machine: rodgen.Machine,
+    data: rodgen.Measurements,
+    found: Any,
+    truth: Truth,
+    steps: list[Title],
+    same: list[list[Title]],
+) -> dict[str, Any]:
+    wanted = set(truth.effects)
+    true = machine
+    for title in truth.effects:
+        true = true.with_effect(true.effect(*title))
+    reached = _without(found.final, true, data)
+    record: dict[str, Any] = {
+        "first": bool(steps) and bool(wanted & {steps[0], *same[0]}),
+        "first_named": bool(steps) and steps[0] in wanted,
+        "exact": _matched(wanted, steps, same) and not found.unexplained,
+        "named": set(steps) == wanted and not found.unexplained,
+        "further": len(steps) - len(wanted),
+        "aliases": [len(titles) for titles in same],
+        "reached": found.rms.after / reached.rms,
+    }
+    if truth.exact and set(steps) == wanted:
+        record["coverage"] = _coverage(found, truth)
+    return record
+
+
+def _without(like: Fit, machine: rodgen.Machine, data: rodgen.Measurements) -> Fit:
+    """Fit another machine to the rows that a fit believes."""
+    from rodgen.discrepancy._bind import bind
+
+    observations = bind(machine, data)
+    return fit(machine, observations.take(~like.outliers) if like.outliers.any() else observations)
+
+
+def _matched(wanted: set[Title], steps: list[Title], same: list[list[Title]]) -> bool:
+    """Tell whether each true effect is a step of its own, by name or as one that cannot be told from it."""
+    if len(steps) != len(wanted):
+        return False
+
+    def match(rest: list[Title], left: frozenset[int]) -> bool:
+        if not rest:
+            return True
+        return any(match(rest[1:], left - {i}) for i in left if rest[0] == steps[i] or rest[0] in same[i])
+
+    return match(list(wanted), frozenset(range(len(steps))))
+
+
+def _coverage(found: Any, truth: Truth) -> list[int]:
+    """Count the parameters whose 95 % interval holds the truth, and all that have one."""
+    held = counted = 0
+    for step in found.steps:
+        for name, estimate in step.parameters.items():
+            if estimate.std is None or not estimate.std > 0:
+                continue
+            # effects of several runs are one group of parameters, with the run in brackets
+            true = truth.values.get(step.effect.key(name), 0.0) * (
+                3600.0 if "arcsec" in estimate.unit else 1.0
+            )
+            if name == "tau" and step.effect.name == "warm_up_drift":
+                continue  # its interval is not symmetric
+            counted += 1
+            held += abs(estimate.value - true) <= STD * estimate.std
+    return [held, counted]
+
+
+def _peers(base: Fit, truth: Truth, steps: list[Title], installed: bool) -> dict[str, Any]:
+    import peers
+
+    columns = peers.columns_of(base)
+    wanted = [title for title in truth.effects if title in columns.titles]
+    reachable = columns.held_out(wanted)
+    chosen = {"rodgen": [t for t in steps if t in columns.titles]} | peers.chosen_by_all(columns, installed)
+    return {
+        name: {
+            "chosen": len(titles),
+            "first": bool(titles) and titles[0] in wanted,
+            "exact": set(titles) == set(wanted) and bool(wanted),
+            "missed": len(set(wanted) - set(titles)),
+            "held_out": columns.held_out(titles) / reachable,
+        }
+        for name, titles in chosen.items()
+    }

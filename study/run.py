@@ -1,0 +1,162 @@
+"""How often is a diagnosis right? Machines with hidden effects by the hundred, and a table with intervals.
+
+    make study                      # all groups, 60 machines each, and the others on the same data
+    python study/run.py --quick     # two machines of each, without the others
+    python study/run.py -n 200 -j 2 --only innocent
+
+Results go to build/study: one line a machine as they come, so that a study that was stopped goes on where it was; the
+table and all figures at the end. A change of rodgen or of the study starts anew.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import sys
+import time
+import traceback
+from collections.abc import Iterator
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from pathlib import Path
+from typing import Any
+
+for _library in ("OMP", "OPENBLAS", "MKL"):
+    os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent
+sys.path[:0] = [str(path) for path in (HERE, ROOT / "tests") if str(path) not in sys.path]
+PEERS = HERE / ".venv-peers"
+
+
+def peers_installed(*, make: bool) -> bool:
+    """Let this process import the others; where they are not there, make them once if asked."""
+    sys.path.append(str(ROOT / "benchmarks"))
+    from environments import CommandError, append_to_path, ensure
+
+    try:
+        if make:
+            ensure(PEERS, HERE / "requirements-peers.txt")
+        if not (PEERS / "requirements.sha256").exists():
+            return False
+        append_to_path(PEERS)
+    except CommandError as error:
+        print(f"without scikit-learn and PySINDy: {error}", file=sys.stderr)
+        return False
+    return True
+
+
+def one(group_name: str, number: int, with_peers: bool, installed: bool) -> dict[str, Any]:
+    """Draw a machine, diagnose it, and judge; an error is a result, too."""
+    from draws import GROUPS, drawn
+    from judge import judged
+
+    if installed:
+        peers_installed(make=False)
+    group = next(g for g in GROUPS if g.name == group_name)
+    start = time.perf_counter()
+    try:
+        record = judged(drawn(group, number), with_peers=with_peers and group.peers, installed=installed)
+    except Exception as error:
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        record = {"error": f"{type(error).__name__}: {error} ({Path(where.filename).name}:{where.lineno})"}
+    return {"group": group_name, "number": number, "whole_seconds": time.perf_counter() - start, **record}
+
+
+def plain(x: Any) -> Any:
+    """Give NumPy's numbers as Python's."""
+    return x.item()
+
+
+def digest() -> str:
+    """Tell one state of rodgen and of the study from another."""
+    sources = [
+        *(ROOT / "src" / "rodgen").rglob("*.py"),
+        *HERE.glob("*.py"),
+        ROOT / "tests" / "hidden_effects.py",
+    ]
+    found = hashlib.sha256()
+    for path in sorted(sources):
+        found.update(path.read_bytes())
+    return found.hexdigest()[:12]
+
+
+def results(
+    todo: list[tuple[str, int]], jobs: int, with_peers: bool, installed: bool
+) -> Iterator[dict[str, Any]]:
+    """Yield a record of each machine as it comes."""
+    if jobs == 1:
+        for group, number in todo:
+            yield one(group, number, with_peers, installed)
+        return
+    with ProcessPoolExecutor(jobs) as pool:
+        waiting = iter(todo)
+        running = set()
+        while True:
+            while len(running) < 2 * jobs and (following := next(waiting, None)) is not None:
+                running.add(pool.submit(one, *following, with_peers, installed))
+            if not running:
+                return
+            done, running = wait(running, return_when=FIRST_COMPLETED)
+            for finished in done:
+                yield finished.result()
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the study."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("-n", type=int, default=60, metavar="N", help="machines of each group (60)")
+    parser.add_argument("-j", type=int, default=1, metavar="N", help="processes (1)")
+    parser.add_argument("--quick", action="store_true", help="two machines of each, without the others")
+    parser.add_argument("--only", default="", metavar="TEXT", help="groups whose name has this in it")
+    parser.add_argument("--no-peers", action="store_true", help="without the others")
+    parser.add_argument("--minutes", type=float, metavar="M", help="start no machine after so long")
+    parser.add_argument("--fresh", action="store_true", help="forget what was measured before")
+    parser.add_argument("--out", type=Path, default=ROOT / "build" / "study", metavar="FOLDER")
+    options = parser.parse_args(arguments)
+    from draws import all_of
+    from table import table
+    from tqdm import tqdm
+
+    start = time.perf_counter()
+    with_peers = not (options.quick or options.no_peers)
+    installed = with_peers and peers_installed(make=True)
+    options.out.mkdir(parents=True, exist_ok=True)
+    log = options.out / f"{digest()}{'-peers' if with_peers else ''}.jsonl"
+    if options.fresh:
+        log.unlink(missing_ok=True)
+    records = [json.loads(text) for text in log.read_text().splitlines()] if log.exists() else []
+    wanted = {
+        (group.name, number): None
+        for group, number in all_of(2 if options.quick else options.n, options.only)
+    }
+    records = [r for r in records if (r["group"], r["number"]) in wanted]
+    done = {(r["group"], r["number"]) for r in records}
+    todo = [key for key in wanted if key not in done]
+    with (
+        log.open("a") as file,
+        tqdm(total=len(wanted), initial=len(done), disable=None, unit="machine") as bar,
+    ):
+        coming = results(todo, options.j, with_peers, installed)
+        for record in coming:
+            records.append(record)
+            file.write(json.dumps(record, default=plain) + "\n")
+            file.flush()
+            bar.update()
+            if options.minutes and time.perf_counter() - start > 60 * options.minutes:
+                coming.close()
+                break
+    text = table(records, sum(r["whole_seconds"] for r in records))
+    (options.out / "table.txt").write_text(text + "\n")
+    (options.out / "results.json").write_text(json.dumps(records, indent=1, default=plain) + "\n")
+    print(text)
+    print(f"\nAll figures: {options.out / 'results.json'}")
+    return int(any("error" in record for record in records))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

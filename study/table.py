@@ -1,0 +1,193 @@
+"""What the study says: shares with binomial intervals, beside the bars."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+Record = dict[str, Any]
+
+
+def interval(hits: int, trials: int, level: float = 0.95) -> tuple[float, float]:
+    """Give the interval of Clopper and Pearson of a share.
+
+    >>> [round(x, 3) for x in interval(0, 100)]
+    [0.0, 0.036]
+    """
+    rest = (1 - level) / 2
+    low = 0.0 if hits == 0 else float(stats.beta.ppf(rest, hits, trials - hits + 1))
+    high = 1.0 if hits == trials else float(stats.beta.ppf(1 - rest, hits + 1, trials - hits))
+    return low, high
+
+
+def verdict(hits: int, trials: int, bar: tuple[float, float]) -> str:
+    """Say whether a share keeps within a bar: with confidence, by its figure alone, or not.
+
+    >>> verdict(0, 1000, (0, 0.02)), verdict(1, 60, (0, 0.02)), verdict(9, 60, (0, 0.02))
+    ('kept', 'kept so far', 'NOT KEPT')
+    """
+    low, high = interval(hits, trials)
+    inside = bar[0] <= hits / trials <= bar[1]
+    if not inside:
+        return "NOT KEPT" if high < bar[0] or low > bar[1] else "missed so far"
+    return "kept" if bar[0] <= low and high <= bar[1] else "kept so far"
+
+
+def line(title: str, hits: int, trials: int, bar: tuple[float, float] | None = None) -> str:
+    """Write a share with its interval, and what that means beside the bar."""
+    if not trials:
+        return f"{title:<58} no draws"
+    low, high = interval(hits, trials)
+    text = f"{title:<58} {hits:5d}/{trials:<5d} {hits / trials:7.1%}  [{low:6.1%}, {high:6.1%}]"
+    if bar is None:
+        return text
+    wanted = (
+        f">= {bar[0]:.0%}"
+        if bar[1] == 1
+        else f"<= {bar[1]:.0%}"
+        if bar[0] == 0
+        else f"{bar[0]:.0%}-{bar[1]:.0%}"
+    )
+    return f"{text}  {wanted:>8}  {verdict(hits, trials, bar)}"
+
+
+def table(records: Sequence[Record], seconds: float) -> str:
+    """Write the whole study."""
+    good = [r for r in records if "error" not in r]
+    broken = [r for r in records if "error" in r]
+
+    def of(start: str) -> list[Record]:
+        return [r for r in good if r["group"].startswith(start)]
+
+    def share(title: str, some: Iterable[Record], hit: Callable[[Record], bool], bar: Any = None) -> str:
+        some = list(some)
+        return line(title, sum(map(hit, some)), len(some), bar)
+
+    groups = list(dict.fromkeys(r["group"] for r in good))
+    lines = [
+        f"{len(records)} machines in {seconds:.0f} s; 95 % intervals of Clopper and Pearson; bars at family-wise 1 %",
+        "",
+    ]
+    if broken:
+        lines += [f"{len(broken)} diagnoses ended in an error:"]
+        lines += [f"  {r['group']} {r['number']}: {r['error']}" for r in broken[:10]] + [""]
+
+    lines.append("False claims on innocent data")
+    for group in groups:
+        if group.startswith("innocent"):
+            lines.append(share(f"  {group[10:]}", of(group), lambda r: r["false"], (0, 0.02)))
+    lines.append(share("  all together", of("innocent"), lambda r: r["false"], (0, 0.02)))
+    lines.append(share("  no answer (cannot_tell)", of("innocent"), lambda r: r["cannot_tell"]))
+
+    lines += ["", "The effect, or one that the data cannot tell from it, comes first"]
+    ones = of("one effect")
+    for group in groups:
+        if group.startswith("one effect"):
+            bar = (0.95, 1) if "physics" not in group else None
+            lines.append(share(f"  {group}", of(group), lambda r: r["first"], bar))
+    plain = [r for r in ones if "physics" not in r["group"]]
+    lines.append(share("  all of the catalogue's", plain, lambda r: r["first"], (0.95, 1)))
+    lines.append(share("    of these by its own name", plain, lambda r: r["first_named"]))
+    lines.append(share("    of these with nothing else beside it", plain, lambda r: r["exact"]))
+    lines.append(
+        share("  real physics: no further effects", of("one effect of real"), lambda r: r["further"] <= 0)
+    )
+
+    lines += ["", "Two effects"]
+    lines.append(
+        share(
+            "  exactly these two, or what cannot be told from them", of("two"), lambda r: r["exact"], (0.9, 1)
+        )
+    )
+    lines.append(share("  exactly these two by name", of("two"), lambda r: r["named"]))
+
+    lines += ["", "What is reached"]
+    known = plain + of("two")
+    lines.append(
+        share(
+            "  error after adding within 5 % of the true model's",
+            known,
+            lambda r: abs(r["reached"] - 1) <= 0.05,
+            (0.95, 1),
+        )
+    )
+    held, counted = (sum(r["coverage"][i] for r in known if "coverage" in r) for i in (0, 1))
+    lines.append(line("  95 % intervals that hold the true parameter", held, counted, (0.9, 0.99)))
+    lengths = [n for r in known for n in r["aliases"]]
+    if lengths:
+        lines.append(
+            f"  effects that cannot be told from one found: {np.mean(lengths):.2f} on average, {max(lengths)} at most"
+        )
+
+    lines += ["", "Outside the catalogue"]
+    for group in groups:
+        if group.startswith("outside"):
+            lines.append(share(f"  {group[9:]}: told as such", of(group), lambda r: r["told"], (0.95, 1)))
+            lines.append(share(f"  {group[9:]}: driver right", of(group), lambda r: r["driver"], (0.95, 1)))
+            lines.append(
+                share(
+                    f"  {group[9:]}: no effect of the catalogue",
+                    of(group),
+                    lambda r: not r["spurious"],
+                    (0.8, 1),
+                )
+            )
+
+    if good:
+        times = np.array([r["seconds"] for r in good])
+        middle, long = np.quantile(times, [0.5, 0.95])
+        lines += [
+            "",
+            f"Time of a diagnosis: median {middle:.2f} s, 95 % below {long:.2f} s, at most {times.max():.1f} s",
+        ]
+    lines += _side_by_side([r for r in good if "peers" in r])
+    return "\n".join(lines)
+
+
+def _side_by_side(records: Sequence[Record]) -> list[str]:
+    if not records:
+        return []
+    names = list(dict.fromkeys(name for r in records for name in r["peers"]))
+    innocent = [r for r in records if r["kind"] == "none"]
+    one = [r for r in records if r["kind"] == "catalogue" and len(r["truth"]) == 1]
+    two = [r for r in records if r["kind"] == "catalogue" and len(r["truth"]) == 2]
+    outside = [r for r in records if r["kind"] == "outside"]
+    lines = [
+        "",
+        f"The same data through others ({len(records)} machines; effects by their own names only)",
+        "",
+    ]
+    lines.append(
+        f"  {'':<20}{'false claims':>14}{'effects':>9}{'first right':>13}{'one: exact':>12}{'two: exact':>12}"
+        f"{'outside:':>12}{'held-out error,':>17}"
+    )
+    lines.append(
+        f"  {'':<20}{'on innocent':>14}{'claimed':>9}{'':>13}{'':>12}{'':>12}{'effects':>12}{'true model = 1':>17}"
+    )
+
+    def part(some: Sequence[Record], hit: Callable[[Record], bool]) -> str:
+        return f"{np.mean([hit(r) for r in some]):.1%}" if some else "-"
+
+    for name in names:
+        mine = [r for r in records if name in r["peers"]]
+
+        def own(some: Sequence[Record], key: str, name: str = name) -> list[Any]:
+            return [r["peers"][name][key] for r in some if name in r["peers"]]
+
+        claims = own(innocent, "chosen")
+        errors = own(one + two + innocent, "held_out")
+        lines.append(
+            f"  {name:<20}"
+            + f"{np.mean(np.array(claims) > 0) if claims else np.nan:>14.1%}"
+            + f"{np.mean(claims) if claims else np.nan:>9.2f}"
+            + f"{np.mean(own(one, 'first')) if one else np.nan:>13.1%}"
+            + f"{np.mean(own(one, 'exact')) if one else np.nan:>12.1%}"
+            + f"{np.mean(own(two, 'exact')) if two else np.nan:>12.1%}"
+            + f"{np.mean(own(outside, 'chosen')) if outside else np.nan:>12.2f}"
+            + f"{np.mean(errors) if errors else np.nan:>17.3f}"
+        )
+        assert mine
+    return lines
