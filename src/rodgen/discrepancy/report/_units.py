@@ -1,0 +1,104 @@
+"""Numbers as people read them: one unit for all errors of a report, and as many digits as an uncertainty allows."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+__all__ = ["Shown", "chance", "measured", "percent", "shown_unit"]
+
+_MICROMETRES = {"mm": 1e3, "cm": 1e4, "m": 1e6}
+_SYMBOLS = {"um": "µm", "micrometer": "µm", "micron": "µm", "arcsec": "arcsec"}
+SMALL = 0.1
+"""Below so many millimetres errors are shown in micrometres."""
+SMALLEST = 1e-300
+
+
+@dataclass(frozen=True)
+class Shown:
+    """The unit of errors.
+
+    Attributes
+    ----------
+    unit : str
+    factor : float
+        What an error in the diagnosis' unit is multiplied by.
+    smallest : float
+        Of the errors that are shown together, in `unit`: it says how many decimals all of them have.
+    """
+
+    unit: str
+    factor: float
+    smallest: float
+
+    def __call__(self, value: float | None) -> str:
+        """Write an error of the diagnosis, without its unit."""
+        if value is None or not math.isfinite(value):
+            return "–"
+        return self.plain(value * self.factor)
+
+    def plain(self, value: float) -> str:
+        """Write an error that is in `unit` already."""
+        decimals = 2 - math.floor(math.log10(self.smallest)) if self.smallest > 0 else 2
+        return f"{value:.{decimals}f}" if 0 <= decimals <= 7 else f"{value:.3g}"
+
+
+def shown_unit(unit: str, values: list[float | None]) -> Shown:
+    """Choose the unit in which errors are shown: micrometres where millimetres would begin with zeros.
+
+    Examples
+    --------
+    >>> shown = shown_unit("mm", [0.0214, 0.0021])
+    >>> shown.unit, shown(0.0214), shown(None)
+    ('µm', '21.40', '–')
+    """
+    known = [abs(v) for v in values if v is not None and math.isfinite(v) and v > 0]
+    factor = _MICROMETRES.get(unit)
+    if factor is not None and known and max(known) * factor < SMALL * 1e3:
+        return Shown("µm", factor, min(known) * factor)
+    return Shown(_SYMBOLS.get(unit, unit), 1.0, min(known, default=1.0))
+
+
+def chance(log10_p: float) -> str:
+    """Write a probability.
+
+    Examples
+    --------
+    >>> chance(-80.0), chance(-0.2), chance(-400.0), chance(-2.52)
+    ('1e-80', '0.63', '< 1e-300', '0.003')
+    """
+    if log10_p <= math.log10(SMALLEST):
+        return "< 1e-300"
+    value = 10.0 ** min(log10_p, 0.0)
+    return f"{value:.2g}" if value >= 0.05 else f"{value:.1g}"
+
+
+def percent(part: float) -> str:
+    """Write a part of a whole.
+
+    Examples
+    --------
+    >>> percent(0.934), percent(0.0004), percent(0.012), percent(1.0)
+    ('93 %', '< 0.1 %', '1.2 %', '100 %')
+    """
+    hundreds = 100 * min(max(part, 0.0), 1.0)
+    if hundreds < 0.1:
+        return "< 0.1 %" if hundreds > 0 else "0 %"
+    return f"{hundreds:.1f} %" if hundreds < 9.95 else f"{hundreds:.0f} %"
+
+
+def measured(value: float, std: float | None) -> tuple[str, str]:
+    """Write a value and its standard deviation with as many digits as the latter allows.
+
+    Examples
+    --------
+    >>> measured(12.0561, 0.2312), measured(1.23456e-5, 2.5e-7), measured(3.0, None), measured(-812.4, 35.2)
+    (('12.06', '0.23'), ('1.235e-05', '2.5e-07'), ('3', '–'), ('-812', '35'))
+    """
+    if std is None or not math.isfinite(std) or std <= 0:
+        return f"{value:.6g}", "–"
+    decimals = 1 - math.floor(math.log10(std))
+    if max(abs(value), std) < 1e-3 or max(abs(value), std) >= 1e7:
+        digits = max(2, math.floor(math.log10(max(abs(value), std))) + decimals + 1)
+        return f"{value:.{min(digits, 12) - 1}e}", f"{std:.1e}"
+    return f"{value:.{max(decimals, 0)}f}", f"{std:.{max(decimals, 0)}f}"

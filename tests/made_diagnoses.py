@@ -1,0 +1,149 @@
+"""Diagnoses put together by hand from real fits: what the tests of the report share, with every verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from rodgen.discrepancy._held_out import held_out
+from rodgen.discrepancy.diagnose._diagnosis import Alias, DiagnosedEffect, Diagnosis, Ranked, Rms, Unexplained
+from rodgen.discrepancy.fit import Fit, fit
+from rodgen.discrepancy.ladder import ladder
+from rodgen.discrepancy.measurements import Measurements
+from rodgen.machines.machine import Effect, Joint, Machine, Measured, Target
+
+__all__ = ["HOSTILE", "diagnosis_of", "hostile", "mount", "of_machine", "ranked", "table"]
+
+MACHINES = Path(__file__).parent.parent / "examples/machines"
+HOSTILE = "</script><img src=x onerror=alert(1)>\"'&<b>µ"
+"""A name that wants out of whatever it is written into."""
+
+
+def ranked(effects: Sequence[Effect], first: float = -60.0) -> tuple[Ranked, ...]:
+    """Rank effects as they are listed."""
+    found = []
+    for i, effect in enumerate(effects):
+        log10_p = min(first + 6.0 * i, -0.01 / (1 + i))
+        explains = max(0.9 * 0.6**i, 0.0)
+        found.append(Ranked(effect, 10**log10_p, log10_p, 500.0 / (1 + i), (2.0, 70.0), 1 / (1 + i), explains))
+    return tuple(found)
+
+
+def diagnosis_of(
+    machine: Machine,
+    data: Measurements,
+    effects: Sequence[Effect] = (),
+    *,
+    verdict: str = "",
+    aliases: Sequence[Alias] = (),
+    unexplained: Sequence[Unexplained] = (),
+    ranking: Sequence[Effect] = (),
+    reason: str | None = None,
+    outliers: Sequence[int] = (),
+    notes: Sequence[str] = (),
+    test: tuple[float, float] | None = None,
+) -> Diagnosis:
+    """Fit a machine, and again with each effect; say that this is what a diagnosis found."""
+    fits: list[Fit]
+    if effects:
+        rungs = ladder(machine, data, effects).rungs
+        fits, unseen = [rung.fit for rung in rungs], [rung.held_out.rms for rung in rungs]
+    else:
+        fits = [fit(machine, data)]
+        unseen = [held_out(fits[0], folds=3).rms]
+    steps = []
+    for i, effect in enumerate(effects, 1):
+        prefix = effect.key("")
+        parameters = {
+            key.removeprefix(f"{prefix}."): e
+            for key, e in fits[-1].estimates.items()
+            if key.startswith(f"{prefix}.")
+        }
+        same = tuple(aliases) if i == 1 else ()
+        steps.append(DiagnosedEffect(effect, 1e-60, -60.0, fits[i].rms, unseen[i], parameters, same))
+    rms = Rms(fits[0].rms, fits[-1].rms, unseen[0], unseen[-1], fits[-1].noise.value, fits[0].unit, *(test or ()))
+    if not verdict:
+        verdict = "unknown_effect" if unexplained else "effects_missing" if steps else "nothing_missing"
+    return Diagnosis(
+        verdict,
+        reason,
+        fits[0].observations.n,
+        tuple(outliers),
+        rms,
+        tuple(steps),
+        tuple(unexplained),
+        ranked([*effects, *ranking]),
+        tuple(fits),
+        None,
+        tuple(notes),
+    )
+
+
+@cache
+def mount() -> Diagnosis:
+    """The real telescope, with both of its effects."""
+    machine = Machine.load(MACHINES / "mount/machine.toml")
+    data = Measurements.load(MACHINES / "mount/mmt_2021.csv")
+    windup = machine.effect("gravity_windup", "EL", hold={"k2": 0.0})
+    others = [
+        machine.effect(name, place)
+        for place in ("EL", "AZ")
+        for name in ("encoder_eccentricity", "encoder_ellipticity", "scale", "backlash", "tilt_error_motion")
+    ]
+    return diagnosis_of(
+        machine,
+        data,
+        [windup, machine.effect("refraction")],
+        aliases=[Alias(others[0], "its cosine is the same over these altitudes, its sine an offset", 3.2)],
+        ranking=others,
+        notes=("Neither axis was approached from both sides.",),
+    )
+
+
+@cache
+def of_machine(folder: str, *titles: str) -> Diagnosis:
+    """One of the example machines, with effects such as ``encoder_eccentricity@C``."""
+    machine = Machine.load(MACHINES / folder / "machine.toml")
+    data = Measurements.load(MACHINES / folder / "data.csv")
+    effects = [machine.effect(name, place or None) for name, _, place in (t.partition("@") for t in titles)]
+    return diagnosis_of(machine, data, effects, ranking=[machine.effect("scale", j.name) for j in machine.joints if not any(e.name == "scale" and e.place == j.name for e in machine.effects)])
+
+
+def table(
+    rows: int = 72,
+    *,
+    name: str = "Table",
+    joint: str = "C",
+    target: str = "ball",
+    column: str = "coolant",
+    hidden: Sequence[str] = ("encoder_eccentricity@{}:a=20arcsec",),
+    file: str = "data.csv",
+    **options: object,
+) -> Diagnosis:
+    """A rotary table with one ball, quickly measured; names are those given."""
+    machine = Machine(
+        name,
+        "mm",
+        "deg",
+        (0.0, 0.0, -1.0),
+        20.0,
+        (Joint("C", "revolute", (0.0, 0.0, 1.0)),),
+        (Target(target, (100.0, 0.0, 20.0)),),
+        Measured("point", "machine", noise=0.002),
+        estimate=("target",),
+        file="machine.toml",
+    )
+    commands = np.linspace(0.0, 350.0, rows)
+    design = Measurements.from_frame({"C [deg]": commands, column: np.cos(np.arange(rows))}, name=file)
+    data = machine.simulate(design, [h.format("C") for h in hidden], noise="2um", seed=1).data
+    effects = [machine.effect("encoder_eccentricity", "C")] if hidden else []
+    ranking = [machine.effect(n, "C") for n in ("backlash", "scale", "radial_error_motion", "tilt_error_motion")]
+    return diagnosis_of(machine, data, effects, ranking=ranking, **options)  # type: ignore[arg-type]
+
+
+def hostile() -> Diagnosis:
+    """Names that want out of whatever they are written into."""
+    return table(name=HOSTILE, target=HOSTILE, column=HOSTILE, file=HOSTILE)
