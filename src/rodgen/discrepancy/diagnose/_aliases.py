@@ -1,8 +1,9 @@
 """Which other effects explain the data as well as one that was found.
 
 Candidates that come near by their columns are fitted in full, in the place of the effect, all in one model that has
-them all. One whose chi-square is larger by less than 12 + ln(rows), for each parameter that it has less, or smaller by
-less than that for each that it has more, cannot be told from it. What the other one needs for that, a combination of the model's own parameters, is told.
+them all. One whose chi-square is larger by less than 12 + ln(rows), for each parameter that it has less, or smaller
+by less than that for each that it has more, cannot be told from it. What the other one needs for that, a combination
+of the model's own parameters, is told.
 """
 
 from __future__ import annotations
@@ -77,7 +78,11 @@ def aliases_of(
 
 
 def _rivals(
-    selection: Selection, carriers: Carriers, kept: Sequence[Candidate], own: Candidate, others: Sequence[Candidate]
+    selection: Selection,
+    carriers: Carriers,
+    kept: Sequence[Candidate],
+    own: Candidate,
+    others: Sequence[Candidate],
 ) -> tuple[list[_Rival], int]:
     space = selection.space
     residual, total = space.residual(carriers.residual)

@@ -1,6 +1,7 @@
 """The error of linear models on blocks of poses that they did not see.
 
-Without a block g the fit leaves there e_g = (1 - H_g)⁻¹ r_g, H_g the block's part of the projection: no fit is made anew.
+Without a block g the fit leaves there e_g = (1 - H_g)⁻¹ r_g, H_g the block's part of the projection: no fit is made
+anew.
 """
 
 from __future__ import annotations
@@ -67,6 +68,8 @@ class Blocks:
             part = u[start:end]
             values, vectors = np.linalg.eigh(part.T @ part)
             known = values < 1 - ALONE
-            along = vectors[:, known] @ ((vectors[:, known].T @ (part.T @ r[start:end])) / (1 - values[known]))
+            along = vectors[:, known] @ (
+                (vectors[:, known].T @ (part.T @ r[start:end])) / (1 - values[known])
+            )
             found[start:end] = r[start:end] + part @ along
         return found

@@ -163,7 +163,10 @@ class Carriers:
         model = Model(whole, fit.problem.model.travel, o.run_names, compiled=False)
         problem = Problem(model, o)
         problem.set_weight((fit.problem.weight / fit.problem.base_weight)[rows, 0])
-        theta, found = model.start(), dict(zip((p.key for p in fit.parameters), fit.solution.theta, strict=True))
+        theta, found = (
+            model.start(),
+            dict(zip((p.key for p in fit.parameters), fit.solution.theta, strict=True)),
+        )
         for i, parameter in enumerate(model.parameters):
             theta[i] = found.get(parameter.key, theta[i])
         with one_thread_in_blas():
@@ -222,9 +225,7 @@ class Carriers:
 def is_direct(effect: Effect) -> bool:
     """Tell whether an effect is no product of a component and a number for each row."""
     definition = effect.definition
-    return not definition.own and (
-        definition.component in DIRECT or bool(definition.formula.names & MOMENTS)
-    )
+    return not definition.own and (definition.component in DIRECT or bool(definition.formula.names & MOMENTS))
 
 
 def _without_weights(effect: Effect) -> Effect:

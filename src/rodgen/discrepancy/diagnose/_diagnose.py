@@ -6,8 +6,8 @@ of the model as it was, with each effect that was found, and of what could stand
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -34,6 +34,7 @@ from rodgen.discrepancy.diagnose._gross import gross_errors, together
 from rodgen.discrepancy.diagnose._outside import Outside, outside_of
 from rodgen.discrepancy.diagnose._selection import Selection
 from rodgen.discrepancy.diagnose._space import Score, Space
+from rodgen.discrepancy.diagnose._unexplained import Form
 from rodgen.discrepancy.fit import Estimate, Fit, FitError, fit
 from rodgen.discrepancy.measurements import Measurements
 from rodgen.machines._model import Frame, Model
@@ -110,6 +111,7 @@ class _Work:
     selection: Selection
     residual: Array
     total: float
+    chosen: list[Candidate] = field(default_factory=list)
 
 
 class _Diagnosing:
@@ -139,9 +141,12 @@ class _Diagnosing:
                 if reason:
                     return self._undecided(reason)
             work = self._work(base)
-            chosen = self._chosen(work)
-            outside = self._outside(work, chosen)
-            fits = self._fits(work, outside.kept)
+            work.chosen = work.selection.run(work.residual, work.total)
+            fits = self._fits(work)
+            outside = self._outside(work, fits[-1])
+            if [c.key for c in outside.kept] != [c.key for c in work.chosen]:
+                work.chosen = list(outside.kept)
+                fits = self._fits(work)
             again = outliers if last else self._judged(fits[-1], outside, outliers)
             if np.array_equal(again, outliers):
                 break
@@ -167,7 +172,15 @@ class _Diagnosing:
         rms = Rms(base.rms, base.rms, held_out, held_out, base.noise.value, base.unit)
         outliers = tuple(np.flatnonzero(base.outliers).tolist())
         return Diagnosis(
-            "cannot_tell", reason, self.observations.n, outliers, self._with_test(rms, [base]), (), (), (), (base,)
+            "cannot_tell",
+            reason,
+            self.observations.n,
+            outliers,
+            self._with_test(rms, [base]),
+            (),
+            (),
+            (),
+            (base,),
         )
 
     # what everything rests on --------------------------------------------------------------------------------
@@ -208,28 +221,28 @@ class _Diagnosing:
         selection = Selection(space, blocks, self.observations.n)
         return _Work(base, carriers, found, how, space, selection, residual, total)
 
-    def _chosen(self, work: _Work) -> list[Candidate]:
-        """Return what the residuals call for; after a full fit of it, what is left once more."""
-        chosen = work.selection.run(work.residual, work.total)
-        return chosen
-
-    def _outside(self, work: _Work, chosen: list[Candidate]) -> Outside:
+    def _outside(self, work: _Work, final: Fit) -> Outside:
         self.tell("forms outside the catalogue")
-        return outside_of(work.carriers, work.correlation, work.selection, work.residual, work.total, chosen)
+        left = work.carriers.residual_of(final)
+        return outside_of(work.carriers, work.correlation, work.selection, work.chosen, left)
 
     # full fits -----------------------------------------------------------------------------------------------
 
     def _fit(self, machine: Machine, outliers: Mask) -> Fit:
         self.tell("fit")
-        return fit(machine, self.observations, outliers=outliers, compiled=self.observations.n >= COMPILE_FROM)
+        return fit(
+            machine, self.observations, outliers=outliers, compiled=self.observations.n >= COMPILE_FROM
+        )
 
-    def _fits(self, work: _Work, chosen: Sequence[Candidate]) -> list[Fit]:
+    def _fits(self, work: _Work) -> list[Fit]:
         """Fit the model with one effect after the other, each from where the one before ended."""
         fits = [work.base]
-        for candidate in chosen:
+        for candidate in work.chosen:
             machine = fits[-1].machine.with_effect(candidate.effect)
             searched = {candidate.effect.key(name): value for name, value in candidate.searched.items()}
-            fits.append(self._fit(replace(machine, values={**machine.values, **searched}), work.base.outliers))
+            fits.append(
+                self._fit(replace(machine, values={**machine.values, **searched}), work.base.outliers)
+            )
         return fits
 
     def _judged(self, final: Fit, outside: Outside, outliers: Mask) -> Mask:
@@ -265,10 +278,13 @@ class _Diagnosing:
                     aliases_of(work.selection, work.carriers, final, kept, k, work.correlation.independent),
                 )
             )
-        unexplained = tuple(self._form(work, final, form) for form in outside.forms)
-        rms = Rms(
-            work.base.rms, final.rms, held_out[0], held_out[-1], final.noise.value, final.unit
-        )
+        unexplained = tuple(self._forms(final, outside.forms))
+        rms = Rms(work.base.rms, final.rms, held_out[0], held_out[-1], final.noise.value, final.unit)
+        for form in outside.small:
+            self.notes.append(
+                f"{form.where[0].upper()}{form.where[1:]} follows {form.driver} ({form.formula}), too, but so little "
+                "beside the effects found there that it may be what is not exact in their formulas."
+            )
         if work.correlation.text:
             self.notes.append(work.correlation.text)
         verdict, reason = self._verdict(work, final, steps, unexplained)
@@ -301,8 +317,22 @@ class _Diagnosing:
             )
         return "nothing_missing", None
 
-    def _form(self, work: _Work, final: Fit, form: object) -> Unexplained:
-        raise NotImplementedError
+    def _forms(self, final: Fit, forms: Sequence[Form]) -> Iterator[Unexplained]:
+        """Yield what is said of forms, each fitted in full beside those before."""
+        found = final
+        for form in forms:
+            block = form.block(found.machine)
+            found = self._fit(found.machine.with_effect(form.effect(found.machine)), final.outliers)
+            yield Unexplained(
+                form.driver,
+                form.component,
+                form.place,
+                form.formula,
+                form.p_value,
+                found.rms,
+                form.parameters,
+                block,
+            )
 
     def _estimates(self, work: _Work, final: Fit, candidate: Candidate) -> dict[str, Estimate]:
         """Return an effect's parameters by their short names, their spread with what readings share."""
@@ -338,9 +368,7 @@ class _Diagnosing:
         if self.test is None:
             return rms
         others = bind(self.fitted.machine, self.test)
-        return replace(
-            rms, before_test=_error_on(fits[0], others), after_test=_error_on(fits[-1], others)
-        )
+        return replace(rms, before_test=_error_on(fits[0], others), after_test=_error_on(fits[-1], others))
 
 
 def _one_each(found: Sequence[Candidate]) -> list[Candidate]:

@@ -12,7 +12,7 @@ from rodgen.machines.machine import Effect, Machine
 if TYPE_CHECKING:
     from rodgen.discrepancy.diagnose._correlation import Correlation
 
-__all__ = ["Alias", "DiagnosedEffect", "Diagnosis", "Ranked", "Rms", "Unexplained", "VERDICTS"]
+__all__ = ["VERDICTS", "Alias", "DiagnosedEffect", "Diagnosis", "Ranked", "Rms", "Unexplained"]
 
 VERDICTS = ("nothing_missing", "effects_missing", "unknown_effect", "cannot_tell")
 SMALLEST = 1e-300

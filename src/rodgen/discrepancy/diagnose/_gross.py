@@ -57,7 +57,9 @@ def gross_errors(model: Array, candidates: Array, residual: Array) -> Mask:
         square = weighted.T @ weighted
         along = np.linalg.lstsq(square, weighted.T @ (root * residual.ravel()), rcond=1e-10)[0]
         left = (residual.ravel() - basis @ along).reshape(n, m)
-        own = np.einsum("nmk,kl,nml->n", basis.reshape(n, m, -1), np.linalg.pinv(square), basis.reshape(n, m, -1))
+        own = np.einsum(
+            "nmk,kl,nml->n", basis.reshape(n, m, -1), np.linalg.pinv(square), basis.reshape(n, m, -1)
+        )
         share = np.clip(1 - weight * own / m, 0.05, 1.0)
         size = np.sqrt(np.einsum("nm,nm->n", left, left) / share)
         scale = _scale(size, m)

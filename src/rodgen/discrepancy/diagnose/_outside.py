@@ -1,8 +1,159 @@
-"""stub"""
-from dataclasses import dataclass
+"""Whether something outside the catalogue acts, and is not to be spread over effects of the catalogue.
+
+Two explanations compete: effects of the catalogue first, and forms of the dictionary for what they leave; or the best
+form first, and effects for what that leaves. The cheaper one is told: chi-square, and for each parameter, effect and
+form so much as chance gains by having that many to choose from. Where effects alone explain all, they are believed
+unless a single form does the same with less.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.discrepancy.diagnose._blocks import Blocks
+from rodgen.discrepancy.diagnose._candidates import Candidate
+from rodgen.discrepancy.diagnose._carriers import Carriers
+from rodgen.discrepancy.diagnose._correlation import Correlation
+from rodgen.discrepancy.diagnose._selection import IMPERFECT, Selection, a_parameter
+from rodgen.discrepancy.diagnose._space import Space
+from rodgen.discrepancy.diagnose._unexplained import Form, find_forms
+
+__all__ = ["Outside", "outside_of"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+MOST_FORMS = 3
+AN_EFFECT, A_FORM = 8.0, 16.0
+"""What chance gains in chi-square by having so many effects, or so many forms, to choose from: 2 ln(number)."""
+SEVERAL = 2
+"""From so many effects on, a single form may stand for all of them."""
+
+
 @dataclass(frozen=True)
 class Outside:
-    kept: list
-    forms: tuple
-def outside_of(carriers, correlation, selection, residual, total, chosen):
-    return Outside(list(chosen), ())
+    """An explanation.
+
+    Attributes
+    ----------
+    kept : tuple of Candidate
+        Effects of the catalogue.
+    forms : tuple of Form
+        Of what they do not explain.
+    small : tuple of Form
+        Forms too small beside an effect at the same place to be more than what is imperfect in its formula.
+    """
+
+    kept: tuple[Candidate, ...]
+    forms: tuple[Form, ...]
+    small: tuple[Form, ...] = ()
+    _cost: float = field(default=np.inf, repr=False)
+
+
+def outside_of(
+    carriers: Carriers,
+    how: Correlation,
+    selection: Selection,
+    chosen: Sequence[Candidate],
+    left: Array,
+) -> Outside:
+    """Choose the explanation.
+
+    Parameters
+    ----------
+    carriers : Carriers
+        Of the model as it was.
+    how : Correlation
+    selection : Selection
+        In the space of the model and all candidates.
+    chosen : sequence of Candidate
+        What it chose.
+    left : ndarray, shape (n, m)
+        Weighted residuals of the full fit with these.
+    """
+    contest = _Contest(carriers, how, selection)
+    first = contest.effects_first(chosen, left)
+    if not first.forms and len(chosen) < SEVERAL:
+        return first
+    second = contest.form_first()
+    if second is None:
+        return first
+    scale = min(contest.variance(first), contest.variance(second))
+    return min((first, second), key=lambda outside: contest.cost(outside, scale))
+
+
+@dataclass(frozen=True)
+class _Contest:
+    carriers: Carriers
+    how: Correlation
+    selection: Selection
+
+    def effects_first(self, chosen: Sequence[Candidate], left: Array) -> Outside:
+        carriers = replace(self.carriers, residual=left)
+        columns = np.concatenate([self.carriers.model, *(c.columns for c in chosen)], axis=2)
+        forms = [f for f in find_forms(carriers, self.how, columns, most=MOST_FORMS) if not f.in_catalogue]
+        return self._without_small(chosen, forms)
+
+    def form_first(self) -> Outside | None:
+        """Return the explanation that begins with a form; None where there is none, or the catalogue has it."""
+        found = find_forms(self.carriers, self.how, self.carriers.model, most=1)
+        if not found or found[0].in_catalogue:
+            return None
+        form = found[0]
+        model = np.concatenate([self.carriers.model, form.columns], axis=2)
+        space = Space(model, self.selection.space.candidates, self.how.whiten)
+        residual, total = space.residual(self.carriers.residual)
+        blocks = Blocks(self.carriers.observations, model, self.carriers.residual)
+        kept = Selection(space, blocks, self.selection.rows, self.selection.level).run(residual, total)
+        columns = np.concatenate([model, *(c.columns for c in kept)], axis=2)
+        more = find_forms(self.carriers, self.how, columns, most=MOST_FORMS - 1)
+        return self._without_small(kept, [form, *(f for f in more if not f.in_catalogue)])
+
+    def _without_small(self, kept: Sequence[Candidate], forms: Sequence[Form]) -> Outside:
+        small = [form for form in forms if self._is_imperfection(kept, form)]
+        return Outside(tuple(kept), tuple(f for f in forms if f not in small), tuple(small))
+
+    def _is_imperfection(self, kept: Sequence[Candidate], form: Form) -> bool:
+        here = [c for c in kept if c.effect.place in {form.place, form.driver}]
+        if not here:
+            return False
+        others = [c for c in kept if c not in here]
+        explained = self._left(others, ()) - self._left(kept, ())
+        gained = self._left(kept, ()) - self._left(kept, (form,))
+        return gained < IMPERFECT**2 * explained
+
+    # what it costs -------------------------------------------------------------------------------------------
+
+    def _basis(self, kept: Sequence[Candidate], forms: Sequence[Form]) -> tuple[Array, Array]:
+        columns = [self.carriers.model, *(c.columns for c in kept), *(f.columns for f in forms)]
+        every = np.concatenate([*columns, self.carriers.residual[:, :, None]], axis=2)
+        white = self.how.whiten(every).reshape(-1, every.shape[2])
+        whole, residual = white[:, :-1], white[:, -1]
+        size = np.linalg.norm(whole, axis=0)
+        u, s, _ = np.linalg.svd(whole / np.where(size > 0, size, 1.0), full_matrices=False)
+        return u[:, s > 1e-9 * max(float(s[0]), 1e-300)], residual
+
+    def _left(self, kept: Sequence[Candidate], forms: Sequence[Form]) -> float:
+        basis, residual = self._basis(kept, forms)
+        rest = residual - basis @ (basis.T @ residual)
+        return float(rest @ rest)
+
+    def variance(self, outside: Outside) -> float:
+        """Return what an explanation leaves of a reading's square."""
+        basis, residual = self._basis(outside.kept, outside.forms)
+        rest = residual - basis @ (basis.T @ residual)
+        return float(rest @ rest) / max(len(residual) - basis.shape[1], 1)
+
+    def cost(self, outside: Outside, variance: float) -> float:
+        """Return what an explanation costs."""
+        basis, residual = self._basis(outside.kept, outside.forms)
+        rest = residual - basis @ (basis.T @ residual)
+        searched = sum(len(f.parameters) - f.columns.shape[2] for f in outside.forms)
+        searched += sum(len(c.searched) for c in outside.kept)
+        parameters = a_parameter(self.selection.rows) * (basis.shape[1] + searched)
+        choices = AN_EFFECT * len(outside.kept) + A_FORM * len(outside.forms)
+        return float(rest @ rest) / max(variance, 1e-300) + parameters + choices

@@ -100,7 +100,9 @@ class Selection:
         if not scores:
             return None
         tests = self.space.tests(scores, included)
-        level = np.log(self.level / (1 + len(included)))  # each step may be wrong, and the model is less exact
+        level = np.log(
+            self.level / (1 + len(included))
+        )  # each step may be wrong, and the model is less exact
         real = [s for s in scores if s.freedoms and s.log_p + np.log(tests) < level]
         if not real:
             return None
@@ -135,7 +137,9 @@ class Selection:
 
     # backward ------------------------------------------------------------------------------------------------
 
-    def _backward(self, residual: Array, total: float, included: list[Candidate], forced: int) -> list[Candidate]:
+    def _backward(
+        self, residual: Array, total: float, included: list[Candidate], forced: int
+    ) -> list[Candidate]:
         """Take out what the others explain, too, the least first."""
         included = list(included)
         while len(included) > forced:
@@ -150,7 +154,9 @@ class Selection:
             included.remove(worst)
         return included
 
-    def _log_p(self, residual: Array, total: float, others: Sequence[Candidate], candidate: Candidate) -> float:
+    def _log_p(
+        self, residual: Array, total: float, others: Sequence[Candidate], candidate: Candidate
+    ) -> float:
         base = self.space.base(others)
         directions, _ = self.space.across(base, candidate)
         left, k = self.left(residual, total, others), directions.shape[1]

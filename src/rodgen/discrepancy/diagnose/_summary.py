@@ -70,7 +70,9 @@ def _lines(d: Diagnosis) -> Iterator[str]:
     unseen = [r.effect.title for r in d.ranking if r.visible < INVISIBLE]
     if unseen:
         yield ""
-        yield from _paragraph("Not seen", f"These data could not show {_listed(unseen[:6], len(unseen) - 6)}.")
+        yield from _paragraph(
+            "Not seen", f"These data could not show {_listed(unseen[:6], len(unseen) - 6)}."
+        )
     yield from _notes(d)
 
 
