@@ -28,7 +28,9 @@ def ranked(effects: Sequence[Effect], first: float = -60.0) -> tuple[Ranked, ...
     for i, effect in enumerate(effects):
         log10_p = min(first + 6.0 * i, -0.01 / (1 + i))
         explains = max(0.9 * 0.6**i, 0.0)
-        found.append(Ranked(effect, 10**log10_p, log10_p, 500.0 / (1 + i), (2.0, 70.0), 1 / (1 + i), explains))
+        found.append(
+            Ranked(effect, 10**log10_p, log10_p, 500.0 / (1 + i), (2.0, 70.0), 1 / (1 + i), explains)
+        )
     return tuple(found)
 
 
@@ -64,7 +66,9 @@ def diagnosis_of(
         }
         same = tuple(aliases) if i == 1 else ()
         steps.append(DiagnosedEffect(effect, 1e-60, -60.0, fits[i].rms, unseen[i], parameters, same))
-    rms = Rms(fits[0].rms, fits[-1].rms, unseen[0], unseen[-1], fits[-1].noise.value, fits[0].unit, *(test or ()))
+    rms = Rms(
+        fits[0].rms, fits[-1].rms, unseen[0], unseen[-1], fits[-1].noise.value, fits[0].unit, *(test or ())
+    )
     if not verdict:
         verdict = "unknown_effect" if unexplained else "effects_missing" if steps else "nothing_missing"
     return Diagnosis(
@@ -109,7 +113,16 @@ def of_machine(folder: str, *titles: str) -> Diagnosis:
     machine = Machine.load(MACHINES / folder / "machine.toml")
     data = Measurements.load(MACHINES / folder / "data.csv")
     effects = [machine.effect(name, place or None) for name, _, place in (t.partition("@") for t in titles)]
-    return diagnosis_of(machine, data, effects, ranking=[machine.effect("scale", j.name) for j in machine.joints if not any(e.name == "scale" and e.place == j.name for e in machine.effects)])
+    return diagnosis_of(
+        machine,
+        data,
+        effects,
+        ranking=[
+            machine.effect("scale", j.name)
+            for j in machine.joints
+            if not any(e.name == "scale" and e.place == j.name for e in machine.effects)
+        ],
+    )
 
 
 def table(
@@ -140,7 +153,9 @@ def table(
     design = Measurements.from_frame({"C [deg]": commands, column: np.cos(np.arange(rows))}, name=file)
     data = machine.simulate(design, [h.format("C") for h in hidden], noise="2um", seed=1).data
     effects = [machine.effect("encoder_eccentricity", "C")] if hidden else []
-    ranking = [machine.effect(n, "C") for n in ("backlash", "scale", "radial_error_motion", "tilt_error_motion")]
+    ranking = [
+        machine.effect(n, "C") for n in ("backlash", "scale", "radial_error_motion", "tilt_error_motion")
+    ]
     return diagnosis_of(machine, data, effects, ranking=ranking, **options)  # type: ignore[arg-type]
 
 

@@ -26,8 +26,8 @@ _ANGLES = (1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 60.0, 90.0, 180.0, 360.0, 720.
 class Marks:
     """Points; `tips` are numbers of the chart's tips, as many as there are points, or nothing.
 
-    `look` is one of ``before``, ``after``, ``forward``, ``backward``, ``up``, ``down``, ``held``, ``test``, ``outlier``,
-    ``there``, ``planned``.
+    `look` is one of ``before``, ``after``, ``forward``, ``backward``, ``up``, ``down``, ``fitted``, ``held``, ``test``,
+    ``outlier``, ``there``, ``planned``; those that tell directions apart have one for after, too: ``up-after``.
     """
 
     x: Array

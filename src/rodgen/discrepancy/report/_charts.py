@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -15,6 +15,7 @@ from rodgen.discrepancy.fit import Fit
 from rodgen.discrepancy.report._chart import Arrows, Bars, Chart, Line, Marks, Panel, Rule, View
 from rodgen.discrepancy.report._rows import Driver, Rows, coordinate
 from rodgen.discrepancy.report._units import Shown, chance
+from rodgen.machines.units import parse_unit
 
 __all__ = ["LEVEL", "Rung", "charts", "rungs"]
 
@@ -27,7 +28,9 @@ LEVEL = 0.01
 FLAT, TALL = 0.5, 1.1
 """Least and largest height of a map, in parts of its width."""
 ARROW = 0.08
-"""Length of the arrow of a residual of one rms before, in parts of the map's width; of a sky, six degrees."""
+"""Length of the arrow of a residual of one rms before, in parts of the map's width."""
+SKY_ARROW = 8.0
+"""The same on a sky, in degrees."""
 MARGIN = 1.12
 
 Rung: TypeAlias = tuple[str, float, float | None, float | None]
@@ -78,11 +81,12 @@ def _ladder(diagnosis: Diagnosis, shown: Shown) -> Chart:
     at = np.arange(len(steps), dtype=float)
     fitted = np.array([rung[1] for rung in steps]) * shown.factor
     unseen, test = (
-        np.array([np.nan if rung[k] is None else rung[k] for rung in steps], float) * shown.factor for k in (2, 3)
+        np.array([np.nan if rung[k] is None else rung[k] for rung in steps], float) * shown.factor
+        for k in (2, 3)
     )
     noise = None if diagnosis.rms.noise is None else diagnosis.rms.noise * shown.factor
     known = np.concatenate([fitted, unseen, test, [noise or 0.0]])
-    most = float(np.nanmax(known)) * 1.04 or 1.0
+    most = float(np.nanmax(known)) * 1.2 or 1.0
     rules, legend = [], [("fitted", "fitted"), ("held", "held out")]
     if noise is not None:
         floor = diagnosis.final.noise
@@ -93,10 +97,8 @@ def _ladder(diagnosis: Diagnosis, shown: Shown) -> Chart:
         legend.append(("noise", "noise"))
         if band:
             legend.append(("band", "95 % of it"))
-    marks = [
-        Marks(unseen, at, "held"),
-        Marks(fitted, at, "fitted", labels=tuple(shown.plain(v) for v in fitted)),
-    ]
+    furthest = np.nanmax(np.stack([fitted, unseen, test]), axis=0)
+    marks = [Marks(unseen, at, "held"), Marks(fitted, at, "fitted")]
     if np.isfinite(test).any():
         marks.insert(0, Marks(test, at, "test"))
         legend.append(("test", "on the test file"))
@@ -106,9 +108,15 @@ def _ladder(diagnosis: Diagnosis, shown: Shown) -> Chart:
         (0.0, most),
         (0.0, 1.0),
         marks=tuple(marks),
-        lines=(Line(unseen, at, "path-held"), Line(fitted, at, "path-fitted")),
+        lines=tuple(
+            Line(np.array([0.0, v]), np.array([k, k]), "path-fitted") for k, v in zip(at, fitted, strict=True)
+        ),
         rules=tuple(rules),
         rows=tuple(rung[0] for rung in steps),
+        words=tuple(
+            (float(x) + 0.025 * most, k + 0.1, shown.plain(v))
+            for x, k, v in zip(furthest, at, fitted, strict=True)
+        ),
     )
     way = ", ".join(f"{rung[0]} {shown(rung[1])} (held out {shown(rung[2])})" for rung in steps)
     beside = "not known" if noise is None else f"{shown.plain(noise)}"
@@ -128,9 +136,7 @@ def _against(rows: Rows, driver: Driver) -> Chart:
     fits = _fits(rows)
     sides = [_curves(rows, fit, driver) for fit in fits]
     # The same scale before and after, or nothing could be compared.
-    limits = [
-        _limit(np.concatenate([side[k][1][~rows.bad] for side in sides])) for k in range(len(sides[0]))
-    ]
+    limits = [_limit(np.concatenate([side[k][1][~rows.bad] for side in sides])) for k in range(len(sides[0]))]
     views = []
     for after, (fit, curves) in enumerate(zip(fits, sides, strict=True)):
         panels = []
@@ -151,7 +157,7 @@ def _against(rows: Rows, driver: Driver) -> Chart:
     looks = _looks(rows, driver)
     name = "".join(c if c.isascii() and c.isalnum() else "_" for c in driver.name)[:40].strip("_") or "column"
     sizes = ", ".join(f"{view.key or 'left'} {view.title.rpartition('rms ')[2]}" for view in views)
-    chart = Chart(
+    return Chart(
         f"residuals_by_{name}",
         f"What is left, over {plain(driver.name)}",
         f"Measured less predicted over {plain(driver.name)}; rms {sizes}.",
@@ -160,7 +166,6 @@ def _against(rows: Rows, driver: Driver) -> Chart:
         legend=tuple(looks),
         tips=rows.tips,
     )
-    return chart
 
 
 def _remarks(rows: Rows, driver: Driver) -> Iterator[str]:
@@ -256,7 +261,9 @@ def _space(rows: Rows) -> Chart:
     if spread[order[2]] > 0.02 * spread[order[0]] or rows.components == 3:
         planes.append((first[0], int(order[2])))
     unit = rows.base.machine.length_unit
-    vectors = [rows.in_space(fit)[some] if rows.components == 3 else rows.residuals(fit)[some] for fit in fits]
+    vectors = [
+        rows.in_space(fit)[some] if rows.components == 3 else rows.residuals(fit)[some] for fit in fits
+    ]
     rms = float(np.sqrt(np.mean(np.sum(vectors[0] ** 2, axis=1)))) if len(some) else 1.0
     size = rms or 1.0
     views = []
@@ -283,12 +290,16 @@ def _space(rows: Rows) -> Chart:
                     x, y = xlim[0] + 0.04 * wide, ylim[1] - 0.07 * (ylim[1] - ylim[0])
                     key, length = _round_size(size)
                     ends = np.array([[x], [y], [length * scale], [0.0]])
-                    arrows.append(Arrows(*ends, "keyarrow"))
-                    words = ((x + length * scale + 0.02 * wide, y - 0.012 * wide, f"{key} {rows.shown.unit}"),)
+                    arrows.append(Arrows(ends[0], ends[1], ends[2], ends[3], "keyarrow"))
+                    words = (
+                        (x + length * scale + 0.02 * wide, y - 0.012 * wide, f"{key} {rows.shown.unit}"),
+                    )
                 panels.append(Panel(*labels, xlim, ylim, arrows=tuple(arrows), words=words, equal=True))
             else:
                 panels.append(
-                    Panel(*labels, xlim, ylim, marks=tuple(_signs(at, r, a, b, size, some, after)), equal=True)
+                    Panel(
+                        *labels, xlim, ylim, marks=tuple(_signs(at, r, a, b, size, some, after)), equal=True
+                    )
                 )
         views.append(View(_said(rows, fit, after), tuple(panels), ("before", "after")[after]))
     arrow = rows.components == 3
@@ -353,18 +364,20 @@ def _sky(rows: Rows) -> Chart:
     size = float(np.sqrt(np.mean(rows.residuals(fits[0])[some] ** 2)) * math.sqrt(2)) or 1.0
     angle = np.linspace(0, 2 * np.pi, 73)
     rings = tuple(Line(z * np.cos(angle), z * np.sin(angle), "grid") for z in (30.0, 60.0, 90.0))
-    cross = tuple(Line(np.array([-90 * c, 90 * c]), np.array([-90 * s, 90 * s]), "grid") for c, s in ((1, 0), (0, 1)))
+    cross = tuple(
+        Line(np.array([-90 * c, 90 * c]), np.array([-90 * s, 90 * s]), "grid") for c, s in ((1, 0), (0, 1))
+    )
     views = []
     for after, fit in enumerate(fits):
         r = rows.residuals(fit)[some]
-        move = (r[:, :1] * left + r[:, 1:] * above) * (np.radians(6.0) / size)
+        move = (r[:, :1] * left + r[:, 1:] * above) * (np.radians(SKY_ARROW) / size)
         start, tip = (_from_zenith(d, x, y, up) for d in (u, u + move))
         far = max(99.0, 1.05 * float(np.max(np.abs(start), initial=0.0)))
         key, length = _round_size(size)
-        ends = np.array([[-far + 4], [far - 5], [length / size * 6.0], [0.0]])
+        ends = np.array([[-far + 4], [far - 5], [length / size * SKY_ARROW], [0.0]])
         names = ("y", "−y", "x", "−x")
         words = [
-            (-far + 6 + length / size * 6.0, far - 7.5, f"{key} {rows.shown.unit}"),
+            (-far + 6 + length / size * SKY_ARROW, far - 7.5, f"{key} {rows.shown.unit}"),
             *((1.5, z - 5.0, f"{90 - z:.0f}°") for z in (30.0, 60.0)),
             (1.5, 84.0, names[0]),
             (1.5, -88.0, names[1]),
@@ -378,8 +391,15 @@ def _sky(rows: Rows) -> Chart:
             (-far, far),
             lines=(*rings, *cross),
             arrows=(
-                Arrows(*start.T, *(tip - start).T, "after" if after else "before", some),
-                Arrows(*ends, "keyarrow"),
+                Arrows(
+                    start[:, 0],
+                    start[:, 1],
+                    (tip - start)[:, 0],
+                    (tip - start)[:, 1],
+                    "after" if after else "before",
+                    some,
+                ),
+                Arrows(ends[0], ends[1], ends[2], ends[3], "keyarrow"),
             ),
             words=tuple(words),
             equal=True,
@@ -393,7 +413,9 @@ def _sky(rows: Rows) -> Chart:
         "Residuals as arrows on the sky, the zenith in the middle, the horizon outside.",
         tuple(views),
         note=f"The zenith is in the middle, circles are of equal altitude. One scale for both.{thinned}",
-        legend=tuple([("arrow before", "before" if rows.two else "residual")] + [("arrow after", "after")] * rows.two),
+        legend=tuple(
+            [("arrow before", "before" if rows.two else "residual")] + [("arrow after", "after")] * rows.two
+        ),
         tips=rows.tips,
     )
 
@@ -501,10 +523,17 @@ def _planned(rows: Rows, plan: Any) -> list[Chart]:
 
 def planned_commands(fit: Fit, plan: Any) -> Array | None:
     """Return the commanded coordinates of a plan, (poses, joints), in the units of the machine file; None without."""
-    if plan is None:
+    if plan is None or not plan.rows:
         return None
-    rows: Sequence[Any] = getattr(plan, "commands", None) if getattr(plan, "commands", None) is not None else ()
-    return np.asarray(rows, float) if len(rows) else None
+    machine, found = fit.machine, []
+    for j, joint in enumerate(machine.joints):
+        header = next((name for name in plan.rows if name.partition(" [")[0] == joint.name), None)
+        if header is None:
+            return None
+        unit = header.rpartition("[")[2].rstrip("]") if "[" in header else ""
+        factor = parse_unit(unit).factor(machine.length_unit) if unit else 1.0
+        found.append(np.asarray(plan.rows[header], float) * factor / coordinate(machine, j)[1])
+    return np.stack(found, axis=1)
 
 
 def _joint_label(machine: Any, j: int) -> str:

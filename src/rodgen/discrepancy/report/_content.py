@@ -13,7 +13,7 @@ import numpy as np
 from rodgen.discrepancy.compare._sentences import figure, plain
 from rodgen.discrepancy.diagnose._diagnosis import Alias, DiagnosedEffect, Diagnosis, Unexplained
 from rodgen.discrepancy.fit import Estimate
-from rodgen.discrepancy.report._charts import LEVEL, MOST_RANKED, planned_commands, rungs
+from rodgen.discrepancy.report._charts import LEVEL, MOST_RANKED, rungs
 from rodgen.discrepancy.report._hardware import eccentricity, in_hardware
 from rodgen.discrepancy.report._rows import coordinate
 from rodgen.discrepancy.report._units import Shown, chance, measured, percent, shown_unit
@@ -32,7 +32,7 @@ LONG = 300
 
 _VERDICTS = {
     "nothing_missing": "Nothing is missing",
-    "effects_missing": "Effects are missing",
+    "effects_missing": "{} missing",
     "unknown_effect": "Something is missing that the catalogue does not have",
     "cannot_tell": "These data cannot tell",
 }
@@ -63,7 +63,7 @@ def content(diagnosis: Diagnosis, plan: Any, shown: Shown, radii: Mapping[str, f
         "machine": plain(fit.machine.name, 120),
         "data": plain(_file(fit.observations.data.file), 120),
         "verdict": diagnosis.verdict,
-        "verdict_word": _VERDICTS[diagnosis.verdict],
+        "verdict_word": _VERDICTS[diagnosis.verdict].format(_counted(len(diagnosis.steps))),
         "sentence": _sentence(diagnosis, shown),
         "next": _next(diagnosis, plan),
         "figures": list(_figures(diagnosis, shown)),
@@ -78,7 +78,7 @@ def content(diagnosis: Diagnosis, plan: Any, shown: Shown, radii: Mapping[str, f
         "top": MOST_RANKED,
         "level": percent(LEVEL),
         "model": list(_model(diagnosis)),
-        "plan": None if plan is None else _plan(diagnosis, plan),
+        "plan": None if plan is None else _plan(plan),
         "notes": [plain(note, LONG * 4) for note in diagnosis.notes],
         "worst": list(_worst(diagnosis, shown)),
         "version": _version(),
@@ -98,10 +98,15 @@ def _version() -> str:
 # the verdict -------------------------------------------------------------------------------------------------------
 
 
+def _counted(effects: int) -> str:
+    words = ("No effect is", "One effect is", "Two effects are", "Three effects are")
+    return words[effects] if effects < len(words) else f"{effects} effects are"
+
+
 def _sentence(diagnosis: Diagnosis, shown: Shown) -> str:
     rms, unit = diagnosis.rms, shown.unit
     fell = f"the error falls from {shown(rms.before)} to {shown(rms.after)} {unit} a reading{_beside(diagnosis, shown)}"
-    forms = [form for form in diagnosis.unexplained]
+    forms = list(diagnosis.unexplained)
     if diagnosis.verdict == "cannot_tell":
         return plain(_sentence_of(diagnosis.reason or "there are too few readings"), LONG * 2)
     if diagnosis.verdict == "nothing_missing":
@@ -120,9 +125,10 @@ def _sentence(diagnosis: Diagnosis, shown: Shown) -> str:
             what += f" What then is left follows {_drivers(forms)}, as no effect of the catalogue does."
         return what
     if forms:
+        beside = _beside(diagnosis, shown, forms[-1].rms)
         return (
             f"What is left follows {_drivers(forms)}, as no effect of the catalogue does; with the form below it "
-            f"falls from {shown(rms.before)} to {shown(forms[-1].rms)} {unit} a reading{_beside(diagnosis, shown, forms[-1].rms)}."
+            f"falls from {shown(rms.before)} to {shown(forms[-1].rms)} {unit} a reading{beside}."
         )
     return f"What is left, {shown(rms.after)} {unit} a reading, is more than the noise, and no form was found for it."
 
@@ -232,7 +238,10 @@ def _facts(diagnosis: Diagnosis, shown: Shown) -> Iterator[tuple[str, str]]:
     yield "Readings", f"{_READINGS[machine.measured.kind]}, {frame}"
     poses = int(np.sum(np.diff(o.pose) != 0)) + 1 if o.n else 0
     runs = f" in {len(o.run_names)} runs" if len(o.run_names) > 1 else ""
-    yield "Data", f"{plain(_file(o.data.file), 80)}: {o.n} row{'s' * (o.n != 1)}, {poses} pose{'s' * (poses != 1)}{runs}"
+    yield (
+        "Data",
+        f"{plain(_file(o.data.file), 80)}: {o.n} row{'s' * (o.n != 1)}, {poses} pose{'s' * (poses != 1)}{runs}",
+    )
     names = [plain(target.name, 24) for target in machine.targets]
     more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
     yield ("Target" if len(names) == 1 else "Targets"), ", ".join(names[:NAMED]) + more
@@ -438,7 +447,11 @@ def _unexplained(form: Unexplained, shown: Shown) -> Content:
         "p": _p(form.p_value),
         "rms": shown(form.rms),
         "parameters": [
-            {"name": plain(name, 40), "value": f"{value:.5g}".replace("-", "−"), "unit": plain(_pretty(unit), 24)}
+            {
+                "name": plain(name, 40),
+                "value": f"{value:.5g}".replace("-", "−"),
+                "unit": plain(_pretty(unit), 24),
+            }
             for name, (value, unit) in form.parameters.items()
         ],
         "block": form.block.strip(),
@@ -457,7 +470,9 @@ def _ranking(diagnosis: Diagnosis) -> Iterator[Content]:
     }
     for rank, r in enumerate(diagnosis.ranking, 1):
         key = (r.effect.name, r.effect.place)
-        mark = f"step {taken[key]}" if key in taken else f"same as step {aliases[key]}" if key in aliases else ""
+        mark = (
+            f"step {taken[key]}" if key in taken else f"same as step {aliases[key]}" if key in aliases else ""
+        )
         yield {
             "rank": rank,
             "name": plain(r.effect.name, 60),
@@ -479,31 +494,24 @@ def _ranking(diagnosis: Diagnosis) -> Iterator[Content]:
 
 
 def _words(plan: Any) -> list[str]:
-    words = getattr(plan, "words", None)
-    if not words:
-        return []
-    return [plain(w, LONG * 2) for w in ([words] if isinstance(words, str) else list(words))]
+    return [] if plan is None else [plain(sentence, LONG * 2) for sentence in plan.words]
 
 
-def _plan(diagnosis: Diagnosis, plan: Any) -> Content:
-    columns, rows = plan_table(diagnosis, plan)
+def _plan(plan: Any) -> Content:
+    rows = [[_cell(value) for value in row] for row in zip(*plan.rows.values(), strict=True)]
     return {
         "words": _words(plan),
-        "goals": [_goal(goal) for goal in getattr(plan, "goals", ())],
-        "columns": columns,
+        "notes": [plain(note, LONG * 2) for note in plan.notes],
+        "goals": [_goal(goal) for goal in plan.goals],
+        "columns": [plain(name) for name in plan.rows],
         "rows": rows,
-        "csv": _csv(columns, rows),
+        "csv": plan.csv() if rows else "",
+        "targets": plan.target_blocks().strip(),
     }
 
 
-def plan_table(diagnosis: Diagnosis, plan: Any) -> tuple[list[str], list[list[str]]]:
-    """Return the planned readings as a table of text."""
-    commands = planned_commands(diagnosis.base, plan)
-    if commands is None:
-        return [], []
-    machine = diagnosis.base.machine
-    columns = [f"{joint.name} [{coordinate(machine, j)[0]}]" for j, joint in enumerate(machine.joints)]
-    return columns, [[f"{value:.6g}" for value in row] for row in commands]
+def _cell(value: Any) -> str:
+    return f"{value:.6g}".replace("-", "−") if isinstance(value, float) else plain(str(value), 24)
 
 
 def _goal(goal: Any) -> Content:
@@ -531,16 +539,3 @@ def _gain(gain: Any) -> Content:
         "needed": "" if gain.needed is None else figure(gain.needed),
         "probability": "" if gain.probability is None else percent(gain.probability),
     }
-
-
-def _csv(columns: list[str], rows: list[list[str]]) -> str:
-    import csv
-    import io
-
-    if not rows:
-        return ""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(rows)
-    return out.getvalue()

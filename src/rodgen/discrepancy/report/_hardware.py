@@ -18,7 +18,16 @@ from rodgen.machines.machine import Effect
 __all__ = ["eccentricity", "in_hardware"]
 
 ARCSEC = math.pi / 648000
-_TO_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "µm": 1e-3, "micrometer": 1e-3, "inch": 25.4, "in": 25.4}
+_TO_MM = {
+    "mm": 1.0,
+    "cm": 10.0,
+    "m": 1000.0,
+    "um": 1e-3,
+    "µm": 1e-3,
+    "micrometer": 1e-3,
+    "inch": 25.4,
+    "in": 25.4,
+}
 
 
 def in_hardware(
@@ -51,9 +60,7 @@ def eccentricity(parameters: Mapping[str, Estimate]) -> tuple[float, float | Non
     """Return how far a scale is off its axis for each millimetre of its radius, in micrometres, and its std."""
     if not {"a", "b"} <= parameters.keys():
         return None
-    found = _amplitude(
-        {n: parameters[n].value for n in "ab"}, {n: parameters[n].std for n in "ab"}, "a", "b"
-    )
+    found = _amplitude({n: parameters[n].value for n in "ab"}, {n: parameters[n].std for n in "ab"}, "a", "b")
     return found[0] * ARCSEC * 1e3, None if found[1] is None else found[1] * ARCSEC * 1e3
 
 
@@ -119,9 +126,8 @@ def _with(size: float, std: float | None) -> str:
 
 def _eccentric(f: _Found) -> Iterator[str]:
     size, std = _amplitude(f.values, f.spread, "a", "b")
-    yield (
-        f"One wave a turn of {_with(size, std)} arcsec, highest at {math.degrees(math.atan2(f['b'], f['a'])) % 360:.0f}°."
-    )
+    highest = math.degrees(math.atan2(f["b"], f["a"])) % 360
+    yield f"One wave a turn of {_with(size, std)} arcsec, highest at {highest:.0f}°."
     per_mm, std_mm = size * ARCSEC * 1e3, None if std is None else std * ARCSEC * 1e3
     if f.radius is not None:
         off, off_std = per_mm * f.radius, None if std_mm is None else std_mm * f.radius
@@ -174,7 +180,8 @@ def _zero(f: _Found) -> Iterator[str]:
 
 def _scale(f: _Found) -> Iterator[str]:
     if f.turns:
-        yield f"{figure(f['k'] * 1296000)} arcsec in a whole turn, {figure(f['k'] * f.range() / ARCSEC)} over what was measured."
+        here = figure(f["k"] * f.range() / ARCSEC)
+        yield f"{figure(f['k'] * 1296000)} arcsec in a whole turn, {here} over what was measured."
     else:
         yield f"{figure(f['k'] * 1e6)} µm/m, {f.length(f['k'] * f.range())} over what was measured."
 
@@ -182,7 +189,8 @@ def _scale(f: _Found) -> Iterator[str]:
 def _backlash(f: _Found) -> Iterator[str]:
     size = abs(f["b"])
     if f.turns:
-        yield f"{figure(size)} arcsec between the two directions: {figure(size * ARCSEC * 1e5)} µm at a radius of 100 mm."
+        out = figure(size * ARCSEC * 1e5)
+        yield f"{figure(size)} arcsec between the two directions: {out} µm at a radius of 100 mm."
     else:
         yield f"{f.length(size)} between the two directions."
 
@@ -224,7 +232,10 @@ def _per_kelvin(f: _Found) -> Iterator[str]:
 
 
 def _sag(f: _Found) -> Iterator[str]:
-    for name, where in (("tip", "at the end, under the load there"), ("own", "at the end, under its own weight")):
+    for name, where in (
+        ("tip", "at the end, under the load there"),
+        ("own", "at the end, under its own weight"),
+    ):
         if f[name]:
             yield f"{f.length(f[name])} {where}."
     if f["mid"]:
@@ -244,7 +255,9 @@ def _moved(f: _Found) -> Iterator[str]:
         yield f"{said} in the end, two thirds of it after {long}."
     elif f.effect.name == "linear_drift":
         per_hour = 3600 * _size(f)
-        yield f"{figure(per_hour)} arcsec an hour." if kind == "direction" else f"{f.length(per_hour)} an hour."
+        yield (
+            f"{figure(per_hour)} arcsec an hour." if kind == "direction" else f"{f.length(per_hour)} an hour."
+        )
     elif f.effect.name == "thermal_axis_drift":
         yield f"{said} for each kelvin."
     else:

@@ -39,8 +39,7 @@ _MARKS: dict[str, dict[str, Any]] = {
     "planned": {"marker": "D", "mfc": "white", "mec": _AFTER, "mew": 1.6, "ms": 6},
 }
 _LINES: dict[str, dict[str, Any]] = {
-    "path-fitted": {"color": _AFTER, "lw": 1.4},
-    "path-held": {"color": _BEFORE, "lw": 1.2, "ls": ":"},
+    "path-fitted": {"color": _AFTER, "lw": 3.5, "solid_capstyle": "butt"},
     "grid": {"color": "0.87", "lw": 0.8},
     "noise": {"color": _SOFT, "ls": "--", "lw": 1.1},
     "limit": {"color": _INK, "ls": (0, (2, 2)), "lw": 1.1},
@@ -109,7 +108,9 @@ def _handle(look: str, words: str) -> Any:
     if look in _LINES:
         return Line2D([], [], label=words, **_LINES[look])
     if look.startswith("arrow"):
-        return Line2D([], [], label=words, marker=r"$\rightarrow$", ms=11, color=_COLOURS[look[6:]], ls="none")
+        return Line2D(
+            [], [], label=words, marker=r"$\rightarrow$", ms=11, color=_COLOURS[look[6:]], ls="none"
+        )
     return Line2D([], [], label=words, ls="none", **_MARKS[look])
 
 

@@ -107,17 +107,21 @@ def _made(
     text = content(diagnosis, plan, shown, radii)
     if text["plan"] and text["plan"]["csv"]:
         text["plan"]["link"] = _data("text/csv;charset=utf-8", text["plan"]["csv"].encode())
-    page = _environment().get_template("report.html.j2").render(
-        **text,
-        charts={figure["name"]: figure for figure in figures},
-        residuals=[figure for figure in figures if figure["name"].startswith("residuals")],
-        tips={figure["ident"]: figure["tips"] for figure in figures if figure["tips"]},
-        style=Markup(style),
-        script=Markup(script),
-        policy=(
-            "default-src 'none'; img-src data:; base-uri 'none'; form-action 'none'; "
-            f"style-src '{_hash(style)}'; script-src '{_hash(script)}'"
-        ),
+    page = (
+        _environment()
+        .get_template("report.html.j2")
+        .render(
+            **text,
+            charts={figure["name"]: figure for figure in figures},
+            residuals=[figure for figure in figures if figure["name"].startswith("residuals")],
+            tips={figure["ident"]: figure["tips"] for figure in figures if figure["tips"]},
+            style=Markup(style),
+            script=Markup(script),
+            policy=(
+                "default-src 'none'; img-src data:; base-uri 'none'; form-action 'none'; "
+                f"style-src '{_hash(style)}'; script-src '{_hash(script)}'"
+            ),
+        )
     )
     return page, pictures
 

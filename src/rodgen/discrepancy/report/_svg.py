@@ -53,10 +53,9 @@ STYLE = """
 .chart line.before,.chart path.arrow.before{stroke-width:1.2}
 .chart .arrow{fill:none;stroke-linejoin:round}
 .chart .arrow.after{stroke:var(--after,#005a9c);fill:none;stroke-width:1.2}
-.chart .foot{fill:var(--mid,#8c959f);stroke:none}
+.chart .feet{fill:none;stroke:var(--mid,#8c959f);stroke-width:2.2;stroke-linecap:round}
 .chart .keyarrow{stroke:var(--ink,#1b1f24);fill:none;stroke-width:1.4}
-.chart .path-fitted{fill:none;stroke:var(--after,#005a9c);stroke-width:1.6}
-.chart .path-held{fill:none;stroke:var(--before,#a83a00);stroke-width:1.4;stroke-dasharray:2 3}
+.chart .path-fitted{fill:none;stroke:var(--after,#005a9c);stroke-width:4}
 .chart .noise{stroke:var(--soft,#57606a);stroke-width:1.2;stroke-dasharray:6 4;fill:none}
 .chart .limit{stroke:var(--ink,#1b1f24);stroke-width:1.2;stroke-dasharray:3 3;fill:none}
 .chart .zero{stroke:var(--mid,#8c959f);stroke-width:1}
@@ -127,7 +126,8 @@ def legend_svg(look: str) -> str:
 def _legend(legend: tuple[tuple[str, str], ...]) -> Iterator[str]:
     x = 0.0
     for look, words in legend:
-        yield f'<g transform="translate({_n(x)},-10)">{_key(look)}</g><text x="{_n(x + 20)}" y="0">{_text(words)}</text>'
+        yield f'<g transform="translate({_n(x)},-10)">{_key(look)}</g>'
+        yield f'<text x="{_n(x + 20)}" y="0">{_text(words)}</text>'
         x += 20 + LETTER * len(words) + 18
 
 
@@ -220,9 +220,8 @@ class _Drawn:
             upwards = ticks(*panel.ylim, 4 if self.height < 2 * HEIGHT else 6)
             grid += "".join(f"M{_n(self.left)} {_n(self.y(v))}H{_n(self.right)}" for v in upwards)
             for v, said in zip(upwards, _numbers(upwards), strict=True):
-                yield (
-                    f'<text class="soft" x="{_n(self.left - 6)}" y="{_n(self.y(v) + 4)}" text-anchor="end">{said}</text>'
-                )
+                at = f'x="{_n(self.left - 6)}" y="{_n(self.y(v) + 4)}"'
+                yield f'<text class="soft" {at} text-anchor="end">{said}</text>'
             middle = self.top + self.height / 2
             if panel.y:
                 yield (
@@ -232,11 +231,12 @@ class _Drawn:
         yield f'<path class="grid" d="{grid}"/>'
         if panel.rows:
             for i, name in enumerate(panel.rows):
-                yield f'<text class="name" x="{_n(self.left)}" y="{_n(self.top + ROW * (i + 0.32))}">{_text(name)}</text>'
+                at = f'x="{_n(self.left)}" y="{_n(self.top + ROW * (i + 0.32))}"'
+                yield f'<text class="name" {at}>{_text(name)}</text>'
                 yield f'<path class="axis" d="M{_n(self.left)} {_n(self.y(i))}H{_n(self.right)}" opacity=".45"/>'
         if self.last:
-            said = panel.xnames or _numbers(places)
-            for v, words in zip(places, said, strict=True):
+            names = list(panel.xnames) or _numbers(places)
+            for v, words in zip(places, names, strict=True):
                 yield (
                     f'<text class="soft" x="{_n(self.x(v))}" y="{_n(bottom + 14)}" text-anchor="middle">'
                     f"{_text(words)}</text>"
@@ -250,14 +250,15 @@ class _Drawn:
         if rule.axis == "x":
             if rule.band:
                 a, b = (self.x(min(max(v, self.panel.xlim[0]), self.panel.xlim[1])) for v in rule.band)
-                yield f'<rect class="band" x="{_n(a)}" y="{_n(self.top)}" width="{_n(b - a)}" height="{_n(self.height)}"/>'
+                size = f'width="{_n(b - a)}" height="{_n(self.height)}"'
+                yield f'<rect class="band" x="{_n(a)}" y="{_n(self.top)}" {size}/>'
             x = self.x(rule.value)
             yield f'<line class="{rule.look}" x1="{_n(x)}" y1="{_n(self.top)}" x2="{_n(x)}" y2="{_n(bottom)}"/>'
             if rule.label:
                 right = x > WIDTH * 0.6
                 yield (
                     f'<text x="{_n(x + (-4 if right else 4))}" y="{_n(self.top + 2)}"'
-                    f'{" text-anchor=" + chr(34) + "end" + chr(34) if right else ""}>{_text(rule.label)}</text>'
+                    f"{' text-anchor=' + chr(34) + 'end' + chr(34) if right else ''}>{_text(rule.label)}</text>"
                 )
         else:
             y = self.y(rule.value)
@@ -269,9 +270,8 @@ class _Drawn:
             tip = f' data-tip="{int(bars.tips[i])}"' if bars.tips is not None else ""
             kind = "bar strong" if bars.strong[i] else "bar"
             width = max(self.x(float(x)) - start, 1.0)
-            yield (
-                f'<rect class="{kind}"{tip} x="{_n(start)}" y="{_n(self.y(float(y)) - 7)}" width="{_n(width)}" height="12"/>'
-            )
+            at = f'x="{_n(start)}" y="{_n(self.y(float(y)) - 7)}"'
+            yield f'<rect class="{kind}"{tip} {at} width="{_n(width)}" height="12"/>'
 
     def _line(self, line: Line) -> str:
         points = " ".join(
@@ -287,7 +287,7 @@ class _Drawn:
         if kind != "keyarrow":
             for x, y in zip(arrows.x, arrows.y, strict=True):
                 feet.append(f"M{_n(self.x(float(x)))} {_n(self.y(float(y)))}h0")
-            yield f'<path class="grid" stroke-width="2.4" stroke-linecap="round" d="{"".join(feet)}"/>'
+            yield f'<path class="feet" d="{"".join(feet)}"/>'
         for i in range(len(arrows.x)):
             x, y = self.x(float(arrows.x[i])), self.y(float(arrows.y[i]))
             to_x = self.x(float(arrows.x[i] + arrows.u[i]))
@@ -325,15 +325,16 @@ def _mark(look: str, x: float, y: float, size: float) -> str:
     if kind == "held":
         s = 1.35 * r
         return f'rect x="{_n(x - s)}" y="{_n(y - s)}" width="{_n(2 * s)}" height="{_n(2 * s)}"'
-    a, b = _n(1.25 * r), _n(2.5 * r)
+    a, b, d, w = _n(1.25 * r), _n(2.5 * r), _n(1.7 * r), _n(2 * r)
+    diamond = f"M{_n(x)} {_n(y - 1.7 * r)}l{d} {d}l-{d} {d}l-{d} -{d}z"
     paths = {
         "forward": f"M{_n(x - 1.1 * r)} {_n(y - 1.25 * r)}l{b} {a}l-{b} {a}z",
         "backward": f"M{_n(x + 1.1 * r)} {_n(y - 1.25 * r)}l-{b} {a}l{b} {a}z",
         "up": f"M{_n(x - 1.25 * r)} {_n(y + 1.1 * r)}l{a} -{b}l{a} {b}z",
         "down": f"M{_n(x - 1.25 * r)} {_n(y - 1.1 * r)}l{a} {b}l{a} -{b}z",
-        "test": f"M{_n(x)} {_n(y - 1.7 * r)}l{_n(1.7 * r)} {_n(1.7 * r)}l-{_n(1.7 * r)} {_n(1.7 * r)}l-{_n(1.7 * r)} -{_n(1.7 * r)}z",
-        "planned": f"M{_n(x)} {_n(y - 1.7 * r)}l{_n(1.7 * r)} {_n(1.7 * r)}l-{_n(1.7 * r)} {_n(1.7 * r)}l-{_n(1.7 * r)} -{_n(1.7 * r)}z",
-        "outlier": f"M{_n(x - r)} {_n(y - r)}l{_n(2 * r)} {_n(2 * r)}m0 -{_n(2 * r)}l-{_n(2 * r)} {_n(2 * r)}",
+        "test": diamond,
+        "planned": diamond,
+        "outlier": f"M{_n(x - r)} {_n(y - r)}l{w} {w}m0 -{w}l-{w} {w}",
     }
     return f'path d="{paths[kind]}"'
 
