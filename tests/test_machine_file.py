@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from rodgen.errors import InputFileError, RodgenError
-from rodgen.machines._edit import add_effect_to_file, remove_effect_from_file
+from rodgen.machines._edit import add_effects_to_file, remove_effect_from_file
 from rodgen.machines._file import machine_of
 from rodgen.machines._write import decimal, machine_text
 from rodgen.machines.catalogue import CATALOGUE
@@ -944,12 +944,12 @@ def path(tmp_path: Path) -> Path:
 
 
 def add(path: Path, name: str, place: str | None = None, **hold: float) -> Machine:
-    return add_effect_to_file(path, Machine.load(path).effect(name, place, hold=hold), path)
+    return add_effects_to_file(path, [Machine.load(path).effect(name, place, hold=hold)], path)
 
 
 def test_added_block_leaves_every_byte_before_it(path: Path, tmp_path: Path) -> None:
     effect = Machine.load(path).effect("backlash", "C", hold={"b": 0.01})
-    machine = add_effect_to_file(path, effect, tmp_path / "out.toml")
+    machine = add_effects_to_file(path, [effect], tmp_path / "out.toml")
     added = '\n[[effect]]\nname = "backlash"\njoint = "C"\nhold = { b = 0.01 }\n'
     assert (tmp_path / "out.toml").read_bytes() == (GANTRY + added).encode()
     assert path.read_bytes() == GANTRY.encode()
@@ -1067,7 +1067,7 @@ def test_edits_of_any_layout_do_what_they_say(
     path.write_text(text, encoding="utf-8")
     machine = Machine.load(path)
     out = path.with_name("layout_out.toml")
-    added = add_effect_to_file(path, machine.effect("backlash", "X"), out)
+    added = add_effects_to_file(path, [machine.effect("backlash", "X")], out)
     assert added == machine.with_effect(machine.effect("backlash", "X"))
     removed = remove_effect_from_file(path, "encoder_eccentricity", "C", out)
     assert removed == machine.without_effect("encoder_eccentricity", "C")

@@ -1,6 +1,6 @@
-"""Add an effect to a user's machine file, or take one out, and leave every other byte as it is.
+"""Add effects to a user's machine file, or take one out, and leave every other byte as it is.
 
-The text is never written anew: a block is put in, or cut out, between two statements. Where statements begin and end
+The text is never written anew: blocks are put in, or cut out, between two statements. Where statements begin and end
 is all that is read of TOML here, from text that was parsed before; and what comes out must read as the machine
 that was meant.
 """
@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,19 +21,19 @@ from rodgen.machines._toml import decode, read_bytes
 from rodgen.machines._write import effect_text
 from rodgen.machines.machine import Effect, Machine
 
-__all__ = ["add_effect_to_file", "remove_effect_from_file"]
+__all__ = ["add_effects_to_file", "remove_effect_from_file"]
 
 
-def add_effect_to_file(
-    source: str | os.PathLike[str], effect: Effect, out: str | os.PathLike[str]
+def add_effects_to_file(
+    source: str | os.PathLike[str], effects: Sequence[Effect], out: str | os.PathLike[str]
 ) -> Machine:
-    """Copy a machine file with one more ``[[effect]]`` block, after those that it has.
+    """Copy a machine file with further ``[[effect]]`` blocks, after those that it has.
 
     Parameters
     ----------
     source : str or os.PathLike
         A machine file.
-    effect : Effect
+    effects : sequence of Effect
         See :meth:`Machine.effect`.
     out : str or os.PathLike
         May be `source` itself. It is replaced when the new file is complete.
@@ -46,20 +46,21 @@ def add_effect_to_file(
     Raises
     ------
     InputFileError
-        When `source` is no machine file, the effect cannot stand there, or `out` cannot be written.
+        When `source` is no machine file, an effect cannot stand there, or `out` cannot be written.
     """
-    text, machine = _read(source)
-    changed = machine.with_effect(effect)
+    text, changed = _read(source)
+    for effect in effects:
+        changed = changed.with_effect(effect)
     new_line = "\r\n" if "\r\n" in text else "\n"
-    block = effect_text(machine, effect).replace("\n", new_line)
     blocks = _effect_blocks(text)
     end = max((part.stop for parts in blocks for part in parts), default=len(text))
     before, after = text[:end], text[end:]
     if before and not before.endswith("\n"):
         before += new_line
+    added = "".join("\n" + effect_text(changed, effect) for effect in effects).replace("\n", new_line)
     if after and not after.startswith(("\n", "\r")):
-        block += new_line
-    return _write(before + new_line + block + after, changed, source, out)
+        added += new_line
+    return _write(before + added + after, changed, source, out)
 
 
 def remove_effect_from_file(
