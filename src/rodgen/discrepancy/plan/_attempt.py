@@ -1,0 +1,504 @@
+"""One way to go on measuring: with some targets, at once or from cold; what it brings for every goal."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.discrepancy.plan._design import Coordinates, Pair, Sharpen, Task, chosen
+from rodgen.discrepancy.plan._order import ordered, wrong_sides
+from rodgen.discrepancy.plan._pool import Levels, levels, readings
+from rodgen.discrepancy.plan._rivals import Rival, Rivals
+from rodgen.discrepancy.plan._rows import Rows, Surroundings
+from rodgen.discrepancy.plan._words import joint_unit
+
+if TYPE_CHECKING:
+    from rodgen.discrepancy._bind import Observations
+    from rodgen.machines.machine import Effect, Machine
+
+__all__ = ["MOST_TRIED", "Attempt", "Class", "Question", "attempt"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+APART = 12.0
+"""Effects are told apart when one fits worse by this and ln(rows), in chi-square, for each parameter saved."""
+SURE = 0.975
+"""Probability of that which is planned for: of two or three at once 95 % then."""
+QUANTILE, MARGIN = 1.96, 2.0
+"""Its quantile of the normal distribution, and rounded up."""
+IMITATED = 1e-3
+"""A model does the same as another one whose readings it meets within a thirtieth of the noise (here squared)."""
+FEWEST = 2
+"""Readings that a plan is not thinned below: one that went wrong should be seen as such."""
+RESTS = 0.005
+"""A parameter with a greater part in a combination that nothing shows rests on it."""
+OPEN = 1e-3
+"""A parameter is hardly determined whose standard deviation would be below this part if the others were known."""
+MOST_TRIED = 3000
+"""Readings beyond which nobody counts."""
+EFFORT = 0.01
+"""What it costs, in parts of what is needed, to go where nothing was measured, to mount a load, to see a new target."""
+
+
+@dataclass(frozen=True)
+class Class:
+    """Effects of which one is there."""
+
+    effects: tuple[Effect, ...]
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is to be settled.
+
+    Attributes
+    ----------
+    machine : Machine
+        Without the effects in question.
+    classes : tuple of Class
+    keys : tuple of str
+        Parameters that are to be sharpened.
+    further : tuple of Effect
+        Effects that have some of them.
+    kind : str
+        Of the goal for the parameters.
+    trusted : bool
+        Whether a diagnosis, which knows how readings depend on each other, says that the effects of a class cannot be
+        told apart: where they differ by more in independent readings, these are not.
+    notes : list of str
+    """
+
+    machine: Machine
+    classes: tuple[Class, ...]
+    keys: tuple[str, ...]
+    further: tuple[Effect, ...]
+    kind: str
+    trusted: bool = False
+    notes: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class PairGain:
+    """What the plan brings for one pair.
+
+    Attributes
+    ----------
+    of : int
+        Number of the class.
+    pair : Pair
+    threshold : float
+        Chi-square from which they count as told apart.
+    after : float
+        Expected chi-square.
+    probability : float
+    possible : bool
+        Whether all readings considered together would do.
+    tiny : bool
+        Where not: whether the two differ, but by less than the noise.
+    """
+
+    of: int
+    pair: Pair
+    threshold: float
+    after: float
+    probability: float
+    possible: bool
+    tiny: bool
+
+    @property
+    def reached(self) -> bool:
+        """Whether it is likely enough."""
+        return self.possible and self.probability >= SURE
+
+
+@dataclass(frozen=True)
+class KeyGain:
+    """What the plan brings for one parameter; standard deviations in its own unit."""
+
+    key: str
+    unit: str
+    now: float | None
+    after: float | None
+    gauge: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """A plan, as yet without words."""
+
+    machine: Machine
+    rivals: Rivals
+    models: list[Rival]
+    surroundings: Surroundings
+    choice: Levels
+    travel: Array
+    rows: Rows
+    pairs: list[PairGain]
+    keys: list[KeyGain]
+    needed: int | None
+    wrong: int
+    included: list[tuple[int, int, int]]
+    refuted: list[tuple[int, int]]
+    asks_load: bool
+    asks_time: bool
+    wait: float
+
+    @property
+    def reached(self) -> bool:
+        """Whether every pair is."""
+        return all(pair.reached for pair in self.pairs)
+
+    @property
+    def reached_so_far(self) -> bool:
+        """Whether every pair is that readings like these can tell apart."""
+        return all(pair.reached for pair in self.pairs if pair.possible)
+
+    @property
+    def worth(self) -> float:
+        """How many pairs are told apart, and the least gain of the others, in parts of what is needed."""
+        rest = [p.after / p.pair.needed for p in self.pairs if not p.reached]
+        return len(self.pairs) - len(rest) + min([1.0, *(max(x, 0.0) for x in rest)])
+
+    def title(self, k: int) -> str:
+        """Return the title of the effect in question that a model has."""
+        return self._titles[k]
+
+    @property
+    def _titles(self) -> dict[int, str]:
+        return dict(enumerate(m.title for m in self.models))
+
+
+def attempt(
+    question: Question,
+    machine: Machine,
+    o: Observations,
+    n: int,
+    *,
+    wait: float = 0.0,
+    travel: Array | None = None,
+) -> Attempt:
+    """Plan n readings, or fewer where they are enough.
+
+    Parameters
+    ----------
+    question : Question
+    machine : Machine
+        That of the question, or with a further target.
+    o : Observations
+        The data without outliers.
+    n : int
+    wait : float
+        For how many times the duration of the data the machine waits before; negative: it begins anew.
+    travel : ndarray, shape (J, 2), optional
+        To be planned within; left out: the machine's, or that of the data.
+    """
+    return _Planning(question, machine, o, wait, travel).planned(n)
+
+
+class _Planning:
+    def __init__(
+        self, question: Question, machine: Machine, o: Observations, wait: float, travel: Array | None
+    ) -> None:
+        self.question, self.machine, self.o, self.wait = question, machine, o, wait
+        effects = {(e.name, e.place): e for c in question.classes for e in c.effects}
+        effects |= {(e.name, e.place): e for e in question.further if (e.name, e.place) not in effects}
+        self.rivals = Rivals(machine, o, list(effects.values()))
+        self.asked = {(e.name, e.place) for c in question.classes for e in c.effects} & set(self.rivals.asked)
+        self.further = {(e.name, e.place) for e in question.further} & set(self.rivals.asked)
+        self._models()
+        self.travel = self.models[0].fit.problem.model.travel if travel is None else travel
+        self.variance = self.rivals.variance(self.models)
+        if question.trusted:
+            self.variance *= self._dependence()
+        self._pool()
+        self._task()
+
+    # models --------------------------------------------------------------------------------------------------
+
+    def _models(self) -> None:
+        """Fit every model; that of the parameters in question is the one with the likeliest effects."""
+        members = [
+            [place for e in c.effects if (place := (e.name, e.place)) in self.rivals.asked]
+            for c in self.question.classes
+        ]
+        first = [places[0] for places in members if places]
+        self.models: list[Rival] = []
+        self.titles: list[str] = []
+        self.of_class: list[list[int]] = []
+        for places in members:
+            numbers = []
+            for place in places:
+                others = {p for p in first if places and p != places[0]}
+                title = next(e.title for e in self.rivals.asked.values() if (e.name, e.place) == place)
+                numbers.append(self._number({*others, place}, title))
+            self.of_class.append(numbers)
+        self.key_model = self._number({*first, *self.further}, "") if self.question.keys else None
+
+    def _number(self, places: set[tuple[str, str | None]], title: str) -> int:
+        rival = self.rivals.rival(places)
+        for k, (model, name) in enumerate(zip(self.models, self.titles, strict=True)):
+            if model is rival and name in ("", title):
+                self.titles[k] = title or name
+                return k
+        self.models.append(rival)
+        self.titles.append(title)
+        return len(self.models) - 1
+
+    def _dependence(self) -> float:
+        """Return by what factor the variance of a reading must be larger for the classes to be such."""
+        factor = 1.0
+        for numbers in self.of_class:
+            sane = [k for k in numbers if self.models[k].plausible]
+            for a, b in itertools.permutations(sane, 2):
+                factor = max(factor, self._now(a, b) / self._threshold(a, b))
+        return factor
+
+    # readings ------------------------------------------------------------------------------------------------
+
+    def _pool(self) -> None:
+        o, rivals = self.o, self.rivals
+        counted = self.asked | self.further
+        uses = {kind: rivals.uses(kind, counted) for kind in "svT"}
+        self.asks_load = bool(rivals.uses("F", counted))
+        self.asks_time = bool(rivals.uses("t", counted))
+        self.surroundings = Surroundings(o, len(self.machine.targets), wait=self.wait)
+        self.choice = levels(
+            o,
+            len(self.machine.targets),
+            sides=uses["s"],
+            speeds=uses["v"],
+            temperatures=uses["T"],
+            load=self.asks_load,
+        )
+        units = np.array([joint_unit(o, j)[1] for j in range(len(self.machine.joints))])
+        self.pool = readings(self.machine, o, self.travel, units, self.choice)
+        middle = None if o.t is None else self.surroundings.begin + 6 * self.surroundings.step
+        seen = self.surroundings.observations(self.pool, middle)
+        self.columns = rivals.columns(self.models, seen, self.variance)
+        finite = np.all(
+            [np.isfinite(c.jacobian).all((1, 2)) & np.isfinite(c.residual).all(1) for c in self.columns],
+            axis=0,
+        )
+        if not finite.all():
+            self.pool = self.pool.take(finite)
+            self.columns = [type(c)(c.residual[finite], c.jacobian[finite]) for c in self.columns]
+        same = np.concatenate(
+            [self.pool.q, self.pool.s, self.pool.load[:, None], self.pool.state[:, None]], axis=1
+        )
+        self.groups = np.unique(same, axis=0, return_inverse=True)[1].ravel()
+        pool, q = self.pool, np.asarray(o.q)
+        new = np.any((pool.q < q.min(axis=0)) | (pool.q > q.max(axis=0)), axis=1).astype(float)
+        new += ~np.isin(pool.target, o.target)
+        if o.load is not None:
+            new += ~np.isin(pool.load, o.load)
+        self.effort = EFFORT * new
+
+    # goals ---------------------------------------------------------------------------------------------------
+
+    def _task(self) -> None:
+        rows = self.o.n
+        self.coordinates = [
+            Coordinates(m.information / self.variance, rows, c.jacobian)
+            for m, c in zip(self.models, self.columns, strict=True)
+        ]
+        self.pairs: list[tuple[int, Pair, float, bool, bool]] = []
+        self.included: list[tuple[int, int, int]] = []  # class, model, larger model that includes it
+        self.refuted: list[tuple[int, int]] = []
+        for k, numbers in enumerate(self.of_class):
+            sane = [a for a in numbers if self.models[a].plausible]
+            left = [a for a in sane if not any(self._now(a, b) < -self._threshold(b, a) for b in sane)]
+            self.refuted += [(k, a) for a in numbers if a not in left]
+            for a, b in itertools.permutations(left, 2):
+                self._pair(k, a, b)
+        both = {frozenset((p.true, p.wrong)) for _, p, _, possible, _ in self.pairs if not possible}
+        self.pairs = [
+            (k, p, threshold, frozenset((p.true, p.wrong)) not in both, tiny)
+            for k, p, threshold, _, tiny in self.pairs
+        ]
+        pairs = [pair for _, pair, _, possible, _ in self.pairs if possible]
+        self.sharpen, self.lost = self._sharpened()
+        self.task = Task(self.coordinates, pairs, self.sharpen)
+
+    def _now(self, a: int, b: int) -> float:
+        """Return by how much model b fits the data worse than a."""
+        return (self.models[b].fit.chi_square - self.models[a].fit.chi_square) / self.variance
+
+    def _threshold(self, a: int, b: int) -> float:
+        """Return by how much b must fit worse than a to be refuted."""
+        return float(APART + np.log(self.o.n)) * max(self.models[a].own - self.models[b].own, 1)
+
+    def _pair(self, k: int, a: int, b: int) -> None:
+        """Look at a pair: nothing, where the wrong model includes the true one and is larger."""
+        true, wrong = self.models[a], self.models[b]
+        now, threshold = self._now(a, b), self._threshold(a, b)
+        root = MARGIN + np.sqrt(MARGIN**2 + threshold + MARGIN)
+        pair = Pair(a, b, now, float(root**2))
+        alone = Task(self.coordinates, [pair], [])
+        gain = float(alone.gains(self.columns)[0][0])
+        imitated = gain < IMITATED * len(self.pool.q)
+        if imitated and wrong.own > true.own:
+            self.included.append((k, a, b))
+            return
+        possible = now + gain >= pair.needed
+        self.pairs.append((k, pair, threshold, bool(possible), not imitated))
+
+    def _sharpened(self) -> tuple[list[Sharpen], set[str]]:
+        """Return the parameters to sharpen, and those that nothing shows."""
+        if self.key_model is None:
+            return [], set()
+        model, unseen = self.models[self.key_model], self.coordinates[self.key_model].unseen
+        keys = {model.fit.parameters[i].key: k for k, i in enumerate(model.index)}
+        found, lost = [], set()
+        for key in self.question.keys:
+            if key not in keys:
+                lost.add(key)
+                continue
+            if unseen.shape[1] and np.abs(unseen[keys[key]]).max() > RESTS:
+                lost.add(key)
+            found.append(Sharpen(self.key_model, keys[key], key))
+        return found, lost
+
+    # plans ---------------------------------------------------------------------------------------------------
+
+    def planned(self, n: int) -> Attempt:
+        """Return a plan of n readings at most."""
+        task, needed = self.task, None
+        rows = self._ordered([0])
+        if task.pairs or task.sharpen:
+            picked = chosen(task, self.columns, self.groups, self.effort, min(n, len(self.pool.q)))
+            rows = self._ordered(picked)
+            if task.pairs and self._all_reached(rows):
+                if not task.sharpen:
+                    rows = self._thinned(rows)
+            elif task.pairs:
+                needed = self._enough(rows)
+        return self._told(rows, needed)
+
+    def _ordered(self, picked: Sequence[int]) -> Rows:
+        span = np.ptp(self.travel, axis=1)
+        rows = ordered(self.pool.take(np.array(picked)), self.choice.sides, span, np.asarray(self.o.q[-1]))
+        return self._as_moved(rows)
+
+    def _as_moved(self, rows: Rows) -> Rows:
+        made = rows.as_moved()
+        stated = [f"dir_{joint.name}" in self.o.columns_given for joint in self.machine.joints]
+        s = np.where(stated, rows.s, made.s).astype(np.int8)
+        return Rows(made.q, s, np.abs(made.v) * s, made.target, made.load, made.state)
+
+    def _gains(self, rows: Rows, task: Task, times: float = 1.0) -> tuple[Array, Array, Array]:
+        """Return chi-squares, their standard deviations, and variances that readings in their order bring."""
+        seen = self.surroundings.observations(rows)
+        columns = self.rivals.columns(self.models, seen, self.variance / times)
+        gains, variances = task.gains(columns)
+        now = np.array([p.now for p in task.pairs])
+        spread = np.array([task.spread(p, columns) for p in task.pairs])
+        return now + gains, spread, variances
+
+    def _probability(self, rows: Rows, task: Task, thresholds: Array) -> tuple[Array, Array, Array]:
+        from scipy.special import ndtr
+
+        after, spread, variances = self._gains(rows, task)
+        return after, ndtr((after - thresholds) / spread), variances
+
+    @property
+    def _thresholds(self) -> Array:
+        return np.array([threshold for _, _, threshold, possible, _ in self.pairs if possible])
+
+    def _all_reached(self, rows: Rows) -> bool:
+        return bool(self._surest(rows) >= QUANTILE)
+
+    def _surest(self, rows: Rows, times: float = 1.0) -> float:
+        """Return by how many standard deviations the least sure pair is told apart, with each reading so many times."""
+        after, spread, _ = self._gains(rows, self.task, times)
+        return float(np.min((after - self._thresholds) / spread))
+
+    def _thinned(self, rows: Rows) -> Rows:
+        """Leave out readings while the others are enough."""
+        while rows.n > FEWEST:
+            best, least = None, -np.inf
+            for i in range(rows.n):
+                fewer = self._as_moved(rows.take(np.arange(rows.n) != i))
+                sure = self._surest(fewer)
+                if sure > least:
+                    best, least = fewer, sure
+            if best is None or least < QUANTILE:
+                break
+            rows = best
+        return rows
+
+    def _enough(self, rows: Rows) -> int | None:
+        """Return how many readings would be enough, if each of these were taken several times."""
+        low, high = 1.0, 1.0
+        while self._surest(rows, high) < QUANTILE:
+            low, high = high, 2 * high
+            if high * rows.n > MOST_TRIED:
+                return None
+        while high / low > 1.1:
+            middle = math.sqrt(low * high)
+            low, high = (low, middle) if self._surest(rows, middle) >= QUANTILE else (middle, high)
+        return math.ceil(high * rows.n)
+
+    def _told(self, rows: Rows, needed: int | None) -> Attempt:
+        task = Task(self.coordinates, [p[1] for p in self.pairs], self.sharpen)
+        thresholds = np.array([p[2] for p in self.pairs])
+        after, probability, variances = self._probability(rows, task, thresholds)
+        pairs = [
+            PairGain(k, pair, threshold, float(x), float(chance), possible, tiny)
+            for (k, pair, threshold, possible, tiny), x, chance in zip(
+                self.pairs, after, probability, strict=True
+            )
+        ]
+        for k, title in enumerate(self.titles):
+            model = self.models[k]
+            if title != model.title:
+                self.models[k] = Rival(title, model.fit, model.own)
+        return Attempt(
+            machine=self.machine,
+            rivals=self.rivals,
+            models=self.models,
+            surroundings=self.surroundings,
+            choice=self.choice,
+            travel=self.travel,
+            rows=rows,
+            pairs=pairs,
+            keys=self._keys(variances),
+            needed=needed,
+            included=self.included,
+            refuted=self.refuted,
+            wrong=len(wrong_sides(rows, self.choice.sides)),
+            asks_load=self.asks_load,
+            asks_time=self.asks_time,
+            wait=self.wait,
+        )
+
+    def _keys(self, variances: Array) -> list[KeyGain]:
+        if self.key_model is None:
+            return []
+        model, c = self.models[self.key_model], self.coordinates[self.key_model]
+        parameters = {p.key: p for p in model.fit.parameters}
+        prior = np.linalg.inv(c.prior)
+        jacobian = self.columns[self.key_model].jacobian
+        # the most that readings here can tell: of each parameter, when only it is unknown
+        usual = np.einsum("nmp,nmp->p", jacobian, jacobian) / len(jacobian)
+        rows = self.o.n + 12
+        found = [KeyGain(key, "", None, None, True) for key in self.question.keys if key in self.lost]
+        for s, variance in zip(self.sharpen, variances, strict=True):
+            if s.key in self.lost:
+                continue
+            w = c.root[s.parameter]
+            factor, unit = parameters[s.key].factor, parameters[s.key].unit
+            now = float(w @ prior @ w)
+            alone = max(usual[s.parameter] * rows, 1e-300)
+
+            def shown(variance: float, alone: float = alone, factor: float = factor) -> float | None:
+                return float(np.sqrt(variance)) / factor if variance * alone < OPEN**-2 else None
+
+            found.append(KeyGain(s.key, unit, shown(now), shown(float(variance)), False))
+        order = {key: k for k, key in enumerate(self.question.keys)}
+        return sorted(found, key=lambda k: order[k.key])
