@@ -15,7 +15,19 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from typing import IO, Any, NoReturn
 
-from rodgen._commands import axis, change, compare, derivations, diagnose, effects, emit, fit, report, simulate
+from rodgen._commands import (
+    axis,
+    change,
+    compare,
+    derivations,
+    diagnose,
+    effects,
+    emit,
+    fit,
+    plan,
+    report,
+    simulate,
+)
 from rodgen._commands._console import (
     BAD_INPUT,
     EXIT_CODES,
@@ -32,7 +44,7 @@ from rodgen.errors import InputFileError, RodgenError
 
 __all__ = ["main"]
 
-_COMMANDS = (fit, compare, diagnose, report, change, emit, simulate, effects, axis, derivations)
+_COMMANDS = (fit, compare, diagnose, plan, report, change, emit, simulate, effects, axis, derivations)
 
 # Modules that only some commands need, and the extra that brings them.
 _EXTRAS = {

@@ -316,13 +316,17 @@ class _Planning:
             self.refuted += [(k, a) for a in numbers if a not in left]
             for a, b in itertools.permutations(left, 2):
                 self._pair(k, a, b)
-        both = {frozenset((p.true, p.wrong)) for _, p, _, possible, _ in self.pairs if not possible}
+        self.sharpen, self.lost = self._sharpened()
+        self._agreed()
+
+    def _agreed(self) -> None:
+        """Make a task of the pairs that can be told apart both ways."""
+        hopeless = {frozenset((p.true, p.wrong)) for _, p, _, possible, _ in self.pairs if not possible}
         self.pairs = [
-            (k, p, threshold, frozenset((p.true, p.wrong)) not in both, tiny)
+            (k, p, threshold, frozenset((p.true, p.wrong)) not in hopeless, tiny)
             for k, p, threshold, _, tiny in self.pairs
         ]
         pairs = [pair for _, pair, _, possible, _ in self.pairs if possible]
-        self.sharpen, self.lost = self._sharpened()
         self.task = Task(self.coordinates, pairs, self.sharpen)
 
     def _now(self, a: int, b: int) -> float:
@@ -368,17 +372,34 @@ class _Planning:
 
     def planned(self, n: int) -> Attempt:
         """Return a plan of n readings at most."""
-        task, needed = self.task, None
-        rows = self._ordered([0])
-        if task.pairs or task.sharpen:
-            picked = chosen(task, self.columns, self.groups, self.effort, min(n, len(self.pool.q)))
-            rows = self._ordered(picked)
-            if task.pairs and self._all_reached(rows):
-                if not task.sharpen:
-                    rows = self._thinned(rows)
-            elif task.pairs:
-                needed = self._enough(rows)
+        rows, needed = self._ordered([0]), None
+        while self.task.pairs or self.task.sharpen:
+            picked = chosen(self.task, self.columns, self.groups, self.effort, min(n, len(self.pool.q)))
+            rows, needed = self._ordered(picked), None
+            if not self.task.pairs:
+                break
+            if self._all_reached(rows):
+                rows = rows if self.task.sharpen else self._thinned(rows)
+                break
+            needed = self._enough(rows)
+            if needed is not None or not self._given_up(rows):
+                break
         return self._told(rows, needed)
+
+    def _given_up(self, rows: Rows) -> bool:
+        """Take no count of pairs that readings like these never tell apart, and say whether there were such."""
+        after, spread, _ = self._gains(rows, self.task, MOST_TRIED / rows.n)
+        bad = {
+            p
+            for p, x in zip(self.task.pairs, (after - self._thresholds) / spread, strict=True)
+            if x < QUANTILE
+        }
+        self.pairs = [
+            (k, p, threshold, possible and p not in bad, tiny)
+            for k, p, threshold, possible, tiny in self.pairs
+        ]
+        self._agreed()
+        return bool(bad)
 
     def _ordered(self, picked: Sequence[int]) -> Rows:
         span = np.ptp(self.travel, axis=1)

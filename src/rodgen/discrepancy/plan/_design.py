@@ -5,9 +5,9 @@ predicts by d. B fits them anew together with the data: of d remains, as a rise 
 
     λ = min over δ of  |d - J δ|² + δᵀ M δ,
 
-J the derivative of the readings by B's parameters, M the information of the data about them. This λ is what the readings
-are chosen for (T-optimality: Atkinson and Fedorov 1975): the least of all pairs, beside what is needed, is made as
-large as can be. For parameters it is their variance, in the mean of the logarithms (D_s-optimality).
+J the derivative of the readings by B's parameters, M the information of the data about them. This λ is what the
+readings are chosen for (T-optimality: Atkinson and Fedorov 1975): the least of all pairs, beside what is needed, is
+made as large as can be. For parameters it is their variance, in the mean of the logarithms (D_s-optimality).
 
 Readings are added one by one, best first, over a background of all that are considered, which is taken away in turn:
 without it the first ones would see nothing where several are needed at once. Then each is exchanged for a better one
@@ -79,7 +79,7 @@ class Sharpen:
 
 
 class Coordinates:
-    """Parameters of a model in which a usual reading tells equally well of each combination, without those that none shows.
+    """Parameters of a model of which a usual reading tells equally well, without combinations that none shows.
 
     Parameters
     ----------

@@ -362,7 +362,8 @@ class _Planner:
     def plan(self) -> Plan:
         best = self._best()
         goals = (*self._class_goals(best), *self._key_goals(best))
-        words, notes = (), list(self.question.notes) + best.rivals.refused
+        words: tuple[str, ...] = ()
+        notes = list(self.question.notes) + best.rivals.refused
         rows = best.rows
         useful = any(goal.resolvable for goal in goals)
         columns: dict[str, list[Any]] = {}
@@ -386,8 +387,8 @@ class _Planner:
                 )
             notes += self._about_setup()
         notes += self._about_travel(best, goals)
-        needed = best.needed if useful and not all(goal.reached for goal in goals) else None
-        if useful and any(goal.kind == "separate" and goal.resolvable and not goal.reached for goal in goals):
+        needed = best.needed if useful else None
+        if useful and not best.reached_so_far:
             notes.append(
                 f"{best.rows.n} readings are not enough for sure; about {needed} would be."
                 if needed
@@ -446,7 +447,8 @@ class _Planner:
         if solvable:
             yield f"Tell {listed(left)} apart."
         if refuted:
-            yield f"{listed(refuted)} {'fits' if len(refuted) == 1 else 'fit'} the data worse already, or with sizes that no machine has."
+            verb = "fits" if len(refuted) == 1 else "fit"
+            yield f"{listed(refuted)} {verb} the data worse already, or with sizes that no machine has."
         if len(left) == 1:
             yield f"{left[0]} is left."
         alike = [p for p in best.pairs if p.of == k and not p.possible]
@@ -457,8 +459,8 @@ class _Planner:
             yield f"{names} do the same to every reading within the travel: no measurement there tells them apart."
         for group in _together(small):
             yield (
-                f"{listed([best.title(x) for x in group])}, as they were fitted, differ by too little within the travel: "
-                f"no reasonable number of readings there tells them apart."
+                f"{listed([best.title(x) for x in group])}, as they were fitted, differ by too little within the "
+                f"travel: no reasonable number of readings there tells them apart."
             )
         for c, less, more in best.included:
             if c == k and frozenset((less, more)) not in exact | small:
@@ -522,8 +524,8 @@ class _Planner:
         there = listed([f"{machine.joints[j].name} {range_text(o, j, best.travel[j])}" for j in named])
         further = self._further(best, named) if self.question.classes else ""
         yield (
-            f"The machine file says no travel of {names}, so that of the data was taken: {there}. If there is more, say "
-            f"so there (travel = [low, high]) and plan again{further}."
+            f"The machine file says no travel of {names}, so that of the data was taken: {there}. If there is more, "
+            f"say so there (travel = [low, high]) and plan again{further}."
         )
 
     def _further(self, best: Attempt, joints: Sequence[int]) -> str:
@@ -565,7 +567,7 @@ def _with_a_new_target(question: Question, machine: Machine) -> Iterator[Machine
     turning = [j for j in machine.joints if j.type == "revolute"]
     carrier = next((j for j in reversed(turning) if j.name in places), turning[-1] if turning else None)
     names = {t.name for t in machine.targets} | {j.name for j in machine.joints}
-    name = next(x for k in range(2, 1000) if (x := f"{machine.targets[0].name}_{k}") not in names)
+    name = next(text for k in range(2, 1000) if (text := f"{machine.targets[0].name}_{k}") not in names)
     points = np.array([t.point for t in machine.targets])
     if carrier is None:
         size = float(np.linalg.norm(points, axis=1).max()) or 100.0
@@ -584,8 +586,11 @@ def _with_a_new_target(question: Question, machine: Machine) -> Iterator[Machine
             foot + (height[k] + size) * axis + out,
         ]
     for point in new:
-        x, y, z = (float(f"{v:.4g}") + 0.0 for v in np.where(np.abs(point) < 1e-9 * size, 0.0, point))
-        yield replace(machine, targets=(*machine.targets, Target(name, (x, y, z))))
+        x, y, z = (
+            float(f"{v:.4g}") + 0.0 for v in np.where(np.abs(point) < 1e-9 * size, 0.0, point).tolist()
+        )
+        target = Target(name, (x, y, z))
+        yield replace(machine, targets=(*machine.targets, target))
 
 
 def _across(axis: Array) -> Array:

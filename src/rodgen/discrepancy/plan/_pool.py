@@ -70,7 +70,7 @@ def positions(travel: Array, units: Array, count: int, taken: Array) -> Array:
         found.append(corners)
     if len(moving) == 2:
         grid = np.repeat(middle[None], 49, axis=0)
-        grid[:, moving] = list(itertools.product(*(np.linspace(*travel[j], 7) for j in moving)))
+        grid[:, moving] = list(itertools.product(*(np.linspace(low[j], high[j], 7) for j in moving)))
         found.append(grid)
     found.append(
         np.clip(taken[np.linspace(0, len(taken) - 1, min(len(taken), count // 4)).astype(int)], low, high)
@@ -78,7 +78,7 @@ def positions(travel: Array, units: Array, count: int, taken: Array) -> Array:
     rest = max(count - sum(map(len, found)), count // 4)
     found.append(low + _halton(rest, joints) * (high - low))
     every = np.concatenate(found)
-    step = np.array([rounding(*t, u) for t, u in zip(travel, units, strict=True)])
+    step = np.array([rounding(low[j], high[j], units[j]) for j in range(joints)])
     with np.errstate(divide="ignore", invalid="ignore"):
         rounded = np.where(step > 0, np.round(every / step) * step, every)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -129,7 +129,7 @@ class Levels:
     def variants(self) -> int:
         """How many readings there may be at a position."""
         speeds = int(np.prod([len(x) for x in self.speeds.values()], dtype=int))
-        return 2 ** len(self.sides) * speeds * len(self.loads) * len(self.states) * self.targets
+        return int(2 ** len(self.sides) * speeds * len(self.loads) * len(self.states) * self.targets)
 
 
 def levels(
@@ -161,7 +161,7 @@ def levels(
             states |= {int(np.argmin(values)), int(np.argmax(values))}
     if len(states) > 1:
         states.discard(last)
-    loads = (0.0,) if o.load is None else (float(o.load[last]),)
+    loads: tuple[float, ...] = (0.0,) if o.load is None else (float(o.load[last]),)
     if o.load is not None and load:
         loads = tuple(sorted({0.0, float(o.load.min()), float(o.load.max())}))
     fastest = {j: float(np.max(np.abs(o.v[:, j]))) for j in speeds}

@@ -70,7 +70,7 @@ class Rival:
 
     @property
     def plausible(self) -> bool:
-        """Whether no angle of an effect is larger than any machine has: a fit may escape to where all is turned round."""
+        """Whether no angle of an effect is larger than any machine has: a fit may end where all is turned round."""
         found = self.fit
         turns = [i for i in found.free if found.parameters[i].effect and found.parameters[i].unit == "arcsec"]
         return all(abs(found.values[i]) < LARGEST_TURN for i in turns)
@@ -157,7 +157,7 @@ class Rivals:
         return replace(effect, hold=hold)
 
     def variance(self, rivals: Sequence[Rival]) -> float:
-        """Return the variance of a weighted residual: 1 where the noise is stated, or more where the best model says so."""
+        """Return the variance of a weighted residual: 1 where the noise is stated, or what the best model says."""
         left = [(r.fit.chi_square, r.fit.degrees_of_freedom) for r in rivals]
         cost, spare = min(left, key=lambda x: x[0] / max(x[1], 1))
         stated = self.observations.sigma is not None

@@ -105,7 +105,10 @@ def differences(
     if wait > 0 and o.t is not None:
         column = o.data.columns["t"]
         end = (float(o.t.max()) + wait * float(np.ptp(o.t))) / parse_unit(column.unit or "s").factor()
-        yield f"Measure later, from t = {end:.3g} {column.unit} on: what moves with time has then moved further, or has come to rest."
+        yield (
+            f"Measure later, from t = {end:.3g} {column.unit} on: what moves with time has then moved further, or has "
+            f"come to rest."
+        )
     if wait < 0:
         yield "Begin when the machine is cold, with t as at the start of the data: the drift must be seen again."
 

@@ -1,0 +1,87 @@
+"""``rodgen plan``: what to measure next."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from rodgen._commands._console import OK, Command, fitting, show, show_json, working
+from rodgen._commands._machine import FILES, add_files, add_json, add_loss, load_data
+from rodgen._commands._outputs import Outputs
+
+if TYPE_CHECKING:
+    from rodgen.discrepancy.diagnose import Diagnosis
+    from rodgen.discrepancy.fit import Fit
+
+__all__ = ["add_to"]
+
+_PLAN = f"""\
+Say what to measure next: readings within the machine's travel that tell apart the effects that a diagnosis finds and
+the data cannot tell from each other, or that determine what is not determined; with --for, those that sharpen chosen
+parameters. Each with the gain that is expected, and in words. The rows are a measurement file that lacks only the
+readings: measure them in this order, and add them to the data.
+
+{FILES}
+  rodgen plan mount.toml stars.csv -n 12 -o next.csv
+  rodgen plan gantry.toml balls.csv --for C.axis --for C.backlash
+"""
+
+
+def add_to(command: Command) -> None:
+    """Add the command."""
+    plan = command("plan", _run, "what to measure next", _PLAN)
+    add_files(plan)
+    plan.add_argument(
+        "-n",
+        dest="count",
+        type=_count,
+        default=12,
+        metavar="N",
+        help="readings at most, 12 when left out; fewer where they are enough to tell effects apart",
+    )
+    plan.add_argument("-o", "--output", metavar="PLAN.csv", help="write the rows as a measurement file")
+    plan.add_argument(
+        "--for",
+        dest="wanted",
+        action="append",
+        default=[],
+        metavar="KEY",
+        help="sharpen this parameter, such as C.axis.a, or those of an effect, such as C.backlash, which the machine "
+        "need not have yet; may be given several times, and no diagnosis is made then",
+    )
+    add_loss(plan)
+    add_json(plan)
+
+
+def _count(text: str) -> int:
+    if text.isascii() and text.isdigit() and 1 <= int(text[:6]) <= 500:
+        return int(text)
+    raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 1 to 500")
+
+
+def _run(options: argparse.Namespace) -> int:
+    from rodgen.discrepancy.plan import plan
+    from rodgen.machines.machine import Machine
+
+    with Outputs(options.machine, options.data) as outputs:
+        if options.output:
+            outputs.claim(options.output)
+        machine = Machine.load(options.machine)
+        data = load_data(options.data)
+        with fitting() as progress:
+            of: Fit | Diagnosis
+            if options.wanted:
+                of = machine.fit(data, loss=options.loss, progress=progress)
+            else:
+                from rodgen.discrepancy.diagnose import diagnose
+
+                of = diagnose(machine, data, progress=progress)
+        with working("planning"):
+            found = plan(of, options.count, wanted=options.wanted or None)
+        if options.output:
+            outputs.add(options.output, found.csv().encode())
+    if options.json:
+        show_json(found.to_dict())
+    else:
+        show(found.summary())
+    return OK
