@@ -97,6 +97,17 @@ class Driver:
         """The length of the range."""
         return float(self.distinct[-1] - self.distinct[0])
 
+    @cached_property
+    def far(self) -> bool:
+        """Whether the values are all far from zero: beside them their range is small."""
+        return min(abs(self.distinct[0]), abs(self.distinct[-1])) > self.span
+
+    @cached_property
+    def middle(self) -> float:
+        """About the middle of the range, in few digits."""
+        decimals = 1 - int(np.floor(np.log10(self.span)))
+        return round(self.low + self.span / 2, decimals)
+
 
 def _nameable(name: str) -> bool:
     return bool(_IDENTIFIER.fullmatch(name)) and name not in _WORDS
@@ -159,7 +170,7 @@ class Factor:
         What was searched for, internal units: the frequency of a wave; the place of a step or a kink; place and width
         of a bump; the time constant of a decay.
     origin : float
-        From where a decay counts the time.
+        From where a decay counts the time, and a power counts a column that is never near zero.
     """
 
     driver: int
@@ -178,7 +189,7 @@ class Factor:
         values = self.values
         match self.kind:
             case "power":
-                return [x**self.order]
+                return [(x - self.origin) ** self.order]
             case "series":
                 return [x**d for d in range(1, self.order + 1)]
             case "harmonic":
@@ -213,7 +224,8 @@ class Factor:
         """
         match self.kind:
             case "power":
-                return [_power(word, self.order)]
+                since = f"({_less(word, written(self.origin))})" if self.origin else word
+                return [_power(since, self.order)]
             case "series":
                 return [_power(word, d) for d in range(1, self.order + 1)]
             case "harmonic":
@@ -353,11 +365,12 @@ def _low(i: int, driver: Driver) -> list[Factor]:
     if driver.kind == "q":
         powers = [Factor(i, "power", d) for d in (1, 2) if len(driver.distinct) > d]
         return [*powers, *(_harmonics(i, driver, 2) if driver.revolute else [])]
+    origin = driver.middle if driver.far else 0.0
     if driver.kind == "t":
-        return [Factor(i, "power"), *_decays(i, driver)[1::3]]
+        return [Factor(i, "power", origin=origin), *_decays(i, driver)[1::3]]
     if driver.kind == "F":
-        return [Factor(i, "power", d) for d in (1, 2) if len(driver.distinct) > d]
-    return [Factor(i, "power")]
+        return [Factor(i, "power", d, origin=origin) for d in (1, 2) if len(driver.distinct) > d]
+    return [Factor(i, "power", origin=origin)]
 
 
 def _of_joint(i: int, driver: Driver) -> list[Factor]:
@@ -429,6 +442,6 @@ def _local(i: int, driver: Driver, places: int, widths: Sequence[float] = WIDTHS
 
 def _decays(i: int, driver: Driver) -> list[Factor]:
     # a time is counted from its zero, unless the measurements began long after
-    origin = driver.low if abs(driver.low) > driver.span else 0.0
+    origin = driver.low if driver.far else 0.0
     times = np.geomspace(driver.span / 30, driver.span * 3, DECAYS)
     return [Factor(i, "decay", 1, (float(tau),), origin) for tau in times]

@@ -106,7 +106,8 @@ def _climbed(
     offsets = np.array(list(itertools.product((0.0, -1.0, -0.5, 0.5, 1.0), repeat=len(x))))
     for _ in range(rounds):
         tried = np.clip(x + offsets * radius, low, high)
-        terms = [term.with_values([float(v) for v in np.where(logs, np.exp(row), row)]) for row in tried]
+        values = np.where(logs, np.exp(np.where(logs, tried, 0.0)), tried)
+        terms = [term.with_values([float(v) for v in row]) for row in values]
         best = int(np.argmax(level.falls(terms, carrier)))
         x, term = tried[best], terms[best]
         radius = np.where(np.abs(offsets[best]) == 1.0, radius, radius / 2)
@@ -139,7 +140,7 @@ def _rounded(term: Term, digits: int, drivers: Sequence[Driver]) -> Term:
             values.append(2 * np.pi / float(f"{2 * np.pi / factor.values[0]:.{digits}g}"))
         elif factor.kind in {"wave", "decay"}:
             values.append(float(f"{factor.values[0]:.{digits}g}"))
-        else:  # a place is told in parts of the range
+        elif factor.values:  # a place is told in parts of the range
             decimals = digits - 1 - int(np.floor(np.log10(driver.span)))
             values.append(round(factor.values[0], decimals) + 0.0)
             values += [float(f"{width:.{digits}g}") for width in factor.values[1:]]

@@ -52,6 +52,9 @@ JUDGED = 24
 """Terms of which the error on unseen poses is worked out."""
 CHOICES = 3.0
 """Factor for each searched value: between the places on the grid are others."""
+SLIGHT = 5.0
+"""Sums of squares on unseen poses are equal within so many variances of a reading: two columns that are all but the
+same differ by less than chance, and by more than its error."""
 NOTICEABLE = 0.01
 """Part of the mean square on unseen poses that a form takes away at least: half a percent of the error."""
 HARDLY = 0.3
@@ -311,7 +314,12 @@ class _Search:
         before = self.unseen.squares()
         errors = np.array([self.unseen.squares(self._flat(piece)) for _, _, piece in candidates])
         best = int(np.argmin(errors.sum(axis=1)))
-        within = [i for i in range(len(candidates)) if _excess(errors[i] - errors[best]) <= 1.0]
+        slight = SLIGHT * self.variance
+        within = [
+            i
+            for i, more in enumerate(errors - errors[best])
+            if more.sum() <= slight or _excess(more) <= 1.0
+        ]
         chosen = min(within, key=lambda i: (self._simplicity(candidates[i][2]), errors[i].sum()))
         _, fall, piece = candidates[chosen]
         found = _Found(piece, fall, self._chance(piece, fall))
