@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -25,6 +25,8 @@ WAVES_STEP = 0.5
 MOST_WAVES = 60.0
 """More waves than so many are tried only where the machine file gives the period."""
 FEWEST_WAVES = 0.75
+WAVE_ROWS, PEAKS = 2_000, 5
+"""Rows on which periods are compared, and how many of the best are kept."""
 FUNCTIONS = {
     "sin": np.sin, "cos": np.cos, "tan": np.tan, "exp": np.exp,
     "log": np.log, "sqrt": np.sqrt, "abs": np.abs, "sign": np.sign,
@@ -44,12 +46,15 @@ class Candidate:
         Derivative of the weighted residuals by each.
     searched : mapping of str to float
         Values of the parameters that are searched, at which the columns are taken; internal units.
+    tries : float
+        As how many independent values those that were tried for the effect count.
     """
 
     effect: Effect
     names: tuple[str, ...]
     columns: Array
     searched: Mapping[str, float]
+    tries: float = 1.0
 
     @property
     def key(self) -> tuple[str, str | None]:
@@ -57,8 +62,8 @@ class Candidate:
         return self.effect.name, self.effect.place
 
 
-def candidates(carriers: Carriers, effects: list[Effect]) -> Iterator[Candidate]:
-    """Yield the columns of effects; one that has a searched parameter comes once for each value that is tried.
+def candidates(carriers: Carriers, effects: list[Effect]) -> list[Candidate]:
+    """Return the columns of effects; one that has a searched parameter comes once for each value that is promising.
 
     Parameters
     ----------
@@ -66,16 +71,92 @@ def candidates(carriers: Carriers, effects: list[Effect]) -> Iterator[Candidate]
         Made with these effects.
     effects : list of Effect
     """
+    found = [_direct(carriers, effect) for effect in effects if is_direct(effect)]
+    products = [effect for effect in effects if not is_direct(effect)]
+    for effect in products:
+        values = list(_tried(carriers, effect))
+        if not _is_wave(effect) or len(values) == 1:
+            tries = 1 + len(values) / 2 if len(values) > 1 else 1.0
+            found += [replace(_product(carriers, effect, searched), tries=tries) for searched in values]
+    waves = [effect for effect in products if _is_wave(effect) and len(list(_tried(carriers, effect))) > 1]
+    if waves:
+        found += promising_waves(carriers, waves, found)
+    order = {(effect.name, effect.place): i for i, effect in enumerate(effects)}
+    return sorted(found, key=lambda c: order[c.key])
+
+
+def _is_wave(effect: Effect) -> bool:
+    return _nonlinear(effect) == {"P"}
+
+
+def _direct(carriers: Carriers, effect: Effect) -> Candidate:
+    keys = [key for key in carriers.index if _is_of(key, effect)]
+    return Candidate(effect, tuple(keys), carriers.columns[:, :, [carriers.index[key] for key in keys]], {})
+
+
+def _product(carriers: Carriers, effect: Effect, searched: Mapping[str, float]) -> Candidate:
+    linear = [name for name in effect.definition.parameters if name not in _nonlinear(effect)]
+    columns = [_column(carriers, effect, {name: 1.0}, searched) for name in linear]
+    return Candidate(effect, tuple(map(effect.key, linear)), np.stack(columns, axis=-1), searched)
+
+
+def promising_waves(
+    carriers: Carriers, effects: Sequence[Effect], others: Sequence[Candidate]
+) -> Iterator[Candidate]:
+    """Yield waves of the periods that take away most of the residuals: beside the model, and beside all others, too.
+
+    A wave that stands behind another effect shows when that one is out of the way; one that another effect could
+    imitate shows beside the model alone.
+    """
+    n, _m = carriers.residual.shape
+    some = np.unique(np.linspace(0, n - 1, min(n, WAVE_ROWS)).astype(int)) if n > WAVE_ROWS else np.arange(n)
+    residual = carriers.residual[some].ravel()
+    model = carriers.model[some].reshape(len(residual), -1)
+    bases = [_orthonormal(model)]
+    once = {c.key: c for c in others}.values()
+    whole = np.concatenate([model, *(c.columns[some].reshape(len(residual), -1) for c in once)], axis=1)
+    if whole.shape[1] < len(residual) // 2:
+        bases.append(_orthonormal(whole))
     for effect in effects:
-        if is_direct(effect):
-            keys = [key for key in carriers.index if _is_of(key, effect)]
-            found = carriers.columns[:, :, [carriers.index[key] for key in keys]]
-            yield Candidate(effect, tuple(keys), found, {})
-            continue
-        linear = [name for name in effect.definition.parameters if name not in _nonlinear(effect)]
-        for searched in _tried(carriers, effect):
-            columns = [_column(carriers, effect, {name: 1.0}, searched) for name in linear]
-            yield Candidate(effect, tuple(map(effect.key, linear)), np.stack(columns, axis=-1), searched)
+        tried = list(_tried(carriers, effect))
+        carrier = carriers.component(effect.place, "reading")
+        assert carrier is not None
+        q = carriers.observations.q[some, _number(carriers, effect)]
+        chosen: dict[int, None] = {}
+        for base in bases:
+            falls = _falls(
+                base, residual - base @ (base.T @ residual), carrier[some], q, [v["P"] for v in tried]
+            )
+            padded = np.pad(falls, 1)
+            peaks = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] >= padded[2:]))
+            chosen |= dict.fromkeys(int(i) for i in peaks[np.argsort(-falls[peaks], kind="stable")][:PEAKS])
+        for i in chosen:
+            yield replace(_product(carriers, effect, tried[i]), tries=1 + len(tried) / 2)
+
+
+def _falls(base: Array, residual: Array, carrier: Array, q: Array, periods: Sequence[float]) -> Array:
+    """Return by how much a wave of each period lowers the sum of squares."""
+    found = []
+    for several in np.array_split(np.array(periods), -(-len(periods) // 16)):
+        phase = 2 * np.pi * q[:, None] / several
+        parts = []
+        for wave in (np.sin(phase), np.cos(phase)):
+            columns = (carrier[:, :, None] * wave[:, None, :]).reshape(len(residual), -1)
+            parts.append(columns - base @ (base.T @ columns))
+        s, c = parts
+        ss, cc, sc = (np.einsum("ij,ij->j", x, y) for x, y in ((s, s), (c, c), (s, c)))
+        rs, rc = residual @ s, residual @ c
+        det = ss * cc - sc**2
+        with np.errstate(invalid="ignore", divide="ignore"):
+            fall = (cc * rs**2 - 2 * sc * rs * rc + ss * rc**2) / det
+        found.append(np.where(det > 1e-8 * ss * cc, fall, 0.0))
+    return np.nan_to_num(np.concatenate(found))
+
+
+def _orthonormal(columns: Array) -> Array:
+    size = np.linalg.norm(columns, axis=0)
+    u, s, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
+    return np.asarray(u[:, s > 1e-9 * s.max(initial=0.0)])
 
 
 def _is_of(key: str, effect: Effect) -> bool:

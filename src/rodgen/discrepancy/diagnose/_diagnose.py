@@ -6,7 +6,7 @@ of the model as it was, with each effect that was found, and of what could stand
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
@@ -209,7 +209,7 @@ class _Diagnosing:
 
     def _work(self, base: Fit) -> _Work:
         carriers = self._carriers(base)
-        found = list(candidates(carriers, catalogue_effects(base.machine, base.observations)))
+        found = candidates(carriers, catalogue_effects(base.machine, base.observations))
         model = carriers.model
         self.tell("correlation")
         every = [c.columns for c in _one_each(found)]
@@ -371,7 +371,7 @@ class _Diagnosing:
         return replace(rms, before_test=_error_on(fits[0], others), after_test=_error_on(fits[-1], others))
 
 
-def _one_each(found: Sequence[Candidate]) -> list[Candidate]:
+def _one_each(found: Iterable[Candidate]) -> list[Candidate]:
     """Return the candidates, those with a searched parameter at a few of its values."""
     by_key: dict[tuple[str, str | None], list[Candidate]] = {}
     for candidate in found:

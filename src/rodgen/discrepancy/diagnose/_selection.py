@@ -198,7 +198,7 @@ class Selection:
         rank = self.space.base(best).shape[1]
         variance = self.left(residual, total, best) / max(self.space.readings - rank, 1)
         own = self.space.base(included).shape[1]
-        return self.left(residual, total, included) / variance + a_parameter(self.rows) * own
+        return float(self.left(residual, total, included) / variance + a_parameter(self.rows) * own)
 
     def _ordered(
         self, residual: Array, total: float, included: list[Candidate], forced: int

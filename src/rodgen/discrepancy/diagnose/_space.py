@@ -148,7 +148,6 @@ class Space:
         spare = self.readings - base.shape[1]
         gone = {c.key for c in included}
         best: dict[tuple[str, str | None], Score] = {}
-        tried: dict[tuple[str, str | None], int] = {}
         for candidate in self.candidates:
             if candidate.key in gone:
                 continue
@@ -159,14 +158,12 @@ class Space:
                 score = Score(candidate, 0.0, 0, 0.0, 0.0, max(spare, 0), visible, left)
             else:
                 fall = float(np.sum((directions.T @ residual) ** 2))
-                log = log_p(fall, left, k, spare - k)
+                log = min(log_p(fall, left, k, spare - k) + float(np.log(candidate.tries)), 0.0)
                 f = fall / k / max((left - fall) / (spare - k), 1e-300)
                 score = Score(candidate, fall, k, log, f, spare - k, visible, left - fall)
-            tried[candidate.key] = tried.get(candidate.key, 0) + 1
             if candidate.key not in best or score.log_p < best[candidate.key].log_p:
                 best[candidate.key] = score
-        found = [_with_tries(score, tried[key]) for key, score in best.items()]
-        return sorted(found, key=lambda score: (score.log_p, -score.visible))
+        return sorted(best.values(), key=lambda score: (score.log_p, -score.visible))
 
     def tests(self, scores: Sequence[Score], included: Sequence[Candidate] = ()) -> float:
         """Return as how many independent tests all of them count: by the least probability of simulated chance."""
@@ -193,15 +190,6 @@ class Space:
             least = np.minimum(least, betainc(max(spare - k, 1) / 2, k / 2, x))
         quantile = float(np.quantile(least, RATE))
         return max(-np.log1p(-RATE) / quantile, 1.0) if quantile > 0 else float(len(parts))
-
-
-def _with_tries(score: Score, tries: int) -> Score:
-    if tries == 1:
-        return score
-    from dataclasses import replace
-
-    # neighbours among the values are alike: half of them count
-    return replace(score, log_p=min(score.log_p + np.log(1 + tries / 2), 0.0))
 
 
 def _reduced(whole: Array) -> tuple[Array, Array]:
