@@ -42,15 +42,13 @@ def add_to(command: Command) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from rodgen._commands._outputs import Outputs
     from rodgen.discrepancy._bind import bind
     from rodgen.discrepancy.diagnose import diagnose
     from rodgen.discrepancy.plan import PlanError, plan
     from rodgen.discrepancy.report import write_report
     from rodgen.machines.machine import Machine
 
-    with Outputs(options.machine, options.data, *([options.test] if options.test else [])) as outputs:
-        outputs.claim(options.output)
+    _check_output(options)
     machine = Machine.load(options.machine)
     radii = dict(_radius(text) for text in options.radius)
     data = load_data(options.data)
@@ -69,6 +67,19 @@ def _run(options: argparse.Namespace) -> int:
         )
     show("\n".join(files))
     return OK if all(each.solution.converged for each in found.fits) else FAILED
+
+
+def _check_output(options: argparse.Namespace) -> None:
+    """Find out whether the page can be written before a long diagnosis, not after."""
+    from rodgen._commands._outputs import Outputs
+    from rodgen._files import AtomicFile, is_device
+
+    with Outputs(options.machine, options.data, *([options.test] if options.test else [])) as outputs:
+        outputs.claim(options.output)
+    if not is_device(options.output):
+        file = AtomicFile(options.output)
+        file.open().close()
+        file.discard()
 
 
 def _radius(text: str) -> tuple[str, float]:

@@ -86,7 +86,7 @@ def _ladder(diagnosis: Diagnosis, shown: Shown) -> Chart:
     )
     noise = None if diagnosis.rms.noise is None else diagnosis.rms.noise * shown.factor
     known = np.concatenate([fitted, unseen, test, [noise or 0.0]])
-    most = float(np.nanmax(known)) * 1.2 or 1.0
+    most = float(np.nanmax(known)) * 1.35 or 1.0
     rules, legend = [], [("fitted", "fitted"), ("held", "held out")]
     if noise is not None:
         floor = diagnosis.final.noise
@@ -114,8 +114,12 @@ def _ladder(diagnosis: Diagnosis, shown: Shown) -> Chart:
         rules=tuple(rules),
         rows=tuple(rung[0] for rung in steps),
         words=tuple(
-            (float(x) + 0.025 * most, k + 0.1, shown.plain(v))
-            for x, k, v in zip(furthest, at, fitted, strict=True)
+            (
+                float(x) + 0.025 * most,
+                k + 0.1,
+                shown.plain(v) if math.isnan(w) else f"{shown.plain(v)} / {shown.plain(w)}",
+            )
+            for x, k, v, w in zip(furthest, at, fitted, unseen, strict=True)
         ),
     )
     way = ", ".join(f"{rung[0]} {shown(rung[1])} (held out {shown(rung[2])})" for rung in steps)
@@ -162,10 +166,14 @@ def _against(rows: Rows, driver: Driver) -> Chart:
         f"What is left, over {plain(driver.name)}",
         f"Measured less predicted over {plain(driver.name)}; rms {sizes}.",
         tuple(views),
-        note=" ".join(filter(None, ["Measured less predicted, on one scale.", *_remarks(rows, driver)])),
+        note=" ".join(filter(None, [_scaled(rows), *_remarks(rows, driver)])),
         legend=tuple(looks),
         tips=rows.tips,
     )
+
+
+def _scaled(rows: Rows) -> str:
+    return "Measured less predicted" + (", on the same scale before and after." if rows.two else ".")
 
 
 def _remarks(rows: Rows, driver: Driver) -> Iterator[str]:
@@ -308,11 +316,10 @@ def _space(rows: Rows) -> Chart:
         if arrow
         else [("up", "longer than predicted"), ("down", "shorter")]
     )
-    notes = ["Residuals where they were measured, in machine axes, on one scale."]
+    notes = [f"{_scaled(rows)} Places are in machine axes."]
     if not arrow:
         notes.append("Area by size.")
-    if len(some) < rows.total:
-        notes.append(f"{len(some)} of {rows.total} rows are drawn.")
+    notes += _few(rows, some)
     return Chart(
         "residuals_in_space",
         "Where it is left, in space",
@@ -406,13 +413,13 @@ def _sky(rows: Rows) -> Chart:
             bare=True,
         )
         views.append(View(_said(rows, fit, after), (panel,), ("before", "after")[after]))
-    thinned = f" {len(some)} of {rows.total} rows are drawn." if len(some) < rows.total else ""
+    thinned = "".join(f" {note}" for note in _few(rows, some))
     return Chart(
         "residuals_on_the_sky",
         "Where it is left, on the sky",
         "Residuals as arrows on the sky, the zenith in the middle, the horizon outside.",
         tuple(views),
-        note=f"The zenith is in the middle, circles are of equal altitude. One scale for both.{thinned}",
+        note=f"{_scaled(rows)} The zenith is in the middle, circles are of equal altitude.{thinned}",
         legend=tuple(
             [("arrow before", "before" if rows.two else "residual")] + [("arrow after", "after")] * rows.two
         ),
@@ -434,6 +441,13 @@ def _from_zenith(direction: Array, x: Array, y: Array, up: Array) -> Array:
     size = np.linalg.norm(level, axis=1, keepdims=True)
     angle = np.degrees(np.arctan2(size[:, 0], direction @ up))[:, None]
     return np.asarray(angle * np.divide(level, size, out=np.zeros_like(level), where=size > 0))
+
+
+def _few(rows: Rows, some: NDArray[np.intp]) -> list[str]:
+    """Say which rows are not on a map."""
+    if len(some) < rows.total - int(rows.outlier.sum()):
+        return [f"{len(some)} of {rows.total} rows are drawn, evenly spread."]
+    return ["Outliers are left out."] if rows.outlier.any() else []
 
 
 def _evenly(index: NDArray[np.intp], most: int) -> NDArray[np.intp]:

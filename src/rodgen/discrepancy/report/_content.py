@@ -24,11 +24,16 @@ __all__ = ["content", "unit_of"]
 
 Content: TypeAlias = dict[str, Any]
 
+FEW = 2
+"""Effects that cannot be told apart are named in the first sentence up to so many."""
 AT_NOISE = 1.15
 """Up to so many times the noise an error counts as the noise."""
 NAMED = 12
 """Outliers, and targets, that are named; the rest is counted."""
+UNEQUAL = 1.5
 LONG = 300
+GAINS = 4
+"""Gains of a goal up to which they are not folded away."""
 
 _VERDICTS = {
     "nothing_missing": "Nothing is missing",
@@ -79,7 +84,7 @@ def content(diagnosis: Diagnosis, plan: Any, shown: Shown, radii: Mapping[str, f
         "level": percent(LEVEL),
         "model": list(_model(diagnosis)),
         "plan": None if plan is None else _plan(plan),
-        "notes": [plain(note, LONG * 4) for note in diagnosis.notes],
+        "notes": [plain(note, LONG * 4) for note in _notes(diagnosis)],
         "worst": list(_worst(diagnosis, shown)),
         "version": _version(),
     }
@@ -115,12 +120,8 @@ def _sentence(diagnosis: Diagnosis, shown: Shown) -> str:
             f"{of[0].upper()}{of[1:]} explains more than chance does. What is left, {shown(rms.after)} {unit} a "
             f"reading, {_left(diagnosis, shown)}."
         )
-    names = _listed([plain(step.effect.title, 60) for step in diagnosis.steps])
     if diagnosis.steps:
-        doubt = any(step.indistinguishable_from for step in diagnosis.steps)
-        what = f"With {names} {fell}."
-        if doubt:
-            what += " " + _doubt(diagnosis)
+        what = f"With {_listed([_or_others(step) for step in diagnosis.steps])} {fell}."
         if forms:
             what += f" What then is left follows {_drivers(forms)}, as no effect of the catalogue does."
         return what
@@ -147,16 +148,15 @@ def _listed(names: list[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}" if names else ""
 
 
-def _doubt(diagnosis: Diagnosis) -> str:
-    """Say which effects may stand for which, in one sentence."""
-    unsure = [step for step in diagnosis.steps if step.indistinguishable_from]
-    others = sum(len(step.indistinguishable_from) for step in unsure)
-    if len(unsure) == 1 and others <= 2:
-        names = " or ".join(plain(alias.effect.title, 60) for alias in unsure[0].indistinguishable_from)
-        which = "it" if len(diagnosis.steps) == 1 else plain(unsure[0].effect.title, 60)
-        return f"These data cannot tell {which} from {names}."
-    which = "it" if len(diagnosis.steps) == 1 else _listed([plain(s.effect.title, 60) for s in unsure])
-    return f"These data cannot tell {which} from {others} other effect{'s' * (others != 1)}, named below."
+def _or_others(step: DiagnosedEffect) -> str:
+    """Name an effect, and what may stand for it."""
+    name, others = plain(step.effect.title, 60), step.indistinguishable_from
+    if not others:
+        return name
+    if len(others) <= FEW:
+        named = " or ".join(plain(alias.effect.title, 60) for alias in others)
+        return f"{name} (or {named}, which these data cannot tell from it)"
+    return f"{name} (or one of {len(others)} others, named below, that these data cannot tell from it)"
 
 
 def _beside(diagnosis: Diagnosis, shown: Shown, after: float | None = None) -> str:
@@ -210,7 +210,7 @@ def _figures(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
         yield {"name": "error before", "value": shown(rms.before), "unit": shown.unit, "kind": "before"}
         yield {"name": "error after", "value": shown(rms.after), "unit": shown.unit, "kind": "after"}
     else:
-        yield {"name": "error", "value": shown(rms.before), "unit": shown.unit, "kind": "before"}
+        yield {"name": "error", "value": shown(rms.before), "unit": shown.unit, "kind": ""}
     held = rms.after_held_out if diagnosis.steps else rms.before_held_out
     if held is not None:
         yield {"name": "on poses held out", "value": shown(held), "unit": shown.unit, "kind": ""}
@@ -262,7 +262,7 @@ def _facts(diagnosis: Diagnosis, shown: Shown) -> Iterator[tuple[str, str]]:
     if bad:
         rows = ", ".join(str(row) for row in bad[:NAMED])
         more = f" and {len(bad) - NAMED} more" if len(bad) > NAMED else ""
-        yield "Outliers, taken out", f"{len(bad)} (row {rows}{more}; rows count from 0)"
+        yield "Outliers, taken out", f"{len(bad)}: row{'s' * (len(bad) != 1)} {rows}{more}, counted from 0"
     else:
         yield "Outliers", "none"
 
@@ -278,6 +278,9 @@ def _noise(diagnosis: Diagnosis, shown: Shown) -> str:
             f"{shown(e.value)} {shown.unit} found from {floor.replicated_poses} repeated poses "
             f"({shown(e.low)} to {shown(e.high)} with 95 %)"
         )
+    sigma = diagnosis.base.observations.sigma
+    if sigma is not None and float(sigma.max()) > UNEQUAL * float(sigma.min()):
+        said.append("readings count by their own uncertainties, which differ")
     return "; ".join(said) if said else "not known: none is stated, and no pose was repeated"
 
 
@@ -326,6 +329,12 @@ def _worst(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
             "after": shown(float(size[row])),
             "outlier": bool(final.outliers[row] or row in diagnosis.outliers),
         }
+
+
+def _notes(diagnosis: Diagnosis) -> list[str]:
+    """Return what else is to be said, but for what stands among the facts."""
+    known = diagnosis.correlation.text if diagnosis.correlation is not None else ""
+    return [note for note in diagnosis.notes if note != known]
 
 
 # the ladder, the model ---------------------------------------------------------------------------------------------
@@ -410,9 +419,12 @@ def _step(
 
 
 def _alias(alias: Alias) -> Content:
+    title, why = plain(alias.effect.title, 80), plain(alias.why.strip(), LONG)
+    # What begins with its name is not headed by it once more.
+    why = why.removeprefix(title) if why.startswith(title) else f": {why}" if why else ""
     return {
-        "title": plain(alias.effect.title, 80),
-        "why": plain(_sentence_of(alias.why), LONG) if alias.why else "",
+        "title": title,
+        "why": f"{why.rstrip('.')}." if why else ".",
         "meaning": plain(alias.effect.definition.meaning, LONG * 2),
         "chi_square": f"{alias.chi_square:+.1f}".replace("-", "−"),
     }
@@ -463,21 +475,23 @@ def _unexplained(form: Unexplained, shown: Shown) -> Content:
 
 def _ranking(diagnosis: Diagnosis) -> Iterator[Content]:
     taken = {(s.effect.name, s.effect.place): i for i, s in enumerate(diagnosis.steps, 1)}
-    aliases = {
-        (a.effect.name, a.effect.place): i
-        for i, s in enumerate(diagnosis.steps, 1)
-        for a in s.indistinguishable_from
-    }
+    aliases: dict[tuple[str, str | None], list[str]] = {}
+    for i, step in enumerate(diagnosis.steps, 1):
+        for alias in step.indistinguishable_from:
+            aliases.setdefault((alias.effect.name, alias.effect.place), []).append(str(i))
     for rank, r in enumerate(diagnosis.ranking, 1):
         key = (r.effect.name, r.effect.place)
-        mark = (
-            f"step {taken[key]}" if key in taken else f"same as step {aliases[key]}" if key in aliases else ""
-        )
+        mark = ""
+        if key in taken:
+            mark = f"step {taken[key]}"
+        elif key in aliases:
+            mark = f"like step {' and '.join(aliases[key])}"
         yield {
             "rank": rank,
             "name": plain(r.effect.name, 60),
             "place": plain(r.effect.place, 40) if r.effect.place else "machine",
             "mark": mark,
+            "taken": key in taken,
             "p": chance(r.log10_p),
             "log10_p": f"{r.log10_p:.6g}",
             "passes": r.log10_p <= math.log10(LEVEL),
@@ -517,11 +531,14 @@ def _cell(value: Any) -> str:
 def _goal(goal: Any) -> Content:
     state = "not possible within the travel"
     if goal.resolvable:
-        state = "reached" if goal.reached else "in part"
+        state = "expected to be reached" if goal.reached else "in part"
+    first, stop, more = goal.sentence.partition(". ")
     return {
-        "sentence": plain(goal.sentence, LONG * 2),
+        "sentence": plain(first + ("." if stop else ""), LONG),
+        "more": plain(more, LONG * 4),
         "state": state,
         "gains": [_gain(gain) for gain in goal.gains],
+        "open": len(goal.gains) <= GAINS,
     }
 
 
@@ -529,7 +546,7 @@ def _gain(gain: Any) -> Content:
     unit = f" {_pretty(gain.unit)}" if gain.unit else ""
 
     def said(value: float | None) -> str:
-        return "not determined" if value is None else f"{figure(value)}{unit}"
+        return "not determined" if value is None else f"{figure(value)}{unit}".replace("-", "−")
 
     return {
         "what": "distance in χ²" if gain.what == "chi_square" else "standard deviation",

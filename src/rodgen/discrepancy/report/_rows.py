@@ -22,7 +22,7 @@ __all__ = ["Driver", "Rows"]
 Array: TypeAlias = NDArray[np.float64]
 Index: TypeAlias = NDArray[np.intp]
 
-MOST_MARKS = 6000
+MOST_MARKS = 4000
 """In one chart: a page stays below 2 MB with them, and a picture says no more with more."""
 MOST_ROWS = 1000
 EXTREMES = 10

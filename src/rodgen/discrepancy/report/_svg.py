@@ -8,6 +8,7 @@ from __future__ import annotations
 import html
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,14 +29,13 @@ LETTER = 6.1
 
 STYLE = """
 .chart{font-family:system-ui,-apple-system,"Segoe UI",Roboto,"Helvetica Neue",Arial,sans-serif;font-size:11px}
-.chart text{fill:var(--ink,#1b1f24);stroke:none}
+.chart text{fill:var(--ink,#1b1f24);stroke:var(--paper,#fff);stroke-width:3px;stroke-linejoin:round;paint-order:stroke}
 .chart .soft{fill:var(--soft,#57606a)}
 .chart .name{font-weight:600}
 .chart .grid{stroke:var(--line,#dfe3e8);stroke-width:1;fill:none}
 .chart .axis{stroke:var(--mid,#8c959f);stroke-width:1;fill:none}
 .chart .before{fill:none;stroke:var(--before,#a83a00);stroke-width:1.3}
 .chart .after{fill:var(--after,#005a9c);stroke:var(--paper,#fff);stroke-width:.6}
-.chart .forward,.chart .up,.chart .fwd-after{stroke-width:1.2}
 .chart .forward{fill:var(--before,#a83a00);stroke:none}
 .chart .backward{fill:none;stroke:var(--before,#a83a00)}
 .chart .forward-after{fill:var(--after,#005a9c);stroke:none}
@@ -89,6 +89,7 @@ def view_svg(chart: Chart, number: int, *, ident: str) -> str:
 
 def standalone(chart: Chart) -> str:
     """Return the whole chart as an SVG file: all views side by side, with its titles, on white."""
+    chart = replace(chart, views=tuple(_without_tips(view) for view in chart.views), tips=())
     heights = [_height(view) for view in chart.views]
     named = any(view.title for view in chart.views)
     lines = _wrapped(chart.note, int((len(chart.views) * (WIDTH + BETWEEN) - BETWEEN) / LETTER))
@@ -118,6 +119,21 @@ def standalone(chart: Chart) -> str:
     return "".join(parts) + "</svg>\n"
 
 
+def _without_tips(view: View) -> View:
+    return replace(
+        view,
+        panels=tuple(
+            replace(
+                panel,
+                marks=tuple(replace(marks, tips=None) for marks in panel.marks),
+                arrows=tuple(replace(arrows, tips=None) for arrows in panel.arrows),
+                bars=tuple(replace(bars, tips=None) for bars in panel.bars),
+            )
+            for panel in view.panels
+        ),
+    )
+
+
 def legend_svg(look: str) -> str:
     """Return one mark of a legend as a small ``<svg>``."""
     return f'<svg class="chart key" viewBox="0 0 16 12" aria-hidden="true">{_key(look)}</svg>'
@@ -145,7 +161,9 @@ def _key(look: str) -> str:
 
 
 def _height(view: View) -> float:
-    return sum(h + (GAP if i else 0) for i, h in enumerate(_heights(view))) + TOP + BOTTOM
+    bottom = 4 if view.panels[-1].bare else BOTTOM
+    between = sum(GAP + BOTTOM * _ends(view, i) for i in range(len(view.panels) - 1))
+    return sum(_heights(view)) + between + TOP + bottom
 
 
 def _heights(view: View) -> list[float]:
@@ -165,9 +183,13 @@ def _panel_height(panel: Panel, of: int) -> float:
 def _view(view: View) -> Iterator[str]:
     y = float(TOP)
     for i, (panel, height) in enumerate(zip(view.panels, _heights(view), strict=True)):
-        last = i + 1 == len(view.panels) or view.panels[i + 1].equal or panel.equal
-        yield from _Drawn(panel, y, height, last).parts()
-        y += height + (GAP if not last else GAP + BOTTOM * (i + 1 < len(view.panels)))
+        yield from _Drawn(panel, y, height, _ends(view, i)).parts()
+        y += height + GAP + BOTTOM * _ends(view, i)
+
+
+def _ends(view: View, i: int) -> bool:
+    """Tell whether the scale along x of the panels so far stands below this one."""
+    return i + 1 == len(view.panels) or view.panels[i + 1].equal or view.panels[i].equal
 
 
 class _Drawn:

@@ -1,0 +1,547 @@
+"""The report: complete, safe, and readable without a network, without JavaScript and without colour."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import html.parser
+import io
+import json
+import re
+import shutil
+import subprocess
+import xml.etree.ElementTree as ET
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import made_diagnoses
+import numpy as np
+import pytest
+from made_diagnoses import HOSTILE, MACHINES
+
+from rodgen import cli
+from rodgen.discrepancy.diagnose import Diagnosis, Unexplained
+from rodgen.discrepancy.plan import Gain, Goal, Plan
+from rodgen.discrepancy.report import report_page, write_report
+from rodgen.discrepancy.report._charts import charts
+from rodgen.discrepancy.report._content import unit_of
+from rodgen.discrepancy.report._svg import standalone
+from rodgen.errors import InputFileError
+
+VOID = {"meta", "link", "br", "img", "input", "hr"}
+BLOCK = '[[effect]]\nname = "unknown_C"\njoint = "C"\ncomponent = "tz"\nformula = "a*sin(5*q)"\n'
+FORM = Unexplained("C", "tz", "C", "a*sin(5*q)", 1e-12, 0.0021, {"a": (0.0031, "mm")}, BLOCK)
+
+
+class Page(html.parser.HTMLParser):
+    """A page as elements with attributes and text; complains about tags that do not close."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str], list[str]]] = []
+        self.open: list[int] = []
+        self.feed(text)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        assert len(attrs) == len(dict(attrs)), f"an attribute twice in {tag}"
+        self.elements.append((tag, {k: v or "" for k, v in attrs}, []))
+        if tag not in VOID:
+            self.open.append(len(self.elements) - 1)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, {k: v or "" for k, v in attrs}, []))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.elements[self.open.pop()][0] == tag
+
+    def handle_data(self, data: str) -> None:
+        for number in self.open:
+            self.elements[number][2].append(data)
+
+    def all(self, tag: str, **attributes: str) -> list[tuple[dict[str, str], str]]:
+        """Elements with these attributes; a class counts if it is among the classes."""
+        found = []
+        for name, attrs, text in self.elements:
+            given = {k: attrs.get(k, "") for k in attributes}
+            if name == tag and all(v in given[k].split() for k, v in attributes.items()):
+                found.append((attrs, "".join(text)))
+        return found
+
+    def one(self, tag: str, **attributes: str) -> tuple[dict[str, str], str]:
+        (found,) = self.all(tag, **attributes)
+        return found
+
+
+def plan() -> Plan:
+    gain = Gain("chi_square", "if backlash at C is there and not scale at C", 3.0, 60.0, 16.3, 0.99)
+    goal = Goal("separate", ("a", "b"), (), "Tell a and b apart. It goes.", True, True, (gain,))
+    rows = {"C [deg]": [10.0, 170.0, 350.0], "target": [HOSTILE] * 3}
+    return Plan(rows, (goal,), ("Scan C back, too.",), ("The old data need a column.",), None, ())
+
+
+@cache
+def diagnosis(verdict: str) -> Diagnosis:
+    if verdict == "nothing_missing":
+        return made_diagnoses.table(hidden=())
+    if verdict == "cannot_tell":
+        return made_diagnoses.table(
+            8, hidden=(), verdict=verdict, reason="Only 3 poses; a test needs 4 at least."
+        )
+    if verdict == "unknown_effect":
+        return made_diagnoses.table(unexplained=[FORM], outliers=(3, 17), test=(0.0101, 0.0023))
+    return made_diagnoses.mount()
+
+
+@cache
+def page(verdict: str) -> tuple[str, Page]:
+    text = report_page(diagnosis(verdict), plan() if verdict == "effects_missing" else None)
+    return text, Page(text)
+
+
+@cache
+def hostile() -> tuple[str, Page]:
+    text = report_page(made_diagnoses.hostile(), plan())
+    return text, Page(text)
+
+
+VERDICTS = ("nothing_missing", "effects_missing", "unknown_effect", "cannot_tell")
+
+
+# what it says ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("verdict", "word", "more"),
+    [
+        ("nothing_missing", "Nothing is missing", "Of 4 candidates none explains more than chance does."),
+        (
+            "effects_missing",
+            "Two effects are missing",
+            "the error falls from 2.711 to 0.659 arcsec a reading",
+        ),
+        (
+            "unknown_effect",
+            "Something is missing that the catalogue does not have",
+            "What then is left follows C",
+        ),
+        ("cannot_tell", "These data cannot tell", "Only 3 poses; a test needs 4 at least."),
+    ],
+)
+def test_verdict_stands_first_in_one_sentence(verdict: str, word: str, more: str) -> None:
+    _, found = page(verdict)
+    _, text = found.one("section", **{"class": verdict})
+    assert word in text
+    assert more in " ".join(text.split())
+    body = next(i for i, e in enumerate(found.elements) if e[0] == "main")
+    assert found.elements[body + 1][1]["class"] == f"verdict {verdict}"
+    assert found.one("title")[1].startswith(word)
+
+
+def test_what_cannot_be_told_apart_stands_in_the_verdict() -> None:
+    _, found = page("effects_missing")
+    _, verdict = found.one("section", **{"class": "verdict"})
+    assert (
+        "gravity_windup at EL (or encoder_eccentricity at EL, which these data cannot tell from it)"
+        in verdict
+    )
+    _, text = found.one("div", **{"class": "alias"})
+    assert "its cosine is the same over these altitudes" in text
+    assert "Remedy for gravity_windup" not in verdict  # it may be another
+
+
+def test_ladder_has_fitted_held_out_and_test() -> None:
+    _, found = page("unknown_effect")
+    _, text = found.one("table", **{"class": "rungs"})
+    rms = diagnosis("unknown_effect").rms
+    for value in (rms.before, rms.after, rms.before_held_out, rms.after_held_out, 0.0101, 0.0023, 0.0021):
+        assert f"{1e3 * value:.2f}" in text
+    assert "a*sin(5*q) at C, outside the catalogue" in text
+
+
+def test_measurements_are_told() -> None:
+    _, found = page("unknown_effect")
+    _, text = found.one("table", **{"class": "facts"})
+    for piece in (
+        "72 rows, 72 poses",
+        "points x, y, z, in machine axes",
+        "coolant",
+        "2.00 µm stated",
+        "rows 3, 17",
+    ):
+        assert piece in text
+    joints = next(text for _, text in found.all("table") if "approached" in text)
+    assert "350" in joints
+    assert "one way" in joints
+
+
+def test_block_for_the_machine_file_is_whole() -> None:
+    _, found = page("unknown_effect")
+    assert BLOCK.strip() in [text for _, text in found.all("pre")]
+
+
+def test_command_that_adds_an_effect_is_one_of_the_shell() -> None:
+    _, found = page("effects_missing")
+    commands = [text for _, text in found.all("pre")]
+    assert any(re.fullmatch(r"rodgen add \S+ gravity_windup \S+ --joint EL --hold k2=0", c) for c in commands)
+    assert any(re.fullmatch(r"rodgen add \S+ refraction \S+", c) for c in commands)
+
+
+def test_eccentricity_is_told_in_micrometres_of_the_scale() -> None:
+    found = made_diagnoses.of_machine("gantry_rotary", "encoder_eccentricity@C")
+    step = found.steps[0]
+    size = np.hypot(step.parameters["a"].value, step.parameters["b"].value) * np.pi / 648000
+    given = Page(report_page(found, radii={"C": 40.0})).one("p", **{"class": "hard"})[1]
+    off = float(re.search(r"40 mm in radius, sits ([\d.]+) ±", given)[1])
+    assert off == pytest.approx(size * 40e3, rel=0.01)
+    assert off == pytest.approx(4.0, abs=0.3)  # what the data were made with
+    unknown = Page(report_page(found))
+    assert "for each mm of its radius" in unknown.one("p", **{"class": "hard"})[1]
+    assert float(unknown.one("p", **{"class": "radius"})[0]["data-per-mm"]) == pytest.approx(
+        size * 1e3, rel=1e-4
+    )
+
+
+def test_radius_of_no_joint_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputFileError, match="no revolute joint 'D'"):
+        write_report(diagnosis("nothing_missing"), None, tmp_path / "page.html", radii={"D": 1.0})
+
+
+def test_ranking_shows_ten_and_folds_the_rest() -> None:
+    _, found = page("effects_missing")
+    ranking = diagnosis("effects_missing").ranking
+    tables = [text for attrs, text in found.all("table") if "degrees of freedom" in text]
+    assert len(ranking) == 12
+    assert len(tables) == 2
+    for i, r in enumerate(ranking):
+        assert r.effect.name in tables[i >= 10]
+    assert "2 further candidates" in found.all("summary")[0][1] + found.all("summary")[1][1]
+    folded = [attrs for attrs, _ in found.all("details")]
+    assert any(attrs.get("id") == "rest" for attrs in folded)
+
+
+def test_plan_is_told_and_can_be_taken_along() -> None:
+    _, found = page("effects_missing")
+    text = "".join(found.one("section", **{"aria-labelledby": "h-plan"})[1])
+    for piece in ("Scan C back, too.", "Tell a and b apart.", "It goes.", "expected to be reached", "99 %"):
+        assert piece in text
+    link = next(attrs for attrs, _ in found.all("a") if attrs.get("download") == "plan.csv")
+    assert base64.b64decode(link["href"].partition("base64,")[2]).decode() == plan().csv()
+    assert "Scan C back, too." in found.one("section", **{"class": "verdict"})[1]
+
+
+# pictures ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_pictures_are_on_the_page_and_as_files(verdict: str, tmp_path: Path) -> None:
+    from PIL import Image
+
+    path = tmp_path / "page.html"
+    files = write_report(diagnosis(verdict), None, path, images=tmp_path / "pictures")
+    assert files[0] == str(path)
+    found = Page(path.read_text(encoding="utf-8"))
+    links = {attrs["download"]: attrs["href"] for attrs, _ in found.all("a") if "download" in attrs}
+    written = {Path(file).name: Path(file).read_bytes() for file in files[1:]}
+    assert written.keys() == links.keys()
+    for name, content in written.items():
+        assert base64.b64decode(links[name].partition("base64,")[2]) == content
+        if name.endswith(".png"):
+            assert Image.open(io.BytesIO(content)).width > 300
+        else:
+            assert ET.fromstring(content).tag == "{http://www.w3.org/2000/svg}svg"
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_pictures_tell_what_they_show_without_being_seen(verdict: str) -> None:
+    _, found = page(verdict)
+    drawn = [attrs for attrs, _ in found.all("svg") if "viewbox" in attrs]
+    seen = [attrs for attrs in drawn if attrs.get("aria-hidden") != "true"]
+    assert seen
+    for attrs in seen:
+        assert attrs["role"] == "img"
+        assert len(attrs["aria-label"]) > 20
+
+
+def test_before_and_after_have_one_scale() -> None:
+    for verdict in ("effects_missing", "unknown_effect"):
+        found = diagnosis(verdict)
+        for chart in charts(found, unit_of(found)):
+            if chart.name.startswith("residuals"):
+                before, after = chart.views
+                for one, other in zip(before.panels, after.panels, strict=True):
+                    assert (one.xlim, one.ylim, one.x, one.y) == (other.xlim, other.ylim, other.x, other.y)
+
+
+def test_residuals_that_are_drawn_are_those_of_the_fits() -> None:
+    found = diagnosis("unknown_effect")
+    chart = next(c for c in charts(found, unit_of(found)) if c.name == "residuals_by_C")
+    good = ~np.isin(np.arange(72), (3, 17))
+    for view, fit in zip(chart.views, (found.base, found.final), strict=True):
+        x = view.panels[1]  # above it is what the reading of C would be off
+        assert x.y == "x [µm]"
+        np.testing.assert_allclose(x.marks[0].y, 1e3 * fit.residuals[good, 0])
+        np.testing.assert_allclose(x.marks[0].x, np.degrees(fit.observations.q[good, 0]))
+        np.testing.assert_array_equal(x.marks[1].tips, [3, 17])
+        assert x.marks[1].look == "outlier"
+
+
+def test_reading_that_a_joint_is_off_by_is_the_wave_that_was_hidden() -> None:
+    found = made_diagnoses.table(hidden=("encoder_eccentricity@{}:a=20arcsec",))
+    chart = next(c for c in charts(found, unit_of(found)) if c.name == "residuals_by_C")
+    marks = chart.views[0].panels[0].marks[0]
+    off = marks.y - 20 * np.cos(np.radians(marks.x))
+    # 2 µm at 100 mm are 4 arcsec; what the base fit took away is a shift of the target
+    assert np.std(off) < 8
+    assert np.corrcoef(marks.y, np.cos(np.radians(marks.x)))[0, 1] > 0.9
+
+
+def test_kinds_of_points_differ_by_shape() -> None:
+    text = standalone(
+        next(
+            c
+            for c in charts(diagnosis("unknown_effect"), unit_of(diagnosis("unknown_effect")))
+            if c.name == "ladder"
+        )
+    )
+    for look in ("fitted", "held", "test"):
+        assert f'class="{look}"' in text
+    shapes = {look: re.search(rf'<g class="{look}"><(\w+)', text)[1] for look in ("fitted", "held", "test")}
+    assert len(set(shapes.values())) == 3
+
+
+def test_large_data_are_thinned_keep_their_extremes_and_say_so() -> None:
+    found = made_diagnoses.table(40_000)
+    text = report_page(found)
+    assert len(text.encode()) < 2_000_000
+    assert re.search(r"\d+ of 40000 rows are drawn: evenly spread, and the 10 largest residuals", text)
+    tips = json.loads(Page(text).one("script", id="tips")[1])["rows"]
+    rows = {int(re.match(r"row (\d+)", tip)[1]) for tip in tips}
+    for fit in (found.base, found.final):
+        assert set(np.argsort(-np.abs(fit.residuals), axis=0)[:10].ravel().tolist()) <= rows
+
+
+def test_same_diagnosis_gives_the_same_bytes() -> None:
+    assert report_page(diagnosis("cannot_tell")) == report_page(diagnosis("cannot_tell"))
+
+
+# safe and alone ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("verdict", [*VERDICTS, "hostile"])
+def test_page_asks_for_nothing_from_outside(verdict: str) -> None:
+    text, found = hostile() if verdict == "hostile" else page(verdict)
+    for tag, attrs, _ in found.elements:
+        assert tag not in {
+            "iframe",
+            "object",
+            "embed",
+            "img",
+            "base",
+            "form",
+            "audio",
+            "video",
+            "use",
+            "image",
+        }
+        for name, value in attrs.items():
+            assert not name.startswith("on")
+            assert name != "style"
+            if name in {"href", "src", "srcset", "xlink:href", "action", "data"}:
+                assert value.startswith("data:")
+    (style,) = [text for _, text in found.all("style")]
+    assert "url(" not in style
+    assert "@import" not in style
+    assert not re.search(r"https?://|//[a-z]", found.all("script")[1][1].replace("// ", ""))
+    assert text.startswith("<!DOCTYPE html>")
+
+
+@pytest.mark.parametrize("verdict", ["effects_missing", "hostile"])
+def test_policy_lets_only_this_style_and_this_script_run(verdict: str) -> None:
+    _, found = hostile() if verdict == "hostile" else page(verdict)
+    policy = found.one("meta", **{"http-equiv": "Content-Security-Policy"})[0]["content"]
+    rules = dict(part.strip().split(" ", 1) for part in policy.split(";"))
+    assert rules["default-src"] == "'none'"
+    assert rules["img-src"] == "data:"
+    (_, tips), (_, script) = found.all("script")
+    for kind, text in (("style-src", found.one("style")[1]), ("script-src", script)):
+        digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+        assert rules[kind] == f"'sha256-{digest}'"
+    json.loads(tips)
+
+
+def test_names_of_a_user_stay_text_everywhere() -> None:
+    text, found = hostile()
+    assert HOSTILE not in text
+    assert len(found.all("script")) == 2
+    assert not found.all("b")
+    assert found.one("h1")[1] == HOSTILE
+    assert any(HOSTILE[:20] in text for _, text in found.all("td"))
+    tips = json.loads(found.all("script")[0][1])
+    assert "</script" not in found.all("script")[0][1]
+    assert tips["rows"][0].startswith("row 0")
+    for chart in charts(made_diagnoses.hostile(), unit_of(made_diagnoses.hostile())):
+        assert re.fullmatch(r"[A-Za-z0-9_]+", chart.name)
+        ET.fromstring(standalone(chart))
+
+
+def test_names_are_escaped_in_pictures() -> None:
+    from dataclasses import replace
+
+    found = made_diagnoses.table()
+    for chart in charts(found, unit_of(found)):
+        views = tuple(
+            replace(v, title=HOSTILE, panels=tuple(replace(p, x=HOSTILE, y=HOSTILE) for p in v.panels))
+            for v in chart.views
+        )
+        drawn = standalone(replace(chart, title=HOSTILE, alt=HOSTILE, note=HOSTILE, views=views))
+        root = ET.fromstring(drawn)
+        assert [e.text for e in root.iter("{http://www.w3.org/2000/svg}title")] == [HOSTILE]
+        assert not list(root.iter("{http://www.w3.org/2000/svg}img"))
+
+
+def test_control_characters_do_not_break_a_picture() -> None:
+    found = made_diagnoses.table(name="A\x00\x1b[31mB\ud800", target="b\x07")
+    text = report_page(found)
+    text.encode()
+    assert "A??[31mB?" in text
+    for chart in charts(found, unit_of(found)):
+        ET.fromstring(standalone(chart))
+
+
+# read by everybody -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_structure_is_sound(verdict: str) -> None:
+    _, found = page(verdict)
+    ids = [attrs["id"] for _, attrs, _ in found.elements if "id" in attrs]
+    assert len(ids) == len(set(ids))
+    for _, attrs, _ in found.elements:
+        if "aria-labelledby" in attrs:
+            assert attrs["aria-labelledby"] in ids
+    assert all(attrs.get("scope") in {"col", "row"} for attrs, _ in found.all("th"))
+    levels = [int(tag[1]) for tag, _, _ in found.elements if re.fullmatch(r"h[1-6]", tag)]
+    assert levels[0] == 1
+    assert levels.count(1) == 1
+    html_attrs = found.one("html")[0]
+    assert html_attrs["lang"] == "en"
+    assert "width=device-width" in found.one("meta", name="viewport")[0]["content"]
+
+
+def _luminance(colour: str) -> float:
+    digits = colour.lstrip("#")
+    digits = "".join(2 * d for d in digits) if len(digits) == 3 else digits
+    parts = [int(digits[i : i + 2], 16) / 255 for i in (0, 2, 4)]
+    linear = [p / 12.92 if p <= 0.04045 else ((p + 0.055) / 1.055) ** 2.4 for p in parts]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def test_contrast_is_enough_in_light_and_dark() -> None:
+    style = page("nothing_missing")[1].one("style")[1]
+    themes = [
+        dict(re.findall(r"--(\w+):(#[0-9a-f]+)", block)) for block in re.findall(r":root\{([^}]*)\}", style)
+    ]
+    assert len(themes) == 3  # light, dark, print
+    for theme in themes:
+        full = themes[0] | theme
+        for ground in ("paper", "wash"):
+            for ink in ("ink", "soft", "before", "after", "ok", "ask", "none"):
+                if theme is themes[2] and ink in {"ok", "ask", "none"}:
+                    continue
+                a, b = sorted((_luminance(full[ink]), _luminance(full[ground])), reverse=True)
+                assert (a + 0.05) / (b + 0.05) >= 4.5, (ink, ground)
+
+
+# the command -------------------------------------------------------------------------------------------------------
+
+
+def test_command_writes_the_page_and_its_pictures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = MACHINES / "gantry_rotary"
+    out = tmp_path / "page.html"
+    command = ["report", str(folder / "machine.toml"), str(folder / "data.csv"), "-o", str(out)]
+    assert cli.main([*command, "--images", str(tmp_path / "p"), "--radius", "C=4cm"]) == 0
+    printed = capsys.readouterr()
+    files = printed.out.split()
+    assert files[0] == str(out)
+    assert {Path(f).suffix for f in files[1:]} == {".png", ".svg"}
+    assert all(Path(f).exists() for f in files)
+    found = Page(out.read_text(encoding="utf-8"))
+    assert "encoder_eccentricity at C" in found.one("section", **{"class": "verdict"})[1]
+    assert re.search(r"40 mm in radius, sits (3\.[89]|4\.[01])\d* ±", found.one("p", **{"class": "hard"})[1])
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        (["-o", "{tmp}"], "a folder"),
+        (["-o", "{machine}"], "the input file itself"),
+        (["-o", "{tmp}/no/page.html"], "cannot be written"),
+        (["-o", "{tmp}/page.html", "--radius", "C"], "a joint, '=', a length"),
+        (["-o", "{tmp}/page.html", "--radius", "C=3deg"], "a joint, '=', a length"),
+        (["-o", "{tmp}/page.html", "--test", "{tmp}/no.csv"], "no.csv"),
+        ([], "-o"),
+    ],
+)
+def test_bad_input_is_one_line(
+    options: list[str], expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    machine = tmp_path / "machine.toml"
+    shutil.copy(MACHINES / "ballbar_gantry/machine.toml", machine)
+    data = MACHINES / "ballbar_gantry/data.csv"
+    given = [o.format(tmp=tmp_path, machine=machine) for o in options]
+    assert cli.main(["report", str(machine), str(data), *given]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert expected in printed.err
+    assert printed.err.count("\n") == 1
+    assert not (tmp_path / "page.html").exists()
+
+
+# in a browser ------------------------------------------------------------------------------------------------------
+
+BROWSER = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None
+)
+FRAME = """<!DOCTYPE html><html><body><iframe id="f" src="page.html" width="{width}" height="800"></iframe><script>
+document.getElementById("f").onload = function () {{
+  var page = this.contentDocument;
+  document.title = JSON.stringify({{
+    width: page.documentElement.scrollWidth,
+    switches: page.querySelectorAll(".switch button").length,
+    copies: page.querySelectorAll(".copy-button").length,
+    sorts: page.querySelectorAll("th button").length,
+    dark: getComputedStyle(page.body).backgroundColor
+  }});
+}};
+</script></body></html>"""
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed")
+@pytest.mark.parametrize("width", [1280, 360])
+def test_browser_shows_it_without_overflow_or_complaint(width: int, tmp_path: Path) -> None:
+    (tmp_path / "page.html").write_text(hostile()[0], encoding="utf-8")
+    (tmp_path / "frame.html").write_text(FRAME.format(width=width), encoding="utf-8")
+    options = ["--headless", "--no-sandbox", "--disable-gpu", "--allow-file-access-from-files"]
+    options += [
+        "--enable-logging=stderr",
+        f"--user-data-dir={tmp_path / 'profile'}",
+        "--virtual-time-budget=5000",
+    ]
+    done = subprocess.run(
+        [str(BROWSER), *options, "--dump-dom", (tmp_path / "frame.html").as_uri()],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    title = re.search(r"<title>(.*?)</title>", done.stdout, re.DOTALL)
+    assert title, done.stderr[-2000:]
+    seen: dict[str, Any] = json.loads(html.unescape(title[1]))
+    assert seen["width"] <= width
+    assert seen["switches"] == 6  # the residuals over C and in space: both, before, after
+    assert seen["copies"] == 1
+    assert seen["sorts"] == 6
+    assert "CONSOLE" not in done.stderr
