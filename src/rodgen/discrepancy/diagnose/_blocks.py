@@ -21,7 +21,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 FOLDS = 10
 ALONE = 1e-6
-"""Part of a combination that is left without a block, below which the others know nothing of it."""
+"""Part of a combination that is left without a block, below which the others know nothing of it: there it is zero."""
 
 
 class Blocks:
@@ -62,7 +62,8 @@ class Blocks:
         u, s, _ = np.linalg.svd(whole / np.where(size > 0, size, 1.0), full_matrices=False)
         u = u[:, s > 1e-9 * max(s[0], 1e-300)] if len(s) else u
         r = self.residual[self.order]
-        r = r - u @ (u.T @ r)
+        taken = u.T @ r
+        r = r - u @ taken
         found = np.empty(len(r))
         for start, end in zip(self.starts, [*self.starts[1:], len(r)], strict=True):
             part = u[start:end]
@@ -71,5 +72,6 @@ class Blocks:
             along = vectors[:, known] @ (
                 (vectors[:, known].T @ (part.T @ r[start:end])) / (1 - values[known])
             )
-            found[start:end] = r[start:end] + part @ along
+            alone = vectors[:, ~known]  # what this block alone tells: nothing predicts it
+            found[start:end] = r[start:end] + part @ (along + alone @ (alone.T @ taken))
         return found
