@@ -1,0 +1,280 @@
+"""A diagnosis finds what was hidden, says nothing where nothing is, and says so where it cannot tell.
+
+The machines come from the plain simulator, and the truth opens only for a finished diagnosis. Here stands one machine
+of each kind; how often a diagnosis is right, of hundreds, is measured by `make study`.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hidden_effects import BENCHES, OUTSIDE, Hidden, Truth, UnhiddenError, hidden, still
+
+import rodgen
+from rodgen import cli
+from rodgen.discrepancy.fit import fit
+
+sys.path.append(str(Path(__file__).parent.parent / "study"))
+
+
+def diagnosed(case: Hidden, folder: Path) -> tuple[rodgen.discrepancy.diagnose.Diagnosis, Truth]:
+    """Go the way of a user; give the diagnosis, and then the truth."""
+    machine, data = case.write(folder)
+    found = fit(rodgen.Machine.load(machine), rodgen.Measurements.load(data)).diagnose()
+    assert not case.sealed.opened
+    return found, case.sealed.open(found)
+
+
+def titles(found) -> list[tuple[str, str | None]]:
+    return [(step.effect.name, step.effect.place) for step in found.steps]
+
+
+def groups(found) -> list[set[tuple[str, str | None]]]:
+    """Each step with what cannot be told from it."""
+    return [
+        {(step.effect.name, step.effect.place)}
+        | {(alias.effect.name, alias.effect.place) for alias in step.indistinguishable_from}
+        for step in found.steps
+    ]
+
+
+# the seal -------------------------------------------------------------------------------------------------------
+
+
+def test_the_truth_opens_only_for_a_finished_diagnosis():
+    case = hidden("mount", 1, [("refraction", None)])
+    for early in ({}, {"verdict": None}, {"verdict": "soon"}):
+        with pytest.raises((KeyError, ValueError)):
+            case.sealed.open(early)
+    assert not case.sealed.opened
+    assert "refraction" not in repr(case) + repr(case.sealed)
+    assert case.sealed.open({"verdict": "nothing_missing"}).effects == (("refraction", None),)
+    assert case.sealed.opened
+
+
+def test_what_the_base_fit_absorbs_cannot_hide():
+    with pytest.raises(UnhiddenError):
+        hidden("rotary_table", 1, [("axis_tilt", "C")])
+
+
+@pytest.mark.parametrize("bench", ["rotary_table", "mount", "ballbar"])
+def test_an_effect_raises_the_error_by_what_was_asked_for(bench, tmp_path):
+    title = {"rotary_table": ("backlash", "C"), "mount": ("refraction", None), "ballbar": ("scale", "Y")}[
+        bench
+    ]
+    rms = []
+    for n, effects in enumerate(([], [title])):
+        # the same seed: the same plan, machine and noise
+        machine, data = hidden(bench, 5, effects, raises=2.0).write(tmp_path / str(n))
+        rms.append(fit(rodgen.Machine.load(machine), rodgen.Measurements.load(data)).rms)
+    # noise and effect are not quite orthogonal in a hundred readings
+    assert rms[1] / rms[0] == pytest.approx(2.0, rel=0.2)
+
+
+# effects of the catalogue -----------------------------------------------------------------------------------------
+
+QUICK = [
+    ("rotary_table", ("encoder_eccentricity", "C")),
+    ("rotary_table", ("backlash", "C")),
+    ("rotary_table", ("tilt_error_motion", "C")),
+    ("trunnion", ("gravity_windup", "A")),
+    ("trunnion", ("load_windup", "A")),
+    ("mount", ("refraction", None)),
+    ("gantry", ("squareness", "Y")),
+    ("gantry", ("gravity_sag", "X")),
+    ("ballbar", ("scale", "X")),
+]
+
+
+def everywhere() -> list[tuple[str, tuple[str, str | None]]]:
+    """Every effect at each kind of place, on the smallest machine that shows it."""
+    found = {}
+    for bench in ("rotary_table", "mount", "trunnion", "gantry", "ballbar", "gantry_rotary", "robot"):
+        b = BENCHES[bench](np.random.default_rng(0))
+        types = {joint["name"]: joint["type"] for joint in b.file["joint"]}
+        for effect, place in b.natural:
+            found.setdefault((effect, types.get(place, "other"), b.kind), []).append((bench, (effect, place)))
+    return [several[len(several) // 2] for several in found.values()]
+
+
+@pytest.mark.parametrize(("bench", "title"), QUICK)
+def test_an_effect_is_found(bench, title, tmp_path):
+    found, truth = diagnosed(hidden(bench, 11, [title], raises=1.5), tmp_path)
+    assert found.verdict == "effects_missing"
+    assert len(found.steps) == 1
+    assert truth.effects[0] in groups(found)[0]
+    assert found.rms.after < 1.1 * found.rms.before / truth.raises
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("bench", "title"), everywhere())
+def test_every_effect_is_found_at_every_kind_of_joint(bench, title, tmp_path):
+    try:
+        case = hidden(bench, 12, [title], raises=1.5)
+    except UnhiddenError:
+        pytest.skip("the base fit absorbs it")
+    found, truth = diagnosed(case, tmp_path)
+    assert found.verdict == "effects_missing"
+    assert truth.effects[0] in groups(found)[0]
+    assert len(found.steps) == 1
+
+
+@pytest.mark.parametrize(
+    ("bench", "effects"),
+    [
+        ("gantry", [("squareness", "Y"), ("backlash", "X")]),
+        ("trunnion", [("encoder_eccentricity", "C"), ("gravity_windup", "A")]),
+        ("gantry", [("scale", "X"), ("backlash", "Z"), ("straightness", "Y")]),
+    ],
+)
+def test_two_and_three_effects_are_found(bench, effects, tmp_path):
+    found, truth = diagnosed(hidden(bench, 13, effects, raises=1.5), tmp_path)
+    assert found.verdict == "effects_missing"
+    assert len(found.steps) == len(effects)
+    for title in truth.effects:
+        assert any(title in group for group in groups(found)), title
+
+
+@pytest.mark.parametrize(
+    ("bench", "title"), [("rotary_table", ("eccentric_scale", "C")), ("trunnion", ("play", "C"))]
+)
+def test_real_physics_has_the_name_of_the_nearest_effect_and_makes_no_heap(bench, title, tmp_path):
+    found, truth = diagnosed(hidden(bench, 14, [title], raises=10.0), tmp_path)
+    assert truth.effects[0] in groups(found)[0]
+    assert len(found.steps) <= 2
+
+
+@pytest.mark.parametrize("raises", [1.05, 10.0])
+def test_small_and_large_effects_are_found(raises, tmp_path):
+    case = hidden("rotary_table", 15, [("encoder_ellipticity", "C")], raises=raises, size=1.5)
+    found, truth = diagnosed(case, tmp_path)
+    assert [truth.effects[0] in group for group in groups(found)] == [True]
+
+
+# nothing ----------------------------------------------------------------------------------------------------------
+
+INNOCENT = {
+    "white noise": ("gantry", {}),
+    "pose-shared errors": ("rotary_table", {"wanders": "pose"}),
+    "joints that stop anywhere": ("trunnion", {"wanders": "joint"}),
+    "random walk": ("rotary_table", {"wanders": "walk"}),
+    "wandering": ("trunnion", {"wanders": "ou"}),
+    "unequal variance, stated": ("mount", {"spread": "stated"}),
+    "unequal variance, unknown": ("rotary_table", {"spread": "hidden"}),
+    "idle covariates": ("rotary_table", {"covariates": True}),
+    "outliers": ("trunnion", {"outliers": 0.02}),
+    "many outliers": ("rotary_table", {"outliers": 0.1}),
+}
+
+
+@pytest.mark.parametrize("what", INNOCENT)
+def test_nothing_is_claimed_where_nothing_is(what, tmp_path):
+    bench, more = INNOCENT[what]
+    found, truth = diagnosed(hidden(bench, 21, **more), tmp_path)
+    assert titles(found) == []
+    assert [form.form for form in found.unexplained] == []
+    assert found.verdict == "nothing_missing"
+    assert truth.outliers <= set(found.outliers)
+
+
+def test_a_day_s_cycle_is_time_and_nothing_else(tmp_path):
+    found, _ = diagnosed(hidden("rotary_table", 22, wanders="day"), tmp_path)
+    assert {step.effect.name for step in found.steps} <= {"warm_up_drift", "linear_drift", "frame_shift"}
+    assert {form.driver for form in found.unexplained} <= {"t"}
+
+
+# what cannot be told ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("bench", "size"), [("mount", 0.03), ("trunnion", 0.03), ("robot", 0.04)])
+def test_too_few_rows_are_too_few(bench, size, tmp_path):
+    found, _ = diagnosed(hidden(bench, 31, size=size), tmp_path)
+    assert found.verdict == "cannot_tell"
+    assert found.reason
+    assert found.steps == ()
+
+
+def test_a_joint_that_never_moved_hides_nothing_where_it_is_not_estimated(tmp_path):
+    bench = still(np.random.default_rng(32))
+    found, truth = diagnosed(hidden(bench, 32, [("squareness", "Y")], raises=1.5), tmp_path)
+    assert found.verdict == "effects_missing"
+    assert len(found.steps) == 1
+    assert truth.effects[0] in groups(found)[0]
+
+
+def test_a_joint_that_never_moved_and_is_estimated_is_the_reason_for_no_answer(tmp_path):
+    bench = still(np.random.default_rng(33), estimated=True)
+    found, _ = diagnosed(hidden(bench, 33, [("squareness", "Y")], raises=1.5), tmp_path)
+    assert found.verdict == "cannot_tell"
+    assert re.search(r"\bC\b", found.reason)
+    assert found.steps == ()
+
+
+# outside the catalogue ----------------------------------------------------------------------------------------------
+
+QUICK_OUTSIDE = ["fifth_harmonic", "humidity", "speed_squared", "bump"]
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [kind if kind in QUICK_OUTSIDE else pytest.param(kind, marks=pytest.mark.slow) for kind in OUTSIDE],
+)
+def test_what_lies_outside_the_catalogue_is_said_to(kind, tmp_path):
+    found, truth = diagnosed(hidden(OUTSIDE[kind].bench, 41, outside=kind, raises=2.0), tmp_path)
+    assert found.verdict == "unknown_effect"
+    assert set(re.findall(r"\w+", found.unexplained[0].driver)) & truth.drivers
+    assert len(found.steps) <= 1
+
+
+def test_a_proposed_effect_can_be_pasted_into_the_machine_file(tmp_path):
+    case = hidden("rotary_table", 42, outside="fifth_harmonic", raises=2.0)
+    found, _ = diagnosed(case, tmp_path)
+    machine, data = case.write(tmp_path)
+    machine.write_text(machine.read_text() + "\n" + found.unexplained[0].block)
+    again = fit(rodgen.Machine.load(machine), rodgen.Measurements.load(data))
+    assert again.rms == pytest.approx(found.rms.before / 2, rel=0.1)
+
+
+# the command --------------------------------------------------------------------------------------------------------
+
+
+def test_the_command_tells_people_the_same(tmp_path, capsys):
+    case = hidden("mount", 51, [("refraction", None)], raises=1.5)
+    machine, data = case.write(tmp_path)
+    assert cli.main(["diagnose", str(machine), str(data)]) == 0
+    text = capsys.readouterr().out
+    assert cli.main(["diagnose", str(machine), str(data), "--json"]) == 0
+    truth = case.sealed.open(json.loads(capsys.readouterr().out))
+    assert truth.effects[0][0] in text
+
+
+# the study ----------------------------------------------------------------------------------------------------------
+
+
+def test_the_study_goes_on_where_it_was_and_prints_its_table(tmp_path, capsys, monkeypatch):
+    import run
+
+    monkeypatch.setattr(run, "digest", lambda: "test")  # somebody may be editing
+    monkeypatch.setattr(sys, "stderr", sys.__stderr__)
+    arguments = ["--quick", "--only", "RMS x 2", "--out", str(tmp_path)]
+    assert run.main(arguments) == 0
+    first = capsys.readouterr().out
+    assert "RMS x 2: told as such" in first
+    records = json.loads((tmp_path / "results.json").read_text())
+    assert len(records) == 4
+    assert run.main(arguments) == 0
+    assert json.loads((tmp_path / "results.json").read_text()) == records
+
+
+def test_intervals_of_the_study_are_those_of_clopper_and_pearson():
+    from table import interval
+
+    # exact values, as R's binom.test gives them
+    assert interval(3, 100) == pytest.approx((0.006229972, 0.085176053), abs=1e-8)
+    assert interval(0, 60) == pytest.approx((0.0, 0.05962949), abs=1e-7)
+    assert interval(60, 60)[1] == 1.0
