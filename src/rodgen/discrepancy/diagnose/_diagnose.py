@@ -33,7 +33,7 @@ from rodgen.discrepancy.diagnose._diagnosis import (
 from rodgen.discrepancy.diagnose._gross import gross_errors, together
 from rodgen.discrepancy.diagnose._outside import Outside, outside_of
 from rodgen.discrepancy.diagnose._selection import Selection
-from rodgen.discrepancy.diagnose._space import Score, Space
+from rodgen.discrepancy.diagnose._space import Space
 from rodgen.discrepancy.diagnose._unexplained import Form
 from rodgen.discrepancy.fit import Estimate, Fit, FitError, fit
 from rodgen.discrepancy.measurements import Measurements
@@ -49,7 +49,7 @@ Progress: TypeAlias = Callable[[str, int, float], object]
 FEWEST_SPARE = 6
 """Readings beyond the parameters that a test needs."""
 FEWEST_POSES = 4
-COMPILE_FROM = 20_000
+COMPILE_FROM = 500_000
 """From so many rows on compiling a model that is fitted once pays."""
 FOLDS = 10
 ROUNDS = 3
@@ -265,13 +265,12 @@ class _Diagnosing:
         self.tell("what else would explain it")
         steps = []
         for k, candidate in enumerate(kept):
-            score = _score_of(work, kept[:k], candidate)
-            log10 = (score.log_p + np.log(work.space.tests([score], kept[:k]))) / np.log(10) if score else 0.0
+            log10 = _log10_p(work, kept[:k], candidate)
             steps.append(
                 DiagnosedEffect(
                     candidate.effect,
                     max(10 ** max(log10, -300), SMALLEST),
-                    float(log10),
+                    log10,
                     fits[k + 1].rms,
                     held_out[k + 1],
                     self._estimates(work, final, candidate),
@@ -379,20 +378,23 @@ def _one_each(found: Iterable[Candidate]) -> list[Candidate]:
     return [c for several in by_key.values() for c in several[:: max(len(several) // 4, 1)]]
 
 
-def _score_of(work: _Work, before: Sequence[Candidate], candidate: Candidate) -> Score | None:
+def _log10_p(work: _Work, before: Sequence[Candidate], candidate: Candidate) -> float:
+    """Return the logarithm of the probability that chance does as much for any candidate beside those before."""
     left = work.selection.left(work.residual, work.total, before)
     scores = work.space.scores(work.residual, left, before)
-    return next((score for score in scores if score.candidate.key == candidate.key), None)
+    own = next((score.log_p for score in scores if score.candidate.key == candidate.key), 0.0)
+    return float(min((own + np.log(work.space.tests(scores, before))) / np.log(10), 0.0))
 
 
 def _ranking(work: _Work) -> tuple[Ranked, ...]:
-    scores = work.space.scores(work.residual, work.total)
+    total = work.selection.left(work.residual, work.total, [])
+    scores = work.space.scores(work.residual, total)
     tests = np.log(work.space.tests(scores)) if scores else 0.0
     found = []
     for s in scores:
         log10 = min((s.log_p + tests) / np.log(10), 0.0)
         freedoms = (float(s.freedoms), float(s.spare))
-        explains = s.fall / work.total if work.total > 0 else 0.0
+        explains = s.fall / total if total > 0 else 0.0
         p = max(10 ** max(log10, -300), SMALLEST)
         found.append(Ranked(s.candidate.effect, p, float(log10), s.statistic, freedoms, s.visible, explains))
     return tuple(found)
