@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.discrepancy._problem import Problem
 from rodgen.discrepancy.plan._design import Coordinates, Pair, Sharpen, Task, chosen
 from rodgen.discrepancy.plan._order import ordered, wrong_sides
 from rodgen.discrepancy.plan._pool import Levels, levels, readings
@@ -40,7 +41,14 @@ RESTS = 0.005
 """A parameter with a greater part in a combination that nothing shows rests on it."""
 OPEN = 1e-3
 """A parameter is hardly determined whose standard deviation would be below this part if the others were known."""
-MOST_TRIED = 3000
+SMALL = 0.1
+"""Where readings cover less than this part of what positions within the travel make of them, the instrument reads small
+deviations only, and positions count that keep to these."""
+FAR, MANY = 5, (60, 120)
+"""How many readings would be enough is told from a plan with so many times more, within these limits."""
+MOST_DEPENDENT = 30.0
+"""Dependent readings raise the variance of a mean so much at most; beyond, a fit went elsewhere."""
+MOST_TRIED = 500
 """Readings beyond which nobody counts."""
 EFFORT = 0.01
 """What it costs, in parts of what is needed, to go where nothing was measured, to mount a load, to see a new target."""
@@ -68,6 +76,8 @@ class Question:
         Effects that have some of them.
     kind : str
         Of the goal for the parameters.
+    of_all : bool
+        Whether nobody asked for these parameters.
     trusted : bool
         Whether a diagnosis, which knows how readings depend on each other, says that the effects of a class cannot be
         told apart: where they differ by more in independent readings, these are not.
@@ -79,6 +89,7 @@ class Question:
     keys: tuple[str, ...]
     further: tuple[Effect, ...]
     kind: str
+    of_all: bool = False
     trusted: bool = False
     notes: list[str] = field(default_factory=list)
 
@@ -158,6 +169,13 @@ class Attempt:
     def reached_so_far(self) -> bool:
         """Whether every pair is that readings like these can tell apart."""
         return all(pair.reached for pair in self.pairs if pair.possible)
+
+    @property
+    def settled(self) -> bool:
+        """Whether some pair is reached, and every one that differs at all."""
+        return any(p.reached for p in self.pairs) and all(
+            p.reached for p in self.pairs if p.tiny or p.possible
+        )
 
     @property
     def worth(self) -> float:
@@ -257,7 +275,7 @@ class _Planning:
             sane = [k for k in numbers if self.models[k].plausible]
             for a, b in itertools.permutations(sane, 2):
                 factor = max(factor, self._now(a, b) / self._threshold(a, b))
-        return factor
+        return min(factor, MOST_DEPENDENT)
 
     # readings ------------------------------------------------------------------------------------------------
 
@@ -278,6 +296,7 @@ class _Planning:
         )
         units = np.array([joint_unit(o, j)[1] for j in range(len(self.machine.joints))])
         self.pool = readings(self.machine, o, self.travel, units, self.choice)
+        self.pool = self._within_reach(self.pool, units)
         middle = None if o.t is None else self.surroundings.begin + 6 * self.surroundings.step
         seen = self.surroundings.observations(self.pool, middle)
         self.columns = rivals.columns(self.models, seen, self.variance)
@@ -298,6 +317,25 @@ class _Planning:
         if o.load is not None:
             new += ~np.isin(pool.load, o.load)
         self.effort = EFFORT * new
+
+    def _within_reach(self, pool: Rows, units: Array) -> Rows:
+        """Leave out readings beyond an instrument that measures deviations only: a probe on a ball, a ball bar."""
+        if self.machine.measured.kind == "direction":
+            return pool
+        fit = self.models[0].fit
+        seen = self.surroundings.observations(pool, None if self.o.t is None else self.surroundings.begin)
+        at = fit.solution.theta, fit.solution.frame
+        predicted = seen.reading - Problem(fit.problem.model, seen).residuals(*at)
+        low, high = self.o.reading.min(axis=0), self.o.reading.max(axis=0)
+        small = np.linalg.norm(high - low) < SMALL * np.linalg.norm(np.nanstd(predicted, axis=0))
+        if not small:
+            return pool
+        room = 0.5 * (high - low)
+        pool = readings(self.machine, self.o, self.travel, units, self.choice, again=True)
+        seen = self.surroundings.observations(pool, None if self.o.t is None else self.surroundings.begin)
+        predicted = seen.reading - Problem(fit.problem.model, seen).residuals(*at)
+        inside = np.all((predicted > low - room) & (predicted < high + room), axis=1)
+        return pool.take(inside) if inside.sum() > 1 else pool
 
     # goals ---------------------------------------------------------------------------------------------------
 
@@ -381,19 +419,21 @@ class _Planning:
             if self._all_reached(rows):
                 rows = rows if self.task.sharpen else self._thinned(rows)
                 break
-            needed = self._enough(rows)
-            if needed is not None or not self._given_up(rows):
+            more = self._many(n)
+            needed = self._enough(more)
+            if needed is not None or not self._given_up(more):
                 break
         return self._told(rows, needed)
 
+    def _many(self, n: int) -> Rows:
+        """Return so many readings that more of them would be the same once more."""
+        count = min(max(FAR * n, MANY[0]), MANY[1], len(self.pool.q))
+        return self._ordered(chosen(self.task, self.columns, self.groups, self.effort, count, sweeps=0))
+
     def _given_up(self, rows: Rows) -> bool:
         """Take no count of pairs that readings like these never tell apart, and say whether there were such."""
-        after, spread, _ = self._gains(rows, self.task, MOST_TRIED / rows.n)
-        bad = {
-            p
-            for p, x in zip(self.task.pairs, (after - self._thresholds) / spread, strict=True)
-            if x < QUANTILE
-        }
+        after, _, _ = self._gains(rows, self.task, MOST_TRIED / rows.n)
+        bad = {p for p, x in zip(self.task.pairs, after, strict=True) if x < p.needed}
         self.pairs = [
             (k, p, threshold, possible and p not in bad, tiny)
             for k, p, threshold, possible, tiny in self.pairs
@@ -434,9 +474,9 @@ class _Planning:
     def _all_reached(self, rows: Rows) -> bool:
         return bool(self._surest(rows) >= QUANTILE)
 
-    def _surest(self, rows: Rows, times: float = 1.0) -> float:
-        """Return by how many standard deviations the least sure pair is told apart, with each reading so many times."""
-        after, spread, _ = self._gains(rows, self.task, times)
+    def _surest(self, rows: Rows) -> float:
+        """Return by how many standard deviations the least sure pair is told apart."""
+        after, spread, _ = self._gains(rows, self.task)
         return float(np.min((after - self._thresholds) / spread))
 
     def _thinned(self, rows: Rows) -> Rows:
@@ -455,14 +495,19 @@ class _Planning:
 
     def _enough(self, rows: Rows) -> int | None:
         """Return how many readings would be enough, if each of these were taken several times."""
+        needed = np.array([p.needed for p in self.task.pairs])
+
+        def enough(times: float) -> bool:
+            return bool(np.all(self._gains(rows, self.task, times)[0] >= needed))
+
         low, high = 1.0, 1.0
-        while self._surest(rows, high) < QUANTILE:
+        while not enough(high):
             low, high = high, 2 * high
             if high * rows.n > MOST_TRIED:
                 return None
         while high / low > 1.1:
             middle = math.sqrt(low * high)
-            low, high = (low, middle) if self._surest(rows, middle) >= QUANTILE else (middle, high)
+            low, high = (low, middle) if enough(middle) else (middle, high)
         return math.ceil(high * rows.n)
 
     def _told(self, rows: Rows, needed: int | None) -> Attempt:

@@ -34,9 +34,13 @@ WAITS = (2.0, -1.0)
 """Before measuring on: for how many times the duration of the data to wait; or to begin when the machine is cold."""
 WORTH = 0.3
 """A new target, or a wait, is proposed where it brings so much more, in parts of what is needed."""
+LINES = 12
+"""Gains of a goal that the text tells, at most."""
+WIDER = (0.15, 0.5, 1.0)
+"""By what parts of a travel that the machine does not say more of it is imagined, to either side."""
 FEW_TARGETS = 3
 """With so many, a further target is not proposed."""
-LARGEST_CLASS = 6
+LARGEST_CLASS = 8
 """Members of a class that are looked at."""
 
 
@@ -143,9 +147,11 @@ class Plan:
             return
         yield "What to settle"
         for goal in self.goals:
-            yield f"  {goal.sentence}"
+            yield from (f"  {line}" for line in goal.sentence.split("\n"))
             if goal.resolvable and self.count:
-                yield from (f"    {_gain_text(gain)}" for gain in goal.gains)
+                yield from (f"    {_gain_text(gain)}" for gain in goal.gains[:LINES])
+                if len(goal.gains) > LINES:
+                    yield f"    and {len(goal.gains) - LINES} more"
         if self.count:
             yield f"What to measure: {self.count} reading{'s' * (self.count != 1)}"
             yield from (f"  {sentence}" for sentence in self.words)
@@ -157,11 +163,11 @@ class Plan:
 
 
 def _gain_text(gain: Gain) -> str:
-    after = "open" if gain.after is None else f"{gain.after:.3g}"
     if gain.what == "std":
-        now = "not determined" if gain.now is None else f"± {gain.now:.3g}"
         unit = "" if gain.unit == "1" else f" {gain.unit}"
-        return f"{gain.of}: {now} now, ± {after}{unit} expected"
+        now, after = ("not determined" if x is None else f"± {x:.3g}{unit}" for x in (gain.now, gain.after))
+        return f"{gain.of}: {now} now, {after} expected"
+    after = "open" if gain.after is None else f"{gain.after:.3g}"
     chance = "" if gain.probability is None else f", reached with {_percent(gain.probability)}"
     needed = "" if gain.needed is None else f" ({gain.needed:.3g} needed{chance})"
     return f"{gain.of}: chi-square {0.0 if gain.now is None else gain.now:.3g} now, {after} expected{needed}"
@@ -223,7 +229,9 @@ def plan(of: Fit | Diagnosis, n: int = 12, *, wanted: Iterable[str] | None = Non
         for step in steps
         if step.indistinguishable_from and not wanted
     ]
-    return plan_for(of.final, classes, n, wanted=wanted or (), trusted=True)  # type: ignore[union-attr]
+    correlation = getattr(of, "correlation", None)
+    dependent = correlation is not None and not correlation.independent
+    return plan_for(of.final, classes, n, wanted=wanted or (), trusted=dependent)  # type: ignore[union-attr]
 
 
 def plan_for(
@@ -245,8 +253,8 @@ def plan_for(
     n : int
     wanted : iterable of str
     trusted : bool
-        Whether the classes are those of a diagnosis, which knows how readings depend on each other. Otherwise effects
-        that the data refute are left out.
+        Whether the classes are those of a diagnosis that found readings to depend on each other. Otherwise effects that
+        independent readings refute are left out.
 
     Raises
     ------
@@ -286,7 +294,7 @@ def _question(
         keys += found
         if effect_wanted is not None:
             further[effect_wanted.name, effect_wanted.place] = effect_wanted
-    kind = "sharpen"
+    kind, of_all = "sharpen", not keys
     if not keys and not members:
         kind, keys = _open(fit)
     return Question(
@@ -295,6 +303,7 @@ def _question(
         tuple(dict.fromkeys(keys)),
         tuple(further.values()),
         kind,
+        of_all,
         trusted,
         notes,
     )
@@ -424,28 +433,28 @@ class _Planner:
     def _class_goals(self, best: Attempt) -> Iterator[Goal]:
         for k, each in enumerate(self.question.classes):
             titles = tuple(e.title for e in each.effects)
+            of = [p for p in best.pairs if p.of == k]
             gains = tuple(
                 Gain(
                     "chi_square",
-                    f"if {best.title(p.pair.true)} is there and not {best.title(p.pair.wrong)}",
+                    f"{best.title(p.pair.true)}, not {best.title(p.pair.wrong)}",
                     p.pair.now,
                     p.after,
                     p.threshold,
                     p.probability,
                 )
-                for p in best.pairs
-                if p.of == k
+                for p in sorted(of, key=lambda p: (p.probability, p.after))
+                if p.possible
             )
-            of = [p for p in best.pairs if p.of == k]
+            sentence = " ".join(self._class_sentences(best, k, titles))
             solvable = any(p.possible for p in of)
-            sentence = " ".join(self._class_sentences(best, k, titles, solvable))
             yield Goal("separate", titles, (), sentence, solvable, all(p.reached for p in of), gains)
 
-    def _class_sentences(self, best: Attempt, k: int, titles: Sequence[str], solvable: bool) -> Iterator[str]:
+    def _class_sentences(self, best: Attempt, k: int, titles: Sequence[str]) -> Iterator[str]:
         refuted = [best.title(a) for c, a in best.refuted if c == k]
         left = [title for title in titles if title not in refuted]
-        if solvable:
-            yield f"Tell {listed(left)} apart."
+        possible = {frozenset((p.pair.true, p.pair.wrong)) for p in best.pairs if p.of == k and p.possible}
+        yield from (f"Tell {text}." for text in _from_each_other(possible, best))
         if refuted:
             verb = "fits" if len(refuted) == 1 else "fit"
             yield f"{listed(refuted)} {verb} the data worse already, or with sizes that no machine has."
@@ -457,11 +466,9 @@ class _Planner:
         for group in _together(exact):
             names = listed([best.title(x) for x in group])
             yield f"{names} do the same to every reading within the travel: no measurement there tells them apart."
-        for group in _together(small):
-            yield (
-                f"{listed([best.title(x) for x in group])}, as they were fitted, differ by too little within the "
-                f"travel: no reasonable number of readings there tells them apart."
-            )
+        if small:
+            groups = "; ".join(listed([best.title(x) for x in group]) for group in _together(small))
+            yield f"Too much alike within the travel, as they were fitted, for any reasonable number of readings: {groups}."
         for c, less, more in best.included:
             if c == k and frozenset((less, more)) not in exact | small:
                 yield (
@@ -472,22 +479,24 @@ class _Planner:
     def _key_goals(self, best: Attempt) -> Iterator[Goal]:
         if not best.keys:
             return
-        gains = tuple(Gain("std", k.key, k.now, k.after, unit=k.unit) for k in best.keys if not k.gauge)
-        names = tuple(k.key for k in best.keys)
-        gauge = [k.key for k in best.keys if k.gauge]
-        open_ = [k.key for k in best.keys if not k.gauge and k.after is None]
-        shown_names = listed([*names[:6], f"{len(names) - 6} more"] if len(names) > 7 else list(names))
-        verb = "Determine" if self.question.kind == "show" else "Sharpen"
-        sentence = f"{verb} {shown_names}."
-        if gauge:
+        show = self.question.kind == "show"
+        lost = [k.key for k in best.keys if k.gauge]
+        keys = [k for k in best.keys if not k.gauge and not (show and k.now is not None)]
+        open_ = [k.key for k in keys if k.after is None]
+        verb = "Determine" if show else "Sharpen"
+        sentence = f"{verb} {_some([k.key for k in keys])}." if keys else ""
+        if lost and not self.question.of_all:
             sentence += (
-                f" No reading shows {listed(gauge)}: a choice of coordinates, or without any effect here."
+                f" No reading shows {_some(lost)}: a choice of coordinates, or without any effect here."
             )
         if open_:
-            sentence += f" No reading within the travel determines {listed(open_)}."
-        resolvable = len(gauge) + len(open_) < len(names)
-        reached = not gauge and not open_
-        yield Goal(self.question.kind, (), names, sentence, resolvable, reached, gains)
+            some = "them" if len(open_) == len(keys) else _some(open_)
+            sentence += f" No reading within the travel determines {some}."
+        gains = tuple(Gain("std", k.key, k.now, k.after, unit=k.unit) for k in keys)
+        names = tuple(k.key for k in best.keys)
+        solved = len(open_) < len(keys)
+        reached = not open_ and (self.question.of_all or not lost)
+        yield Goal(self.question.kind, (), names, sentence.strip(), solved, reached, gains)
 
     # notes -------------------------------------------------------------------------------------------------------
 
@@ -530,31 +539,59 @@ class _Planner:
 
     def _further(self, best: Attempt, joints: Sequence[int]) -> str:
         """Say what readings beyond the data would bring."""
-        travel = np.array(best.travel)
-        for j in joints:
-            low, high = travel[j]
-            more = (high - low) / 2
-            if self.question.machine.joints[j].type == "revolute":
-                more = min(more, math.pi - (high - low) / 2) if high > low else math.pi / 6
-            travel[j] = low - more, high + more
-        there = listed(
-            [f"{self.question.machine.joints[j].name} {range_text(self.o, j, travel[j])}" for j in joints]
-        )
-        wider = attempt(self.question, self.question.machine, self.o, self.n, wait=best.wait, travel=travel)
-        if wider.reached:
-            return f": with {there}, {wider.rows.n} readings would do"
-        if wider.needed:
-            return f": with {there}, about {wider.needed} readings would do"
+        for part in WIDER:
+            travel = np.array(best.travel)
+            for j in joints:
+                low, high = travel[j]
+                more = part * (high - low)
+                if self.question.machine.joints[j].type == "revolute":
+                    more = min(more, math.pi - (high - low) / 2)
+                travel[j] = low - more, high + more
+            wider = attempt(
+                self.question, self.question.machine, self.o, self.n, wait=best.wait, travel=travel
+            )
+            if wider.settled:
+                ranges = [
+                    f"{self.o.machine.joints[j].name} {range_text(self.o, j, travel[j])}" for j in joints
+                ]
+                return f": with {listed(ranges)}, {wider.rows.n} readings would do{but}"
         return ""
 
 
+def _some(names: Sequence[str]) -> str:
+    return listed([*names[:6], f"{len(names) - 6} more"] if len(names) > 7 else list(names))
+
+
+def _from_each_other(pairs: set[frozenset[int]], best: Attempt) -> list[str]:
+    """Say which effects are to be told from which: all from each other, or one from some after the other."""
+    nodes = sorted({k for pair in pairs for k in pair})
+    if nodes and 2 * len(pairs) == len(nodes) * (len(nodes) - 1):
+        return [f"{listed([best.title(k) for k in nodes])} apart"]
+    left, found = set(pairs), []
+    while left:
+        most = max(nodes, key=lambda k: sum(k in pair for pair in left))
+        others = [k for k in nodes if frozenset((k, most)) in left]
+        left -= {frozenset((k, most)) for k in others}
+        found.append(f"{best.title(most)} from {listed([best.title(k) for k in others])}")
+    return found
+
+
 def _together(pairs: Iterable[frozenset[int]]) -> list[list[int]]:
-    """Return numbers that pairs connect, in groups."""
-    groups: list[set[int]] = []
-    for pair in pairs:
-        touched = [g for g in groups if g & pair]
-        groups = [g for g in groups if not g & pair] + [set(pair).union(*touched)]
-    return [sorted(g) for g in groups]
+    """Return groups of numbers of which all are pairs; every pair is in one."""
+    every = set(pairs)
+    nodes = sorted({k for pair in every for k in pair})
+    groups: list[list[int]] = []
+    for pair in sorted(every, key=sorted):
+        if any(pair <= set(group) for group in groups):
+            continue
+        group = sorted(pair)
+        while True:
+            more = [k for k in nodes if k not in group and all(frozenset((k, x)) in every for x in group)]
+            if not more:
+                break
+            group.append(more[0])
+        groups.append(sorted(group))
+    return groups
 
 
 def _whole(o: Any, j: int, joint: Any) -> bool:

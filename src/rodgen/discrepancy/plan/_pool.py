@@ -174,10 +174,17 @@ def levels(
     )
 
 
-def readings(machine: Machine, o: Observations, travel: Array, units: Array, choice: Levels) -> Rows:
-    """Return all readings that are considered."""
-    variants = min(choice.variants, VARIANTS)
-    q = positions(travel, units, max(FEWEST_POSITIONS, READINGS // variants), np.asarray(o.q))
+def readings(
+    machine: Machine, o: Observations, travel: Array, units: Array, choice: Levels, *, again: bool = False
+) -> Rows:
+    """Return all readings that are considered; `again`: in the positions of the data only."""
+    count = max(FEWEST_POSITIONS, READINGS // min(choice.variants, VARIANTS))
+    taken = np.asarray(o.q)
+    if again:
+        q = np.unique(taken, axis=0)
+        q = q[np.linspace(0, len(q) - 1, min(len(q), count)).astype(int)]
+    else:
+        q = positions(travel, units, count, taken)
     random = np.random.default_rng(0)
     kinds = list(
         itertools.product(
