@@ -35,11 +35,16 @@ class Blocks:
         Columns of the model.
     residual : ndarray, shape (n, m)
         Weighted residuals.
+    stretches : bool
+        Whether a block is all that was measured in a stretch of time, instead of poses from everywhere.
     """
 
-    def __init__(self, observations: Observations, model: Array, residual: Array) -> None:
+    def __init__(
+        self, observations: Observations, model: Array, residual: Array, *, stretches: bool = False
+    ) -> None:
         self.m = residual.shape[1]
-        fold = np.repeat(deal(observations, FOLDS), self.m)
+        fold = _stretches(observations) if stretches else deal(observations, FOLDS)
+        fold = np.repeat(fold, self.m)
         self.order = np.argsort(fold, kind="stable")
         self.starts = np.flatnonzero(np.diff(fold[self.order], prepend=-1))
         self.model = model.reshape(len(fold), -1)
@@ -75,3 +80,8 @@ class Blocks:
             alone = vectors[:, ~known]  # what this block alone tells: nothing predicts it
             found[start:end] = r[start:end] + part @ (along + alone @ (alone.T @ taken))
         return found
+
+
+def _stretches(observations: Observations) -> NDArray[np.int_]:
+    _, number = np.unique(observations.pose, return_inverse=True)
+    return np.asarray(number * FOLDS // (int(number.max(initial=0)) + 1))

@@ -24,7 +24,8 @@ WAVES_STEP = 0.5
 """Periods that are tried: as many waves over the way, and so on in these steps."""
 MOST_WAVES = 60.0
 """More waves than so many are tried only where the machine file gives the period."""
-FEWEST_WAVES = 0.75
+FEWEST_WAVES = 2.0
+"""Fewer waves imitate any smooth curve; an eccentricity and an ellipticity have effects of their own."""
 WAVE_ROWS, PEAKS = 2_000, 5
 """Rows on which periods are compared, and how many of the best are kept."""
 FUNCTIONS = {

@@ -218,7 +218,10 @@ class _Diagnosing:
         space = Space(model, found, how.whiten)
         residual, total = space.residual(carriers.residual)
         blocks = Blocks(carriers.observations, model, carriers.residual)
-        selection = Selection(space, blocks, self.observations.n)
+        stretches = None
+        if not how.independent:
+            stretches = Blocks(carriers.observations, model, carriers.residual, stretches=True)
+        selection = Selection(space, blocks, self.observations.n, stretches)
         return _Work(base, carriers, found, how, space, selection, residual, total)
 
     def _outside(self, work: _Work, final: Fit) -> Outside:
@@ -265,7 +268,8 @@ class _Diagnosing:
         self.tell("what else would explain it")
         steps = []
         for k, candidate in enumerate(kept):
-            log10 = _log10_p(work, kept[:k], candidate)
+            others = [c for c in kept if c is not candidate]
+            log10 = work.selection.log_p(work.residual, work.total, others, candidate) / np.log(10)
             steps.append(
                 DiagnosedEffect(
                     candidate.effect,
@@ -376,14 +380,6 @@ def _one_each(found: Iterable[Candidate]) -> list[Candidate]:
     for candidate in found:
         by_key.setdefault(candidate.key, []).append(candidate)
     return [c for several in by_key.values() for c in several[:: max(len(several) // 4, 1)]]
-
-
-def _log10_p(work: _Work, before: Sequence[Candidate], candidate: Candidate) -> float:
-    """Return the logarithm of the probability that chance does as much for any candidate beside those before."""
-    left = work.selection.left(work.residual, work.total, before)
-    scores = work.space.scores(work.residual, left, before)
-    own = next((score.log_p for score in scores if score.candidate.key == candidate.key), 0.0)
-    return float(min((own + np.log(work.space.tests(scores, before))) / np.log(10), 0.0))
 
 
 def _ranking(work: _Work) -> tuple[Ranked, ...]:

@@ -108,7 +108,12 @@ class _Contest:
         space = Space(model, self.selection.space.candidates, self.how.whiten)
         residual, total = space.residual(self.carriers.residual)
         blocks = Blocks(self.carriers.observations, model, self.carriers.residual)
-        kept = Selection(space, blocks, self.selection.rows, self.selection.level).run(residual, total)
+        stretches = None
+        if self.selection.stretches is not None:
+            stretches = Blocks(self.carriers.observations, model, self.carriers.residual, stretches=True)
+        kept = replace(self.selection, space=space, blocks=blocks, stretches=stretches, _tests={}).run(
+            residual, total
+        )
         columns = np.concatenate([model, *(c.columns for c in kept)], axis=2)
         more = find_forms(self.carriers, self.how, columns, most=MOST_FORMS - 1)
         return self._without_small(kept, [form, *(f for f in more if not f.in_catalogue)])

@@ -10,7 +10,7 @@ by more than the little by which real effects differ from formulas.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
 from typing import TypeAlias
 
@@ -53,6 +53,8 @@ class Selection:
     blocks : Blocks
         Of poses, for the error on poses left out.
     rows : int
+    stretches : Blocks or None
+        Of time, where the set-up wanders: what follows the time must predict stretches of it that it did not see.
     level : float
         Rate of false alarms.
     """
@@ -60,27 +62,27 @@ class Selection:
     space: Space
     blocks: Blocks
     rows: int
+    stretches: Blocks | None = None
     level: float = FAMILY_WISE
+    _tests: dict[frozenset[tuple[str, str | None]], float] = field(default_factory=dict, repr=False)
 
-    def run(self, residual: Array, total: float, forced: Sequence[Candidate] = ()) -> list[Candidate]:
+    def run(self, residual: Array, total: float) -> list[Candidate]:
         """Return the candidates that the residuals call for, in the order of adding.
 
         Parameters
         ----------
         residual, total : ndarray, float
             Coordinates of the residuals of the model as it was, and their sum of squares; see `Space.residual`.
-        forced : sequence of Candidate
-            What is in already, and stays.
         """
-        included = self._forward(residual, total, list(forced))
+        included = self._forward(residual, total, [])
         for _ in range(3):
-            better = self._exchanged(residual, total, included, len(forced))
-            better = self._backward(residual, total, better, len(forced))
+            better = self._exchanged(residual, total, included)
+            better = self._backward(residual, total, better)
             more = self._forward(residual, total, better)
             if [c.key for c in more] == [c.key for c in included]:
                 break
             included = more
-        return self._ordered(residual, total, included, len(forced))
+        return self._ordered(residual, total, included)
 
     # forward -------------------------------------------------------------------------------------------------
 
@@ -99,7 +101,7 @@ class Selection:
         scores = self.space.scores(residual, left, included)
         if not scores:
             return None
-        tests = self.space.tests(scores, included)
+        tests = self.tests(included)
         level = np.log(
             self.level / (1 + len(included))
         )  # each step may be wrong, and the model is less exact
@@ -125,9 +127,11 @@ class Selection:
             explained = self.left(residual, total, others) - self.left(residual, total, included)
             if best.fall < IMPERFECT**2 * explained:
                 return False
-        before = self.blocks.held_out([c.columns for c in included])
-        after = self.blocks.held_out([c.columns for c in (*included, best.candidate)])
-        return after < (1 - NOTICED) * before
+        kinds = [self.blocks]
+        if self.stretches is not None and _follows_time(best.candidate):
+            kinds.append(self.stretches)
+        more = [c.columns for c in (*included, best.candidate)]
+        return all(blocks.held_out(more) < (1 - NOTICED) * blocks.held_out(more[:-1]) for blocks in kinds)
 
     def left(self, residual: Array, total: float, included: Sequence[Candidate]) -> float:
         """Return the sum of squares that is left with some candidates."""
@@ -137,46 +141,54 @@ class Selection:
 
     # backward ------------------------------------------------------------------------------------------------
 
-    def _backward(
-        self, residual: Array, total: float, included: list[Candidate], forced: int
-    ) -> list[Candidate]:
+    def _backward(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
         """Take out what the others explain, too, the least first."""
         included = list(included)
-        while len(included) > forced:
+        while included:
             worst, chance = None, np.log(self.level)
-            for candidate in included[forced:]:
+            for candidate in included:
                 others = [c for c in included if c is not candidate]
-                log = self._log_p(residual, total, others, candidate)
-                if log + np.log(max(len(self.space.candidates), 1)) > chance:
+                log = self.log_p(residual, total, others, candidate)
+                if log > chance:
                     worst, chance = candidate, log
             if worst is None:
                 break
             included.remove(worst)
         return included
 
-    def _log_p(
+    def log_p(
         self, residual: Array, total: float, others: Sequence[Candidate], candidate: Candidate
     ) -> float:
+        """Return the logarithm of the probability that chance does as much as an effect beside others.
+
+        That of any of the candidates: it is multiplied by as many independent tests as they count.
+        """
         base = self.space.base(others)
         directions, _ = self.space.across(base, candidate)
         left, k = self.left(residual, total, others), directions.shape[1]
         spare = self.space.readings - base.shape[1] - k
         if not k or spare < 1:
             return 0.0
-        return log_p(float(np.sum((directions.T @ residual) ** 2)), left, k, spare)
+        log = log_p(float(np.sum((directions.T @ residual) ** 2)), left, k, spare)
+        return min(log + float(np.log(self.tests(others) * candidate.tries)), 0.0)
+
+    def tests(self, included: Sequence[Candidate]) -> float:
+        """Return as how many independent tests all candidates beside some count."""
+        key = frozenset(c.key for c in included)
+        if key not in self._tests:
+            scores = self.space.scores(np.zeros(len(self.space.model)), 1.0, included)
+            self._tests[key] = self.space.tests(scores, included)
+        return self._tests[key]
 
     # exchange ------------------------------------------------------------------------------------------------
 
-    def _exchanged(
-        self, residual: Array, total: float, included: list[Candidate], forced: int
-    ) -> list[Candidate]:
+    def _exchanged(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
         """Exchange one or two for another one while that costs less: chi-square, and so much for each parameter."""
         best = list(included)
         for _ in range(MOST_STEPS):
-            free = best[forced:]
             found = best
             cost = self.cost(residual, total, best, best)
-            for gone in (*combinations(free, 1), *combinations(free, 2)):
+            for gone in (*combinations(best, 1), *combinations(best, 2)):
                 kept = [c for c in best if c not in gone]
                 left = self.left(residual, total, kept)
                 for score in self.space.scores(residual, left, kept)[:RIVALS]:
@@ -200,11 +212,9 @@ class Selection:
         own = self.space.base(included).shape[1]
         return float(self.left(residual, total, included) / variance + a_parameter(self.rows) * own)
 
-    def _ordered(
-        self, residual: Array, total: float, included: list[Candidate], forced: int
-    ) -> list[Candidate]:
+    def _ordered(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
         """Put those that take away most first."""
-        order, rest = list(included[:forced]), list(included[forced:])
+        order, rest = [], list(included)
         while rest:
             nxt = min(rest, key=lambda c: self.left(residual, total, [*order, c]))
             order.append(nxt)
@@ -217,6 +227,11 @@ def _related(one: Candidate, other: Candidate) -> bool:
     if one.effect.place == other.effect.place:
         return True
     return _is_thermal(one) and _is_thermal(other)
+
+
+def _follows_time(candidate: Candidate) -> bool:
+    definition = candidate.effect.definition
+    return definition.component == "frame_shift" or "t" in definition.formula.names
 
 
 def _is_thermal(candidate: Candidate) -> bool:
