@@ -243,8 +243,8 @@ def far_aliases(base: Machine, data: rodgen.Measurements, found: Mapping[str, An
                     continue
                 for title in others:
                     machine = machine.with_effect(machine.effect(*title))
-                own, many = _refitted(machine, data, steps[n], out)
-                other, few = _refitted(machine, data, (alias["effect"], alias["joint"]), out)
+                own, many = refitted(machine, data, steps[n], out)
+                other, few = refitted(machine, data, (alias["effect"], alias["joint"]), out)
                 variance = own[1]
                 differences.append(((other[0] - own[0]) / variance, allowed(rows, many - few)))
             if differences and not any(d < most for d, most in differences):
@@ -255,9 +255,10 @@ def far_aliases(base: Machine, data: rodgen.Measurements, found: Mapping[str, An
     return wrong
 
 
-def _refitted(
+def refitted(
     machine: Machine, data: rodgen.Measurements, title: tuple[str, str | None], out: Iterable[int]
 ) -> tuple[tuple[float, float], int]:
+    """Fit a machine with one effect more from scratch; give chi-square, the variance factor, and the rank."""
     from rodgen.discrepancy._bind import bind
 
     machine = machine.with_effect(machine.effect(*title))
