@@ -33,16 +33,12 @@ def add_to(command: Command) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from rodgen.discrepancy._bind import bind
     from rodgen.discrepancy.diagnose import diagnose
     from rodgen.machines.machine import Machine
 
     machine = Machine.load(options.machine)
     data = load_data(options.data)
-    test = None
-    if options.test:
-        test = load_data(options.test)
-        bind(machine, test)  # what is wrong with it is told before a long fit, not after
+    test = load_data(options.test) if options.test else None
     with fitting() as progress:
         found = diagnose(machine, data, test=test, progress=progress)
     if options.json:

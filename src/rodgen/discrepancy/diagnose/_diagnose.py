@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.discrepancy._bind import Observations, bind
-from rodgen.discrepancy._least_squares import minimise
 from rodgen.discrepancy._problem import Problem, one_thread_in_blas
 from rodgen.discrepancy._robust import gross_rows
 from rodgen.discrepancy.diagnose._aliases import aliases_of
@@ -30,6 +29,7 @@ from rodgen.discrepancy.diagnose._diagnosis import (
     Rms,
     Unexplained,
 )
+from rodgen.discrepancy.diagnose._further import error_on, further
 from rodgen.discrepancy.diagnose._gross import gross_errors, together
 from rodgen.discrepancy.diagnose._outside import Outside, outside_of
 from rodgen.discrepancy.diagnose._selection import Selection
@@ -37,7 +37,7 @@ from rodgen.discrepancy.diagnose._space import Space
 from rodgen.discrepancy.diagnose._unexplained import Form
 from rodgen.discrepancy.fit import Estimate, Fit, FitError, fit
 from rodgen.discrepancy.measurements import Measurements
-from rodgen.machines._model import Frame, Model
+from rodgen.errors import InputFileError
 from rodgen.machines.machine import Machine
 
 __all__ = ["diagnose"]
@@ -88,15 +88,15 @@ def diagnose(
         When there is nothing to fit, or no data are given with a machine.
     """
     if isinstance(fitted, Fit):
-        machine, observations = fitted.machine, fitted.observations
+        others = None if test is None else further(fitted.machine, test)
     else:
         if data is None:
             raise FitError("a machine without measurements; expected both, or a fit")
-        machine = fitted
-        observations = data if isinstance(data, Observations) else bind(machine, data)
-        fitted = fit(machine, observations, progress=progress)
+        observations = data if isinstance(data, Observations) else bind(fitted, data)
+        others = None if test is None else further(fitted, test)  # what is wrong is told before a long fit
+        fitted = fit(fitted, observations, progress=progress)
     with one_thread_in_blas():
-        return _Diagnosing(fitted, test, progress).run()
+        return _Diagnosing(fitted, others, progress).run()
 
 
 @dataclass(eq=False)
@@ -115,8 +115,8 @@ class _Work:
 
 
 class _Diagnosing:
-    def __init__(self, fitted: Fit, test: Measurements | None, progress: Progress | None) -> None:
-        self.fitted, self.test, self.progress = fitted, test, progress
+    def __init__(self, fitted: Fit, others: Observations | None, progress: Progress | None) -> None:
+        self.fitted, self.others, self.progress = fitted, others, progress
         self.observations = fitted.observations
         self.notes: list[str] = []
 
@@ -212,8 +212,7 @@ class _Diagnosing:
         found = candidates(carriers, catalogue_effects(base.machine, base.observations))
         model = carriers.model
         self.tell("correlation")
-        every = [c.columns for c in _one_each(found)]
-        how = correlation(carriers, np.concatenate([model, *every], axis=2))
+        how = correlation(carriers, [c.columns for c in found])
         self.tell("scores")
         space = Space(model, found, how.whiten)
         residual, total = space.residual(carriers.residual)
@@ -368,10 +367,15 @@ class _Diagnosing:
         return found
 
     def _with_test(self, rms: Rms, fits: Sequence[Fit]) -> Rms:
-        if self.test is None:
+        if self.others is None:
             return rms
-        others = bind(self.fitted.machine, self.test)
-        return replace(rms, before_test=_error_on(fits[0], others), after_test=_error_on(fits[-1], others))
+        before = error_on(fits[0], self.others)
+        try:
+            after = error_on(fits[-1], self.others)
+        except InputFileError as error:  # without a column that an effect needs, which was found only now
+            self.notes.append(f"The error after it on further measurements cannot be told: {error}.")
+            after = None
+        return replace(rms, before_test=before, after_test=after)
 
 
 def _one_each(found: Iterable[Candidate]) -> list[Candidate]:
@@ -394,15 +398,3 @@ def _ranking(work: _Work) -> tuple[Ranked, ...]:
         p = max(10 ** max(log10, -300), SMALLEST)
         found.append(Ranked(s.candidate.effect, p, float(log10), s.statistic, freedoms, s.visible, explains))
     return tuple(found)
-
-
-def _error_on(found: Fit, others: Observations) -> float:
-    """Return the error on further measurements, to which only the frame is fitted, where it is free."""
-    model = Model(found.machine, found.problem.model.travel, others.run_names, compiled=False)
-    problem = Problem(model, others)
-    theta = model.start()
-    frame = Frame.fitted(found.machine.values) or Frame.identity()
-    free = [i for i, p in enumerate(model.parameters) if p.slot[0] == "frame"]
-    solution = minimise(problem, theta, frame, free)
-    nobody = np.zeros(others.n, bool)
-    return replace(found, observations=others, problem=problem, solution=solution, outliers=nobody).rms
