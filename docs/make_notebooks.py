@@ -1,4 +1,4 @@
-"""Execute rodgen's own derivations and its example as notebooks; write them into build/notebooks, .ipynb and .html.
+"""Execute rodgen's own derivations and its examples as notebooks; write them into build/notebooks, .ipynb and .html.
 
 The pages bring MathJax along, so that their formulas are typeset without a network, too.
 """
@@ -17,7 +17,10 @@ from nbconvert import HTMLExporter
 from rodgen._scripts import packaged_derivations, run_notebook
 
 OUTPUT = Path(__file__).resolve().parent.parent / "build/notebooks"
-EXAMPLE = Path(__file__).resolve().parent.parent / "examples/corrected_machine.py"
+EXAMPLES = [
+    Path(__file__).resolve().parent.parent / "examples" / name
+    for name in ("corrected_machine.py", "off_by_20_um.py")
+]
 MATHJAX = "jupyter-server-mathjax==0.2.6"
 # The fonts that this package has; MathJax looks for others unless it is told.
 FONTS = '"HTML-CSS": { availableFonts: [], preferredFont: null, webFont: "STIX-Web", imageFont: null },'
@@ -43,7 +46,7 @@ def main() -> None:
     exporter = HTMLExporter(exclude_input_prompt=True, exclude_output_prompt=True)
     if mathjax:
         exporter.mathjax_url = mathjax
-    for script in (*packaged_derivations(), str(EXAMPLE)):
+    for script in (*packaged_derivations(), *map(str, EXAMPLES)):
         start = time.perf_counter()
         name = Path(script).stem
         notebook = OUTPUT / f"{name}.ipynb"

@@ -501,7 +501,9 @@ def _planned(rows: Rows, plan: Any) -> list[Chart]:
     if not moved:
         return []
     outside = [float(np.ptp(new[:, j]) / (size[j] or 1.0)) for j in range(len(size))]
-    moved.sort(key=lambda j: -outside[j])
+    # The joints that the question is about come first.
+    asked = {step.effect.place for step in rows.diagnosis.steps}
+    moved.sort(key=lambda j: (machine.joints[j].name not in asked, -outside[j]))
     a, b = (*sorted(moved[:2]),) if len(moved) > 1 else (moved[0], None)
     name_a = _joint_label(machine, a)
     if b is None:
