@@ -40,7 +40,7 @@ GATE = 2 / 3
 MOST_EFFECTS = 6
 TRIED = 3
 """Effects that are held against wander alone, each time."""
-GAIN = {"pose": 2.5, "wander": 5.0}
+GAIN = {"pose": 4.0, "wander": 5.0}
 """By how much twice the logarithm of the restricted likelihood grows by chance in one of ten cases."""
 SMALLEST, LARGEST = 0.03, 300.0
 """Standard deviations beside a reading's own: less is nothing, and more leaves a reading's own unknown."""

@@ -244,14 +244,17 @@ class Moments:
     def inverse(self, part: Part) -> tuple[Array, float]:
         """Return Cᵀ V⁻¹ C, (K, K), and log |V|."""
         shared = _Shared(self.gram, part.shared)
-        found, logarithm = self.square, shared.log_determinant
+        found, logarithm, onto = self.square, shared.log_determinant, self.onto
         if part.shared.any():
-            found = found - shared.taken(self.onto)
+            solved = shared.solved(onto)
+            flat = solved.reshape(-1, solved.shape[2])
+            found = found - flat.T @ flat
+            onto = shared.less(onto, solved)
         free = np.flatnonzero(part.wander)
         if len(free):
             band, log_chain = _information(self.poses.gap, shared.gram, part, free)
             factor = _triangle(band)
-            side = part.wander[free][:, None] * shared.onto(self.onto)[:, free]
+            side = part.wander[free][:, None] * onto[:, free]
             known = _forward(factor, side.reshape(-1, side.shape[2]))
             found = found - known.T @ known
             logarithm += 2 * float(np.sum(np.log(factor[0]))) + log_chain
@@ -279,20 +282,17 @@ class _Shared:
         self._half = half
         self.gram = gram - np.swapaxes(half, 1, 2) @ half
 
-    def _solved(self, onto: Array) -> Array:
+    def solved(self, onto: Array) -> Array:
+        """Return what CᵀC less Cᵀ(…)⁻¹C is the square of, of Hᵀ C."""
         return np.asarray(np.linalg.solve(self._factor, self._s[:, None] * onto[:, self._free]))
+
+    def less(self, onto: Array, solved: Array) -> Array:
+        """Return Hᵀ(…)⁻¹C of Hᵀ C, and of what is solved."""
+        return np.asarray(onto - np.swapaxes(self._half, 1, 2) @ solved)
 
     def onto(self, onto: Array) -> Array:
         """Return Hᵀ(…)⁻¹C of Hᵀ C."""
-        if not len(self._free):
-            return onto
-        return np.asarray(onto - np.swapaxes(self._half, 1, 2) @ self._solved(onto))
-
-    def taken(self, onto: Array) -> Array:
-        """Return CᵀC less Cᵀ(…)⁻¹C."""
-        solved = self._solved(onto)
-        flat = solved.reshape(-1, solved.shape[2])
-        return np.asarray(flat.T @ flat)
+        return self.less(onto, self.solved(onto)) if len(self._free) else onto
 
 
 def _chain(gap: Array, time: float, k: int) -> tuple[Array, float]:
