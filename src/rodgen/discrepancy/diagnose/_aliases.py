@@ -30,6 +30,8 @@ Array: TypeAlias = NDArray[np.float64]
 
 NEAR, BENT = 3.0, 0.05
 """A full fit is made of what comes by its columns within so many limits, or within this part of what is explained."""
+HALF = 0.5
+"""What explains less than this part of what the effect explains is not the same in any sense."""
 MOST = 24
 NAMED = 3
 PART = 0.1
@@ -96,6 +98,8 @@ def _rivals(
     found = []
     for score in space.scores(residual, without, others):
         if score.candidate.key in keys or not score.freedoms:
+            continue
+        if score.fall < HALF * (without - best):
             continue
         difference = (score.left - best) / variance
         limit = a_parameter(selection.rows) * max(abs(score.freedoms - freedoms), 1)

@@ -1,7 +1,7 @@
 """Whether something outside the catalogue acts, and is not to be spread over effects of the catalogue.
 
-Two explanations compete: effects of the catalogue first, and forms of the dictionary for what they leave; or the best
-form first, and effects for what that leaves. The cheaper one is told: chi-square, and for each parameter, effect and
+Two explanations compete: effects of the catalogue first, and forms of the dictionary for what they leave; or forms
+first, and effects for what these leave. The cheaper one is told: chi-square, and for each parameter, effect and
 form so much as chance gains by having that many to choose from. Where effects alone explain all, they are believed
 unless a single form does the same with less.
 """
@@ -79,7 +79,7 @@ def outside_of(
     first = contest.effects_first(chosen, left)
     if not first.forms and len(chosen) < SEVERAL:
         return first
-    second = contest.form_first()
+    second = contest.forms_first()
     if second is None:
         return first
     scale = min(contest.variance(first), contest.variance(second))
@@ -98,13 +98,13 @@ class _Contest:
         forms = [f for f in find_forms(carriers, self.how, columns, most=MOST_FORMS) if not f.in_catalogue]
         return self._without_small(chosen, forms)
 
-    def form_first(self) -> Outside | None:
-        """Return the explanation that begins with a form; None where there is none, or the catalogue has it."""
-        found = find_forms(self.carriers, self.how, self.carriers.model, most=1)
-        if not found or found[0].in_catalogue:
+    def forms_first(self) -> Outside | None:
+        """Return the explanation that begins with forms; None where there are none that the catalogue has not."""
+        found = find_forms(self.carriers, self.how, self.carriers.model, most=MOST_FORMS)
+        forms = [form for form in found if not form.in_catalogue]
+        if not forms:
             return None
-        form = found[0]
-        model = np.concatenate([self.carriers.model, form.columns], axis=2)
+        model = np.concatenate([self.carriers.model, *(form.columns for form in forms)], axis=2)
         space = Space(model, self.selection.space.candidates, self.how.whiten)
         residual, total = space.residual(self.carriers.residual)
         blocks = Blocks(self.carriers.observations, model, self.carriers.residual)
@@ -114,9 +114,7 @@ class _Contest:
         kept = replace(self.selection, space=space, blocks=blocks, stretches=stretches, _tests={}).run(
             residual, total
         )
-        columns = np.concatenate([model, *(c.columns for c in kept)], axis=2)
-        more = find_forms(self.carriers, self.how, columns, most=MOST_FORMS - 1)
-        return self._without_small(kept, [form, *(f for f in more if not f.in_catalogue)])
+        return self._without_small(kept, forms)
 
     def _without_small(self, kept: Sequence[Candidate], forms: Sequence[Form]) -> Outside:
         small = [form for form in forms if self._is_imperfection(kept, form)]
