@@ -1,4 +1,4 @@
-"""Of which form is what no effect of the catalogue explains?"""
+"""Which form has what no effect of the catalogue explains."""
 
 from rodgen.discrepancy.diagnose._unexplained._dictionary import unnameable
 from rodgen.discrepancy.diagnose._unexplained._form import Form

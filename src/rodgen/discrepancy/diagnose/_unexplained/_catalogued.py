@@ -4,26 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rodgen.discrepancy.diagnose._unexplained._dictionary import Driver, Term
+import numpy as np
+
+from rodgen.discrepancy.diagnose._unexplained._dictionary import Driver, Factor, Term
 from rodgen.machines.machine import Machine
 
 __all__ = ["is_catalogued"]
 
-_TWO_WAVES = {("harmonic", 1), ("harmonic", 2)}
-_READING = {
-    "revolute": {
-        (("q", kind, order),) for kind, order in (*_TWO_WAVES, ("power", 1), ("wave", 1))
-    },
-    "prismatic": {(("q", "power", 1),), (("q", "wave", 1),), (("T", "power", 1), ("q", "power", 1))},
-}
 _OF_ANY_READING = {
+    (("q", "power", 1),),
     (("s", "power", 1),),
     (("q", "power", 1), ("s", "power", 1)),
     (("v", "power", 1),),
     (("T", "power", 1),),
 }
+_EXPANSION = (("T", "power", 1), ("q", "power", 1))
+_OF_FRAME = {(("t", "power", 1),), (("t", "decay", 1),)}
+_HARMONICS = 2
+"""Of an encoder, and of error motions."""
 _STRAIGHTNESS, _ANGULAR = 4, 3
 """Degrees of a slide's errors."""
+_SAME = 0.02
+"""Relative difference of two frequencies that are taken for one."""
 
 
 def is_catalogued(
@@ -34,15 +36,27 @@ def is_catalogued(
         return False
     parts = tuple(sorted((drivers[f.driver].kind, f.kind, f.order) for f in term.factors))
     if place is None:
-        return parts in {(("t", "power", 1),), (("t", "decay", 1),)}
-    of = machine.kind_of(place)
+        return parts in _OF_FRAME
+    turns = machine.kind_of(place) == "revolute"
+    waves = len(parts) == 1 and parts[0][:2] in {("q", "harmonic"), ("q", "wave")}
     if component == "reading":
-        return parts in {tuple(sorted(p)) for p in (*_READING[of], *_OF_ANY_READING)}
+        if waves:
+            return _is_wave_of_reading(term.factors[0], place, turns, machine)
+        return parts in _OF_ANY_READING or (parts == _EXPANSION and not turns)
     if parts == (("T", "power", 1),):
-        return of == "revolute" and component[0] == "t"
+        return turns and component[0] == "t"
     if len(parts) != 1 or parts[0][0] != "q":
         return False
     _, kind, order = parts[0]
-    if of == "revolute":
-        return (kind, order) in _TWO_WAVES
+    if turns:
+        return kind == "harmonic" and order <= _HARMONICS
     return kind in {"power", "series"} and order <= (_STRAIGHTNESS if component[0] == "t" else _ANGULAR)
+
+
+def _is_wave_of_reading(factor: Factor, place: str, turns: bool, machine: Machine) -> bool:
+    """Tell whether it is of an encoder, or of a drive of the period that is given, or of any where none is."""
+    if turns and factor.kind == "harmonic" and factor.order <= _HARMONICS:
+        return True
+    period = machine.joint(place).period
+    frequency = float(factor.order) if factor.kind == "harmonic" else factor.values[0]
+    return period is None or abs(frequency * period / (2 * np.pi) - 1) < _SAME

@@ -22,7 +22,7 @@ from rodgen.discrepancy._start import most_waves
 from rodgen.machines.formula import FUNCTION_NAMES
 from rodgen.machines.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, Dimension, parse_unit
 
-__all__ = ["Driver", "Factor", "Term", "dictionary", "drivers_of", "unnameable"]
+__all__ = ["WORDS", "Driver", "Factor", "Term", "dictionary", "drivers_of", "unnameable", "written"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -41,7 +41,8 @@ MOST_DRIVERS = 24
 """Products are formed of so many at most: fewer than all where there are many columns."""
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
-_WORDS = FUNCTION_NAMES | {"q", "s", "v", "T", "t", "F", "pi"} | {r for names in READINGS.values() for r in names}
+WORDS = frozenset({"q", "s", "v", "T", "t", "F", "pi"}).union(FUNCTION_NAMES, *READINGS.values())
+"""What names in formulas cannot be."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +101,7 @@ class Driver:
     @cached_property
     def far(self) -> bool:
         """Whether the values are all far from zero: beside them their range is small."""
-        return min(abs(self.distinct[0]), abs(self.distinct[-1])) > self.span
+        return bool(min(abs(self.distinct[0]), abs(self.distinct[-1])) > self.span)
 
     @cached_property
     def middle(self) -> float:
@@ -110,7 +111,7 @@ class Driver:
 
 
 def _nameable(name: str) -> bool:
-    return bool(_IDENTIFIER.fullmatch(name)) and name not in _WORDS
+    return _IDENTIFIER.fullmatch(name) is not None and name not in WORDS
 
 
 def unnameable(o: Observations) -> tuple[str, ...]:
@@ -191,7 +192,7 @@ class Factor:
             case "power":
                 return [(x - self.origin) ** self.order]
             case "series":
-                return [x**d for d in range(1, self.order + 1)]
+                return [(x - self.origin) ** d for d in range(1, self.order + 1)]
             case "harmonic":
                 return [np.sin(self.order * x), np.cos(self.order * x)]
             case "wave":
@@ -224,10 +225,9 @@ class Factor:
         """
         match self.kind:
             case "power":
-                since = f"({_less(word, written(self.origin))})" if self.origin else word
-                return [_power(since, self.order)]
+                return [_power(self._since(word), self.order)]
             case "series":
-                return [_power(word, d) for d in range(1, self.order + 1)]
+                return [_power(self._since(word), d) for d in range(1, self.order + 1)]
             case "harmonic":
                 angle = word if self.order == 1 else f"{self.order}*{word}"
                 return [f"sin({angle})", f"cos({angle})"]
@@ -241,8 +241,7 @@ class Factor:
             case "bump":
                 return [f"exp(-(({_less(word, numbers[0])})/{numbers[1]})**2)"]
             case "decay":
-                since = f"({_less(word, written(self.origin))})" if self.origin else word
-                return [f"(1 - exp(-{since}/{numbers[0]}))"]
+                return [f"(1 - exp(-{self._since(word)}/{numbers[0]}))"]
             case "sign":
                 return [f"sign({word})"]
             case "abs":
@@ -250,6 +249,9 @@ class Factor:
             case "signed":
                 return [f"{word}*abs({word})"]
         raise AssertionError(self.kind)
+
+    def _since(self, word: str) -> str:
+        return f"({_less(word, written(self.origin))})" if self.origin else word
 
 
 def _power(word: str, exponent: int) -> str:
@@ -362,10 +364,10 @@ def dictionary(drivers: Sequence[Driver]) -> list[Term]:
 
 def _low(i: int, driver: Driver) -> list[Factor]:
     """Return what takes part in products."""
-    if driver.kind == "q":
-        powers = [Factor(i, "power", d) for d in (1, 2) if len(driver.distinct) > d]
-        return [*powers, *(_harmonics(i, driver, 2) if driver.revolute else [])]
     origin = driver.middle if driver.far else 0.0
+    if driver.kind == "q":
+        powers = [Factor(i, "power", d, origin=origin) for d in (1, 2) if len(driver.distinct) > d]
+        return [*powers, *(_harmonics(i, driver, 2) if driver.revolute else [])]
     if driver.kind == "t":
         return [Factor(i, "power", origin=origin), *_decays(i, driver)[1::3]]
     if driver.kind == "F":
@@ -377,7 +379,13 @@ def _of_joint(i: int, driver: Driver) -> list[Factor]:
     harmonics = _harmonics(i, driver, HARMONICS) if driver.revolute else []
     crossed = driver.low < 0 < driver.low + driver.span
     signs = [Factor(i, "sign"), Factor(i, "abs")] if crossed else []
-    return [*harmonics, *_powers(i, driver, DEGREE), *signs, *_local(i, driver, PLACES), *_waves(i, driver, WAVES)]
+    return [
+        *harmonics,
+        *_powers(i, driver, DEGREE),
+        *signs,
+        *_local(i, driver, PLACES),
+        *_waves(i, driver, WAVES),
+    ]
 
 
 def _of_time(i: int, driver: Driver) -> list[Factor]:
@@ -411,8 +419,9 @@ _ALONE: dict[str, Callable[[int, Driver], list[Factor]]] = {
 
 def _powers(i: int, driver: Driver, degree: int) -> list[Factor]:
     highest = min(degree, len(driver.distinct) - 1)
-    powers = [Factor(i, "power", d) for d in range(1, highest + 1)]
-    return [*powers, *(Factor(i, "series", d) for d in range(2, highest + 1))]
+    origin = driver.middle if driver.far else 0.0
+    powers = [Factor(i, "power", d, origin=origin) for d in range(1, highest + 1)]
+    return [*powers, *(Factor(i, "series", d, origin=origin) for d in range(2, highest + 1))]
 
 
 def _harmonics(i: int, driver: Driver, highest: int) -> list[Factor]:

@@ -4,9 +4,9 @@ Errors have the covariance V. With columns A so that the symmetric form
 
     P = I - A Aᵀ
 
-is what V⁻¹ leaves when the model's columns are taken out, a column c lowers the sum of squares rᵀPr by (cᵀPr)² / cᵀPc. Where
-the rows are whitened, A is an orthonormal basis of the model's columns. Where they are not, a drift of known size is
-part of A too, by the identity of Woodbury. Further columns are taken out in the same way.
+is what V⁻¹ leaves when the model's columns are taken out, a column c lowers the sum of squares rᵀPr by (cᵀPr)² / cᵀPc.
+Where the rows are whitened, A is an orthonormal basis of the model's columns. Where they are not, a drift of
+known size is part of A too, by the identity of Woodbury. Further columns are taken out in the same way.
 """
 
 from __future__ import annotations

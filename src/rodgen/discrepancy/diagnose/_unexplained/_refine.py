@@ -35,9 +35,7 @@ LOST = 0.3
 DIGITS = 9
 
 
-def refined(
-    level: Level, term: Term, carrier: int, drivers: Sequence[Driver], *, last: bool = False
-) -> Term:
+def refined(level: Level, term: Term, carrier: int, drivers: Sequence[Driver], *, last: bool = False) -> Term:
     """Return a term with its searched values where it lowers the sum of squares most.
 
     Parameters

@@ -50,7 +50,7 @@ class Screen:
     ----------
     level : Level
     terms : sequence of Term
-    at : mapping-like sequence
+    at : dict of str to list of int
         Numbers of the carriers of each joint, by its name.
 
     Attributes
@@ -67,7 +67,8 @@ class Screen:
         for term in terms:
             by.setdefault(term.at, []).append(term)
         every = list(range(len(level.carriers)))
-        self._blocks = [self._block(some, every if at_ is None else at[at_]) for at_, some in by.items()]
+        standing = [(some, every if joint is None else at.get(joint, [])) for joint, some in by.items()]
+        self._blocks = [self._block(some, carriers) for some, carriers in standing if carriers]
         self._take_out(level.basis)
         self.tried = int(sum(np.sum(self._visible(block)) for block in self._blocks))
 
@@ -93,7 +94,9 @@ class Screen:
         weight = np.einsum("cnm,cnm->nc", C, C).astype(np.float32)
         start = (B**2) @ weight
         crossed = (B[pairs[:, 0]] * B[pairs[:, 1]]) @ weight
-        return _Block(terms, carriers, columns, B, pairs.T, start.copy(), crossed, start, np.zeros_like(start))
+        return _Block(
+            terms, carriers, columns, B, pairs.T, start.copy(), crossed, start, np.zeros_like(start)
+        )
 
     def _carried(self, block: _Block, vectors: Array) -> Single:
         """Return products of all columns with vectors (N, p), as (b, c, p)."""

@@ -1,10 +1,10 @@
 """Which forms the residuals have: a forward search through the dictionary, the simplest of what predicts equally well.
 
-All terms at all places are scored at once on some of the rows. The best of every kind are scored anew on all rows, their
-searched values are refined, and of the best of them the error on poses that were not seen is had from linear algebra.
-The simplest whose error is within one standard error of the lowest is taken, if chance does not do as much for any of
-all terms tried, and if it lowers that error at all noticeably. Then the next is looked for beside it. At the end each is
-looked for anew beside the others: the first was found when they were still in the residuals.
+All terms at all places are scored at once on some of the rows. The best of every kind are scored anew on all rows,
+their searched values are refined, and of the best of them the error on poses that were not seen is had from linear
+algebra. The simplest whose error is within one standard error of the lowest is taken, if chance does not do as much for
+any of all terms tried, and if it lowers that error at all noticeably. Then the next is looked for beside it. At the end
+each is looked for anew beside the others: the first was found when they were still in the residuals.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from rodgen.discrepancy._problem import one_thread_in_blas
 from rodgen.discrepancy.diagnose._unexplained._catalogued import is_catalogued
 from rodgen.discrepancy.diagnose._unexplained._chance import log10_of_f
 from rodgen.discrepancy.diagnose._unexplained._dictionary import Term, dictionary, drivers_of
-from rodgen.discrepancy.diagnose._unexplained._form import Form, Piece, values_of, write
+from rodgen.discrepancy.diagnose._unexplained._form import Form
+from rodgen.discrepancy.diagnose._unexplained._formula import Piece, values_of, write
 from rodgen.discrepancy.diagnose._unexplained._level import Level, Whiten
 from rodgen.discrepancy.diagnose._unexplained._refine import refined, short
 from rodgen.discrepancy.diagnose._unexplained._screen import Screen
@@ -47,6 +48,8 @@ WORTH_REFINING = 0.3
 """Part of the best fall that a term on the coarse grid needs to be looked at closer."""
 POLISHED = 5
 """Of these so many are looked at closer on all rows, and at other places, too."""
+DIVIDED = 6
+"""Of the best so many, some of the functions alone are tried, too."""
 TOGETHER = 32
 JUDGED = 24
 """Terms of which the error on unseen poses is worked out."""
@@ -54,7 +57,7 @@ CHOICES = 3.0
 """Factor for each searched value: between the places on the grid are others."""
 SLIGHT = 5.0
 """Sums of squares on unseen poses are equal within so many variances of a reading: two columns that are all but the
-same differ by less than chance, and by more than its error."""
+same differ by less than chance, and by more than its error. Of each searched value as many: it had many chances."""
 NOTICEABLE = 0.01
 """Part of the mean square on unseen poses that a form takes away at least: half a percent of the error."""
 HARDLY = 0.3
@@ -154,7 +157,9 @@ class _Found:
 
 
 class _Search:
-    def __init__(self, carriers: Carriers, whiten: Whiten, places: list[tuple[str | None, str]], C: Array) -> None:
+    def __init__(
+        self, carriers: Carriers, whiten: Whiten, places: list[tuple[str | None, str]], C: Array
+    ) -> None:
         self.carriers = C
         self.o = o = carriers.observations
         self.places = places
@@ -198,7 +203,9 @@ class _Search:
         ]
         if not found or carriers.residual.size - model.shape[2] < 3 or not np.any(carriers.residual):
             return None
-        search = cls(carriers, whiten, [place for place, _ in found], np.stack([column for _, column in found]))
+        search = cls(
+            carriers, whiten, [place for place, _ in found], np.stack([column for _, column in found])
+        )
         search.exact.take_out(search.exact.flat(model[search.seen]))
         search.rough.take_out(search.rough.flat(model[search.rows]))
         if search.exact.freedoms < 3 or not search.drivers or not search.exact.total > 0:
@@ -252,7 +259,7 @@ class _Search:
         top = falls.max(initial=0.0)
         order = np.argsort(-falls, kind="stable")
         count: dict[Any, int] = {}
-        again = []
+        again: list[Piece] = []
         for i in order:
             piece = short_list[i]
             family = piece.term.family
@@ -261,15 +268,16 @@ class _Search:
                 if count[family] <= REFINED_OF_FAMILY:
                     again.append(piece)
         near = [_whole(refined(self.rough, p.term, p.carrier, self.drivers), p.carrier) for p in again]
-        better = []
-        for _, _, piece in self._scored(near)[:POLISHED]:
-            term = refined(self.exact, piece.term, piece.carrier, self.drivers, last=True)
-            better.append(_whole(short(self.exact, term, piece.carrier, self.drivers), piece.carrier))
+        better = [self._polished(piece) for _, _, piece in self._scored(near)[:POLISHED]]
         moved = [other for piece in better for other in self._elsewhere(piece)]
         pieces = list(dict.fromkeys([*short_list, *better, *moved]))
-        pieces = self._scored(pieces)[: 2 * JUDGED]
-        parts = [part for _, _, piece in pieces[:6] for part in _parts(piece)]
-        return self._scored([*dict.fromkeys([*(piece for _, _, piece in pieces), *parts])])
+        whole = [piece for _, _, piece in self._scored(pieces)[: 2 * JUDGED]]
+        parts = [part for piece in whole[:DIVIDED] for part in _parts(piece)]
+        return self._scored(list(dict.fromkeys([*whole, *parts])))
+
+    def _polished(self, piece: Piece) -> Piece:
+        term = refined(self.exact, piece.term, piece.carrier, self.drivers, last=True)
+        return _whole(short(self.exact, term, piece.carrier, self.drivers), piece.carrier)
 
     def _elsewhere(self, piece: Piece) -> list[Piece]:
         """Return a piece at the other carriers that are nearly as good on some rows."""
@@ -285,7 +293,11 @@ class _Search:
         """Return the best terms of every kind and place by the scores on some rows."""
         chosen: list[Piece] = []
         counts: dict[Any, int] = {}
-        limits = ((lambda t, c: t, OF_TERM), (lambda t, c: t.family, OF_FAMILY), (lambda t, c: ("at", c), OF_CARRIER))
+        limits = (
+            (lambda t, c: t, OF_TERM),
+            (lambda t, c: t.family, OF_FAMILY),
+            (lambda t, c: ("at", c), OF_CARRIER),
+        )
         for score, term, carrier in self.screen.best(self._score):
             if not score > -np.inf or len(chosen) >= SHORT_LIST:
                 break
@@ -314,11 +326,12 @@ class _Search:
         before = self.unseen.squares()
         errors = np.array([self.unseen.squares(self._flat(piece)) for _, _, piece in candidates])
         best = int(np.argmin(errors.sum(axis=1)))
-        slight = SLIGHT * self.variance
+        searched = [len(piece.term.searched) for _, _, piece in candidates]
         within = [
             i
             for i, more in enumerate(errors - errors[best])
-            if more.sum() <= slight or _excess(more) <= 1.0
+            if _excess(more) <= 1.0
+            or more.sum() <= SLIGHT * self.variance * (1 + max(searched[best] - searched[i], 0))
         ]
         chosen = min(within, key=lambda i: (self._simplicity(candidates[i][2]), errors[i].sum()))
         _, fall, piece = candidates[chosen]
@@ -333,17 +346,19 @@ class _Search:
         tried = np.log10(max(self.screen.tried, 1)) + np.log10(CHOICES) * len(piece.term.searched)
         return min(log10_of_f(fall, left, k, self.exact.freedoms - k) + float(tried), 0.0)
 
-    def _simplicity(self, piece: Piece) -> tuple[int, int, int, int]:
-        """Return what is compared: parameters, factors, orders, and how far off its driver a piece stands."""
+    def _simplicity(self, piece: Piece) -> tuple[int, int, bool, int, int]:
+        """Return what is compared: parameters, factors, whether it is new, orders, how far off its driver it stands.
+
+        Whatever else takes part in driving it counts as two parameters.
+        """
         term = piece.term
         place, component = self.places[piece.carrier]
         driven = {self.drivers[f.driver].joint for f in term.factors if self.drivers[f.driver].kind == "q"}
         own = place in driven if driven else place is not None
-        if component == "reading":
-            rank = 0 if own else 3
-        else:
-            rank = (1 if component[0] == "t" else 2) + (0 if own else 3)
-        return piece.parameters, len(term.factors), term.order, rank
+        rank = {"e": 0, "t": 1, "r": 2}["e" if component == "reading" else component[0]] + 3 * (not own)
+        drivers = {self.drivers[f.driver].joint or self.drivers[f.driver].name for f in term.factors}
+        new = not is_catalogued(term, place, component, self.drivers, self.o.machine)
+        return piece.parameters + 2 * (len(drivers) - 1), len(term.factors), new, term.order, rank
 
     # all steps -----------------------------------------------------------------------------------------------------
 
@@ -450,24 +465,33 @@ class _Search:
         )
 
     def best(self, most: int) -> list[Best]:
-        """Return the best pieces, one of each number of parameters."""
-        taken: dict[int, Best] = {}
+        """Return the best pieces, the simplest of each number of parameters."""
+        by: dict[int, list[tuple[float, Piece]]] = {}
         for _, fall, piece in self.candidates():
-            if piece.parameters not in taken:
-                place, component = self.places[piece.carrier]
-                text = write([piece], place, component, self.drivers, self.o)
-                taken[piece.parameters] = Best(
-                    place,
-                    component,
-                    text.driver,
-                    text.formula,
-                    fall,
-                    piece.parameters,
-                    self._chance(piece, fall),
-                    is_catalogued(piece.term, place, component, self.drivers, self.o.machine),
-                    self._all_columns(piece),
-                )
-        return sorted(taken.values(), key=lambda best: best.log10_p)[:most]
+            by.setdefault(piece.parameters, []).append((fall, piece))
+        found = []
+        for several in by.values():
+            enough = max(fall for fall, _ in several) - SLIGHT * self.variance
+            fall, piece = min(
+                (one for one in several if one[0] >= enough), key=lambda one: self._simplicity(one[1])
+            )
+            found.append(self._best(piece, fall))
+        return sorted(found, key=lambda best: best.log10_p)[:most]
+
+    def _best(self, piece: Piece, fall: float) -> Best:
+        place, component = self.places[piece.carrier]
+        text = write([piece], place, component, self.drivers, self.o)
+        return Best(
+            place,
+            component,
+            text.driver,
+            text.formula,
+            fall,
+            piece.parameters,
+            self._chance(piece, fall),
+            is_catalogued(piece.term, place, component, self.drivers, self.o.machine),
+            self._all_columns(piece),
+        )
 
 
 def _whole(term: Term, carrier: int) -> Piece:
@@ -481,9 +505,7 @@ def _parts(piece: Piece) -> list[Piece]:
     if len(piece.kept) < count or count > 5 or not (powers or (len(term.factors) > 1 and count > 1)):
         return []
     return [
-        replace(piece, kept=kept)
-        for size in range(1, count)
-        for kept in combinations(range(count), size)
+        replace(piece, kept=kept) for size in range(1, count) for kept in combinations(range(count), size)
     ]
 
 

@@ -6,6 +6,7 @@ fold that the fit did not see are eₖ + Xₖ (I - XₖᵀXₖ)⁻¹ Xₖᵀ e�
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
@@ -22,7 +23,7 @@ ALONE = 1e-6
 """A fold that leaves the others less than this part of what is known of something is alone in knowing it."""
 
 
-def folds_of(pose: NDArray[np.int_]) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+def folds_of(pose: NDArray[np.integer]) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
     """Return the number of each row's pose, from 0, and of its fold."""
     of = np.unique(pose, return_inverse=True)[1]
     count = int(of.max()) + 1
@@ -47,7 +48,7 @@ class Unseen:
         self.level = level
         self.pose = pose
         starts = np.flatnonzero(np.diff(fold, prepend=-1, append=FOLDS + 1))
-        self.folds = [slice(int(a), int(b)) for a, b in zip(starts[:-1], starts[1:], strict=True)]
+        self.folds = [slice(int(a), int(b)) for a, b in pairwise(starts)]
         self.refresh()
 
     def refresh(self) -> None:
@@ -74,4 +75,4 @@ class Unseen:
             known = values < 1 - ALONE
             away = vectors[:, known] @ ((vectors[:, known].T @ pull) / (1 - values[known]))
             errors[fold] = left[fold] + own @ away[:p] + further @ away[p:]
-        return np.bincount(self.pose, errors**2)
+        return np.asarray(np.bincount(self.pose, errors**2), float)
