@@ -100,7 +100,7 @@ class Level:
     def flat(self, columns: Array) -> Array:
         """Whiten columns (n, m, K) and return them as (N, K)."""
         white = self.whiten(columns)
-        white = white.reshape(-1, columns.shape[2])
+        white = white.reshape(white.shape[0] * white.shape[1], -1)
         return white if self.order is None else white[self.order]
 
     def columns(self, term: Term, carrier: int) -> Array:
