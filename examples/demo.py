@@ -1,4 +1,4 @@
-"""The whole way on real data: a telescope's model against its measurements, two effects added, the error falling.
+"""The whole way on real data: a telescope's model against its measurements, what is missing in it, the error falling.
 
 Run by ``make demo``. It goes as a user would, by the command line; everything is written into build/demo.
 """
@@ -25,10 +25,15 @@ def say(text: str) -> None:
     print(f"\n{text}\n", flush=True)
 
 
-def run(*arguments: object) -> None:
+def run(*arguments: object, into: Path | None = None) -> None:
     words = [str(argument) for argument in arguments]
-    print(f"$ rodgen {' '.join(words)}", flush=True)
-    if code := cli.main(words):
+    print(f"$ rodgen {' '.join(words)}{f' > {into}' if into else ''}", flush=True)
+    with contextlib.ExitStack() as stack:
+        if into:
+            stream = stack.enter_context(into.open("w", encoding="utf-8"))
+            stack.enter_context(contextlib.redirect_stdout(stream))
+        code = cli.main(words)
+    if code:
         raise SystemExit(code)
     print(flush=True)
 
@@ -73,39 +78,34 @@ def check_emitted(folder: Path) -> None:
 def main() -> None:
     shutil.rmtree(OUTPUT, ignore_errors=True)
     OUTPUT.mkdir(parents=True)
-    data = MOUNT / "mmt_2021.csv"
-    sagging, complete = OUTPUT / "with_windup.toml", OUTPUT / "with_windup_and_refraction.toml"
+    machine, data = MOUNT / "machine.toml", MOUNT / "mmt_2021.csv"
+    diagnosis, complete = OUTPUT / "diagnosis.json", OUTPUT / "complete.toml"
 
     say("1. What the models rest on is proved, exactly; in full: rodgen derive machine_model")
     prove()
 
     say("2. A telescope's mount, two axes and a tube, fitted to eighty stars that it was pointed at.")
-    run("fit", MOUNT / "machine.toml", data)
+    run("fit", machine, data)
 
     say("3. Where does the model fail? Its residuals against everything in the data.")
-    run("compare", MOUNT / "machine.toml", data, "--plot", OUTPUT / "residuals")
+    run("compare", machine, data, "--plot", OUTPUT / "residuals")
 
-    say("4. The error is towards the zenith and follows the elevation: the tube hangs. Add that.")
-    run(
-        "add",
-        MOUNT / "machine.toml",
-        "gravity_windup",
-        data,
-        "--joint",
-        "EL",
-        "--hold",
-        "k2=0",
-        "-o",
-        sagging,
+    say("4. Which physical effect is missing? And which could it be as well, as far as these stars can tell?")
+    run("diagnose", machine, data)
+
+    say(
+        "5. The effects that were found, added one after the other: the error falls, on stars held out as well."
     )
-
-    say("5. What is left is strongest near the horizon: the air lifts the stars. Add that, too.")
-    run("add", sagging, "refraction", data, "-o", complete)
+    run("diagnose", machine, data, "--json", into=diagnosis)
+    run("add", machine, "--from-diagnosis", diagnosis, data, "-o", complete)
 
     say("6. The corrected model as C for the controller, with its own test.")
     run("emit", complete, data, "--lang", "c", "-o", OUTPUT / "c")
     check_emitted(OUTPUT / "c")
-    print(f"\nMachine files, plots and C are in {OUTPUT}.")
+
+    say("7. All of it on one page, with what to observe next to settle what is open.")
+    run("report", machine, data, "-o", OUTPUT / "report.html")
+    print(f"Machine files, plots, C and the page are in {OUTPUT}.")
 
 
 if __name__ == "__main__":

@@ -13,7 +13,6 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 
 import rodgen
-from rodgen.discrepancy.diagnose import diagnose
 from rodgen.discrepancy.plan import plan
 from rodgen.discrepancy.report import write_report
 
@@ -70,7 +69,7 @@ plt.show()
 # told which others would do the same. The second day is only predicted.
 
 # %%
-found = diagnose(fit, test=another_day)
+found = fit.diagnose(test=another_day)
 print(found)
 
 # %%

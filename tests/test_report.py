@@ -545,3 +545,44 @@ def test_browser_shows_it_without_overflow_or_complaint(width: int, tmp_path: Pa
     assert seen["copies"] == 1
     assert seen["sorts"] == 6
     assert "CONSOLE" not in done.stderr
+
+
+# the how-to --------------------------------------------------------------------------------------------------------
+
+
+def test_how_to_prints_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    root = Path(__file__).parent.parent
+    text = (root / "docs/diagnose.md").read_text(encoding="utf-8")
+    shutil.copytree(root / "examples/off_by_20_um", tmp_path / "case")
+    monkeypatch.chdir(tmp_path / "case")
+    parts = re.findall(r"^    rodgen (.*)\n(?:\n```text\n(.*?)```)?", text, re.MULTILINE | re.DOTALL)
+    assert [words.split()[0] for words, _ in parts] == "fit compare diagnose plan diagnose add report".split()
+    for words, quoted in parts:
+        command, _, into = words.partition(" > ")
+        assert cli.main(command.split()) == 0
+        printed = capsys.readouterr().out
+        if into:
+            Path(into).write_text(printed, encoding="utf-8")
+        said = " ".join(printed.split())
+        for line in quoted.splitlines():
+            assert " ".join(line.split()) in said
+    assert Path("report.html").exists()
+
+
+def test_data_of_the_how_to_are_those_of_its_design(tmp_path: Path, capsys: Any) -> None:
+    folder = Path(__file__).parent.parent / "examples/off_by_20_um"
+    for design, seed, data in (("design.csv", 20, "data.csv"), ("design_2.csv", 21, "day_2.csv")):
+        hidden = [
+            "--effect",
+            "thermal_expansion@X:alpha=1.1e-5",
+            "--seed",
+            str(seed),
+            "-o",
+            str(tmp_path / data),
+        ]
+        assert cli.main(["simulate", str(folder / "machine.toml"), str(folder / design), *hidden]) == 0
+        capsys.readouterr()
+        made, kept = ((at / data).read_text(encoding="utf-8").splitlines() for at in (tmp_path, folder))
+        assert made[0] == kept[0]
+        numbers = [np.array([row.split(",") for row in rows[1:]], float) for rows in (made, kept)]
+        np.testing.assert_allclose(*numbers, rtol=0, atol=2e-6)  # a thousandth of the noise, rounded
