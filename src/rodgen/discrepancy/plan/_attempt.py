@@ -31,8 +31,8 @@ APART = 12.0
 """Effects are told apart when one fits worse by this and ln(rows), in chi-square, for each parameter saved."""
 SURE = 0.975
 """Probability of that which is planned for: of two or three at once 95 % then."""
-QUANTILE, MARGIN = 1.96, 2.0
-"""Its quantile of the normal distribution, and rounded up."""
+MARGIN = 2.0
+"""Its quantile of the normal distribution, rounded up."""
 IMITATED = 1e-3
 """A model does the same as another one whose readings it meets within a thirtieth of the noise (here squared)."""
 FEWEST = 2
@@ -432,7 +432,7 @@ class _Planning:
 
     def _given_up(self, rows: Rows) -> bool:
         """Take no count of pairs that readings like these never tell apart, and say whether there were such."""
-        after, _, _ = self._gains(rows, self.task, MOST_TRIED / rows.n)
+        after = self._gains(rows, self.task, MOST_TRIED / rows.n)
         bad = {p for p, x in zip(self.task.pairs, after, strict=True) if x < p.needed}
         self.pairs = [
             (k, p, threshold, possible and p not in bad, tiny)
@@ -452,32 +452,31 @@ class _Planning:
         s = np.where(stated, rows.s, made.s).astype(np.int8)
         return Rows(made.q, s, np.abs(made.v) * s, made.target, made.load, made.state)
 
-    def _gains(self, rows: Rows, task: Task, times: float = 1.0) -> tuple[Array, Array, Array]:
-        """Return chi-squares, their standard deviations, and variances that readings in their order bring."""
+    def _gains(self, rows: Rows, task: Task, times: float = 1.0) -> Array:
+        """Return the chi-squares that readings in their order bring, each taken so many times."""
         seen = self.surroundings.observations(rows)
         columns = self.rivals.columns(self.models, seen, self.variance / times)
-        gains, variances = task.gains(columns)
-        now = np.array([p.now for p in task.pairs])
-        spread = np.array([task.spread(p, columns) for p in task.pairs])
-        return now + gains, spread, variances
+        return np.array([p.now for p in task.pairs]) + task.gains(columns)[0]
 
     def _probability(self, rows: Rows, task: Task, thresholds: Array) -> tuple[Array, Array, Array]:
-        from scipy.special import ndtr
-
-        after, spread, variances = self._gains(rows, task)
-        return after, ndtr((after - thresholds) / spread), variances
+        """Return chi-squares, the probabilities that they pass thresholds, and variances."""
+        seen = self.surroundings.observations(rows)
+        columns = self.rivals.columns(self.models, seen, self.variance)
+        gains, variances = task.gains(columns)
+        now = np.array([p.now for p in task.pairs])
+        chances = [task.probability(p, columns, t) for p, t in zip(task.pairs, thresholds, strict=True)]
+        return now + gains, np.array(chances), variances
 
     @property
     def _thresholds(self) -> Array:
         return np.array([threshold for _, _, threshold, possible, _ in self.pairs if possible])
 
     def _all_reached(self, rows: Rows) -> bool:
-        return bool(self._surest(rows) >= QUANTILE)
+        return bool(self._surest(rows) >= SURE)
 
     def _surest(self, rows: Rows) -> float:
-        """Return by how many standard deviations the least sure pair is told apart."""
-        after, spread, _ = self._gains(rows, self.task)
-        return float(np.min((after - self._thresholds) / spread))
+        """Return the probability that the least sure pair is told apart."""
+        return float(np.min(self._probability(rows, self.task, self._thresholds)[1]))
 
     def _thinned(self, rows: Rows) -> Rows:
         """Leave out readings while the others are enough."""
@@ -488,7 +487,7 @@ class _Planning:
                 sure = self._surest(fewer)
                 if sure > least:
                     best, least = fewer, sure
-            if best is None or least < QUANTILE:
+            if best is None or least < SURE:
                 break
             rows = best
         return rows
@@ -498,7 +497,7 @@ class _Planning:
         needed = np.array([p.needed for p in self.task.pairs])
 
         def enough(times: float) -> bool:
-            return bool(np.all(self._gains(rows, self.task, times)[0] >= needed))
+            return bool(np.all(self._gains(rows, self.task, times) >= needed))
 
         low, high = 1.0, 1.0
         while not enough(high):

@@ -33,6 +33,8 @@ SEEN = 1e-13
 """Combinations that change all readings together by less than this part (of squares) change nothing."""
 UNKNOWN = 1e-8
 """Of a combination that changes a usual reading by one standard deviation, one of 1e4 is expected, and no more."""
+VALUES = 100
+"""So many values of a model's parameters stand for what the data leave open."""
 STEEP = 4.0
 """How much more the least of all gains counts than the others."""
 ENOUGH = 3.0
@@ -97,6 +99,8 @@ class Coordinates:
         The combinations that nothing shows, parameters scaled by what they change.
     prior : ndarray, shape (r, r)
         What is known of x.
+    values : ndarray, shape (r, k)
+        Some that the data leave open, beside those fitted.
     """
 
     def __init__(self, information: Array, rows: int, jacobian: Array) -> None:
@@ -110,7 +114,10 @@ class Coordinates:
         self.unseen = vectors[:, ~seen]
         own = self.root.T @ information @ self.root
         self.prior = own + UNKNOWN * np.eye(len(own))
-        self.careful = own + 1e-2 * np.eye(len(own))
+        careful = own + 1e-2 * np.eye(len(own))
+        normal = np.random.default_rng(0).normal(size=(len(own), VALUES // 2))
+        values = np.linalg.solve(np.linalg.cholesky(careful).T, normal) if len(own) else normal
+        self.values = np.concatenate([values, -values], axis=1)
 
 
 class Task:
@@ -151,22 +158,23 @@ class Task:
         ]
         return np.array(gains), np.array([solved[s.model].variance(s.parameter) for s in self.sharpen])
 
-    def spread(self, pair: Pair, columns: Sequence[Columns]) -> float:
-        """Return the standard deviation of the rise of chi-square."""
+    def probability(self, pair: Pair, columns: Sequence[Columns], threshold: float) -> float:
+        """Return the probability that the wrong model fits worse by a threshold.
+
+        What the true model's parameters are is known as well as the data tell them: the rise is that of many values.
+        """
+        from scipy.special import ndtr
+
         wrong, true = columns[pair.wrong], columns[pair.true]
-        d = (wrong.residual - true.residual).ravel()
         a, b = self.coordinates[pair.true], self.coordinates[pair.wrong]
+        d = (wrong.residual - true.residual).ravel()
         of_a, of_b = (
             x.jacobian.reshape(-1, x.jacobian.shape[-1]) @ c.root for x, c in ((true, a), (wrong, b))
         )
         expected = np.eye(len(d)) + of_b @ np.linalg.solve(b.prior, of_b.T)
-        weight = np.linalg.solve(expected, d)
-        scatter = weight @ weight + _quadratic(a.careful, of_a.T @ weight)
-        return float(np.sqrt(4 * scatter + 4))
-
-
-def _quadratic(matrix: Array, vector: Array) -> float:
-    return float(vector @ np.linalg.solve(matrix, vector))
+        differences = d[:, None] - of_a @ a.values
+        rise = np.einsum("nk,nk->k", differences, np.linalg.solve(expected, differences))
+        return float(np.mean(ndtr((pair.now + rise - threshold) / np.sqrt(4 * rise + 4))))
 
 
 class _Solved:

@@ -149,6 +149,8 @@ class Plan:
         for goal in self.goals:
             yield from (f"  {line}" for line in goal.sentence.split("\n"))
             if goal.resolvable and self.count:
+                if goal.kind == "separate":
+                    yield "    By how much the second fits worse if the first is there, in chi-square:"
                 yield from (f"    {_gain_text(gain)}" for gain in goal.gains[:LINES])
                 if len(goal.gains) > LINES:
                     yield f"    and {len(goal.gains) - LINES} more"
@@ -170,7 +172,7 @@ def _gain_text(gain: Gain) -> str:
     after = "open" if gain.after is None else f"{gain.after:.3g}"
     chance = "" if gain.probability is None else f", reached with {_percent(gain.probability)}"
     needed = "" if gain.needed is None else f" ({gain.needed:.3g} needed{chance})"
-    return f"{gain.of}: chi-square {0.0 if gain.now is None else gain.now:.3g} now, {after} expected{needed}"
+    return f"{gain.of}: {0.0 if gain.now is None else gain.now:.3g} now, {after} expected{needed}"
 
 
 def _percent(probability: float) -> str:
@@ -468,7 +470,9 @@ class _Planner:
             yield f"{names} do the same to every reading within the travel: no measurement there tells them apart."
         if small:
             groups = "; ".join(listed([best.title(x) for x in group]) for group in _together(small))
-            yield f"Too much alike within the travel, as they were fitted, for any reasonable number of readings: {groups}."
+            yield (
+                f"Too much alike within the travel, as they were fitted, for a reasonable number of readings: {groups}."
+            )
         for c, less, more in best.included:
             if c == k and frozenset((less, more)) not in exact | small:
                 yield (
@@ -551,6 +555,7 @@ class _Planner:
                 self.question, self.question.machine, self.o, self.n, wait=best.wait, travel=travel
             )
             if wider.settled:
+                but = "" if wider.reached else ", but for what does the same to every reading"
                 ranges = [
                     f"{self.o.machine.joints[j].name} {range_text(self.o, j, travel[j])}" for j in joints
                 ]
