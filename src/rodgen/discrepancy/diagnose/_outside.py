@@ -138,7 +138,7 @@ class _Contest:
         whole, residual = white[:, :-1], white[:, -1]
         size = np.linalg.norm(whole, axis=0)
         u, s, _ = np.linalg.svd(whole / np.where(size > 0, size, 1.0), full_matrices=False)
-        return u[:, s > 1e-9 * max(float(s[0]), 1e-300)], residual
+        return u[:, s > 1e-9 * s.max(initial=1e-300)], residual
 
     def _left(self, kept: Sequence[Candidate], forms: Sequence[Form]) -> float:
         basis, residual = self._basis(kept, forms)
