@@ -140,6 +140,38 @@ def test_further_measurements_are_told_beside(folder, rodgen_command):
     assert "On the further measurements: 0.0" in out
 
 
+def test_further_measurements_without_a_column_of_what_was_found_cost_only_that_error(folder, rodgen_command):
+    shutil.copy(EXAMPLES / "rotary_table" / "machine.toml", "table.toml")
+    lines = [f"{37 * i % 360},ball_{1 + i % 6},{20 + i % 9}" for i in range(90)]
+    Path("design.csv").write_text("\n".join(["C [deg],target,T_C [degC]", *lines]) + "\n")
+    effect = ("--effect", "thermal_offset@C:k=3arcsec/K")
+    assert rodgen_command("simulate", "table.toml", "design.csv", *effect, "-o", "made.csv")[0] == 0
+    made = [line.split(",") for line in Path("made.csv").read_text().splitlines()]
+    Path("bare.csv").write_text("".join(",".join(row[:2] + row[3:]) + "\n" for row in made))
+    command = ("diagnose", "table.toml", "made.csv", "--test", "bare.csv")
+    code, out, err = rodgen_command(*command, "--json")
+    found = parsed(out)
+    assert (code, err) == (0, "")
+    assert [s["effect"] for s in found["steps"]] == ["thermal_offset"]
+    assert found["rms"]["before_test"] == pytest.approx(found["rms"]["before"], rel=0.05)  # the same readings
+    assert found["rms"]["after_test"] is None
+    assert "bare.csv: line 1: no column 'T_C [degC]'" in " ".join(rodgen_command(*command)[1].split())
+    # What the machine has from the start needs its columns, and that is told at once.
+    assert rodgen_command("add", "table.toml", "thermal_offset", "--joint", "C", "-o", "new.toml")[0] == 0
+    code, out, err = rodgen_command("diagnose", "new.toml", "made.csv", "--test", "bare.csv")
+    assert (code, out) == (2, "")
+    assert err.startswith("bare.csv: line 1: no column 'T_C [degC]'; expected one, because")
+
+
+def test_a_machine_with_nothing_to_estimate_is_diagnosed(folder, rodgen_command):
+    """What `fit -o` writes: all numbers are held, and the effect is still missing."""
+    assert rodgen_command("fit", "gantry.toml", "gantry.csv", "-o", "fixed.toml")[0] == 0
+    code, out, err = rodgen_command("diagnose", "fixed.toml", "gantry.csv", "--json")
+    found = parsed(out)
+    assert (code, err) == (0, "")
+    assert [(s["effect"], s["joint"]) for s in found["steps"]][:1] == [("encoder_eccentricity", "C")]
+
+
 def test_standard_input_is_read(with_diagnoses):
     with open("gantry.csv", encoding="utf-8") as stream:
         done = run("diagnose", "gantry.toml", "-", "--json", folder=with_diagnoses, stdin=stream)
@@ -539,7 +571,10 @@ def test_every_effect_of_the_catalogue_may_be_added_where_it_can_stand(folder, r
 def test_a_step_is_added_in_python_too(folder):
     machine = rodgen.Machine.load("gantry.toml")
     diagnosis = machine.fit(rodgen.Measurements.load("gantry.csv")).diagnose()
-    better = machine.add(diagnosis.steps[0])
+    step = diagnosis.steps[0]
+    ranked = next(each for each in diagnosis.ranking if each.effect == step.effect)
+    assert step.log10_p == pytest.approx(ranked.log10_p, abs=0.2)  # both count all candidates
+    better = machine.add(step)
     assert better.effects[-1].title == "encoder_eccentricity at C"
     assert better == machine.with_effect(diagnosis.steps[0].effect)
     assert better.fit(rodgen.Measurements.load("gantry.csv")).rms == pytest.approx(
