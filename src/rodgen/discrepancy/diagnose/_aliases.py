@@ -89,7 +89,7 @@ def _rivals(
     space = selection.space
     residual, total = space.residual(carriers.residual)
     base = space.base(others)
-    freedoms = space.across(base, own)[0].shape[1]
+    freedoms = space.across(base, own)[0].shape[1] + len(own.searched)
     best = selection.left(residual, total, kept)
     without = selection.left(residual, total, others)
     spare = max(space.readings - space.base(kept).shape[1], 1)
@@ -102,9 +102,9 @@ def _rivals(
         if score.fall < HALF * (without - best):
             continue
         difference = (score.left - best) / variance
-        limit = a_parameter(selection.rows) * max(abs(score.freedoms - freedoms), 1)
+        limit = a_parameter(selection.rows) * max(abs(score.parameters - freedoms), 1)
         if difference < NEAR * limit + BENT * (without - best) / variance:
-            found.append(_Rival(score.candidate, score.freedoms, difference))
+            found.append(_Rival(score.candidate, score.parameters, difference))
     return sorted(found, key=lambda rival: rival.linear)[:MOST], freedoms
 
 

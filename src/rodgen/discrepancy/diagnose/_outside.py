@@ -3,7 +3,7 @@
 Two explanations compete: effects of the catalogue first, and forms of the dictionary for what they leave; or forms
 first, and effects for what these leave. The cheaper one is told: chi-square, and for each parameter, effect and
 form so much as chance gains by having that many to choose from. Where effects alone explain all, they are believed
-unless a single form does the same with less.
+unless forms do the same with less.
 """
 
 from __future__ import annotations
@@ -83,6 +83,8 @@ def outside_of(
     if second is None:
         return first
     scale = min(contest.variance(first), contest.variance(second))
+    if not first.forms and contest.worse(second, first, scale) > a_parameter(selection.rows):
+        return first  # effects explain all of it, the forms do not
     return min((first, second), key=lambda outside: contest.cost(outside, scale))
 
 
@@ -144,6 +146,11 @@ class _Contest:
         basis, residual = self._basis(kept, forms)
         rest = residual - basis @ (basis.T @ residual)
         return float(rest @ rest)
+
+    def worse(self, one: Outside, other: Outside, variance: float) -> float:
+        """Return by how much more chi-square one explanation leaves."""
+        difference = self._left(one.kept, one.forms) - self._left(other.kept, other.forms)
+        return difference / max(variance, 1e-300)
 
     def variance(self, outside: Outside) -> float:
         """Return what an explanation leaves of a reading's square."""

@@ -113,11 +113,11 @@ class Selection:
         needed = a_parameter(self.rows) * variance
 
         def alike(score: Score) -> bool:
-            saved = first.freedoms - score.freedoms
+            saved = first.parameters - score.parameters
             return saved > 0 and first.fall - score.fall < max(needed * saved, ALIKE * first.fall)
 
         simpler = [s for s in real if alike(s)]
-        return min(simpler, key=lambda s: (s.freedoms, -s.fall)) if simpler else first
+        return min(simpler, key=lambda s: (s.parameters, -s.fall)) if simpler else first
 
     def is_worth(self, residual: Array, total: float, included: Sequence[Candidate], best: Score) -> bool:
         """Tell whether a candidate lowers the error noticeably, and is more than an imperfection of what is in."""
@@ -209,7 +209,7 @@ class Selection:
         """Return chi-square, in variances that the best set leaves, and so much for each parameter."""
         rank = self.space.base(best).shape[1]
         variance = self.left(residual, total, best) / max(self.space.readings - rank, 1)
-        own = self.space.base(included).shape[1]
+        own = self.space.base(included).shape[1] + sum(len(c.searched) for c in included)
         return float(self.left(residual, total, included) / variance + a_parameter(self.rows) * own)
 
     def _ordered(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:

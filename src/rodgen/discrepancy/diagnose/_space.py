@@ -66,6 +66,11 @@ class Score:
     visible: float
     left: float
 
+    @property
+    def parameters(self) -> int:
+        """Number of parameters that are seen, searched ones among them."""
+        return self.freedoms + (len(self.candidate.searched) if self.freedoms else 0)
+
 
 class Space:
     """Coordinates of columns and residuals.
