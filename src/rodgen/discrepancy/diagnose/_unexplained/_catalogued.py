@@ -24,6 +24,8 @@ _HARMONICS = 2
 """Of an encoder, and of error motions."""
 _STRAIGHTNESS, _ANGULAR = 4, 3
 """Degrees of a slide's errors."""
+_ACROSS = 0.7
+"""Cosine of the angle to the axis of what is still across it: a slide has no straightness along its way."""
 _SAME = 0.02
 """Relative difference of two frequencies that are taken for one."""
 
@@ -50,7 +52,10 @@ def is_catalogued(
     _, kind, order = parts[0]
     if turns:
         return kind == "harmonic" and order <= _HARMONICS
-    return kind in {"power", "series"} and order <= (_STRAIGHTNESS if component[0] == "t" else _ANGULAR)
+    if component[0] == "t":
+        along = abs(machine.joint(place).axis["xyz".index(component[1])])
+        return kind in {"power", "series"} and order <= _STRAIGHTNESS and along < _ACROSS
+    return kind in {"power", "series"} and order <= _ANGULAR
 
 
 def _is_wave_of_reading(factor: Factor, place: str, turns: bool, machine: Machine) -> bool:
