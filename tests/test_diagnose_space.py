@@ -419,6 +419,27 @@ def test_chance_passes_as_often_as_it_may():
     assert stats.binomtest(claims, 500, 0.01).pvalue > 1e-3
 
 
+@pytest.mark.parametrize(("name", "place"), [("rotary_table", "C"), ("positioner", "phi")])
+def test_searching_a_period_claims_no_more_than_it_may(name, place):
+    """Noise alone: of 200 data sets the best period is called real in one of ten at the most, at that level."""
+    carriers, found = carried(name)
+    wave = next(c.effect for c in found if c.key == ("periodic_drive_error", place))
+    slow = next(c.effect for c in found if c.key == ("warm_up_drift", None))
+    model = flat(carriers.model)
+    random = np.random.default_rng(0)
+    claims = dict.fromkeys((wave.name, slow.name), 0)
+    for _ in range(200):
+        y = random.normal(size=len(model))
+        y -= model @ np.linalg.lstsq(model, y)[0]
+        noise = replace(carriers, residual=y.reshape(carriers.residual.shape))
+        several = candidates(noise, [wave, slow])
+        space = Space(carriers.model, several, plain)
+        for score in space.scores(*space.residual(noise.residual)):
+            claims[score.candidate.effect.name] += score.log_p < np.log(0.1)
+    for count in claims.values():
+        assert stats.binomtest(count, 200, 0.1, alternative="greater").pvalue > 0.01
+
+
 # probabilities that a double does not hold -------------------------------------------------------------------
 
 

@@ -132,7 +132,8 @@ def promising_waves(
             peaks = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] >= padded[2:]))
             chosen |= dict.fromkeys(int(i) for i in peaks[np.argsort(-falls[peaks], kind="stable")][:PEAKS])
         for i in chosen:
-            yield replace(_product(carriers, effect, tried[i]), tries=1 + len(tried) / 2)
+            # waves half a wave apart are nearly independent, time constants (above) are much alike
+            yield replace(_product(carriers, effect, tried[i]), tries=float(len(tried)))
 
 
 def _falls(base: Array, residual: Array, carrier: Array, q: Array, periods: Sequence[float]) -> Array:
