@@ -174,7 +174,7 @@ def ticks(low: float, high: float, most: int = 5, *, degrees: bool = False) -> l
     if degrees and span >= _ANGLES[0] * most:
         step = next((s for s in _ANGLES if span / s <= most), span / most)
     else:
-        size = 10.0 ** np.floor(np.log10(span / most))
+        size = 10.0 ** float(np.floor(np.log10(span / most)))
         step = next(size * s for s in _NICE if span / (size * s) <= most)
     first, last = int(np.ceil(low / step - 1e-9)), int(np.floor(high / step + 1e-9))
     return [round(k * step, 12) + 0.0 for k in range(first, last + 1)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from rodgen.discrepancy.report._chart import Arrows, Bars, Chart, Line, Marks, P
 from rodgen.discrepancy.report._rows import Driver, Rows, coordinate
 from rodgen.discrepancy.report._units import Shown, chance
 from rodgen.machines.units import parse_unit
+
+if TYPE_CHECKING:
+    from rodgen.discrepancy.plan import Plan
 
 __all__ = ["LEVEL", "Rung", "charts", "rungs"]
 
@@ -37,7 +40,7 @@ Rung: TypeAlias = tuple[str, float, float | None, float | None]
 """Title, rms fitted, held out, on further measurements."""
 
 
-def charts(diagnosis: Diagnosis, shown: Shown, plan: Any = None) -> list[Chart]:
+def charts(diagnosis: Diagnosis, shown: Shown, plan: Plan | None = None) -> list[Chart]:
     """Make every picture of a diagnosis.
 
     Parameters
@@ -487,7 +490,7 @@ def _ranking(diagnosis: Diagnosis) -> Chart:
 # what to measure next ----------------------------------------------------------------------------------------------
 
 
-def _planned(rows: Rows, plan: Any) -> list[Chart]:
+def _planned(rows: Rows, plan: Plan | None) -> list[Chart]:
     """Draw planned poses among those that are there, over the two joints that the plan moves most."""
     commands = planned_commands(rows.base, plan)
     if commands is None or not len(commands):
@@ -508,7 +511,7 @@ def _planned(rows: Rows, plan: Any) -> list[Chart]:
     name_a = _joint_label(machine, a)
     if b is None:
         y_there, y_new, label = np.zeros(len(there)), np.ones(len(new)), ""
-        ylim = (-0.6, 1.6)
+        ylim = (0.0, 1.0)
     else:
         y_there, y_new, label = there[:, b], new[:, b], _joint_label(machine, b)
         ylim = _range(whole[:, b])
@@ -523,6 +526,7 @@ def _planned(rows: Rows, plan: Any) -> list[Chart]:
             Marks(new[:, a], y_new, "planned", labels=numbers),
         ),
         degrees=machine.joints[a].type == "revolute" and machine.angle_unit == "deg",
+        rows=("measured", "planned") if b is None else (),
     )
     return [
         Chart(
@@ -537,7 +541,7 @@ def _planned(rows: Rows, plan: Any) -> list[Chart]:
     ]
 
 
-def planned_commands(fit: Fit, plan: Any) -> Array | None:
+def planned_commands(fit: Fit, plan: Plan | None) -> Array | None:
     """Return the commanded coordinates of a plan, (poses, joints), in the units of the machine file; None without."""
     if plan is None or not plan.rows:
         return None

@@ -6,7 +6,7 @@ import math
 import os
 import shlex
 from collections.abc import Iterator, Mapping
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from rodgen.discrepancy.report._rows import coordinate
 from rodgen.discrepancy.report._units import Shown, chance, measured, percent, shown_unit
 from rodgen.machines.machine import Effect
 from rodgen.machines.units import unit_factor
+
+if TYPE_CHECKING:
+    from rodgen.discrepancy.plan import Gain, Goal, Plan
 
 __all__ = ["content", "unit_of"]
 
@@ -52,7 +55,7 @@ def unit_of(diagnosis: Diagnosis) -> Shown:
     return shown_unit(rms.unit, values)
 
 
-def content(diagnosis: Diagnosis, plan: Any, shown: Shown, radii: Mapping[str, float]) -> Content:
+def content(diagnosis: Diagnosis, plan: Plan | None, shown: Shown, radii: Mapping[str, float]) -> Content:
     """Return everything that the page says.
 
     Parameters
@@ -178,7 +181,7 @@ def _left(diagnosis: Diagnosis, shown: Shown) -> str:
     return f"is {figure(rms.after / rms.noise)} times the noise ({shown(rms.noise)} {shown.unit})"
 
 
-def _next(diagnosis: Diagnosis, plan: Any) -> list[Content]:
+def _next(diagnosis: Diagnosis, plan: Plan | None) -> list[Content]:
     """Return what to do, in a line each."""
     found = []
     for step in diagnosis.steps[:2]:
@@ -507,11 +510,11 @@ def _ranking(diagnosis: Diagnosis) -> Iterator[Content]:
 # what to measure next ----------------------------------------------------------------------------------------------
 
 
-def _words(plan: Any) -> list[str]:
+def _words(plan: Plan | None) -> list[str]:
     return [] if plan is None else [plain(sentence, LONG * 2) for sentence in plan.words]
 
 
-def _plan(plan: Any) -> Content:
+def _plan(plan: Plan) -> Content:
     rows = [[_cell(value) for value in row] for row in zip(*plan.rows.values(), strict=True)]
     return {
         "words": _words(plan),
@@ -528,7 +531,7 @@ def _cell(value: Any) -> str:
     return f"{value:.6g}".replace("-", "−") if isinstance(value, float) else plain(str(value), 24)
 
 
-def _goal(goal: Any) -> Content:
+def _goal(goal: Goal) -> Content:
     state = "not possible within the travel"
     if goal.resolvable:
         state = "expected to be reached" if goal.reached else "in part"
@@ -542,7 +545,7 @@ def _goal(goal: Any) -> Content:
     }
 
 
-def _gain(gain: Any) -> Content:
+def _gain(gain: Gain) -> Content:
     unit = f" {_pretty(gain.unit)}" if gain.unit else ""
 
     def said(value: float | None) -> str:

@@ -7,7 +7,7 @@ import hashlib
 import os
 from collections.abc import Callable, Mapping
 from importlib import resources
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jinja2
 from markupsafe import Markup
@@ -21,6 +21,9 @@ from rodgen.discrepancy.report._pictures import png
 from rodgen.discrepancy.report._svg import STYLE, legend_svg, standalone, view_svg
 from rodgen.errors import InputFileError
 
+if TYPE_CHECKING:
+    from rodgen.discrepancy.plan import Plan
+
 __all__ = ["report_page", "write_report"]
 
 Progress = Callable[[str], object]
@@ -28,7 +31,7 @@ Progress = Callable[[str], object]
 
 def write_report(
     diagnosis: Diagnosis,
-    plan: Any,
+    plan: Plan | None,
     path: str | os.PathLike[str],
     *,
     images: str | os.PathLike[str] | None = None,
@@ -80,7 +83,7 @@ def write_report(
 
 def report_page(
     diagnosis: Diagnosis,
-    plan: Any = None,
+    plan: Plan | None = None,
     *,
     radii: Mapping[str, float] | None = None,
     progress: Progress | None = None,
@@ -90,7 +93,7 @@ def report_page(
 
 
 def _made(
-    diagnosis: Diagnosis, plan: Any, radii: Mapping[str, float], progress: Progress | None
+    diagnosis: Diagnosis, plan: Plan | None, radii: Mapping[str, float], progress: Progress | None
 ) -> tuple[str, dict[str, bytes]]:
     _check(diagnosis, radii)
     shown = unit_of(diagnosis)
