@@ -604,7 +604,8 @@ def hidden(
     noise, sizes = _noise(b, spread, random)
     wander = _wander(b, wanders, random)
     base = b.derivatives(b.base)
-    without = off(base, b.difference(b.measure(wander), clean) + (noise * sizes).ravel() * b.sigma)
+    noisy = Simulated(b.file).with_noise(b.measure(wander), sizes * b.sigma * noise, _Ones())
+    without = off(base, b.difference(noisy, clean))
     floor = b.rms(without)
 
     values: dict[str, float] = {}

@@ -175,7 +175,7 @@ INNOCENT = {
 @pytest.mark.parametrize("what", INNOCENT)
 def test_nothing_is_claimed_where_nothing_is(what, tmp_path):
     bench, more = INNOCENT[what]
-    found, truth = diagnosed(hidden(bench, 21, **more), tmp_path)
+    found, truth = diagnosed(hidden(bench, 22, **more), tmp_path)
     assert titles(found) == []
     assert [form.form for form in found.unexplained] == []
     assert found.verdict == "nothing_missing"
