@@ -20,7 +20,7 @@ from rodgen.discrepancy.diagnose._unexplained import Form, best_terms, find_form
 from rodgen.discrepancy.diagnose._unexplained._chance import log10_of_f
 from rodgen.discrepancy.diagnose._unexplained._dictionary import dictionary, drivers_of
 from rodgen.discrepancy.diagnose._unexplained._level import Level
-from rodgen.discrepancy.diagnose._unexplained._screen import Screen
+from rodgen.discrepancy.diagnose._unexplained._screen import Functions, Screen
 from rodgen.discrepancy.diagnose._unexplained._unseen import Unseen, folds_of
 from rodgen.discrepancy.fit import Fit, fit
 from rodgen.discrepancy.measurements import Measurements
@@ -397,7 +397,7 @@ def test_scores_of_all_terms_are_those_of_least_squares() -> None:
     level.take_out(level.flat(carriers.model))
     terms = dictionary(drivers)
     at = {name: [i for i, (place, _) in enumerate(places) if place == name] for name in "XYBC"}
-    screen = Screen(level, terms, at)
+    screen = Screen(level, Functions.of(terms, level.drivers), at)
     found = list(screen.best(lambda part, parameters: part))
     random = np.random.default_rng(0)
     for index in random.choice(len(found), 200, replace=False):

@@ -13,19 +13,21 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import TYPE_CHECKING, Any, TypeAlias
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.discrepancy._bind import Observations
 from rodgen.discrepancy._problem import one_thread_in_blas
 from rodgen.discrepancy.diagnose._unexplained._catalogued import is_catalogued
 from rodgen.discrepancy.diagnose._unexplained._chance import log10_of_f
-from rodgen.discrepancy.diagnose._unexplained._dictionary import Term, dictionary, drivers_of
+from rodgen.discrepancy.diagnose._unexplained._dictionary import Driver, Term, dictionary, drivers_of
 from rodgen.discrepancy.diagnose._unexplained._form import Form
 from rodgen.discrepancy.diagnose._unexplained._formula import Piece, values_of, write
 from rodgen.discrepancy.diagnose._unexplained._level import Level, Whiten
 from rodgen.discrepancy.diagnose._unexplained._refine import refined, short
-from rodgen.discrepancy.diagnose._unexplained._screen import Screen
+from rodgen.discrepancy.diagnose._unexplained._screen import Functions, Screen
 from rodgen.discrepancy.diagnose._unexplained._unseen import Unseen, folds_of
 
 if TYPE_CHECKING:
@@ -60,11 +62,18 @@ SLIGHT = 5.0
 same differ by less than chance, and by more than its error. Of each searched value as many: it had many chances."""
 NOTICEABLE = 0.01
 """Part of the mean square on unseen poses that a form takes away at least: half a percent of the error."""
+BETTER = 1.4
+"""By how much a search between the values on the grid may raise a fall."""
 HARDLY = 0.3
 """Part of that which the best term on the coarse grid takes away on some rows, at least."""
 COMPONENTS = ("reading", "tx", "ty", "tz", "rx", "ry", "rz")
 SMALLEST = 1e-300
 MANY_POSES = 100
+
+_PREPARED: WeakKeyDictionary[Observations, tuple[list[Driver], NDArray[np.int_], list[Functions]]] = (
+    WeakKeyDictionary()
+)
+"""What is the same in every search on the same rows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +172,12 @@ class _Search:
         self.carriers = C
         self.o = o = carriers.observations
         self.places = places
-        self.drivers = drivers_of(o)
+        if o not in _PREPARED:
+            drivers, rows = drivers_of(o), _some(o.n, ROUGH_ROWS)
+            functions = Functions.of(dictionary(drivers), [driver.values[rows] for driver in drivers])
+            _PREPARED[o] = drivers, rows, functions
+        self.drivers, self.rows, self.functions = _PREPARED[o]
+        rows = self.rows
         self._known: dict[Piece, float] = {}
         m = C.shape[2]
         values = [driver.values for driver in self.drivers]
@@ -180,7 +194,6 @@ class _Search:
         self.exact = Level(
             C[:, self.seen], [x[self.seen] for x in values], residual, whiten, order=readings[order]
         )
-        self.rows = rows = _some(o.n, ROUGH_ROWS)
         self.drift = _drift(carriers, whiten)
         self.rough = Level(
             C[:, rows],
@@ -211,7 +224,7 @@ class _Search:
         if search.exact.freedoms < 3 or not search.drivers or not search.exact.total > 0:
             return None
         at = {name: [i for i, (place, _) in enumerate(search.places) if place == name] for name in joints}
-        search.screen = Screen(search.rough, dictionary(search.drivers), at)
+        search.screen = Screen(search.rough, search.functions, at)
         search.unseen = Unseen(search.exact, *search.in_order)
         search.start = search.exact.total
         return search
@@ -250,10 +263,13 @@ class _Search:
             self._known.update(zip(some, falls.tolist(), strict=True))
         return np.array([self._known[piece] for piece in pieces])
 
-    def candidates(self) -> list[tuple[float, float, Piece]]:
-        """Return score, fall and piece of the best terms, the best first, searched values refined."""
+    def candidates(self, limit: float = np.inf) -> list[tuple[float, float, Piece]]:
+        """Return score, fall and piece of the best terms, the best first, searched values refined.
+
+        None of them where all that may be found is too probable by chance, or too little.
+        """
         short_list = self._short_list()
-        if self._falls(short_list[:TOGETHER]).max(initial=0.0) < HARDLY * NOTICEABLE * self.exact.total:
+        if not self._promising(short_list[:TOGETHER], limit):
             return []
         falls = self._falls(short_list)
         top = falls.max(initial=0.0)
@@ -275,6 +291,17 @@ class _Search:
         parts = [part for piece in whole[:DIVIDED] for part in _parts(piece)]
         return self._scored(list(dict.fromkeys([*whole, *parts])))
 
+    def _promising(self, pieces: Sequence[Piece], limit: float) -> bool:
+        falls = self._falls(pieces)
+        if falls.max(initial=0.0) < HARDLY * NOTICEABLE * self.exact.total:
+            return False
+        gains = [BETTER if piece.term.searched else 1.0 for piece in pieces]
+        chances = (
+            self._chance(piece, min(gain * fall, self.exact.total))
+            for piece, fall, gain in zip(pieces, falls, gains, strict=True)
+        )
+        return any(chance < limit for chance in chances)
+
     def _polished(self, piece: Piece) -> Piece:
         term = refined(self.exact, piece.term, piece.carrier, self.drivers, last=True)
         return _whole(short(self.exact, term, piece.carrier, self.drivers), piece.carrier)
@@ -286,8 +313,8 @@ class _Search:
             for i, (place, _) in enumerate(self.places)
             if piece.term.at is None or place == piece.term.at
         ]
-        falls = [float(self.rough.falls([other.term], other.carrier)[0]) for other in pieces]
-        return [pieces[i] for i in np.argsort(-np.array(falls), kind="stable")[:OF_TERM]]
+        falls = self.rough.falls_of([self.rough.columns(other.term, other.carrier) for other in pieces])
+        return [pieces[i] for i in np.argsort(-falls, kind="stable")[:OF_TERM]]
 
     def _short_list(self) -> list[Piece]:
         """Return the best terms of every kind and place by the scores on some rows."""
@@ -318,9 +345,19 @@ class _Search:
         order = np.argsort(-np.array(scores), kind="stable")
         return [(scores[i], float(falls[i]), pieces[i]) for i in order]
 
+    def _once(self, candidates: Sequence[tuple[float, float, Piece]]) -> list[tuple[float, float, Piece]]:
+        """Return, of candidates whose columns are the same on these data, the simplest."""
+        by: dict[Any, tuple[float, float, Piece]] = {}
+        for one in candidates:
+            _, fall, piece = one
+            key = piece.term.factors, piece.kept, round(fall / self.variance, 3)
+            if key not in by or self._simplicity(piece) < self._simplicity(by[key][2]):
+                by[key] = one
+        return list(by.values())
+
     def next(self, limit: float) -> _Found | None:
         """Return the simplest piece of those that predict best; None where chance does as much."""
-        candidates = self.candidates()[:JUDGED]
+        candidates = self._once(self.candidates(limit))[:JUDGED]
         if not candidates:
             return None
         before = self.unseen.squares()
