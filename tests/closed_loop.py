@@ -149,10 +149,13 @@ def one_radius() -> Loop:
         estimate=["C.point", "target"],
         noise=0.002,
     )
-    n = 30
+    n = 100
 
     def truth(random: np.random.Generator) -> dict[str, float]:
-        return {f"C.encoder_eccentricity.{x}": _size(random, 10, 20) * ARCSEC for x in "ab"}
+        if random.random() < 0.5:
+            return {f"C.encoder_eccentricity.{x}": _size(random, 5, 8) * ARCSEC for x in "ab"}
+        a = _size(random, 0.0025, 0.0035)
+        return {"C.radial_error_motion.u_s2": -a, "C.radial_error_motion.v_c2": a}
 
     def grid(n: int) -> Columns:
         return {"C [rad]": _evenly(-3, 3, n), "target": ["p", "r"] * (n // 2) + ["p"] * (n % 2)}
@@ -170,7 +173,7 @@ def bearing() -> Loop:
     file["target"] = file["target"][:1]
 
     def truth(random: np.random.Generator) -> dict[str, float]:
-        a = _size(random, 0.005, 0.008)
+        a = _size(random, 0.0025, 0.0035)
         return {"C.radial_error_motion.u_s2": -a, "C.radial_error_motion.v_c2": a}
 
     def grid(n: int) -> Columns:
@@ -189,7 +192,9 @@ def one_side() -> Loop:
     )
 
     def truth(random: np.random.Generator) -> dict[str, float]:
-        return {"C.backlash.b": _size(random, 10, 20) * ARCSEC}
+        if random.random() < 0.5:
+            return {"C.zero_offset.a": _size(random, 2.5, 4) * ARCSEC}
+        return {"C.backlash.b": _size(random, 5, 8) * ARCSEC}
 
     def grid(n: int) -> Columns:  # up, and down again
         up = (n + 1) // 2
@@ -198,7 +203,7 @@ def one_side() -> Loop:
             "target": ["p"] * n,
         }
 
-    columns = {"C [rad]": _evenly(-3, 3, 25), "target": ["p"] * 25}
+    columns = {"C [rad]": _evenly(-3, 3, 100), "target": ["p"] * 100}
     return Loop(
         "one side", file, columns, [("backlash", "C", {}), ("zero_offset", "C", {})], truth, grid, 0.002
     )
@@ -215,8 +220,8 @@ def one_load() -> Loop:
 
     def truth(random: np.random.Generator) -> dict[str, float]:
         if random.random() < 0.5:
-            return {"A.load_windup.k": _size(random, 20, 40) * ARCSEC / 400 / 50}
-        return {"A.gravity_windup.k": _size(random, 20, 40) * ARCSEC / 400}
+            return {"A.load_windup.k": _size(random, 12, 18) * ARCSEC / 400 / 50}
+        return {"A.gravity_windup.k": _size(random, 12, 18) * ARCSEC / 400}
 
     def grid(n: int) -> Columns:
         return {
@@ -225,7 +230,7 @@ def one_load() -> Loop:
             "load [N]": [[0.0, 50.0][i % 2] for i in range(n)],
         }
 
-    columns = {"A [rad]": _evenly(-1.4, 1.4, 30), "target": ["p"] * 30, "load [N]": np.full(30, 50.0)}
+    columns = {"A [rad]": _evenly(-1.4, 1.4, 100), "target": ["p"] * 100, "load [N]": np.full(100, 50.0)}
     effects = [("load_windup", "A", {}), ("gravity_windup", "A", {"k2": 0.0})]
     return Loop("one load", file, columns, effects, truth, grid, 0.01)
 
@@ -240,12 +245,16 @@ def short_arc() -> Loop:
     )
 
     def truth(random: np.random.Generator) -> dict[str, float]:
-        return {"C.scale.k": _size(random, 1e-4, 2e-4)}
+        which = random.integers(3)
+        if which == 0:
+            return {"C.scale.k": _size(random, 4e-5, 6e-5)}
+        name, half = ("encoder_eccentricity", 1) if which == 1 else ("encoder_ellipticity", 2)
+        return {f"C.{name}.b": _size(random, 8, 12) / half * ARCSEC}
 
     def grid(n: int) -> Columns:
         return {"C [rad]": _evenly(-2, 2, n), "target": ["p"] * n}
 
-    columns = {"C [rad]": _evenly(-0.52, 0.52, 31), "target": ["p"] * 31}
+    columns = {"C [rad]": _evenly(-0.52, 0.52, 120), "target": ["p"] * 120}
     effects = [(name, "C", {}) for name in ("scale", "encoder_eccentricity", "encoder_ellipticity")]
     return Loop("short arc", file, columns, effects, truth, grid, 0.002)
 
@@ -258,13 +267,13 @@ def one_scan() -> Loop:
 
     def truth(random: np.random.Generator) -> dict[str, float]:
         if random.random() < 0.5:
-            return {"X.scale.k": _size(random, 0.8e-5, 1.2e-5)}
-        return {"linear_drift.x": _size(random, 0.8e-5, 1.2e-5)}
+            return {"X.scale.k": _size(random, 0.5e-5, 0.8e-5)}
+        return {"linear_drift.x": _size(random, 0.5e-5, 0.8e-5)}
 
     def grid(n: int) -> Columns:
-        return {"X [mm]": _evenly(0, 800, n), "target": ["p"] * n, "t [s]": 800.0 + 20 * np.arange(n)}
+        return {"X [mm]": _evenly(0, 800, n), "target": ["p"] * n, "t [s]": 800.0 + 8 * np.arange(n)}
 
-    columns = {"X [mm]": _evenly(0, 800, 40), "target": ["p"] * 40, "t [s]": 20.0 * np.arange(40)}
+    columns = {"X [mm]": _evenly(0, 800, 100), "target": ["p"] * 100, "t [s]": 8.0 * np.arange(100)}
     effects = [("scale", "X", {}), ("linear_drift", None, {})]
     return Loop("one scan", file, columns, effects, truth, grid, 0.002)
 
@@ -282,8 +291,8 @@ def never_moved() -> Loop:
 
     def truth(random: np.random.Generator) -> dict[str, float]:
         if random.random() < 0.5:
-            return {"X.scale.k": _size(random, 0.8e-5, 1.2e-5)}
-        return {"X.zero_offset.a": _size(random, 0.006, 0.012)}
+            return {"X.scale.k": _size(random, 0.4e-5, 0.6e-5)}
+        return {"X.zero_offset.a": _size(random, 0.0028, 0.0042)}
 
     def grid(n: int) -> Columns:
         k = max(int(np.sqrt(n)), 1)
@@ -291,7 +300,7 @@ def never_moved() -> Loop:
         both = np.array([(a, b) for b in y for a in x])[:n]
         return {"X [mm]": both[:, 0], "Y [mm]": both[:, 1], "target": ["p"] * n}
 
-    columns = {"X [mm]": np.full(20, 700.0), "Y [mm]": _evenly(0, 400, 20), "target": ["p"] * 20}
+    columns = {"X [mm]": np.full(60, 700.0), "Y [mm]": _evenly(0, 400, 60), "target": ["p"] * 60}
     return Loop(
         "never moved", file, columns, [("scale", "X", {}), ("zero_offset", "X", {})], truth, grid, 0.002
     )
@@ -312,7 +321,9 @@ def low_stars() -> Loop:
     stars = np.random.default_rng(0)
 
     def truth(random: np.random.Generator) -> dict[str, float]:
-        return {"EL.gravity_windup.k": _size(random, 15, 30) * ARCSEC}
+        if random.random() < 0.5:
+            return {"EL.scale.k": _size(random, 8, 14) * ARCSEC}
+        return {"EL.gravity_windup.k": _size(random, 8, 14) * ARCSEC}
 
     def grid(n: int) -> Columns:
         k = max(int(np.sqrt(n)), 1)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.discrepancy._problem import Problem
-from rodgen.discrepancy.plan._design import Coordinates, Pair, Sharpen, Task, chosen
+from rodgen.discrepancy.plan._design import SWEEPS, Coordinates, Pair, Sharpen, Task, chosen
 from rodgen.discrepancy.plan._order import ordered, wrong_sides
 from rodgen.discrepancy.plan._pool import Levels, levels, readings
 from rodgen.discrepancy.plan._rivals import Rival, Rivals
@@ -29,14 +29,14 @@ Array: TypeAlias = NDArray[np.float64]
 
 APART = 12.0
 """Effects are told apart when one fits worse by this and ln(rows), in chi-square, for each parameter saved."""
-SURE = 0.975
-"""Probability of that which is planned for: of two or three at once 95 % then."""
+DOUBT = 0.04
+"""Probability that a plan is allowed to leave the true effect beside a wrong one."""
 MARGIN = 2.0
-"""Its quantile of the normal distribution, rounded up."""
+"""Quantile of the normal distribution that goes with it, for two or three wrong ones."""
 IMITATED = 1e-3
 """A model does the same as another one whose readings it meets within a thirtieth of the noise (here squared)."""
 FEWEST = 2
-"""Readings that a plan is not thinned below: one that went wrong should be seen as such."""
+"""Readings that are planned at least: one alone could not be doubted."""
 RESTS = 0.005
 """A parameter with a greater part in a combination that nothing shows rests on it."""
 OPEN = 1e-3
@@ -44,6 +44,10 @@ OPEN = 1e-3
 SMALL = 0.1
 """Where readings cover less than this part of what positions within the travel make of them, the instrument reads small
 deviations only, and positions count that keep to these."""
+SIZES = (3, 6, 12, 24, 48, 100, 200)
+"""Sizes of plans that are tried one after the other, and then those between."""
+EXCHANGES = 60
+"""So many readings are exchanged in a large plan before it counts as good."""
 FAR, MANY = 5, (60, 120)
 """How many readings would be enough is told from a plan with so many times more, within these limits."""
 MOST_DEPENDENT = 30.0
@@ -112,6 +116,8 @@ class PairGain:
         Whether all readings considered together would do.
     tiny : bool
         Where not: whether the two differ, but by less than the noise.
+    sure : float
+        The probability that is planned for.
     """
 
     of: int
@@ -121,11 +127,12 @@ class PairGain:
     probability: float
     possible: bool
     tiny: bool
+    sure: float
 
     @property
     def reached(self) -> bool:
         """Whether it is likely enough."""
-        return self.possible and self.probability >= SURE
+        return self.possible and self.probability >= self.sure
 
 
 @dataclass(frozen=True)
@@ -200,6 +207,7 @@ def attempt(
     *,
     wait: float = 0.0,
     travel: Array | None = None,
+    quick: bool = False,
 ) -> Attempt:
     """Plan n readings, or fewer where they are enough.
 
@@ -215,8 +223,10 @@ def attempt(
         For how many times the duration of the data the machine waits before; negative: it begins anew.
     travel : ndarray, shape (J, 2), optional
         To be planned within; left out: the machine's, or that of the data.
+    quick : bool
+        Do not say how many readings would be enough.
     """
-    return _Planning(question, machine, o, wait, travel).planned(n)
+    return _Planning(question, machine, o, wait, travel).planned(n, quick=quick)
 
 
 class _Planning:
@@ -408,22 +418,45 @@ class _Planning:
 
     # plans ---------------------------------------------------------------------------------------------------
 
-    def planned(self, n: int) -> Attempt:
-        """Return a plan of n readings at most."""
+    def planned(self, n: int, *, quick: bool) -> Attempt:
+        """Return a plan of n readings at most; a quick one does not say how many more would be enough."""
         rows, needed = self._ordered([0]), None
         while self.task.pairs or self.task.sharpen:
-            picked = chosen(self.task, self.columns, self.groups, self.effort, min(n, len(self.pool.q)))
-            rows, needed = self._ordered(picked), None
-            if not self.task.pairs:
-                break
-            if self._all_reached(rows):
-                rows = rows if self.task.sharpen else self._thinned(rows)
+            rows, needed = self._least(n), None
+            if not self.task.pairs or quick or self._all_reached(rows):
                 break
             more = self._many(n)
             needed = self._enough(more)
             if needed is not None or not self._given_up(more):
                 break
         return self._told(rows, needed)
+
+    def _chosen(self, n: int) -> Rows:
+        count = min(n, len(self.pool.q))
+        sweeps = max(1, min(SWEEPS, EXCHANGES // max(count, 1)))
+        picked = chosen(self.task, self.columns, self.groups, self.effort, count, sweeps=sweeps)
+        return self._ordered(picked)
+
+    def _least(self, n: int) -> Rows:
+        """Return the fewest readings that are enough, or n."""
+        if self.task.sharpen or not self.task.pairs:
+            return self._chosen(n)
+        failed = FEWEST - 1
+        for size in (*(x for x in SIZES if x < n), n):
+            rows = self._chosen(size)
+            if self._all_reached(rows):
+                break
+            failed = size
+        else:
+            return rows
+        while size - failed > 1:
+            middle = (size + failed) // 2
+            fewer = self._chosen(middle)
+            if self._all_reached(fewer):
+                size, rows = middle, fewer
+            else:
+                failed = middle
+        return rows
 
     def _many(self, n: int) -> Rows:
         """Return so many readings that more of them would be the same once more."""
@@ -472,25 +505,12 @@ class _Planning:
         return np.array([threshold for _, _, threshold, possible, _ in self.pairs if possible])
 
     def _all_reached(self, rows: Rows) -> bool:
-        return bool(self._surest(rows) >= SURE)
+        sure = np.array([self._sure(k) for k, _, _, possible, _ in self.pairs if possible])
+        return bool(np.all(self._probability(rows, self.task, self._thresholds)[1] >= sure))
 
-    def _surest(self, rows: Rows) -> float:
-        """Return the probability that the least sure pair is told apart."""
-        return float(np.min(self._probability(rows, self.task, self._thresholds)[1]))
-
-    def _thinned(self, rows: Rows) -> Rows:
-        """Leave out readings while the others are enough."""
-        while rows.n > FEWEST:
-            best, least = None, -np.inf
-            for i in range(rows.n):
-                fewer = self._as_moved(rows.take(np.arange(rows.n) != i))
-                sure = self._surest(fewer)
-                if sure > least:
-                    best, least = fewer, sure
-            if best is None or least < SURE:
-                break
-            rows = best
-        return rows
+    def _sure(self, k: int) -> float:
+        """Return the probability that is planned for, so that all wrong effects of a class fail at once."""
+        return 1 - DOUBT / max(len(self.of_class[k]) - 1, 1)
 
     def _enough(self, rows: Rows) -> int | None:
         """Return how many readings would be enough, if each of these were taken several times."""
@@ -514,7 +534,7 @@ class _Planning:
         thresholds = np.array([p[2] for p in self.pairs])
         after, probability, variances = self._probability(rows, task, thresholds)
         pairs = [
-            PairGain(k, pair, threshold, float(x), float(chance), possible, tiny)
+            PairGain(k, pair, threshold, float(x), float(chance), possible, tiny, self._sure(k))
             for (k, pair, threshold, possible, tiny), x, chance in zip(
                 self.pairs, after, probability, strict=True
             )

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from rodgen.discrepancy.plan._rivals import Columns
 
-__all__ = ["Coordinates", "Pair", "Sharpen", "Task", "chosen"]
+__all__ = ["SWEEPS", "Coordinates", "Pair", "Sharpen", "Task", "chosen"]
 
 Array: TypeAlias = NDArray[np.float64]
 

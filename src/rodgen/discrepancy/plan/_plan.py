@@ -422,13 +422,16 @@ class _Planner:
             ways += [(question.machine, wait) for wait in WAITS]
         if question.machine.measured.kind != "direction" and len(question.machine.targets) < FEW_TARGETS:
             ways += [(machine, 0.0) for machine in _with_a_new_target(question, question.machine)]
+        best = found
         for machine, wait in ways:
-            other = attempt(question, machine, o, self.n, wait=wait)
-            if other.worth > found.worth + WORTH or (other.reached and not found.reached):
-                found = other
-            if found.reached:
+            other = attempt(question, machine, o, self.n, wait=wait, quick=True)
+            if other.worth > best.worth + WORTH or (other.reached and not best.reached):
+                best = other
+            if best.reached:
                 break
-        return found
+        if best is found or best.reached:
+            return best
+        return attempt(question, best.machine, o, self.n, wait=best.wait)
 
     # goals -------------------------------------------------------------------------------------------------------
 
@@ -552,7 +555,13 @@ class _Planner:
                     more = min(more, math.pi - (high - low) / 2)
                 travel[j] = low - more, high + more
             wider = attempt(
-                self.question, self.question.machine, self.o, self.n, wait=best.wait, travel=travel
+                self.question,
+                self.question.machine,
+                self.o,
+                self.n,
+                wait=best.wait,
+                travel=travel,
+                quick=True,
             )
             if wider.settled:
                 but = "" if wider.reached else ", but for what does the same to every reading"
