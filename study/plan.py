@@ -1,0 +1,131 @@
+"""Is what a plan proposes enough, and how many readings of a plain even plan would do the same?
+
+    python study/plan.py                 # 40 machines of each class that looks the same by design
+    python study/plan.py -n 10 --only one_side,one_load
+
+For each class of tests/closed_loop.py: machines with a true effect drawn from it are measured, a plan is made and
+measured, and all is fitted again with each effect of the class. `resolved` is the share of machines of which only the
+true effect is left, with its 95 % interval (Wilson), of those that a plan was promised to settle, or that a very large
+even plan settles; `plan` the readings that were planned, on average; `even` the least size of an even plan that
+resolves 95 % of the same machines. A table goes to build/study/plan.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+for _library in ("OMP", "OPENBLAS", "MKL"):
+    os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent
+sys.path[:0] = [str(path) for path in (ROOT / "tests",) if str(path) not in sys.path]
+
+import numpy as np  # noqa: E402
+from closed_loop import LOOPS, Loop, Trial, joined  # noqa: E402
+
+EVEN = (2, 3, 4, 6, 8, 10, 12, 16, 20, 24, 30, 36, 48, 60, 80, 120)
+MOST = 60
+LARGE = 400
+
+
+def wilson(hits: int, n: int) -> tuple[float, float]:
+    """Return the 95 % interval of a share."""
+    if not n:
+        return 0.0, 1.0
+    z, p = 1.96, hits / n
+    middle, half = p + z * z / (2 * n), z * np.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
+    return float((middle - half) / (1 + z * z / n)), float((middle + half) / (1 + z * z / n))
+
+
+def even(trials: list[Trial], loop: Loop, most: int) -> int | None:
+    """Return the least size of an even plan, up to `most`, that resolves 95 % of the trials."""
+    for n in EVEN:
+        if n > most:
+            break
+        failed, allowed = 0, len(trials) * 0.05
+        for trial in trials:
+            failed += not trial.resolved(loop.file, joined(loop.columns, loop.grid(n)))
+            if failed > allowed:
+                break
+        if failed <= allowed:
+            return n
+    return None
+
+
+def measured(loop: Loop, machines: int, most: int = MOST) -> dict[str, Any]:
+    """Go through the loop with several machines."""
+    begin = time.perf_counter()
+    could, counts = [], []
+    aliased = resolved = promised = 0
+    for seed in range(machines):
+        trial = Trial(loop, seed)
+        if trial.resolved(loop.file, loop.columns):
+            continue
+        aliased += 1
+        found = trial.plan(most)
+        done = bool(found.count) and trial.resolved(*trial.after(found))
+        large = joined(loop.columns, loop.grid(LARGE))
+        if not (done or found.reached or trial.resolved(loop.file, large)):
+            continue  # nothing that could be measured settles it
+        could.append(trial)
+        counts.append(found.count)
+        resolved += done
+        promised += found.reached
+    low, high = wilson(resolved, len(could))
+    return {
+        "class": loop.name,
+        "machines": machines,
+        "look the same": aliased,
+        "could be settled": len(could),
+        "resolved": resolved,
+        "share": resolved / max(len(could), 1),
+        "interval": [low, high],
+        "promised": promised,
+        "plan": float(np.mean(counts)) if counts else 0.0,
+        "plan_most": max(counts, default=0),
+        "even": even(could, loop, EVEN[-1]),
+        "seconds": time.perf_counter() - begin,
+    }
+
+
+def line(row: dict[str, Any]) -> str:
+    """Return one line of the table."""
+    low, high = row["interval"]
+    size = "more than 120" if row["even"] is None else str(row["even"])
+    ratio = row["plan"] / (row["even"] or EVEN[-1])
+    return (
+        f"{row['class']:12s} {row['resolved']:3d} of {row['could be settled']:3d} resolved "
+        f"({100 * low:.0f} to {100 * high:.0f} %)  plan {row['plan']:5.1f}  even {size:>13s}  "
+        f"{'below' if row['even'] is None else 'ratio'} {ratio:.2f}  {row['seconds']:.0f} s"
+    )
+
+
+def main() -> int:
+    """Run the study."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("-n", type=int, default=40, help="machines of each class")
+    parser.add_argument("--only", default="", help="names of classes, with commas between")
+    options = parser.parse_args()
+    rows = []
+    for make in LOOPS:
+        if options.only and make.__name__ not in options.only.split(","):
+            continue
+        rows.append(measured(make(), options.n))
+        print(line(rows[-1]), flush=True)
+    folder = ROOT / "build" / "study"
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "plan.json").write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
