@@ -46,7 +46,7 @@ class _Rival:
 
 
 def aliases_of(
-    selection: Selection, carriers: Carriers, final: Fit, kept: Sequence[Candidate], k: int, independent: bool
+    selection: Selection, carriers: Carriers, final: Fit, kept: Sequence[Candidate], k: int, full: bool
 ) -> tuple[Alias, ...]:
     """Return the effects that the data cannot tell from one that was found, the nearest first.
 
@@ -60,17 +60,18 @@ def aliases_of(
         What was found.
     k : int
         Number of the effect among them.
-    independent : bool
-        Whether readings are; else whitened columns decide, as chi-square means little.
+    full : bool
+        Whether full fits decide; else whitened columns do: where readings depend on each other chi-square means
+        little, and forms are in no model.
     """
     own = kept[k]
     others = [c for c in kept if c is not own]
     rivals, freedoms = _rivals(selection, carriers, kept, own, others)
     if not rivals:
         return ()
-    full = _full(carriers, final, own, rivals) if independent else [rival.linear for rival in rivals]
+    differences = _full(carriers, final, own, rivals) if full else [rival.linear for rival in rivals]
     found = []
-    for rival, difference in zip(rivals, full, strict=True):
+    for rival, difference in zip(rivals, differences, strict=True):
         worse, better = max(freedoms - rival.freedoms, 1), max(rival.freedoms - freedoms, 1)
         each = a_parameter(selection.rows)
         if -each * better < difference < each * worse:

@@ -152,7 +152,7 @@ def _falls(base: Array, residual: Array, carrier: Array, q: Array, periods: Sequ
         with np.errstate(invalid="ignore", divide="ignore"):
             fall = (cc * rs**2 - 2 * sc * rs * rc + ss * rc**2) / det
         found.append(np.where(det > 1e-8 * ss * cc, fall, 0.0))
-    return np.nan_to_num(np.concatenate(found))
+    return np.asarray(np.nan_to_num(np.concatenate(found)))
 
 
 def _orthonormal(columns: Array) -> Array:

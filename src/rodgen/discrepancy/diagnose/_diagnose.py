@@ -266,9 +266,12 @@ class _Diagnosing:
         kept = outside.kept
         self.tell("what else would explain it")
         steps = []
+        selection = outside.selection
+        residual, total = selection.space.residual(work.carriers.residual)
+        full = work.correlation.independent and not outside.forms
         for k, candidate in enumerate(kept):
             others = [c for c in kept if c is not candidate]
-            log10 = work.selection.log_p(work.residual, work.total, others, candidate) / np.log(10)
+            log10 = selection.log_p(residual, total, others, candidate) / np.log(10)
             steps.append(
                 DiagnosedEffect(
                     candidate.effect,
@@ -277,7 +280,7 @@ class _Diagnosing:
                     fits[k + 1].rms,
                     held_out[k + 1],
                     self._estimates(work, final, candidate),
-                    aliases_of(work.selection, work.carriers, final, kept, k, work.correlation.independent),
+                    aliases_of(selection, work.carriers, final, kept, k, full),
                 )
             )
         unexplained = tuple(self._forms(final, outside.forms))

@@ -44,14 +44,21 @@ class Outside:
         Effects of the catalogue.
     forms : tuple of Form
         Of what they do not explain.
+    selection : Selection
+        In a space where the forms belong to the model.
     small : tuple of Form
         Forms too small beside an effect at the same place to be more than what is imperfect in its formula.
     """
 
     kept: tuple[Candidate, ...]
     forms: tuple[Form, ...]
+    selection: Selection = field(repr=False)
     small: tuple[Form, ...] = ()
-    _cost: float = field(default=np.inf, repr=False)
+
+    @property
+    def things(self) -> int:
+        """How many effects and forms it needs."""
+        return len(self.kept) + len(self.forms)
 
 
 def outside_of(
@@ -82,9 +89,9 @@ def outside_of(
     second = contest.forms_first()
     if second is None:
         return first
+    if not first.forms and second.things >= first.things:
+        return first
     scale = min(contest.variance(first), contest.variance(second))
-    if not first.forms and contest.worse(second, first, scale) > a_parameter(selection.rows):
-        return first  # effects explain all of it, the forms do not
     return min((first, second), key=lambda outside: contest.cost(outside, scale))
 
 
@@ -106,21 +113,30 @@ class _Contest:
         forms = [form for form in found if not form.in_catalogue]
         if not forms:
             return None
+        beside = self._beside(forms)
+        kept = beside.run(*beside.space.residual(self.carriers.residual))
+        return self._without_small(kept, forms, beside)
+
+    def _beside(self, forms: Sequence[Form]) -> Selection:
+        """Return the selection of effects beside forms."""
         model = np.concatenate([self.carriers.model, *(form.columns for form in forms)], axis=2)
-        space = Space(model, self.selection.space.candidates, self.how.whiten)
-        residual, total = space.residual(self.carriers.residual)
-        blocks = Blocks(self.carriers.observations, model, self.carriers.residual)
+        o, residual = self.carriers.observations, self.carriers.residual
         stretches = None
         if self.selection.stretches is not None:
-            stretches = Blocks(self.carriers.observations, model, self.carriers.residual, stretches=True)
-        kept = replace(self.selection, space=space, blocks=blocks, stretches=stretches, _tests={}).run(
-            residual, total
+            stretches = Blocks(o, model, residual, stretches=True)
+        space = Space(model, self.selection.space.candidates, self.how.whiten)
+        return replace(
+            self.selection, space=space, blocks=Blocks(o, model, residual), stretches=stretches, _tests={}
         )
-        return self._without_small(kept, forms)
 
-    def _without_small(self, kept: Sequence[Candidate], forms: Sequence[Form]) -> Outside:
+    def _without_small(
+        self, kept: Sequence[Candidate], forms: Sequence[Form], selection: Selection | None = None
+    ) -> Outside:
         small = [form for form in forms if self._is_imperfection(kept, form)]
-        return Outside(tuple(kept), tuple(f for f in forms if f not in small), tuple(small))
+        large = [form for form in forms if form not in small]
+        if selection is None or small:
+            selection = self._beside(large) if large else self.selection
+        return Outside(tuple(kept), tuple(large), selection, tuple(small))
 
     def _is_imperfection(self, kept: Sequence[Candidate], form: Form) -> bool:
         here = [c for c in kept if c.effect.place in {form.place, form.driver}]
@@ -145,25 +161,19 @@ class _Contest:
     def _left(self, kept: Sequence[Candidate], forms: Sequence[Form]) -> float:
         basis, residual = self._basis(kept, forms)
         rest = residual - basis @ (basis.T @ residual)
-        return float(rest @ rest)
-
-    def worse(self, one: Outside, other: Outside, variance: float) -> float:
-        """Return by how much more chi-square one explanation leaves."""
-        difference = self._left(one.kept, one.forms) - self._left(other.kept, other.forms)
-        return difference / max(variance, 1e-300)
+        return float(np.sum(rest**2))
 
     def variance(self, outside: Outside) -> float:
         """Return what an explanation leaves of a reading's square."""
         basis, residual = self._basis(outside.kept, outside.forms)
-        rest = residual - basis @ (basis.T @ residual)
-        return float(rest @ rest) / max(len(residual) - basis.shape[1], 1)
+        return self._left(outside.kept, outside.forms) / max(len(residual) - basis.shape[1], 1)
 
     def cost(self, outside: Outside, variance: float) -> float:
         """Return what an explanation costs."""
-        basis, residual = self._basis(outside.kept, outside.forms)
-        rest = residual - basis @ (basis.T @ residual)
+        basis, _ = self._basis(outside.kept, outside.forms)
         searched = sum(len(f.parameters) - f.columns.shape[2] for f in outside.forms)
         searched += sum(len(c.searched) for c in outside.kept)
         parameters = a_parameter(self.selection.rows) * (basis.shape[1] + searched)
         choices = AN_EFFECT * len(outside.kept) + A_FORM * len(outside.forms)
-        return float(rest @ rest) / max(variance, 1e-300) + parameters + choices
+        left = self._left(outside.kept, outside.forms)
+        return float(left / max(variance, 1e-300) + parameters + choices)

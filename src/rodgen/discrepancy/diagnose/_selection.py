@@ -214,7 +214,8 @@ class Selection:
 
     def _ordered(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
         """Put those that take away most first."""
-        order, rest = [], list(included)
+        order: list[Candidate] = []
+        rest = list(included)
         while rest:
             nxt = min(rest, key=lambda c: self.left(residual, total, [*order, c]))
             order.append(nxt)
