@@ -166,7 +166,7 @@ class _Contest:
     def variance(self, outside: Outside) -> float:
         """Return what an explanation leaves of a reading's square."""
         basis, residual = self._basis(outside.kept, outside.forms)
-        return self._left(outside.kept, outside.forms) / max(len(residual) - basis.shape[1], 1)
+        return float(self._left(outside.kept, outside.forms) / max(len(residual) - basis.shape[1], 1))
 
     def cost(self, outside: Outside, variance: float) -> float:
         """Return what an explanation costs."""
