@@ -36,10 +36,14 @@ STRETCHES = 10
 """Of more poses so many stretches are looked at: neighbours tell of short times, stretches of long ones."""
 CALLED_FOR = 0.01
 """An effect is taken for there, whatever wanders, where chance over all of them does as much so rarely."""
-GATE = 2 / 3
+CAREFUL = 2 / 3
+"""Of the logarithm of that probability where something wanders beside the effect, too: the rest is that of F with the
+variances as they are without it. The likelihood ratio alone is too sure of slow effects then (in up to one of ten data
+sets with drift), and F nearly blind to them."""
 MOST_EFFECTS = 6
 TRIED = 3
-"""Effects that are held against wander alone, each time."""
+"""Effects that are held against wander alone, each time; those that are alike count as one."""
+ALIKE = 0.9
 GAIN = {"pose": 4.0, "wander": 5.0}
 """By how much twice the logarithm of the restricted likelihood grows by chance in one of ten cases."""
 SMALLEST, LARGEST = 0.03, 300.0
@@ -320,7 +324,9 @@ class _Beside:
             there = search.again(now)
             gain = max(2 * (there.likelihood - now.likelihood), 0.0)
             fall = -np.expm1(-gain / search.freedoms)
-            log = GATE * _log_p(fall, k, search.freedoms - k) + (1 - GATE) * log_now + np.log(count)
+            log = _log_p(fall, k, search.freedoms - k) + np.log(count)
+            if any(name.startswith("wander") for name in there.names):
+                log = CAREFUL * log + (1 - CAREFUL) * (log_now + np.log(count))
             if log < best:
                 best, found = log, i
         return found
@@ -337,9 +343,17 @@ class _Beside:
         both = [_log_ps(moments.inverse(part)[0], basis.shape[1], seen, self.readings)]
         both.append(_log_ps(moments.square, basis.shape[1], seen, self.readings))
         for logs in both:
-            for i in sorted(logs, key=lambda i: logs[i])[:TRIED]:
-                chosen[i] = both[0].get(i, 0.0)
+            some: list[int] = []
+            for i in sorted(logs, key=lambda i: logs[i]):
+                if len(some) < TRIED and not any(_alike(seen[i], seen[j]) for j in some):
+                    some.append(i)
+                    chosen[i] = both[0].get(i, 0.0)
         return list(chosen.items())
+
+
+def _alike(one: Array, other: Array) -> bool:
+    """Tell whether two orthonormal bases are nearly of the same space, as those of one effect with two periods are."""
+    return one.shape == other.shape and float(np.sum((one.T @ other) ** 2)) > ALIKE * one.shape[1]
 
 
 def _log_ps(products: Array, q: int, seen: Sequence[Array], readings: int) -> dict[int, float]:
