@@ -20,6 +20,8 @@ Mask: TypeAlias = NDArray[np.bool_]
 
 PART = 4
 """A column for so many readings at most: with more each row would be fitted by itself."""
+VISIBLE = 0.1
+"""Part of a candidate's column that must be left beside the model: a smaller rest is rounding, or mostly noise."""
 STEPS = 30
 HUBER = 1.345
 FALSE_ALARM = 0.01
@@ -43,7 +45,9 @@ def gross_errors(model: Array, candidates: Array, residual: Array) -> Mask:
     n, m = residual.shape
     base = _leading(model.reshape(n * m, -1), n * m)
     rest = candidates.reshape(n * m, -1)
+    size = np.linalg.norm(rest, axis=0)
     rest = rest - base @ (base.T @ rest)
+    rest = rest[:, np.linalg.norm(rest, axis=0) > VISIBLE * size]
     basis = np.concatenate([base, _leading(rest, n * m // PART - base.shape[1])], axis=1)
     spare = n * m - basis.shape[1]
     if n < 8 or spare < 2 * m or not residual.any():
