@@ -11,6 +11,7 @@ import re
 import shutil
 import subprocess
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -22,15 +23,27 @@ from made_diagnoses import HOSTILE, MACHINES
 
 from rodgen import cli
 from rodgen.discrepancy.diagnose import Diagnosis, Unexplained
+from rodgen.discrepancy.fit import Estimate
 from rodgen.discrepancy.plan import Gain, Goal, Plan
 from rodgen.discrepancy.report import report_page, write_report
+from rodgen.discrepancy.report._chart import Chart
 from rodgen.discrepancy.report._charts import charts
 from rodgen.discrepancy.report._content import unit_of
+from rodgen.discrepancy.report._hardware import in_hardware
+from rodgen.discrepancy.report._last import last_fit
 from rodgen.discrepancy.report._svg import standalone
 from rodgen.errors import InputFileError
+from rodgen.machines.catalogue import CATALOGUE
+from rodgen.machines.machine import Effect
 
 VOID = {"meta", "link", "br", "img", "input", "hr"}
-BLOCK = '[[effect]]\nname = "unknown_C"\njoint = "C"\ncomponent = "tz"\nformula = "a*sin(5*q)"\n'
+BLOCK = """[[effect]]
+name = "unknown_C"
+joint = "C"
+component = "tz"
+formula = "a*sin(5*q)"
+parameters = { a = "mm" }
+"""
 FORM = Unexplained("C", "tz", "C", "a*sin(5*q)", 1e-12, 0.0021, {"a": (0.0031, "mm")}, BLOCK)
 
 
@@ -105,6 +118,10 @@ def page(verdict: str) -> tuple[str, Page]:
 def hostile() -> tuple[str, Page]:
     text = report_page(made_diagnoses.hostile(), plan())
     return text, Page(text)
+
+
+def drawn(found: Diagnosis) -> list[Chart]:
+    return charts(found, last_fit(found), unit_of(found))
 
 
 VERDICTS = ("nothing_missing", "effects_missing", "unknown_effect", "cannot_tell")
@@ -182,6 +199,15 @@ def test_block_for_the_machine_file_is_whole() -> None:
     assert BLOCK.strip() in [text for _, text in found.all("pre")]
 
 
+def test_forms_outside_the_catalogue_are_in_the_last_model() -> None:
+    found = diagnosis("unknown_effect")
+    last = last_fit(found)
+    assert [e.name for e in last.machine.effects] == ["encoder_eccentricity", "unknown_C"]
+    assert last.rms < found.final.rms
+    assert "After, with the form outside the catalogue" in page("unknown_effect")[0]
+    assert last_fit(diagnosis("effects_missing")) is diagnosis("effects_missing").final
+
+
 def test_command_that_adds_an_effect_is_one_of_the_shell() -> None:
     _, found = page("effects_missing")
     commands = [text for _, text in found.all("pre")]
@@ -202,6 +228,28 @@ def test_eccentricity_is_told_in_micrometres_of_the_scale() -> None:
     assert float(unknown.one("p", **{"class": "radius"})[0]["data-per-mm"]) == pytest.approx(
         size * 1e3, rel=1e-4
     )
+
+
+def test_numbers_that_are_not_known_are_not_turned_into_micrometres() -> None:
+    found = made_diagnoses.table(hidden=("encoder_ellipticity@{}:a=20arcsec",))
+    step = found.steps[0]  # the wrong effect, on purpose
+    assert all(abs(e.value) < 3 * e.std for e in step.parameters.values())
+    vague = {name: replace(e, value=0.5 * e.std) for name, e in step.parameters.items()}
+    assert in_hardware(step.effect, vague, found.final) == [
+        "None of its numbers is known well enough to say what it is on the machine."
+    ]
+
+
+@pytest.mark.parametrize(
+    "effect", [e for e in CATALOGUE if e.name not in {"frame_shift"}], ids=lambda e: e.name
+)
+def test_every_effect_can_be_told_in_hardware(effect: Any) -> None:
+    found = made_diagnoses.mount().final if "target" not in effect.at else diagnosis("nothing_missing").final
+    kinds = {"revolute": "EL", "machine": None, "target": "ball"}
+    place = next((kinds[at] for at in effect.at if at in kinds), "EL")
+    numbers = {n: Estimate(n, u, 2.0, 0.1, False, True) for n, u in effect.units("mm").items()}
+    said = in_hardware(Effect(effect, place), numbers, found)
+    assert all(re.search(r"\d", sentence) and sentence.endswith(".") for sentence in said)
 
 
 def test_radius_of_no_joint_is_refused(tmp_path: Path) -> None:
@@ -257,8 +305,8 @@ def test_pictures_are_on_the_page_and_as_files(verdict: str, tmp_path: Path) -> 
 @pytest.mark.parametrize("verdict", VERDICTS)
 def test_pictures_tell_what_they_show_without_being_seen(verdict: str) -> None:
     _, found = page(verdict)
-    drawn = [attrs for attrs, _ in found.all("svg") if "viewbox" in attrs]
-    seen = [attrs for attrs in drawn if attrs.get("aria-hidden") != "true"]
+    every = [attrs for attrs, _ in found.all("svg") if "viewbox" in attrs]
+    seen = [attrs for attrs in every if attrs.get("aria-hidden") != "true"]
     assert seen
     for attrs in seen:
         assert attrs["role"] == "img"
@@ -268,7 +316,7 @@ def test_pictures_tell_what_they_show_without_being_seen(verdict: str) -> None:
 def test_before_and_after_have_one_scale() -> None:
     for verdict in ("effects_missing", "unknown_effect"):
         found = diagnosis(verdict)
-        for chart in charts(found, unit_of(found)):
+        for chart in drawn(found):
             if chart.name.startswith("residuals"):
                 before, after = chart.views
                 for one, other in zip(before.panels, after.panels, strict=True):
@@ -277,9 +325,9 @@ def test_before_and_after_have_one_scale() -> None:
 
 def test_residuals_that_are_drawn_are_those_of_the_fits() -> None:
     found = diagnosis("unknown_effect")
-    chart = next(c for c in charts(found, unit_of(found)) if c.name == "residuals_by_C")
+    chart = next(c for c in drawn(found) if c.name == "residuals_by_C")
     good = ~np.isin(np.arange(72), (3, 17))
-    for view, fit in zip(chart.views, (found.base, found.final), strict=True):
+    for view, fit in zip(chart.views, (found.base, last_fit(found)), strict=True):
         x = view.panels[1]  # above it is what the reading of C would be off
         assert x.y == "x [µm]"
         np.testing.assert_allclose(x.marks[0].y, 1e3 * fit.residuals[good, 0])
@@ -290,7 +338,7 @@ def test_residuals_that_are_drawn_are_those_of_the_fits() -> None:
 
 def test_reading_that_a_joint_is_off_by_is_the_wave_that_was_hidden() -> None:
     found = made_diagnoses.table(hidden=("encoder_eccentricity@{}:a=20arcsec",))
-    chart = next(c for c in charts(found, unit_of(found)) if c.name == "residuals_by_C")
+    chart = next(c for c in drawn(found) if c.name == "residuals_by_C")
     marks = chart.views[0].panels[0].marks[0]
     off = marks.y - 20 * np.cos(np.radians(marks.x))
     # 2 µm at 100 mm are 4 arcsec; what the base fit took away is a shift of the target
@@ -299,13 +347,7 @@ def test_reading_that_a_joint_is_off_by_is_the_wave_that_was_hidden() -> None:
 
 
 def test_kinds_of_points_differ_by_shape() -> None:
-    text = standalone(
-        next(
-            c
-            for c in charts(diagnosis("unknown_effect"), unit_of(diagnosis("unknown_effect")))
-            if c.name == "ladder"
-        )
-    )
+    text = standalone(next(c for c in drawn(diagnosis("unknown_effect")) if c.name == "ladder"))
     for look in ("fitted", "held", "test"):
         assert f'class="{look}"' in text
     shapes = {look: re.search(rf'<g class="{look}"><(\w+)', text)[1] for look in ("fitted", "held", "test")}
@@ -382,22 +424,20 @@ def test_names_of_a_user_stay_text_everywhere() -> None:
     tips = json.loads(found.all("script")[0][1])
     assert "</script" not in found.all("script")[0][1]
     assert tips["rows"][0].startswith("row 0")
-    for chart in charts(made_diagnoses.hostile(), unit_of(made_diagnoses.hostile())):
+    for chart in drawn(made_diagnoses.hostile()):
         assert re.fullmatch(r"[A-Za-z0-9_]+", chart.name)
         ET.fromstring(standalone(chart))
 
 
 def test_names_are_escaped_in_pictures() -> None:
-    from dataclasses import replace
-
     found = made_diagnoses.table()
-    for chart in charts(found, unit_of(found)):
+    for chart in drawn(found):
         views = tuple(
             replace(v, title=HOSTILE, panels=tuple(replace(p, x=HOSTILE, y=HOSTILE) for p in v.panels))
             for v in chart.views
         )
-        drawn = standalone(replace(chart, title=HOSTILE, alt=HOSTILE, note=HOSTILE, views=views))
-        root = ET.fromstring(drawn)
+        text = standalone(replace(chart, title=HOSTILE, alt=HOSTILE, note=HOSTILE, views=views))
+        root = ET.fromstring(text)
         assert [e.text for e in root.iter("{http://www.w3.org/2000/svg}title")] == [HOSTILE]
         assert not list(root.iter("{http://www.w3.org/2000/svg}img"))
 
@@ -407,7 +447,7 @@ def test_control_characters_do_not_break_a_picture() -> None:
     text = report_page(found)
     text.encode()
     assert "A??[31mB?" in text
-    for chart in charts(found, unit_of(found)):
+    for chart in drawn(found):
         ET.fromstring(standalone(chart))
 
 

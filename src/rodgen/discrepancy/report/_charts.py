@@ -26,6 +26,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 MOST_ARROWS = 300
 MOST_RANKED = 10
+MOST_NUMBERED = 24
 LEVEL = 0.01
 """Probability of a false alarm among all candidates together."""
 FLAT, TALL = 0.5, 1.1
@@ -40,17 +41,19 @@ Rung: TypeAlias = tuple[str, float, float | None, float | None]
 """Title, rms fitted, held out, on further measurements."""
 
 
-def charts(diagnosis: Diagnosis, shown: Shown, plan: Plan | None = None) -> list[Chart]:
+def charts(diagnosis: Diagnosis, last: Fit, shown: Shown, plan: Plan | None = None) -> list[Chart]:
     """Make every picture of a diagnosis.
 
     Parameters
     ----------
     diagnosis : Diagnosis
+    last : Fit
+        With everything that was found.
     shown : Shown
         The unit of errors.
     plan : Plan, optional
     """
-    rows = Rows(diagnosis, shown)
+    rows = Rows(diagnosis, last, shown)
     made = [_ladder(diagnosis, shown)]
     made += [_against(rows, driver) for driver in rows.drivers()]
     made.append(_sky(rows) if rows.base.machine.measured.kind == "direction" else _space(rows))
@@ -132,6 +135,7 @@ def _ladder(diagnosis: Diagnosis, shown: Shown) -> Chart:
         "The error, model by model",
         f"Rms in {shown.unit}: {way}; noise {beside}.",
         (View("", (panel,)),),
+        note="" if np.isnan(unseen).all() else "Numbers: fitted / held out.",
         legend=tuple(legend),
     )
 
@@ -193,11 +197,16 @@ def _fits(rows: Rows) -> list[Fit]:
 
 
 def _said(rows: Rows, fit: Fit, after: int) -> str:
-    rms = rows.diagnosis.rms
-    size = f"rms {rows.shown(rms.after if after else rms.before)} {rows.shown.unit}"
+    size = f"rms {rows.shown(fit.rms)} {rows.shown.unit}"
     if not rows.two:
         return f"The model as it is: {size}"
-    return f"After: {size}" if after else f"Before: {size}"
+    if not after:
+        return f"Before: {size}"
+    return (
+        f"After: {size}"
+        if fit is rows.diagnosis.final
+        else f"After, with the form outside the catalogue: {size}"
+    )
 
 
 def _curves(rows: Rows, fit: Fit, driver: Driver) -> list[tuple[str, Array]]:
@@ -515,7 +524,9 @@ def _planned(rows: Rows, plan: Plan | None) -> list[Chart]:
     else:
         y_there, y_new, label = there[:, b], new[:, b], _joint_label(machine, b)
         ylim = _range(whole[:, b])
-    numbers = tuple(str(i + 1) for i in range(len(new))) if len(new) <= 24 else ()
+    numbers = (
+        tuple(str(i + 1) for i in range(len(new))) if len(new) <= MOST_NUMBERED and b is not None else ()
+    )
     panel = Panel(
         name_a,
         label,
@@ -536,7 +547,7 @@ def _planned(rows: Rows, plan: Plan | None) -> list[Chart]:
             + (f" and {plain(machine.joints[b].name)}" if b is not None else "")
             + ".",
             (View("", (panel,)),),
-            legend=(("there", "measured"), ("planned", "planned, in this order")),
+            legend=(("there", "measured"), ("planned", "planned")),
         )
     ]
 

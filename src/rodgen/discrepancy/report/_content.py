@@ -12,7 +12,7 @@ import numpy as np
 
 from rodgen.discrepancy.compare._sentences import figure, plain
 from rodgen.discrepancy.diagnose._diagnosis import Alias, DiagnosedEffect, Diagnosis, Unexplained
-from rodgen.discrepancy.fit import Estimate
+from rodgen.discrepancy.fit import Estimate, Fit
 from rodgen.discrepancy.report._charts import LEVEL, MOST_RANKED, rungs
 from rodgen.discrepancy.report._hardware import eccentricity, in_hardware
 from rodgen.discrepancy.report._rows import coordinate
@@ -55,12 +55,16 @@ def unit_of(diagnosis: Diagnosis) -> Shown:
     return shown_unit(rms.unit, values)
 
 
-def content(diagnosis: Diagnosis, plan: Plan | None, shown: Shown, radii: Mapping[str, float]) -> Content:
+def content(
+    diagnosis: Diagnosis, last: Fit, plan: Plan | None, shown: Shown, radii: Mapping[str, float]
+) -> Content:
     """Return everything that the page says.
 
     Parameters
     ----------
     diagnosis : Diagnosis
+    last : Fit
+        With everything that was found.
     plan : Plan or None
     shown : Shown
     radii : mapping of str to float
@@ -88,7 +92,8 @@ def content(diagnosis: Diagnosis, plan: Plan | None, shown: Shown, radii: Mappin
         "model": list(_model(diagnosis)),
         "plan": None if plan is None else _plan(plan),
         "notes": [plain(note, LONG * 4) for note in _notes(diagnosis)],
-        "worst": list(_worst(diagnosis, shown)),
+        "worst": list(_worst(diagnosis, last, shown)),
+        "two": last is not fit,
         "version": _version(),
     }
 
@@ -126,7 +131,10 @@ def _sentence(diagnosis: Diagnosis, shown: Shown) -> str:
     if diagnosis.steps:
         what = f"With {_listed([_or_others(step) for step in diagnosis.steps])} {fell}."
         if forms:
-            what += f" What then is left follows {_drivers(forms)}, as no effect of the catalogue does."
+            what += (
+                f" What then is left follows {_drivers(forms)}, as no effect of the catalogue does; with the form "
+                f"below it is {shown(forms[-1].rms)} {unit}."
+            )
         return what
     if forms:
         beside = _beside(diagnosis, shown, forms[-1].rms)
@@ -200,7 +208,10 @@ def _next(diagnosis: Diagnosis, plan: Plan | None) -> list[Content]:
             }
         )
     words = _words(plan)
-    if words:
+    asked = (
+        diagnosis.verdict == "cannot_tell" or any(g.kind != "sharpen" for g in plan.goals) if plan else False
+    )
+    if words and asked:
         found.append({"what": "Measure next", "text": words[0]})
     return found
 
@@ -211,12 +222,21 @@ def _figures(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
     fit = diagnosis.final
     if diagnosis.steps:
         yield {"name": "error before", "value": shown(rms.before), "unit": shown.unit, "kind": "before"}
-        yield {"name": "error after", "value": shown(rms.after), "unit": shown.unit, "kind": "after"}
+        name = "with the effects" if diagnosis.unexplained else "error after"
+        yield {"name": name, "value": shown(rms.after), "unit": shown.unit, "kind": "after"}
     else:
         yield {"name": "error", "value": shown(rms.before), "unit": shown.unit, "kind": ""}
+    if diagnosis.unexplained:
+        last = diagnosis.unexplained[-1].rms
+        yield {"name": "with the form, too", "value": shown(last), "unit": shown.unit, "kind": "after"}
     held = rms.after_held_out if diagnosis.steps else rms.before_held_out
     if held is not None:
-        yield {"name": "on poses held out", "value": shown(held), "unit": shown.unit, "kind": ""}
+        yield {
+            "name": "on poses held out" if not diagnosis.unexplained else "held out, without it",
+            "value": shown(held),
+            "unit": shown.unit,
+            "kind": "",
+        }
     test = rms.after_test if rms.after_test is not None else rms.before_test
     if test is not None:
         yield {"name": "on the test file", "value": shown(test), "unit": shown.unit, "kind": ""}
@@ -312,9 +332,9 @@ def _coordinate(value: float) -> str:
     return f"{round(value, 3) + 0.0:g}".replace("-", "−")
 
 
-def _worst(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
+def _worst(diagnosis: Diagnosis, final: Fit, shown: Shown) -> Iterator[Content]:
     """Yield the rows with the largest residuals after, with what they were before."""
-    base, final = diagnosis.base, diagnosis.final
+    base = diagnosis.base
     size = np.sqrt(np.mean(final.residuals**2, axis=1))
     size = np.where(np.isfinite(size), size, -1.0)
     for row in np.argsort(-size, kind="stable")[:5]:

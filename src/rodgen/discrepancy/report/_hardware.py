@@ -18,6 +18,8 @@ from rodgen.machines.machine import Effect
 __all__ = ["eccentricity", "in_hardware"]
 
 ARCSEC = math.pi / 648000
+VAGUE = 1.0
+"""Numbers below so many of their standard deviations are not turned into micrometres."""
 _TO_MM = {
     "mm": 1.0,
     "cm": 10.0,
@@ -48,6 +50,9 @@ def in_hardware(
     say = _SAYS.get(effect.name)
     if say is None or effect.definition.own:
         return []
+    free = [e for e in parameters.values() if not e.held]
+    if all(e.std is not None and abs(e.value) < VAGUE * e.std for e in free) and free:
+        return ["None of its numbers is known well enough to say what it is on the machine."]
     values = {name: e.value for name, e in parameters.items()}
     spread = {name: e.std for name, e in parameters.items()}
     try:

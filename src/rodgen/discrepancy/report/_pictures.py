@@ -131,9 +131,10 @@ def _draw_panel(panel: Panel, at: Any, *, last: bool) -> None:
     if panel.rows:
         at.set_ylim(len(panel.rows) - 0.4, -0.75)
         at.set_yticks([])
+        inset = panel.xlim[0] + 0.01 * (panel.xlim[1] - panel.xlim[0])
         for i, name in enumerate(panel.rows):
-            at.text(panel.xlim[0], i - 0.3, name, va="bottom", fontweight="bold", fontsize=8.5)
-            at.axhline(i, color="0.8", lw=0.8)
+            at.text(inset, i - 0.3, name, va="bottom", fontweight="bold", fontsize=8.5)
+            at.axhline(i, color="0.8", lw=0.8, zorder=1)
         at.grid(axis="x", color="0.9", lw=0.6)
     elif panel.bare:
         at.set_ylim(*panel.ylim)

@@ -17,6 +17,7 @@ from rodgen.discrepancy.diagnose._diagnosis import Diagnosis
 from rodgen.discrepancy.report._chart import Chart
 from rodgen.discrepancy.report._charts import charts
 from rodgen.discrepancy.report._content import content, unit_of
+from rodgen.discrepancy.report._last import last_fit
 from rodgen.discrepancy.report._pictures import png
 from rodgen.discrepancy.report._svg import STYLE, legend_svg, standalone, view_svg
 from rodgen.errors import InputFileError
@@ -97,7 +98,8 @@ def _made(
 ) -> tuple[str, dict[str, bytes]]:
     _check(diagnosis, radii)
     shown = unit_of(diagnosis)
-    made = charts(diagnosis, shown, plan)
+    last = last_fit(diagnosis)
+    made = charts(diagnosis, last, shown, plan)
     pictures: dict[str, bytes] = {}
     figures = []
     for chart in made:
@@ -107,7 +109,7 @@ def _made(
         pictures[f"{chart.name}.png"], pictures[f"{chart.name}.svg"] = drawn
         figures.append(_figure(chart, *drawn))
     style, script = _asset("report.css") + "\n" + STYLE, _asset("report.js")
-    text = content(diagnosis, plan, shown, radii)
+    text = content(diagnosis, last, plan, shown, radii)
     if text["plan"] and text["plan"]["csv"]:
         text["plan"]["link"] = _data("text/csv;charset=utf-8", text["plan"]["csv"].encode())
     page = (

@@ -69,15 +69,15 @@ class Rows:
     Parameters
     ----------
     diagnosis : Diagnosis
+    last : Fit
+        With everything that was found.
     shown : Shown
         The unit in which errors are shown.
-    panels : int
-        In how many panels of one chart every row appears.
     """
 
-    def __init__(self, diagnosis: Diagnosis, shown: Shown) -> None:
+    def __init__(self, diagnosis: Diagnosis, last: Fit, shown: Shown) -> None:
         self.diagnosis, self.shown = diagnosis, shown
-        self.base, self.final = diagnosis.base, diagnosis.final
+        self.base, self.final = diagnosis.base, last
         self.outlier = self.base.outliers | self.final.outliers
         self.outlier[[row for row in diagnosis.outliers if 0 <= row < len(self.outlier)]] = True
         n, m = self.base.residuals.shape
@@ -91,7 +91,7 @@ class Rows:
     @property
     def two(self) -> bool:
         """Whether there is an after beside the before."""
-        return len(self.diagnosis.fits) > 1
+        return self.final is not self.base
 
     @property
     def thinned(self) -> str:
