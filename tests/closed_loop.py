@@ -149,7 +149,7 @@ def one_radius() -> Loop:
         estimate=["C.point", "target"],
         noise=0.002,
     )
-    n = 100
+    n = 300
 
     def truth(random: np.random.Generator) -> dict[str, float]:
         if random.random() < 0.5:
@@ -203,7 +203,7 @@ def one_side() -> Loop:
             "target": ["p"] * n,
         }
 
-    columns = {"C [rad]": _evenly(-3, 3, 100), "target": ["p"] * 100}
+    columns = {"C [rad]": _evenly(-3, 3, 300), "target": ["p"] * 300}
     return Loop(
         "one side", file, columns, [("backlash", "C", {}), ("zero_offset", "C", {})], truth, grid, 0.002
     )
@@ -230,7 +230,7 @@ def one_load() -> Loop:
             "load [N]": [[0.0, 50.0][i % 2] for i in range(n)],
         }
 
-    columns = {"A [rad]": _evenly(-1.4, 1.4, 100), "target": ["p"] * 100, "load [N]": np.full(100, 50.0)}
+    columns = {"A [rad]": _evenly(-1.4, 1.4, 300), "target": ["p"] * 300, "load [N]": np.full(300, 50.0)}
     effects = [("load_windup", "A", {}), ("gravity_windup", "A", {"k2": 0.0})]
     return Loop("one load", file, columns, effects, truth, grid, 0.01)
 
@@ -254,7 +254,7 @@ def short_arc() -> Loop:
     def grid(n: int) -> Columns:
         return {"C [rad]": _evenly(-2, 2, n), "target": ["p"] * n}
 
-    columns = {"C [rad]": _evenly(-0.52, 0.52, 120), "target": ["p"] * 120}
+    columns = {"C [rad]": _evenly(-0.52, 0.52, 400), "target": ["p"] * 400}
     effects = [(name, "C", {}) for name in ("scale", "encoder_eccentricity", "encoder_ellipticity")]
     return Loop("short arc", file, columns, effects, truth, grid, 0.002)
 
@@ -271,9 +271,9 @@ def one_scan() -> Loop:
         return {"linear_drift.x": _size(random, 0.5e-5, 0.8e-5)}
 
     def grid(n: int) -> Columns:
-        return {"X [mm]": _evenly(0, 800, n), "target": ["p"] * n, "t [s]": 800.0 + 8 * np.arange(n)}
+        return {"X [mm]": _evenly(0, 800, n), "target": ["p"] * n, "t [s]": 800.0 + 4 * np.arange(n)}
 
-    columns = {"X [mm]": _evenly(0, 800, 100), "target": ["p"] * 100, "t [s]": 8.0 * np.arange(100)}
+    columns = {"X [mm]": _evenly(0, 800, 200), "target": ["p"] * 200, "t [s]": 4.0 * np.arange(200)}
     effects = [("scale", "X", {}), ("linear_drift", None, {})]
     return Loop("one scan", file, columns, effects, truth, grid, 0.002)
 
@@ -300,7 +300,7 @@ def never_moved() -> Loop:
         both = np.array([(a, b) for b in y for a in x])[:n]
         return {"X [mm]": both[:, 0], "Y [mm]": both[:, 1], "target": ["p"] * n}
 
-    columns = {"X [mm]": np.full(60, 700.0), "Y [mm]": _evenly(0, 400, 60), "target": ["p"] * 60}
+    columns = {"X [mm]": np.full(120, 700.0), "Y [mm]": _evenly(0, 400, 120), "target": ["p"] * 120}
     return Loop(
         "never moved", file, columns, [("scale", "X", {}), ("zero_offset", "X", {})], truth, grid, 0.002
     )

@@ -29,7 +29,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 APART = 12.0
 """Effects are told apart when one fits worse by this and ln(rows), in chi-square, for each parameter saved."""
-DOUBT = 0.04
+DOUBT = 0.03
 """Probability that a plan is allowed to leave the true effect beside a wrong one."""
 MARGIN = 2.0
 """Quantile of the normal distribution that goes with it, for two or three wrong ones."""
@@ -46,6 +46,8 @@ SMALL = 0.1
 deviations only, and positions count that keep to these."""
 SIZES = (3, 6, 12, 24, 48, 100, 200)
 """Sizes of plans that are tried one after the other, and then those between."""
+IDLE = 0.01
+"""More readings that raise the probability by less are not worth while."""
 EXCHANGES = 60
 """So many readings are exchanged in a large plan before it counts as good."""
 FAR, MANY = 5, (60, 120)
@@ -441,14 +443,16 @@ class _Planning:
         """Return the fewest readings that are enough, or n."""
         if self.task.sharpen or not self.task.pairs:
             return self._chosen(n)
-        failed = FEWEST - 1
+        failed, found = FEWEST - 1, []
         for size in (*(x for x in SIZES if x < n), n):
             rows = self._chosen(size)
-            if self._all_reached(rows):
+            missing = self._missing(rows)
+            found.append((missing, rows))
+            if missing <= 0:
                 break
             failed = size
         else:
-            return rows
+            return next(rows for missing, rows in found if missing <= found[-1][0] + IDLE)
         while size - failed > 1:
             middle = (size + failed) // 2
             fewer = self._chosen(middle)
@@ -505,8 +509,12 @@ class _Planning:
         return np.array([threshold for _, _, threshold, possible, _ in self.pairs if possible])
 
     def _all_reached(self, rows: Rows) -> bool:
+        return self._missing(rows) <= 0
+
+    def _missing(self, rows: Rows) -> float:
+        """Return by how much the probability of the least sure pair is too low."""
         sure = np.array([self._sure(k) for k, _, _, possible, _ in self.pairs if possible])
-        return bool(np.all(self._probability(rows, self.task, self._thresholds)[1] >= sure))
+        return float(np.max(sure - self._probability(rows, self.task, self._thresholds)[1]))
 
     def _sure(self, k: int) -> float:
         """Return the probability that is planned for, so that all wrong effects of a class fail at once."""

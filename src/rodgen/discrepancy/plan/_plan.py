@@ -420,7 +420,9 @@ class _Planner:
         ways: list[tuple[Machine, float]] = []
         if found.asks_time and o.t is not None and np.ptp(o.t) > 0:
             ways += [(question.machine, wait) for wait in WAITS]
-        if question.machine.measured.kind != "direction" and len(question.machine.targets) < FEW_TARGETS:
+        structure = found.models[0].fit.problem.model.structure
+        # where moments count, one more target would move the mean of the targets, and with it what the effects mean
+        if structure.moving and not structure.centre and len(question.machine.targets) < FEW_TARGETS:
             ways += [(machine, 0.0) for machine in _with_a_new_target(question, question.machine)]
         best = found
         for machine, wait in ways:
