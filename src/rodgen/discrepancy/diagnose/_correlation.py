@@ -31,7 +31,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 LEAST_POSES = 8
 """Of fewer poses nothing is said of how they depend on each other."""
-MOST_POSES = 1500
+MOST_POSES = 1000
 STRETCHES = 10
 """Of more poses so many stretches are looked at: neighbours tell of short times, stretches of long ones."""
 CALLED_FOR = 0.01
