@@ -168,26 +168,23 @@ def _side_by_side(records: Sequence[Record]) -> list[str]:
         f"  {'':<20}{'on innocent':>14}{'claimed':>9}{'':>13}{'':>12}{'':>12}{'effects':>12}{'true model = 1':>17}"
     )
 
-    def part(some: Sequence[Record], hit: Callable[[Record], bool]) -> str:
-        return f"{np.mean([hit(r) for r in some]):.1%}" if some else "-"
+    def mean(values: Sequence[Any], form: str, width: int) -> str:
+        return f"{np.mean(values):>{width}{form}}" if len(values) else f"{'-':>{width}}"
 
     for name in names:
-        mine = [r for r in records if name in r["peers"]]
 
         def own(some: Sequence[Record], key: str, name: str = name) -> list[Any]:
             return [r["peers"][name][key] for r in some if name in r["peers"]]
 
         claims = own(innocent, "chosen")
-        errors = own(one + two + innocent, "held_out")
         lines.append(
             f"  {name:<20}"
-            + f"{np.mean(np.array(claims) > 0) if claims else np.nan:>14.1%}"
-            + f"{np.mean(claims) if claims else np.nan:>9.2f}"
-            + f"{np.mean(own(one, 'first')) if one else np.nan:>13.1%}"
-            + f"{np.mean(own(one, 'exact')) if one else np.nan:>12.1%}"
-            + f"{np.mean(own(two, 'exact')) if two else np.nan:>12.1%}"
-            + f"{np.mean(own(outside, 'chosen')) if outside else np.nan:>12.2f}"
-            + f"{np.mean(errors) if errors else np.nan:>17.3f}"
+            + mean([claim > 0 for claim in claims], ".1%", 14)
+            + mean(claims, ".2f", 9)
+            + mean(own(one, "first"), ".1%", 13)
+            + mean(own(one, "exact"), ".1%", 12)
+            + mean(own(two, "exact"), ".1%", 12)
+            + mean(own(outside, "chosen"), ".2f", 12)
+            + mean(own(innocent + one + two, "held_out"), ".3f", 17)
         )
-        assert mine
     return lines
