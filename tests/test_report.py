@@ -10,6 +10,7 @@ import json
 import re
 import shutil
 import subprocess
+import sys
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from functools import cache
@@ -538,6 +539,12 @@ def test_bad_input_is_one_line(
     assert expected in printed.err
     assert printed.err.count("\n") == 1
     assert not (tmp_path / "page.html").exists()
+
+
+def test_missing_extra_is_told_at_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: Any) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert cli.main(["report", "machine.toml", "data.csv", "-o", str(tmp_path / "page.html")]) == 2
+    assert "pip install 'rodgen[plot]'" in capsys.readouterr().err
 
 
 # in a browser ------------------------------------------------------------------------------------------------------

@@ -42,6 +42,8 @@ def add_to(command: Command) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
+    import matplotlib  # noqa: F401 - that it is missing is told before a long diagnosis, not after
+
     from rodgen.discrepancy._bind import bind
     from rodgen.discrepancy.diagnose import diagnose
     from rodgen.discrepancy.plan import PlanError, plan
