@@ -254,6 +254,55 @@ def test_columns_that_no_formula_can_name_drive_nothing() -> None:
     assert form.effect_definition(base.machine).formula.text == form.formula
 
 
+def test_joints_that_are_called_like_words_of_formulas(tmp_path: Any) -> None:
+    file = machine_file(
+        [joint("T", "revolute", (0, 0, 1)), joint("q", "prismatic", (0, 0, 1), travel=[0.0, 300.0])],
+        [(150, 0, 30), (-40, 90, 110)],
+        estimate=["T.axis", "target"],
+    )
+    random = np.random.default_rng(13)
+    noise = 0.003
+    columns = measured(file, commands(file, random), {}, noise, random)
+    columns["z [mm]"] = columns["z [mm]"] + 0.004 * columns["flow"]
+    base = fitted(machine_of(file), columns)
+    assert {(d.kind, d.name) for d in drivers_of(base.observations)} & {
+        ("q", "T"),
+        ("q", "q"),
+        ("T", "T_T"),
+    } == set()
+    carriers = Carriers.of(base)
+    machine, forms = machine_of(file), find_forms(carriers, None, carriers.model)
+    assert [form.driver for form in forms] == ["flow"]
+    for form in forms:
+        machine = machine.with_effect(form.effect(machine))
+        machine.save(tmp_path / "machine.toml")
+        assert Machine.load(tmp_path / "machine.toml") == machine
+
+
+def test_columns_of_any_size() -> None:
+    random = np.random.default_rng(14)
+    columns = commands(TABLE, random)
+    columns["huge"] = 1e90 * random.uniform(-1, 1, ROWS)
+    columns["tiny"] = 1e-90 * random.uniform(-1, 1, ROWS)
+    columns["same"] = np.full(ROWS, 3.0)
+    columns["two"] = random.choice([0.0, 1e9], ROWS)
+    columns["late"] = 1.7e9 + random.uniform(0, 1, ROWS)
+    effects = {"C.tz": lambda c: 0.006 * c["tiny"] / 1e-90 + 0.006 * np.sin(5 * c["q"])}
+    columns = measured(TABLE, columns, effects, 0.003, random)
+    carriers = Carriers.of(fitted(machine_of(TABLE), columns))
+    forms = find_forms(carriers, None, carriers.model)
+    assert sorted(form.driver for form in forms) == ["C", "tiny"]
+
+
+def test_few_rows_and_no_noise_have_no_form() -> None:
+    random = np.random.default_rng(15)
+    for rows, noise in ((5, 0.004), (6, 0.004), (8, 0.004), (100, 0.0)):
+        columns = measured(TABLE, commands(TABLE, random, rows), {}, noise, random)
+        carriers = Carriers.of(fitted(machine_of(TABLE), columns))
+        assert find_forms(carriers, None, carriers.model) == []
+        assert all(best.log10_p > -2 for best in best_terms(carriers, None, carriers.model))
+
+
 # the block -------------------------------------------------------------------------------------------------------
 
 

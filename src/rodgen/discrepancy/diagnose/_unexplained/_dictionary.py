@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,8 @@ WIDTHS = (1 / 6, 1 / 16)
 """Of a bump, in ranges of the data."""
 DECAYS = 9
 """Time constants, from a thirtieth of the duration to three times it."""
+LARGEST = 1e100
+"""Functions with values beyond are left out: their squares leave the range of a double."""
 MOST_DRIVERS = 24
 """Products are formed of so many at most: fewer than all where there are many columns."""
 
@@ -59,6 +61,8 @@ class Driver:
         Which it belongs to.
     word : str or None
         What a formula calls it at any place; None where it has a word at its own joint only.
+    own : str or None
+        And at its own joint.
     values : ndarray, shape (n,)
         Internal units.
     dimension : Dimension
@@ -72,6 +76,7 @@ class Driver:
     name: str
     joint: str | None
     word: str | None
+    own: str | None
     values: Array = field(repr=False)
     dimension: Dimension
     unit: str | None = None
@@ -79,9 +84,7 @@ class Driver:
 
     def said(self, place: str | None) -> str | None:
         """Return what a formula at a place calls it; None where it cannot."""
-        if self.joint is not None and place == self.joint:
-            return self.kind
-        return self.word
+        return self.own if self.joint is not None and place == self.joint else self.word
 
     @cached_property
     def distinct(self) -> Array:
@@ -125,30 +128,34 @@ def drivers_of(o: Observations) -> list[Driver]:
 
 
 def _drivers(o: Observations) -> Iterator[Driver]:
+    # a word that is the name of a joint, too, stands in no formula
+    words = {"q", "s", "v", "T", "t", "F"} - {joint.name for joint in o.machine.joints}
     for j, joint in enumerate(o.machine.joints):
         turns = joint.type == "revolute"
         of = ANGLE if turns else LENGTH
         word = joint.name if _nameable(joint.name) else None
-        yield Driver("q", joint.name, joint.name, word, o.q[:, j], of, revolute=turns)
-        own: list[tuple[str, str, NDArray[np.float64] | None, Dimension]] = [
-            ("s", joint.name, o.s[:, j].astype(float), ONE),
+        if word or "q" in words:
+            own = "q" if "q" in words else word
+            yield Driver("q", joint.name, joint.name, word, own, o.q[:, j], of, revolute=turns)
+        more: list[tuple[str, str, NDArray[Any] | None, Dimension]] = [
+            ("s", joint.name, o.s[:, j], ONE),
             ("v", f"v_{joint.name}", o.v[:, j], of / TIME),
             ("T", f"T_{joint.name}", o.temperature.get(joint.name), TEMPERATURE),
         ]
-        for kind, name, values, dimension in own:
-            if values is not None:
-                yield Driver(kind, name, joint.name, None, np.asarray(values, float), dimension)
-    if o.t is not None:
-        yield Driver("t", "t", None, "t", o.t, TIME)
-    if o.load is not None:
-        yield Driver("F", "load", None, "F", o.load, FORCE)
+        for kind, name, values, dimension in more:
+            if values is not None and kind in words:
+                yield Driver(kind, name, joint.name, None, kind, np.asarray(values, float), dimension)
+    if o.t is not None and "t" in words:
+        yield Driver("t", "t", None, "t", "t", o.t, TIME)
+    if o.load is not None and "F" in words:
+        yield Driver("F", "load", None, "F", "F", o.load, FORCE)
     columns = o.data.columns
     for name, values in o.covariates.items():
         if _nameable(name):
             unit = getattr(columns.get(name), "unit", None)
             warm = name.startswith("T_")
             dimension = parse_unit(unit).dimension if unit else TEMPERATURE if warm else ONE
-            yield Driver("x", name, None, name, values, dimension, unit)
+            yield Driver("x", name, None, name, name, values, dimension, unit)
 
 
 # factors -------------------------------------------------------------------------------------------------------------
@@ -326,8 +333,10 @@ class Term:
 
     def columns(self, drivers: Sequence[Array]) -> Array:
         """Return its functions in every row, (n, count)."""
-        parts = [factor.functions(drivers[factor.driver]) for factor in self.factors]
-        return np.stack([np.prod(several, axis=0) for several in itertools.product(*parts)], axis=1)
+        with np.errstate(over="ignore", invalid="ignore"):
+            parts = [factor.functions(drivers[factor.driver]) for factor in self.factors]
+            made = np.stack([np.prod(several, axis=0) for several in itertools.product(*parts)], axis=1)
+        return made if np.abs(made).max(initial=0.0) < LARGEST else np.zeros_like(made)
 
 
 class _Writer:

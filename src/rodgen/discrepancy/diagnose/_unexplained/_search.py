@@ -69,6 +69,10 @@ HARDLY = 0.3
 COMPONENTS = ("reading", "tx", "ty", "tz", "rx", "ry", "rz")
 SMALLEST = 1e-300
 MANY_POSES = 100
+FEWEST = 4
+"""Readings beyond the parameters that a search needs."""
+NO_RESIDUAL = 1e-13
+"""Residuals below this part of the readings are rounding."""
 
 _PREPARED: WeakKeyDictionary[Observations, tuple[list[Driver], NDArray[np.int_], list[Functions]]] = (
     WeakKeyDictionary()
@@ -214,14 +218,16 @@ class _Search:
             for component in COMPONENTS
             if (column := carriers.component(place, component)) is not None and np.any(column)
         ]
-        if not found or carriers.residual.size - model.shape[2] < 3 or not np.any(carriers.residual):
+        problem = carriers.fit.problem
+        rounding = NO_RESIDUAL**2 * problem.scale * len(carriers.residual) / max(problem.rows, 1)
+        if not found or carriers.residual.size < FEWEST or np.sum(carriers.residual**2) <= rounding:
             return None
         search = cls(
             carriers, whiten, [place for place, _ in found], np.stack([column for _, column in found])
         )
         search.exact.take_out(search.exact.flat(model[search.seen]))
         search.rough.take_out(search.rough.flat(model[search.rows]))
-        if search.exact.freedoms < 3 or not search.drivers or not search.exact.total > 0:
+        if search.exact.freedoms < FEWEST or not search.drivers or not search.exact.total > 0:
             return None
         at = {name: [i for i, (place, _) in enumerate(search.places) if place == name] for name in joints}
         search.screen = Screen(search.rough, search.functions, at)
@@ -383,7 +389,7 @@ class _Search:
         tried = np.log10(max(self.screen.tried, 1)) + np.log10(CHOICES) * len(piece.term.searched)
         return min(log10_of_f(fall, left, k, self.exact.freedoms - k) + float(tried), 0.0)
 
-    def _simplicity(self, piece: Piece) -> tuple[int, int, bool, int, int]:
+    def _simplicity(self, piece: Piece) -> tuple[int, int, bool, int, int, int]:
         """Return what is compared: parameters, factors, whether it is new, orders, how far off its driver it stands.
 
         Whatever else takes part in driving it counts as two parameters.
@@ -395,7 +401,8 @@ class _Search:
         rank = {"e": 0, "t": 1, "r": 2}["e" if component == "reading" else component[0]] + 3 * (not own)
         drivers = {self.drivers[f.driver].joint or self.drivers[f.driver].name for f in term.factors}
         new = not is_catalogued(term, place, component, self.drivers, self.o.machine)
-        return piece.parameters + 2 * (len(drivers) - 1), len(term.factors), new, term.order, rank
+        noted = sum(self.drivers[f.driver].kind == "x" for f in term.factors)
+        return piece.parameters + 2 * (len(drivers) - 1), len(term.factors), new, term.order, noted, rank
 
     # all steps -----------------------------------------------------------------------------------------------------
 
