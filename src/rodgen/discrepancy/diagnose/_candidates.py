@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.discrepancy._start import most_waves
-from rodgen.discrepancy.diagnose._carriers import Carriers, is_direct
+from rodgen.discrepancy.diagnose._carriers import MOMENTS, Carriers, is_direct
 from rodgen.machines._rigid import complete_basis
 from rodgen.machines.machine import Effect
 
@@ -26,8 +26,10 @@ MOST_WAVES = 60.0
 """More waves than so many are tried only where the machine file gives the period."""
 FEWEST_WAVES = 2.0
 """Fewer waves imitate any smooth curve; an eccentricity and an ellipticity have effects of their own."""
-WAVE_ROWS, PEAKS = 2_000, 5
+WAVE_ROWS, PEAKS = 1_000, 5
 """Rows on which periods are compared, and how many of the best are kept."""
+WEIGHTLESS = 1e-3
+"""Part of its arm below which a moment is that of how an axis happens to be tilted."""
 FUNCTIONS = {
     "sin": np.sin, "cos": np.cos, "tan": np.tan, "exp": np.exp,
     "log": np.log, "sqrt": np.sqrt, "abs": np.abs, "sign": np.sign,
@@ -72,6 +74,7 @@ def candidates(carriers: Carriers, effects: list[Effect]) -> list[Candidate]:
         Made with these effects.
     effects : list of Effect
     """
+    effects = [effect for effect in effects if not _weightless(carriers, effect)]
     found = [_direct(carriers, effect) for effect in effects if is_direct(effect)]
     products = [effect for effect in effects if not is_direct(effect)]
     for effect in products:
@@ -84,6 +87,25 @@ def candidates(carriers: Carriers, effects: list[Effect]) -> list[Candidate]:
         found += promising_waves(carriers, waves, found)
     order = {(effect.name, effect.place): i for i, effect in enumerate(effects)}
     return sorted(found, key=lambda c: order[c.key])
+
+
+def _weightless(carriers: Carriers, effect: Effect) -> bool:
+    """Tell whether gravity has next to no moment where an effect lives on it: as about an axis that stands upright."""
+    definition = effect.definition
+    if definition.component not in {"reading", "rotation"} or not definition.formula.names & MOMENTS:
+        return False
+    machine = carriers.fit.machine
+    components = ["reading"] if definition.component == "reading" else ["rx", "ry", "rz"]
+    whole = [c for x in components if (c := carriers.component(effect.place, x)) is not None]
+    arm = 1.0
+    if machine.measured.kind != "direction":
+        point = np.array(machine.joint(str(effect.place)).point)
+        arm = max(float(np.linalg.norm(np.array(target.point) - point)) for target in machine.targets)
+    scale = arm * np.sqrt(sum(float(np.sum(c**2)) for c in whole))
+    if "F" in definition.formula.names and carriers.observations.load is not None:
+        scale *= float(np.abs(carriers.observations.load).max())
+    own = _direct(carriers, effect).columns
+    return bool(np.sqrt(np.sum(own**2, axis=(0, 1))).max(initial=0.0) < WEIGHTLESS * scale)
 
 
 def _is_wave(effect: Effect) -> bool:

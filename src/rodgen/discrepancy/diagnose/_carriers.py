@@ -28,7 +28,7 @@ from rodgen.machines.machine import Effect, Machine
 if TYPE_CHECKING:
     from rodgen.discrepancy.fit import Fit
 
-__all__ = ["Carriers", "catalogue_effects", "sample_of"]
+__all__ = ["MOMENTS", "Carriers", "catalogue_effects", "sample_of"]
 
 Array: TypeAlias = NDArray[np.float64]
 Place: TypeAlias = str | None

@@ -49,11 +49,13 @@ Progress: TypeAlias = Callable[[str, int, float], object]
 FEWEST_SPARE = 6
 """Readings beyond the parameters that a test needs."""
 FEWEST_POSES = 4
-COMPILE_FROM = 500_000
+COMPILE_FROM = 20_000
 """From so many rows on compiling a model that is fitted once pays."""
 FOLDS = 10
 ROUNDS = 3
 RARE = 0.01
+MOST_WRONG = 0.2
+"""More rows than this part are not wrong by chance: then something is missing."""
 
 
 def diagnose(
@@ -100,6 +102,20 @@ def diagnose(
 
 
 @dataclass(eq=False)
+class _Look:
+    """A fit, and all candidates' columns there."""
+
+    carriers: Carriers
+    found: list[Candidate]
+
+    @classmethod
+    def at(cls, base: Fit) -> _Look:
+        effects = catalogue_effects(base.machine, base.observations)
+        carriers = Carriers.of(base, effects)
+        return cls(carriers, candidates(carriers, effects))
+
+
+@dataclass(eq=False)
 class _Work:
     """What one look at the data rests on: the base fit without outliers, and the space of all columns."""
 
@@ -131,8 +147,9 @@ class _Diagnosing:
         if reason:
             return self._undecided(reason)
         outliers = self.fitted.outliers
+        look = _Look.at(self.fitted)
         if not outliers.any():
-            outliers = self._gross(self._carriers(self.fitted))
+            outliers = self._gross(look)
         for last in (False, False, True):
             base = self.fitted
             if not np.array_equal(outliers, base.outliers):
@@ -140,18 +157,20 @@ class _Diagnosing:
                 reason = self._cannot_tell(base)
                 if reason:
                     return self._undecided(reason)
-            work = self._work(base)
+                look = _Look.at(base)
+            work = self._work(base, look)
             work.chosen = work.selection.run(work.residual, work.total)
             fits = self._fits(work)
             outside = self._outside(work, fits[-1])
             if [c.key for c in outside.kept] != [c.key for c in work.chosen]:
                 work.chosen = list(outside.kept)
                 fits = self._fits(work)
-            again = outliers if last else self._judged(fits[-1], outside, outliers)
+            formed = self._formed(fits[-1], outside.forms)
+            again = outliers if last else self._judged(formed[-1][1] if formed else fits[-1], outliers)
             if np.array_equal(again, outliers):
                 break
             outliers = again
-        return self._told(work, outside, fits)
+        return self._told(work, outside, fits, formed)
 
     def _cannot_tell(self, base: Fit) -> str:
         """Return why nothing can be told, or nothing."""
@@ -185,14 +204,12 @@ class _Diagnosing:
 
     # what everything rests on --------------------------------------------------------------------------------
 
-    def _carriers(self, base: Fit) -> Carriers:
-        self.tell("candidates")
-        return Carriers.of(base, catalogue_effects(base.machine, base.observations))
-
-    def _gross(self, carriers: Carriers) -> Mask:
-        effects = catalogue_effects(carriers.fit.machine, carriers.fit.observations)
-        columns = [c.columns for c in _one_each(candidates(carriers, effects))]
-        every = np.concatenate([carriers.model[:, :, :0], *columns], axis=2)
+    def _gross(self, look: _Look) -> Mask:
+        self.tell("gross errors")
+        carriers = look.carriers
+        every = np.concatenate(
+            [carriers.model[:, :, :0], *(c.columns for c in _one_each(look.found))], axis=2
+        )
         wrong = gross_errors(carriers.model, every, carriers.residual)
         found = np.zeros(self.observations.n, bool)
         found[carriers.rows[wrong]] = True
@@ -207,9 +224,8 @@ class _Diagnosing:
             return np.zeros_like(outliers)
         return outliers
 
-    def _work(self, base: Fit) -> _Work:
-        carriers = self._carriers(base)
-        found = candidates(carriers, catalogue_effects(base.machine, base.observations))
+    def _work(self, base: Fit, look: _Look) -> _Work:
+        carriers, found = look.carriers, look.found
         model = carriers.model
         self.tell("correlation")
         how = correlation(carriers, [c.columns for c in found])
@@ -247,19 +263,19 @@ class _Diagnosing:
             )
         return fits
 
-    def _judged(self, final: Fit, outside: Outside, outliers: Mask) -> Mask:
-        """Return which rows the final model does not believe."""
-        if outside.forms:  # what is not modelled yet looks like outliers
-            return outliers
+    def _judged(self, final: Fit, outliers: Mask) -> Mask:
+        """Return which rows the final model, with the forms that it needs, does not believe."""
         found = gross_rows(final.problem, final.solution, final.free)
-        return self._alone(found) if found.mean() < RARE * 20 else outliers
+        return self._alone(found) if found.mean() < MOST_WRONG else outliers
 
     def _held_out(self, found: Fit) -> float | None:
         return found.held_out(folds=FOLDS, progress=self.progress).rms
 
     # what is told --------------------------------------------------------------------------------------------
 
-    def _told(self, work: _Work, outside: Outside, fits: list[Fit]) -> Diagnosis:
+    def _told(
+        self, work: _Work, outside: Outside, fits: list[Fit], formed: Sequence[tuple[str, Fit]]
+    ) -> Diagnosis:
         final = fits[-1]
         self.tell("error on poses left out")
         held_out = [self._held_out(found) for found in fits]
@@ -283,7 +299,7 @@ class _Diagnosing:
                     aliases_of(selection, work.carriers, final, kept, k, full),
                 )
             )
-        unexplained = tuple(self._forms(final, outside.forms))
+        unexplained = tuple(self._forms(outside.forms, formed))
         rms = Rms(work.base.rms, final.rms, held_out[0], held_out[-1], final.noise.value, final.unit)
         for form in outside.small:
             self.notes.append(
@@ -322,12 +338,17 @@ class _Diagnosing:
             )
         return "nothing_missing", None
 
-    def _forms(self, final: Fit, forms: Sequence[Form]) -> Iterator[Unexplained]:
-        """Yield what is said of forms, each fitted in full beside those before."""
-        found = final
+    def _formed(self, final: Fit, forms: Sequence[Form]) -> list[tuple[str, Fit]]:
+        """Fit the model with one form after the other; return each as it stands in a machine file, with its fit."""
+        found: list[tuple[str, Fit]] = []
         for form in forms:
-            block = form.block(found.machine)
-            found = self._fit(found.machine.with_effect(form.effect(found.machine)), final.outliers)
+            machine = found[-1][1].machine if found else final.machine
+            block = form.block(machine)
+            found.append((block, self._fit(machine.with_effect(form.effect(machine)), final.outliers)))
+        return found
+
+    def _forms(self, forms: Sequence[Form], formed: Sequence[tuple[str, Fit]]) -> Iterator[Unexplained]:
+        for form, (block, found) in zip(forms, formed, strict=True):
             yield Unexplained(
                 form.driver,
                 form.component,

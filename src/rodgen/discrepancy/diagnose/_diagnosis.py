@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,7 @@ from rodgen.machines.machine import Effect, Machine
 
 if TYPE_CHECKING:
     from rodgen.discrepancy.diagnose._correlation import Correlation
+    from rodgen.discrepancy.plan import Plan
 
 __all__ = ["VERDICTS", "Alias", "DiagnosedEffect", "Diagnosis", "Ranked", "Rms", "Unexplained"]
 
@@ -261,6 +263,39 @@ class Diagnosis:
             "steps": [step.to_dict() for step in self.steps],
             "unexplained": [form.to_dict() for form in self.unexplained],
         }
+
+    def plan(self, n: int = 12) -> Plan:
+        """Return what to measure next to settle what is open; see :func:`rodgen.discrepancy.plan.plan`."""
+        from rodgen.discrepancy.plan import plan
+
+        return plan(self, n)
+
+    def report(self, path: str | os.PathLike[str]) -> list[str]:
+        """Write it as one page that works offline, with what to measure next where that can be said.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            Ends in ``.html``.
+
+        Returns
+        -------
+        list of str
+            The files.
+
+        Raises
+        ------
+        InputFileError
+            When it cannot be written.
+        """
+        from rodgen.discrepancy.plan import PlanError
+        from rodgen.discrepancy.report import write_report
+
+        try:
+            planned = self.plan()
+        except PlanError:
+            planned = None
+        return write_report(self, planned, path)
 
     def summary(self) -> str:
         """Return it as text."""

@@ -136,6 +136,8 @@ class _Contest:
         large = [form for form in forms if form not in small]
         if selection is None or small:
             selection = self._beside(large) if large else self.selection
+        if large:
+            kept = selection.pruned(*selection.space.residual(self.carriers.residual), kept)
         return Outside(tuple(kept), tuple(large), selection, tuple(small))
 
     def _is_imperfection(self, kept: Sequence[Candidate], form: Form) -> bool:

@@ -82,7 +82,16 @@ class Selection:
             if [c.key for c in more] == [c.key for c in included]:
                 break
             included = more
-        return self._ordered(residual, total, included)
+        return self.pruned(residual, total, self._ordered(residual, total, included))
+
+    def pruned(self, residual: Array, total: float, included: Sequence[Candidate]) -> list[Candidate]:
+        """Return what is still called for beside all others: no chance, and a lower error on poses left out."""
+        kept = self._backward(residual, total, list(included))
+        for candidate in list(reversed(kept)):
+            others = [c for c in kept if c is not candidate]
+            if not self._lowers(others, candidate):
+                kept = others
+        return kept
 
     # forward -------------------------------------------------------------------------------------------------
 
@@ -127,10 +136,14 @@ class Selection:
             explained = self.left(residual, total, others) - self.left(residual, total, included)
             if best.fall < IMPERFECT**2 * explained:
                 return False
+        return self._lowers(included, best.candidate)
+
+    def _lowers(self, included: Sequence[Candidate], candidate: Candidate) -> bool:
+        """Tell whether a candidate noticeably lowers the error on poses left out."""
         kinds = [self.blocks]
-        if self.stretches is not None and _follows_time(best.candidate):
+        if self.stretches is not None and _follows_time(candidate):
             kinds.append(self.stretches)
-        more = [c.columns for c in (*included, best.candidate)]
+        more = [c.columns for c in (*included, candidate)]
         return all(blocks.held_out(more) < (1 - NOTICED) * blocks.held_out(more[:-1]) for blocks in kinds)
 
     def left(self, residual: Array, total: float, included: Sequence[Candidate]) -> float:
