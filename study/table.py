@@ -185,6 +185,6 @@ def _side_by_side(records: Sequence[Record]) -> list[str]:
             + mean(own(one, "exact"), ".1%", 12)
             + mean(own(two, "exact"), ".1%", 12)
             + mean(own(outside, "chosen"), ".2f", 12)
-            + mean(own(innocent + one + two, "held_out"), ".3f", 17)
+            + mean(own(one + two, "held_out"), ".3f", 17)
         )
     return lines
