@@ -28,11 +28,11 @@ __all__ = ["aliases_of"]
 
 Array: TypeAlias = NDArray[np.float64]
 
-NEAR, BENT = 3.0, 0.05
+NEAR, BENT = 3.0, 0.01
 """A full fit is made of what comes by its columns within so many limits, or within this part of what is explained."""
 HALF = 0.5
 """What explains less than this part of what the effect explains is not the same in any sense."""
-MOST = 24
+MOST = 16
 NAMED = 3
 PART = 0.1
 """Parameters are named whose part in the combination changes the readings by this part of the effect."""
@@ -94,7 +94,7 @@ def _rivals(
     best = selection.left(residual, total, kept)
     without = selection.left(residual, total, others)
     spare = max(space.readings - space.base(kept).shape[1], 1)
-    variance = best / spare
+    variance = best / spare / _part(carriers)
     keys = {c.key for c in kept}
     found = []
     for score in space.scores(residual, without, others):
@@ -128,6 +128,7 @@ def _full(carriers: Carriers, final: Fit, own: Candidate, rivals: Sequence[_Riva
     variance = 1.0
     if o.sigma is None:
         variance = whole.cost / max(problem.rows * problem.components - final.determinacy.rank, 1)
+    variance /= _part(carriers)
     for key in fitted:
         if _is_of(key, own) and not model.parameters[keys[key]].searched:
             start[keys[key]] = 0.0
@@ -143,6 +144,11 @@ def _full(carriers: Carriers, final: Fit, own: Candidate, rivals: Sequence[_Riva
         solution = minimise(problem, theta, final.solution.frame, sorted(numbers), max_iterations=40)
         found.append((solution.cost - whole.cost) / max(variance, 1e-300))
     return found
+
+
+def _part(carriers: Carriers) -> float:
+    """Return how many times as many rows there are as are looked at: chi-square of all is so much larger."""
+    return float((~carriers.fit.outliers).sum() / len(carriers.rows))
 
 
 def _is_of(key: str, candidate: Candidate) -> bool:
