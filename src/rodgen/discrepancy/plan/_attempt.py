@@ -29,7 +29,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 APART = 12.0
 """Effects are told apart when one fits worse by this and ln(rows), in chi-square, for each parameter saved."""
-DOUBT = 0.03
+DOUBT = 0.035
 """Probability that a plan is allowed to leave the true effect beside a wrong one."""
 MARGIN = 2.0
 """Quantile of the normal distribution that goes with it, for two or three wrong ones."""
@@ -119,7 +119,7 @@ class PairGain:
     tiny : bool
         Where not: whether the two differ, but by less than the noise.
     sure : float
-        The probability that is planned for.
+        The probability that is asked for; none, where the class as a whole is settled well enough.
     """
 
     of: int
@@ -394,8 +394,8 @@ class _Planning:
         root = MARGIN + np.sqrt(MARGIN**2 + threshold + MARGIN)
         pair = Pair(a, b, now, float(root**2))
         alone = Task(self.coordinates, [pair], [])
-        gain = float(alone.gains(self.columns)[0][0])
-        imitated = gain < IMITATED * len(self.pool.q)
+        gain = float(alone.gains(self.columns)[0][0]) * max(1.0, MOST_TRIED / len(self.pool.q))
+        imitated = gain < IMITATED * max(len(self.pool.q), MOST_TRIED)
         if imitated and wrong.own > true.own:
             self.included.append((k, a, b))
             return
@@ -512,9 +512,10 @@ class _Planning:
         return self._missing(rows) <= 0
 
     def _missing(self, rows: Rows) -> float:
-        """Return by how much the probability of the least sure pair is too low."""
-        sure = np.array([self._sure(k) for k, _, _, possible, _ in self.pairs if possible])
-        return float(np.max(sure - self._probability(rows, self.task, self._thresholds)[1]))
+        """Return by how much it is too likely that a true effect is left beside a wrong one."""
+        solvable = [(k, pair) for k, pair, _, possible, _ in self.pairs if possible]
+        _, chances, _ = self._probability(rows, self.task, self._thresholds)
+        return max(_doubts(solvable, chances).values(), default=0.0) - DOUBT
 
     def _sure(self, k: int) -> float:
         """Return the probability that is planned for, so that all wrong effects of a class fail at once."""
@@ -541,8 +542,20 @@ class _Planning:
         task = Task(self.coordinates, [p[1] for p in self.pairs], self.sharpen)
         thresholds = np.array([p[2] for p in self.pairs])
         after, probability, variances = self._probability(rows, task, thresholds)
+        solvable = [(k, p, x) for (k, p, _, yes, _), x in zip(self.pairs, probability, strict=True) if yes]
+        doubts = _doubts([(k, p) for k, p, _ in solvable], np.array([x for _, _, x in solvable]))
+        settled = {k for k, doubt in doubts.items() if doubt <= DOUBT}
         pairs = [
-            PairGain(k, pair, threshold, float(x), float(chance), possible, tiny, self._sure(k))
+            PairGain(
+                k,
+                pair,
+                threshold,
+                float(x),
+                float(chance),
+                possible,
+                tiny,
+                0.0 if k in settled else self._sure(k),
+            )
             for (k, pair, threshold, possible, tiny), x, chance in zip(
                 self.pairs, after, probability, strict=True
             )
@@ -595,3 +608,12 @@ class _Planning:
             found.append(KeyGain(s.key, unit, shown(now), shown(float(variance)), False))
         order = {key: k for k, key in enumerate(self.question.keys)}
         return sorted(found, key=lambda k: order[k.key])
+
+
+def _doubts(pairs: Sequence[tuple[int, Pair]], chances: Array) -> dict[int, float]:
+    """Return, for each class, how likely the true effect is left beside a wrong one, any of them being the true one."""
+    missed: dict[int, dict[int, float]] = {}
+    for (k, pair), chance in zip(pairs, chances, strict=True):
+        of_class = missed.setdefault(k, {})
+        of_class[pair.true] = of_class.get(pair.true, 0.0) + 1.0 - float(chance)
+    return {k: float(np.mean(list(each.values()))) for k, each in missed.items()}

@@ -28,17 +28,18 @@ CORNERS = 6
 """Joints of which every combination of ends is considered."""
 VARIANTS = 16
 """Readings that are considered at each position, at most."""
-STEPS = 30
-"""Positions are rounded to a round number, such that the travel has at least so many."""
+STEPS, FEW_STEPS = 60, 30
+"""Positions are rounded to a round number, such that the travel has at least so many: FEW_STEPS where three joints or
+more can move. Finer ones would only be the same reading again and again."""
 
 
-def rounding(low: float, high: float, unit: float) -> float:
+def rounding(low: float, high: float, unit: float, steps: int) -> float:
     """Return the step that positions are rounded to, internal units: 1, 2 or 5 times a power of ten of the unit."""
     span = (high - low) / unit
     if span <= 0:
         return 0.0
-    power = 10.0 ** np.floor(np.log10(span / STEPS))
-    step = max(k * power for k in (1, 2, 5) if k * power <= span / STEPS * (1 + 1e-9))
+    power = 10.0 ** np.floor(np.log10(span / steps))
+    step = max(k * power for k in (1, 2, 5) if k * power <= span / steps * (1 + 1e-9))
     return float(step * unit)
 
 
@@ -78,7 +79,8 @@ def positions(travel: Array, units: Array, count: int, taken: Array) -> Array:
     rest = max(count - sum(map(len, found)), count // 4)
     found.append(low + _halton(rest, joints) * (high - low))
     every = np.concatenate(found)
-    step = np.array([rounding(low[j], high[j], units[j]) for j in range(joints)])
+    steps = STEPS if len(moving) < 3 else FEW_STEPS
+    step = np.array([rounding(low[j], high[j], units[j], steps) for j in range(joints)])
     with np.errstate(divide="ignore", invalid="ignore"):
         rounded = np.where(step > 0, np.round(every / step) * step, every)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,0 +1,360 @@
+"""What to measure next: that it settles what it promises to, and says where nothing can.
+
+The loop is closed with the plain simulator: it measures a machine with a true effect, the plan is made from these data
+and measured by it, too, and all is fitted again with every effect of the class.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from closed_loop import (
+    LOOPS,
+    Trial,
+    joined,
+    low_stars,
+    machine_of,
+    one_load,
+    one_scan,
+    one_side,
+    short_arc,
+)
+from machine_cases import ARCSEC, joint, machine_file, toml
+from simulated_fits import fit_to, measure
+
+from rodgen.cli import main
+from rodgen.discrepancy._poses import approach
+from rodgen.discrepancy.measurements import Measurements, bind
+from rodgen.discrepancy.plan import Plan, PlanError, plan, plan_for
+from rodgen.machines.machine import Machine
+
+MOUNT = Path(__file__).parent.parent / "examples" / "machines" / "mount"
+
+
+@pytest.fixture(scope="module")
+def trials() -> dict[str, Trial]:
+    return {make.__name__: Trial(make(), 1) for make in LOOPS}
+
+
+def words(found: Plan) -> str:
+    return " ".join([*found.words, *found.notes, *(goal.sentence for goal in found.goals)])
+
+
+# the closed loop -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("make", LOOPS, ids=lambda make: make.__name__)
+def test_what_looks_the_same_is_told_apart_by_what_was_planned(make):
+    loop = make()
+    done = 0
+    for seed in range(2):
+        trial = Trial(loop, seed)
+        assert not trial.resolved(loop.file, loop.columns)  # by design
+        found = trial.plan(30)
+        done += bool(found.count) and trial.resolved(*trial.after(found))
+    assert done == 2
+
+
+def test_even_plan_of_the_same_size_settles_less():
+    ours, even = [], []
+    for make in (one_load, one_side):
+        loop = make()
+        for seed in range(4):
+            trial = Trial(loop, 100 + seed)
+            found = trial.plan(30)
+            ours.append(trial.resolved(*trial.after(found)))
+            even.append(trial.resolved(loop.file, joined(loop.columns, loop.grid(found.count))))
+    assert sum(ours) >= sum(even) + 2
+
+
+# what it says ----------------------------------------------------------------------------------------------------
+
+
+def test_second_radius_is_asked_for(trials):
+    found = trials["one_radius"].plan(30)
+    assert "second radius about C" in words(found)
+    assert {"r"} <= set(found.rows["target"]) or found.new_targets
+
+
+def test_target_that_is_not_there_yet_comes_with_its_block(trials):
+    found = trials["bearing"].plan(24)
+    assert [t.name for t in found.new_targets] == ["p_2"]
+    assert 'name = "p_2"' in found.target_blocks()
+    assert 'name = "p_2"' in found.summary()
+
+
+def test_other_side_is_asked_for_and_the_order_of_the_rows_brings_it(trials):
+    found = trials["one_side"].plan(30)
+    assert "Approach C from the other side" in words(found)
+    assert (approach(np.array(found.rows["C [rad]"])) < 0).all()
+
+
+def test_another_load_is_asked_for(trials):
+    found = trials["one_load"].plan(24)
+    assert 0.0 in found.rows["load [N]"]
+    assert "load" in words(found)
+
+
+def test_scan_back_is_asked_for_where_a_joint_went_with_time(trials):
+    found = trials["one_scan"].plan(24)
+    assert "X only went up while time went on: scan back" in words(found)
+    assert min(found.rows["t [s]"]) > 796.0
+
+
+def test_joint_that_stood_still_is_moved(trials):
+    found = trials["never_moved"].plan(24)
+    assert "Move X, which never moved" in words(found)
+
+
+def test_travel_is_used_where_there_is_more_of_it(trials):
+    found = trials["short_arc"].plan(40)
+    assert "Go beyond the -0.52 to 0.52 rad of C" in words(found)
+    assert max(np.abs(found.rows["C [rad]"])) > 1.5
+
+
+def without_travel(trial: Trial) -> tuple[Machine, list]:
+    file = json.loads(json.dumps(trial.loop.file))
+    del file["joint"][-1]["travel"]
+    machine = machine_of(json.dumps(file))
+    fit = machine.fit(Measurements.from_frame(trial.data))
+    return fit, [fit.machine.effect(name, place, hold=hold) for name, place, hold in trial.loop.effects]
+
+
+def test_gain_eccentricity_and_second_harmonic_cannot_be_told_apart_within_thirty_degrees(trials):
+    fit, effects = without_travel(trials["short_arc"])
+    found = plan_for(fit, [effects], 12)
+    (goal,) = found.goals
+    assert not goal.resolvable
+    assert not goal.reached
+    assert found.count == 0
+    assert not found.words
+    assert "The machine file says no travel of C" in words(found)
+
+
+def test_droop_and_eccentricity_of_elevation_are_the_same_whatever_is_observed():
+    machine = Machine.load(MOUNT / "machine.toml")
+    fit = machine.fit(Measurements.load(MOUNT / "mmt_2021.csv"))
+    found = plan_for(
+        fit, [[machine.effect(name, "EL") for name in ("gravity_windup", "encoder_eccentricity")]]
+    )
+    assert not found.resolvable
+    assert "do the same to every reading within the travel" in found.goals[0].sentence
+
+
+def test_effect_that_the_data_refute_is_left_out():
+    loop = one_scan()
+    trial = Trial(loop, 0)
+    machine = trial.fit.machine
+    effects = [machine.effect("scale", "X"), machine.effect("backlash", "X")]
+    found = plan_for(trial.fitted(loop.file, trial.data), [effects])
+    assert "fits the data worse already" in found.goals[0].sentence
+
+
+# parameters ------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def table():
+    file = machine_file(
+        [joint("C", "revolute", (0, 0, 1), travel=[-3, 3])],
+        [(120, 0, 40)],
+        estimate=["C.axis", "C.point", "target"],
+    )
+    C = np.linspace(-0.4, 0.4, 20)
+    random = np.random.default_rng(3)
+    return (
+        fit_to(file, measure(file, {"C [rad]": C}, {"C.axis.a": 1e-4}, noise=0.002, random=random)),
+        file,
+        C,
+    )
+
+
+def test_expected_uncertainty_is_what_a_fit_of_the_planned_readings_has(table):
+    fit, file, C = table
+    found = plan(fit, 9, wanted=["C.axis"])
+    assert [g.of for g in found.gain] == ["C.axis.a", "C.axis.b"]
+    columns = {"C [rad]": np.concatenate([C, found.rows["C [rad]"]])}
+    random = np.random.default_rng(4)
+    again = fit_to(file, measure(file, columns, {"C.axis.a": 1e-4}, noise=0.002, random=random))
+    # the noise is not stated: both know it from the residuals, to 1/sqrt(2·50)
+    for gain in found.gain:
+        assert again.estimates[gain.of].std == pytest.approx(gain.after, rel=0.4)
+        assert gain.after < 0.5 * gain.now
+
+
+def test_planned_readings_beat_random_ones(table):
+    fit, file, C = table
+    found = plan(fit, 6, wanted="C.point")
+    after = {g.of: g.after for g in found.gain}
+    for seed in range(5):
+        random = np.random.default_rng(seed)
+        columns = {"C [rad]": np.concatenate([C, random.uniform(-3, 3, 6)])}
+        other = fit_to(file, measure(file, columns, {}, noise=fit.rms, random=random))
+        scale = fit.rms / np.sqrt(other.variance_factor)
+        assert sum(np.log(other.estimates[k].std * scale / after[k]) for k in after) > -0.2
+
+
+def test_undetermined_parameters_are_what_is_planned_for_when_nothing_else_is_asked():
+    file = machine_file(
+        [joint("X", "prismatic", (1, 0, 0), travel=[0, 500]), joint("C", "revolute", (0, 0, 1))],
+        [(120, 0, 40)],
+        estimate=["X.axis"],
+        noise=0.002,
+    )
+    C = np.linspace(-3, 3, 20)
+    data = measure(file, {"X [mm]": np.zeros(20), "C [rad]": C}, noise=0.002, random=np.random.default_rng(0))
+    found = plan(fit_to(file, data), 4)
+    assert found.goals[0].kind == "show"
+    assert [(g.now, g.of) for g in found.gain] == [(None, "X.axis.a"), (None, "X.axis.b")]
+    # four readings at the end of the travel: 2 µm / (500 mm sqrt(4)), and what the rounding of positions takes
+    assert found.gain[0].after == pytest.approx(0.002 / 500 / 2 / ARCSEC, rel=0.1)
+    assert "Move X, which never moved" in words(found)
+
+
+def test_effect_that_the_machine_does_not_have_may_be_asked_for(table):
+    fit, _, _ = table
+    found = plan(fit, 8, wanted=["C.backlash"])
+    assert [g.of for g in found.gain] == ["C.backlash.b"]
+    same = plan(fit, 8, wanted=["backlash@C"])
+    assert same.to_dict() == found.to_dict()
+
+
+@pytest.mark.parametrize(
+    ("n", "wanted", "text"),
+    [
+        (0, None, "n '0'; expected a whole number from 1 to 500"),
+        (12, ["C.axle"], "no parameter 'C.axle'; expected one of C.axis.a"),
+        (12, ["C.backlash.k"], "no parameter 'k' of backlash at C; expected one of b"),
+    ],
+)
+def test_what_cannot_be_planned_is_one_sentence(table, n, wanted, text):
+    with pytest.raises(PlanError, match=text.replace("'", ".")):
+        plan(table[0], n, wanted=wanted)
+
+
+# the rows --------------------------------------------------------------------------------------------------------
+
+
+def test_rows_are_a_measurement_file_without_readings(trials, tmp_path):
+    trial = trials["one_load"]
+    found = trial.plan(12)
+    path = tmp_path / "plan.csv"
+    found.save(path)
+    rows = bind(trial.fit.machine, Measurements.load(path), allow_missing_readings=True)
+    assert rows.n == found.count
+    low, high = trial.fit.problem.model.travel[0]
+    assert (rows.q >= low).all()
+    assert (rows.q <= high).all()
+    assert set(found.rows) == set(trial.loop.columns)
+
+
+def test_every_column_of_the_data_is_in_the_plan():
+    file = machine_file(
+        [joint("C", "revolute", (0, 0, 1), travel=[-3, 3])], [(120, 0, 40), (50, 0, 0)], estimate=["C.axis"]
+    )
+    rows = 24
+    random = np.random.default_rng(0)
+    columns = {
+        "C [rad]": random.uniform(-2, 2, rows),
+        "dir_C": random.choice([-1.0, 1.0], rows),
+        "v_C [rad/s]": random.uniform(-0.1, 0.1, rows),
+        "T_C [degC]": np.linspace(20, 25, rows),
+        "T_room [degC]": np.linspace(20, 21, rows),
+        "load [N]": np.full(rows, 5.0),
+        "t [s]": 10.0 * np.arange(rows),
+        "run": ["a"] * rows,
+        "target": ["p", "r"] * 12,
+        "u_x [mm]": np.full(rows, 0.002),
+        "u_y [mm]": np.full(rows, 0.002),
+        "u_z [mm]": np.full(rows, 0.004),
+    }
+    fit = fit_to(file, measure(file, columns, noise=0.002, random=random))
+    for wanted in (
+        "C.servo_lag",
+        "C.thermal_offset",
+        "C.load_windup",
+        "C.backlash",
+        "warm_up_drift",
+        "C.axis",
+    ):
+        found = plan(fit, 5, wanted=[wanted])
+        assert set(found.rows) == set(columns)
+        bind(fit.machine, Measurements.from_frame(found.rows), allow_missing_readings=True)
+    assert found.rows["u_z [mm]"] == [0.004] * 5
+
+
+def test_plan_as_plain_data_and_as_text(trials):
+    found = trials["one_side"].plan(12)
+    data = json.loads(json.dumps(found.to_dict()))
+    assert data["readings"] == found.count == len(data["rows"]["C [rad]"])
+    assert data["goals"][0]["effects"] == ["backlash at C", "zero_offset at C"]
+    text = found.summary()
+    assert text == str(found)
+    assert "Tell backlash at C and zero_offset at C apart." in text
+
+
+def test_same_question_has_the_same_answer():
+    first, second = (Trial(one_side(), 0).plan(12) for _ in range(2))
+    assert first.to_dict() == second.to_dict()
+
+
+def test_more_readings_are_asked_for_where_these_are_not_enough():
+    trial = Trial(short_arc(), 2)
+    found = trial.plan(3)
+    if not found.reached:
+        assert found.needed is None or found.needed > 3
+        assert "not enough" in words(found)
+    assert found.count <= 3
+
+
+def test_directions_are_planned_too():
+    found = Trial(low_stars(), 0).plan(20)
+    assert "Go beyond" in words(found)
+    assert {"AZ [rad]", "EL [rad]"} <= set(found.rows)
+
+
+# the command -----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def files(trials, tmp_path):
+    trial = trials["one_side"]
+    machine, data = tmp_path / "machine.toml", tmp_path / "data.csv"
+    machine.write_text(toml(trial.loop.file), encoding="utf-8")
+    names = list(trial.data)
+    lines = [",".join(names), *(",".join(map(str, row)) for row in zip(*trial.data.values(), strict=True))]
+    data.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return str(machine), str(data)
+
+
+def test_command_writes_the_rows(files, tmp_path, capsys):
+    out = tmp_path / "next.csv"
+    assert main(["plan", *files, "--for", "C.backlash", "-n", "4", "-o", str(out)]) == 0
+    assert "Sharpen C.backlash.b." in capsys.readouterr().out
+    assert len(out.read_text().splitlines()) == 5
+
+
+def test_command_prints_json(files, capsys):
+    assert main(["plan", *files, "--for", "C.axis", "-n", "4", "--json"]) == 0
+    shown = capsys.readouterr()
+    assert json.loads(shown.out)["readings"] == 4
+    assert not shown.err
+
+
+@pytest.mark.parametrize(
+    ("more", "text"),
+    [
+        (["-n", "0"], "'0' is no whole number from 1 to 500"),
+        (["--for", "C.axle"], "no parameter 'C.axle'"),
+        (["-o", "{data}"], "the input file itself"),
+    ],
+)
+def test_wrong_commands_are_one_line(files, capsys, more, text):
+    assert main(["plan", *files, *(x.format(data=files[1]) for x in more)]) == 2
+    shown = capsys.readouterr()
+    assert not shown.out
+    assert text in shown.err
+    assert shown.err.count("\n") == 1
