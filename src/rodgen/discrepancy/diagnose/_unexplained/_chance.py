@@ -28,7 +28,7 @@ def log10_of_f(fall: float, left: float, numerator: float, denominator: float) -
     Examples
     --------
     >>> round(log10_of_f(4.0, 10.0, 1, 10), 6), round(log10_of_f(1e4, 1e3, 2, 1000))
-    (-1.263113, -521)
+    (-1.134375, -521)
     """
     from scipy.special import betainc, betaln
 
