@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.discrepancy._bind import Observations, bind
+from rodgen.discrepancy._noise import figure
 from rodgen.discrepancy._problem import Problem, one_thread_in_blas
 from rodgen.discrepancy._robust import gross_rows
 from rodgen.discrepancy.diagnose._aliases import aliases_of
@@ -332,9 +333,10 @@ class _Diagnosing:
             return "effects_missing", None
         lack = final.lack_of_fit
         if lack is not None and lack.p_value < RARE and work.correlation.independent:
+            noise = "the stated noise" if lack.against == "stated" else "the noise between replicates"
             return "cannot_tell", (
-                f"{lack.text} It follows nothing that was recorded: the noise is larger than that, "
-                "or something acts that was not recorded."
+                f"The residuals are {figure(lack.ratio)} times {noise} (p = {lack.p_value:.2g}), but follow nothing "
+                "that was recorded: either the noise is larger than that, or something acts that was not recorded."
             )
         return "nothing_missing", None
 

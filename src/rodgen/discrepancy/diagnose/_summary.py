@@ -16,6 +16,9 @@ __all__ = ["as_text", "headline"]
 WIDTH = 100
 RANKED = 6
 INVISIBLE = 0.02
+HARDLY, CERTAIN = 20.0, 4.0
+"""A parameter is hardly determined whose standard deviation is so many times that of another of the effect, and whose
+value is within so many of its own: other parameters make up for it."""
 
 
 def headline(diagnosis: Diagnosis) -> str:
@@ -97,9 +100,20 @@ def _ladder(d: Diagnosis) -> Iterator[str]:
 
 def _step(step: DiagnosedEffect) -> Iterator[str]:
     yield step.effect.title
+    least = {
+        unit: min((e.std for e in step.parameters.values() if e.std and e.unit == unit), default=0.0)
+        for unit in {e.unit for e in step.parameters.values()}
+    }
     for name, e in step.parameters.items():
-        spread = "held" if e.held else "not determined" if e.std is None else f"± {figure(e.std)}"
-        yield f"  {name:<13}{e.value:.5g} {spread} {e.unit}".rstrip()
+        unit = "" if e.unit == "1" else f" {e.unit}"
+        if e.held:
+            yield f"  {name:<13}{e.value:.5g}{unit}, held"
+        elif e.std is None:
+            yield f"  {name:<13}not determined by these data"
+        elif e.std > HARDLY * least[e.unit] and abs(e.value) < CERTAIN * e.std:
+            yield f"  {name:<13}hardly determined by these data ({e.value:.3g} ± {figure(e.std)}{unit})"
+        else:
+            yield f"  {name:<13}{e.value:.5g} ± {figure(e.std)}{unit}"
     yield from _paragraph("Meaning", step.meaning)
     yield from _paragraph("Remedy", step.effect.definition.remedy)
     if step.indistinguishable_from:
@@ -114,7 +128,7 @@ def _form(form: Unexplained, unit: str) -> Iterator[str]:
     where = f"of {form.joint}" if form.joint else "of the whole machine"
     yield f"Outside the catalogue: {form.component} {where} += {form.form}"
     for name, (value, of) in form.parameters.items():
-        yield f"  {name:<13}{value:.5g} {of}".rstrip()
+        yield f"  {name:<13}{value:.5g}{'' if of == '1' else f' {of}'}"
     yield f"  driven by    {form.driver} (chance {_chance(form.p_value)}); with it {figure(form.rms)} {unit} are left"
     if form.block:
         yield "  For the machine file:"
