@@ -40,8 +40,6 @@ Array: TypeAlias = NDArray[np.float64]
 
 ROUGH_ROWS = 1500
 """All terms are scored on so many rows; a form that lowers the error by a percent shows on them, too."""
-MOST_ROWS = 8000
-"""The short list is scored on so many rows at most."""
 COSINES = 12
 """Of each freedom of a drift of the frame, where readings depend on each other."""
 SHORT_LIST, OF_TERM, OF_FAMILY, OF_CARRIER = 140, 8, 16, 12
@@ -68,7 +66,6 @@ HARDLY = 0.3
 """Part of that which the best term on the coarse grid takes away on some rows, at least."""
 COMPONENTS = ("reading", "tx", "ty", "tz", "rx", "ry", "rz")
 SMALLEST = 1e-300
-MANY_POSES = 100
 FEWEST = 4
 """Readings beyond the parameters that a search needs."""
 NO_RESIDUAL = 1e-13
@@ -173,7 +170,6 @@ class _Search:
     def __init__(
         self, carriers: Carriers, whiten: Whiten, places: list[tuple[str | None, str]], C: Array
     ) -> None:
-        self.carriers = C
         self.o = o = carriers.observations
         self.places = places
         if o not in _PREPARED:
@@ -185,19 +181,10 @@ class _Search:
         self._known: dict[Piece, float] = {}
         m = C.shape[2]
         values = [driver.values for driver in self.drivers]
-        pose, fold = folds_of(o.pose)
-        kept = _poses(pose, MOST_ROWS)
-        # what depends on its neighbours is whitened beside them
-        self.seen = kept if whiten is _unchanged else np.arange(o.n)
-        taken = np.repeat(np.isin(self.seen, kept), m)
-        readings = np.flatnonzero(taken)
-        of_pose, of_fold = (np.repeat(x[self.seen], m)[readings] for x in (pose, fold))
-        order = np.argsort(of_fold, kind="stable")
-        self.in_order = of_pose[order], of_fold[order]
-        residual = carriers.residual[self.seen]
-        self.exact = Level(
-            C[:, self.seen], [x[self.seen] for x in values], residual, whiten, order=readings[order]
-        )
+        pose, fold = (np.repeat(numbers, m) for numbers in folds_of(o.pose))
+        order = np.argsort(fold, kind="stable")
+        self.in_order = pose[order], fold[order]
+        self.exact = Level(C, values, carriers.residual, whiten, order=order)
         self.drift = _drift(carriers, whiten)
         self.rough = Level(
             C[:, rows],
@@ -225,7 +212,7 @@ class _Search:
         search = cls(
             carriers, whiten, [place for place, _ in found], np.stack([column for _, column in found])
         )
-        search.exact.take_out(search.exact.flat(model[search.seen]))
+        search.exact.take_out(search.exact.flat(model))
         search.rough.take_out(search.rough.flat(model[search.rows]))
         if search.exact.freedoms < FEWEST or not search.drivers or not search.exact.total > 0:
             return None
@@ -257,10 +244,6 @@ class _Search:
 
     def _columns(self, piece: Piece) -> Array:
         return self.exact.columns(piece.term, piece.carrier)[:, :, list(piece.kept)]
-
-    def _all_columns(self, piece: Piece) -> Array:
-        functions = piece.term.columns([driver.values for driver in self.drivers])[:, list(piece.kept)]
-        return np.asarray(self.carriers[piece.carrier][:, :, None] * functions[:, None, :])
 
     def _falls(self, pieces: Sequence[Piece]) -> Array:
         new = [piece for piece in dict.fromkeys(pieces) if piece not in self._known]
@@ -501,7 +484,7 @@ class _Search:
             max(10.0 ** max(log10_p, -300.0), SMALLEST),
             log10_p,
             min(sum(one.fall for one in found) / self.start, 1.0),
-            np.concatenate([self._all_columns(piece) for piece in pieces], axis=2),
+            np.concatenate([self._columns(piece) for piece in pieces], axis=2),
             text.units,
             text.hold,
             text.name,
@@ -534,7 +517,7 @@ class _Search:
             piece.parameters,
             self._chance(piece, fall),
             is_catalogued(piece.term, place, component, self.drivers, self.o.machine),
-            self._all_columns(piece),
+            self._columns(piece),
         )
 
 
@@ -564,16 +547,6 @@ def _some(count: int, most: int) -> NDArray[np.int_]:
     if count <= most:
         return np.arange(count)
     return np.sort(np.random.default_rng(0).choice(count, most, replace=False))
-
-
-def _poses(pose: NDArray[np.int_], most: int) -> NDArray[np.int_]:
-    """Return rows of whole poses, as many as wanted, or any rows of few poses."""
-    count = int(pose.max()) + 1
-    if len(pose) <= most or count < MANY_POSES:
-        return _some(len(pose), most)
-    order = np.random.default_rng(0).permutation(count)
-    rows = np.cumsum(np.bincount(pose)[order])
-    return np.flatnonzero(np.isin(pose, order[: max(int(np.sum(rows <= most)), 1)]))
 
 
 def _whiten(whitened: Any) -> Whiten:
