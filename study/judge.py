@@ -73,7 +73,7 @@ def judged(case: Hidden, *, with_peers: bool = False, installed: bool = False) -
             "told": found.verdict == "unknown_effect",
             "driver": first is not None and bool(set(re.findall(r"\w+", first.driver)) & truth.drivers),
             "place": first is not None and first.joint == truth.place,
-            "spurious": len(steps),
+            "spurious": len(set(steps) - set(truth.effects)),
         }
     if with_peers:
         record["peers"] = _peers(base, truth, steps, installed)

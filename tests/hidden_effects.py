@@ -40,7 +40,8 @@ class Truth:
     ----------
     kind : {"none", "catalogue", "outside"}
     effects : tuple of (name, place)
-        By the names of the catalogue; of physics that it approximates, the nearest.
+        By the names of the catalogue; of physics that it approximates, the nearest; of what lies outside, those that
+        may stand beside it.
     values : mapping of str to float
         What the simulator was given, units of the machine file.
     exact : bool
@@ -434,13 +435,17 @@ class Outside:
     component: str
     drivers: tuple[str, ...]
     form: Callable[[Mapping[str, Any]], Any]
+    beside: tuple[Title, ...] = ()  # effects of the catalogue that may stand beside another form of it
 
 
+_SCALE: tuple[Title, ...] = (("scale", "X"),)
 OUTSIDE: dict[str, Outside] = {
     "fifth_harmonic": Outside("rotary_table", "C", "tz", ("C",), lambda c: np.sin(5 * c["q"] + 0.4)),
     "third_wobble": Outside("trunnion", "C", "rx", ("C",), lambda c: np.cos(3 * c["q"])),
-    "cubic_slide": Outside("gantry", "X", "reading", ("X",), lambda c: _cubic(c["q"] / 400 - 1)),
-    "two_scales_in_a_row": Outside("gantry", "X", "reading", ("X",), lambda c: (c["q"] > 430) - c["q"] / 530),
+    "cubic_slide": Outside("gantry", "X", "reading", ("X",), lambda c: _cubic(c["q"] / 400 - 1), _SCALE),
+    "two_scales_in_a_row": Outside(
+        "gantry", "X", "reading", ("X",), lambda c: (c["q"] > 430) - c["q"] / 530, _SCALE
+    ),
     "bump": Outside("gantry", "Y", "tz", ("Y",), lambda c: np.exp(-(((c["q"] - 350) / 40) ** 2))),
     "kink": Outside("gantry", "Y", "reading", ("Y",), lambda c: np.abs(c["q"] - 330) / 300),
     "play_round_the_turn": Outside(
@@ -651,7 +656,7 @@ def hidden(
     nothing = not effects and outside is None
     truth = Truth(
         kind="none" if nothing else "outside" if outside else "catalogue",
-        effects=tuple(title for _, title, _ in drawn),
+        effects=OUTSIDE[outside].beside if outside else tuple(title for _, title, _ in drawn),
         values=values,
         exact=all(exact for _, _, exact in drawn),
         drivers=drivers,
