@@ -38,6 +38,8 @@ LINES = 12
 """Gains of a goal that the text tells, at most."""
 WIDER = (0.15, 0.5, 1.0)
 """By what parts of a travel that the machine does not say more of it is imagined, to either side."""
+A_LITTLE_WIDER = (0.1, 0.2)
+"""The same where directions are measured: below the horizon there is no star."""
 FEW_TARGETS = 3
 """With so many, a further target is not proposed."""
 LARGEST_CLASS = 8
@@ -548,7 +550,8 @@ class _Planner:
 
     def _further(self, best: Attempt, joints: Sequence[int]) -> str:
         """Say what readings beyond the data would bring."""
-        for part in WIDER:
+        directions = self.question.machine.measured.kind == "direction"
+        for part in A_LITTLE_WIDER if directions else WIDER:
             travel = np.array(best.travel)
             for j in joints:
                 low, high = travel[j]
