@@ -31,8 +31,8 @@ Array: TypeAlias = NDArray[np.float64]
 
 LEAST_POSES = 8
 """Of fewer poses nothing is said of how they depend on each other."""
-MOST_POSES = 1000
-STRETCHES = 10
+MOST_POSES = 300
+STRETCHES = 5
 """Of more poses so many stretches are looked at: neighbours tell of short times, stretches of long ones."""
 CALLED_FOR = 0.01
 """An effect is taken for there, whatever wanders, where chance over all of them does as much so rarely."""

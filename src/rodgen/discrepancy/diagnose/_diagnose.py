@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.discrepancy._bind import Observations, bind
-from rodgen.discrepancy._noise import figure
-from rodgen.discrepancy._problem import Problem, one_thread_in_blas
+from rodgen.discrepancy._problem import one_thread_in_blas
 from rodgen.discrepancy._robust import gross_rows
 from rodgen.discrepancy.diagnose._aliases import aliases_of
 from rodgen.discrepancy.diagnose._blocks import Blocks
 from rodgen.discrepancy.diagnose._candidates import Candidate, candidates
 from rodgen.discrepancy.diagnose._carriers import Carriers, catalogue_effects
-from rodgen.discrepancy.diagnose._correlation import Correlation, correlation, covariance_of_estimates
+from rodgen.discrepancy.diagnose._copies import first_of_each
+from rodgen.discrepancy.diagnose._correlation import Correlation, correlation
 from rodgen.discrepancy.diagnose._diagnosis import (
     SMALLEST,
     DiagnosedEffect,
@@ -32,11 +32,13 @@ from rodgen.discrepancy.diagnose._diagnosis import (
 )
 from rodgen.discrepancy.diagnose._further import error_on, further
 from rodgen.discrepancy.diagnose._gross import gross_errors, together
+from rodgen.discrepancy.diagnose._numbers import Numbers
 from rodgen.discrepancy.diagnose._outside import Outside, outside_of
 from rodgen.discrepancy.diagnose._selection import Selection
-from rodgen.discrepancy.diagnose._space import Space
+from rodgen.discrepancy.diagnose._space import Space, log_p
 from rodgen.discrepancy.diagnose._unexplained import Form
-from rodgen.discrepancy.fit import Estimate, Fit, FitError, fit
+from rodgen.discrepancy.diagnose._verdict import disagreement, jump
+from rodgen.discrepancy.fit import Fit, FitError, fit
 from rodgen.discrepancy.measurements import Measurements
 from rodgen.errors import InputFileError
 from rodgen.machines.machine import Machine
@@ -134,8 +136,14 @@ class _Work:
 class _Diagnosing:
     def __init__(self, fitted: Fit, others: Observations | None, progress: Progress | None) -> None:
         self.fitted, self.others, self.progress = fitted, others, progress
-        self.observations = fitted.observations
         self.notes: list[str] = []
+        self.given = fitted.observations
+        self.kept = first_of_each(self.given)
+        if len(self.kept) < self.given.n:
+            copies = self.given.n - len(self.kept)
+            self.notes.append(f"{copies} rows are copies of others, readings and all; each counts once.")
+            self.fitted = fit(fitted.machine, self.given.take(self.kept), outliers=fitted.outliers[self.kept])
+        self.observations = self.fitted.observations
 
     def tell(self, what: str) -> None:
         if self.progress is not None:
@@ -166,6 +174,10 @@ class _Diagnosing:
             if [c.key for c in outside.kept] != [c.key for c in work.chosen]:
                 work.chosen = list(outside.kept)
                 fits = self._fits(work)
+            while unsure := self._unsure(work, fits[-1]):
+                work.chosen.remove(unsure)
+                outside = replace(outside, kept=tuple(work.chosen))
+                fits = self._fits(work)
             formed = self._formed(fits[-1], outside.forms)
             again = outliers if last else self._judged(formed[-1][1] if formed else fits[-1], outliers)
             if np.array_equal(again, outliers):
@@ -190,11 +202,11 @@ class _Diagnosing:
         base = self.fitted
         held_out = self._held_out(base)
         rms = Rms(base.rms, base.rms, held_out, held_out, base.noise.value, base.unit)
-        outliers = tuple(np.flatnonzero(base.outliers).tolist())
+        outliers = self._rows(base)
         return Diagnosis(
             "cannot_tell",
             reason,
-            self.observations.n,
+            self.given.n,
             outliers,
             self._with_test(rms, [base]),
             (),
@@ -264,10 +276,36 @@ class _Diagnosing:
             )
         return fits
 
+    def _unsure(self, work: _Work, final: Fit) -> Candidate | None:
+        """Return an effect without which a full fit is as good, although its columns promised otherwise."""
+        numbers = Numbers(final, work.carriers, work.correlation)
+        for candidate in work.chosen:
+            if numbers.significance(candidate.effect) >= RARE and self._is_as_good_without(final, candidate):
+                return candidate
+        return None
+
+    def _is_as_good_without(self, final: Fit, candidate: Candidate) -> bool:
+        held = dict.fromkeys(candidate.effect.parameters, 0.0) | dict(candidate.searched)
+        effects = tuple(
+            replace(effect, hold=held) if effect is candidate.effect else effect
+            for effect in final.machine.effects
+        )
+        without = self._fit(replace(final.machine, effects=effects), final.outliers)
+        further = final.determinacy.rank - without.determinacy.rank
+        fall = without.chi_square - final.chi_square
+        if further < 1 or not fall > 0:
+            return True
+        log = log_p(fall, without.chi_square, further, max(final.degrees_of_freedom, 1))
+        return bool(log > np.log(RARE))
+
     def _judged(self, final: Fit, outliers: Mask) -> Mask:
         """Return which rows the final model, with the forms that it needs, does not believe."""
         found = gross_rows(final.problem, final.solution, final.free)
         return self._alone(found) if found.mean() < MOST_WRONG else outliers
+
+    def _rows(self, base: Fit) -> tuple[int, ...]:
+        """Return the outliers as rows of the data that were given."""
+        return tuple(self.kept[base.outliers].tolist())
 
     def _held_out(self, found: Fit) -> float | None:
         return found.held_out(folds=FOLDS, progress=self.progress).rms
@@ -278,6 +316,9 @@ class _Diagnosing:
         self, work: _Work, outside: Outside, fits: list[Fit], formed: Sequence[tuple[str, Fit]]
     ) -> Diagnosis:
         final = fits[-1]
+        last = formed[-1][1] if formed else final
+        how = self._how(work, outside, last)
+        numbers = Numbers(final, work.carriers, how)
         self.tell("error on poses left out")
         held_out = [self._held_out(found) for found in fits]
         kept = outside.kept
@@ -296,7 +337,7 @@ class _Diagnosing:
                     log10,
                     fits[k + 1].rms,
                     held_out[k + 1],
-                    self._estimates(work, final, candidate),
+                    numbers.of(candidate.effect),
                     aliases_of(selection, work.carriers, final, kept, k, full),
                 )
             )
@@ -307,38 +348,42 @@ class _Diagnosing:
                 f"{form.where[0].upper()}{form.where[1:]} follows {form.driver} ({form.formula}), too, but so little "
                 "beside the effects found there that it may be what is not exact in their formulas."
             )
-        if work.correlation.text:
-            self.notes.append(work.correlation.text)
-        verdict, reason = self._verdict(work, final, steps, unexplained)
+        if jumped := jump(work.carriers, work.carriers.residual_of(last)):
+            self.notes.append(jumped)
+        verdict, reason = self._verdict(final, how, steps, unexplained)
+        if how.text and verdict != "cannot_tell":
+            self.notes.append(how.text)
         return Diagnosis(
             verdict,
             reason,
-            self.observations.n,
-            tuple(np.flatnonzero(work.base.outliers).tolist()),
+            self.given.n,
+            self._rows(work.base),
             self._with_test(rms, fits),
             tuple(steps),
             unexplained,
             _ranking(work),
             tuple(fits),
-            work.correlation,
+            how,
             tuple(self.notes),
         )
 
     def _verdict(
-        self, work: _Work, final: Fit, steps: Sequence[DiagnosedEffect], forms: Sequence[Unexplained]
+        self, final: Fit, how: Correlation, steps: Sequence[DiagnosedEffect], forms: Sequence[Unexplained]
     ) -> tuple[str, str | None]:
         if forms:
             return "unknown_effect", None
         if steps:
             return "effects_missing", None
-        lack = final.lack_of_fit
-        if lack is not None and lack.p_value < RARE and work.correlation.independent:
-            noise = "the stated noise" if lack.against == "stated" else "the noise between replicates"
-            return "cannot_tell", (
-                f"The residuals are {figure(lack.ratio)} times {noise} (p = {lack.p_value:.2g}), but follow nothing "
-                "that was recorded: either the noise is larger than that, or something acts that was not recorded."
-            )
-        return "nothing_missing", None
+        reason = disagreement(final, how)
+        return ("cannot_tell", " ".join([reason, *self.notes])) if reason else ("nothing_missing", None)
+
+    def _how(self, work: _Work, outside: Outside, final: Fit) -> Correlation:
+        """Return how readings depend on each other beside all that was found."""
+        if work.correlation.independent or not (outside.kept or outside.forms):
+            return work.correlation
+        carriers = replace(work.carriers, residual=work.carriers.residual_of(final))
+        found = [*(c.columns for c in outside.kept), *(f.columns for f in outside.forms)]
+        return correlation(carriers, found)
 
     def _formed(self, final: Fit, forms: Sequence[Form]) -> list[tuple[str, Fit]]:
         """Fit the model with one form after the other; return each as it stands in a machine file, with its fit."""
@@ -361,36 +406,6 @@ class _Diagnosing:
                 form.parameters,
                 block,
             )
-
-    def _estimates(self, work: _Work, final: Fit, candidate: Candidate) -> dict[str, Estimate]:
-        """Return an effect's parameters by their short names, their spread with what readings share."""
-        prefix = candidate.effect.key("")
-        spread = self._spread(work, final)
-        found = {}
-        for i, parameter in enumerate(final.parameters):
-            if not parameter.key.startswith((f"{prefix}.", f"{prefix}[")):
-                continue
-            estimate = final.estimates[parameter.key]
-            if parameter.optional and i not in final.free:
-                continue
-            if estimate.std is not None and spread is not None:
-                estimate = replace(estimate, std=float(spread[i] / parameter.factor))
-            found[parameter.key[len(prefix) :].removeprefix(".")] = estimate
-        return found
-
-    def _spread(self, work: _Work, final: Fit) -> Array | None:
-        """Return standard deviations of all parameters where readings depend on each other, internal units."""
-        if work.correlation.independent:
-            return None
-        o = work.carriers.observations
-        problem = Problem(final.problem.model, o)
-        problem.set_weight((work.carriers.weight / problem.base_weight)[:, 0])
-        jacobian = problem.jacobian(final.solution.theta, final.solution.frame)[:, :, list(final.free)]
-        found = np.zeros(len(final.parameters))
-        part = len(work.carriers.rows) / max(int((~final.outliers).sum()), 1)
-        variance = np.diag(covariance_of_estimates(work.correlation, jacobian)) * part
-        found[list(final.free)] = np.sqrt(np.maximum(variance, 0.0))
-        return found
 
     def _with_test(self, rms: Rms, fits: Sequence[Fit]) -> Rms:
         if self.others is None:
