@@ -127,6 +127,8 @@ def covariance_of_estimates(correlation: Correlation, jacobian: Array) -> Array:
         (JᵀJ)⁺ JᵀVJ (JᵀJ)⁺, V as estimated; zero along directions that change no reading.
     """
     p = jacobian.shape[2]
+    if not p:
+        return np.zeros((0, 0))
     size = np.linalg.norm(jacobian.reshape(-1, p), axis=0)
     size[size == 0.0] = 1.0
     scaled = jacobian / size

@@ -37,7 +37,7 @@ from rodgen.discrepancy.diagnose._outside import Outside, outside_of
 from rodgen.discrepancy.diagnose._selection import Selection
 from rodgen.discrepancy.diagnose._space import Space, log_p
 from rodgen.discrepancy.diagnose._unexplained import Form
-from rodgen.discrepancy.diagnose._verdict import disagreement, jump
+from rodgen.discrepancy.diagnose._verdict import disagreement, in_order_of_time, jump
 from rodgen.discrepancy.fit import Fit, FitError, fit
 from rodgen.discrepancy.measurements import Measurements
 from rodgen.errors import InputFileError
@@ -350,6 +350,8 @@ class _Diagnosing:
             )
         if jumped := jump(work.carriers, work.carriers.residual_of(last)):
             self.notes.append(jumped)
+        if ordered := in_order_of_time(work.carriers, how):
+            self.notes.append(ordered)
         verdict, reason = self._verdict(final, how, steps, unexplained)
         if how.text and verdict != "cannot_tell":
             self.notes.append(how.text)

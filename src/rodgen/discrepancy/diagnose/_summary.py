@@ -28,7 +28,14 @@ def headline(diagnosis: Diagnosis) -> str:
     names = _listed([step.effect.title for step in diagnosis.steps])
     match diagnosis.verdict:
         case "nothing_missing":
-            return f"Nothing is missing that these data could show: {figure(rms.before)} {rms.unit} are left."
+            left = f"{figure(rms.before)} {rms.unit} are left"
+            how = diagnosis.correlation
+            if how is not None and (how.wander_t or how.wander_r):
+                return (
+                    "No effect of the catalogue is missing that these data could show; "
+                    f"{left}, of which a part wanders in the order of the poses."
+                )
+            return f"Nothing is missing that these data could show: {left}."
         case "effects_missing":
             several = len(diagnosis.steps) > 1
             open_ = any(step.indistinguishable_from for step in diagnosis.steps)

@@ -12,7 +12,7 @@ from rodgen.discrepancy.diagnose._carriers import Carriers
 from rodgen.discrepancy.diagnose._correlation import Correlation
 from rodgen.discrepancy.fit import Fit
 
-__all__ = ["disagreement", "jump"]
+__all__ = ["disagreement", "in_order_of_time", "jump"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -21,6 +21,8 @@ FAR = 2.0
 """A set-up that wanders beside the noise is nothing that is missing; one that wanders so many times as much may be."""
 OWN = 1.3
 """The errors that readings do not share may be so many times the stated noise where something wanders beside them."""
+ONE_WAY = 0.9
+"""Part of a joint's way that is progress."""
 JUMP, SUDDEN = 0.3, 1.5
 """Part of the sum of squares that a single jump takes away, and how many times as much as a steady drift does."""
 
@@ -55,6 +57,32 @@ def disagreement(final: Fit, how: Correlation) -> str:
 
 def _small(text: str) -> str:
     return text[:1].lower() + text[1:]
+
+
+def in_order_of_time(carriers: Carriers, how: Correlation) -> str:
+    """Return which joints only ever went one way, so that what follows them slowly looks like a set-up that wanders.
+
+    Parameters
+    ----------
+    carriers : Carriers
+    how : Correlation
+        Of what is left.
+    """
+    if not (how.wander_t or how.wander_r):
+        return ""
+    o = carriers.observations
+    names = []
+    for j, joint in enumerate(carriers.fit.machine.joints):
+        steps = np.diff(o.q[:, j])
+        if np.ptp(o.q[:, j]) > 0 and np.abs(steps.sum()) > ONE_WAY * np.abs(steps).sum():
+            names.append(joint.name)
+    if not names:
+        return ""
+    them = "it" if len(names) == 1 else "them"
+    return (
+        f"{' and '.join(names)} went one way only while the set-up wandered: what follows {them} slowly looks the "
+        "same as that. Measure in another order, or there and back."
+    )
 
 
 def jump(carriers: Carriers, residual: Array) -> str:
