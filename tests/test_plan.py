@@ -214,6 +214,15 @@ def test_undetermined_parameters_are_what_is_planned_for_when_nothing_else_is_as
     assert "Move X, which never moved" in words(found)
 
 
+def test_expansion_is_measured_far_out_and_warm_also_where_the_data_end_at_the_warmest():
+    example = Path(__file__).parent.parent / "examples" / "off_by_20_um"
+    data = Measurements.load(example / "data.csv")
+    fit = Machine.load(example / "machine.toml").fit(data)
+    found = plan(fit, 6, wanted=["X.thermal_expansion.alpha"])
+    assert found.rows["X [mm]"] == [800.0] * 6
+    assert found.rows["T_X [degC]"] == [22.48] * 6  # that of the last row; the first is the coldest
+
+
 def test_effect_that_the_machine_does_not_have_may_be_asked_for(table):
     fit, _, _ = table
     found = plan(fit, 8, wanted=["C.backlash"])
@@ -337,6 +346,14 @@ def test_command_writes_the_rows(files, tmp_path, capsys):
     assert len(out.read_text().splitlines()) == 5
 
 
+def test_no_file_is_written_where_there_is_nothing_to_measure(tmp_path, capsys):
+    example = MOUNT.parent / "ballbar_gantry"
+    out = tmp_path / "next.csv"
+    assert main(["plan", str(example / "machine.toml"), str(example / "data.csv"), "-o", str(out)]) == 0
+    assert f"{out} is not written" in capsys.readouterr().err
+    assert not out.exists()
+
+
 def test_command_prints_json(files, capsys):
     assert main(["plan", *files, "--for", "C.axis", "-n", "4", "--json"]) == 0
     shown = capsys.readouterr()
@@ -348,7 +365,7 @@ def test_command_prints_json(files, capsys):
     ("more", "text"),
     [
         (["-n", "0"], "'0' is no whole number from 1 to 500"),
-        (["--for", "C.axle"], "no parameter 'C.axle'"),
+        (["--for", "C.axle"], "command line: --for: no parameter 'C.axle'"),
         (["-o", "{data}"], "the input file itself"),
     ],
 )

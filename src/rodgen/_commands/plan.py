@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from rodgen._commands._console import OK, Command, fitting, show, show_json, working
+from rodgen._commands._console import OK, Command, fitting, show, show_json, tell, working
 from rodgen._commands._machine import FILES, add_files, add_json, add_loss, load_data
 from rodgen._commands._outputs import Outputs
+from rodgen.errors import RodgenError
 
 if TYPE_CHECKING:
     from rodgen.discrepancy.diagnose import Diagnosis
@@ -60,7 +61,7 @@ def _count(text: str) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from rodgen.discrepancy.plan import plan
+    from rodgen.discrepancy.plan import PlanError, plan
     from rodgen.machines.machine import Machine
 
     with Outputs(options.machine, options.data) as outputs:
@@ -76,10 +77,15 @@ def _run(options: argparse.Namespace) -> int:
                 from rodgen.discrepancy.diagnose import diagnose
 
                 of = diagnose(machine, data, progress=progress)
-        with working("planning"):
-            found = plan(of, options.count, wanted=options.wanted or None)
-        if options.output:
+        try:
+            with working("planning"):
+                found = plan(of, options.count, wanted=options.wanted or None)
+        except PlanError as error:  # the number was looked at before, so it is one of these
+            raise RodgenError(f"command line: --for: {error}") from None
+        if options.output and found.count:
             outputs.add(options.output, found.csv().encode())
+        elif options.output:
+            tell(f"{options.output} is not written: there is nothing to measure")
     if options.json:
         show_json(found.to_dict())
     else:

@@ -156,13 +156,12 @@ def levels(
         Whether they ask for the load.
     """
     last = o.n - 1
-    states = {last}
+    extremes: set[int] = set()
     for j in temperatures:
         values = o.temperature.get(o.machine.joints[j].name)
         if values is not None and np.ptp(values) > 0:
-            states |= {int(np.argmin(values)), int(np.argmax(values))}
-    if len(states) > 1:
-        states.discard(last)
+            extremes |= {int(np.argmin(values)), int(np.argmax(values))}
+    states = extremes or {last}
     loads: tuple[float, ...] = (0.0,) if o.load is None else (float(o.load[last]),)
     if o.load is not None and load:
         loads = tuple(sorted({0.0, float(o.load.min()), float(o.load.max())}))
