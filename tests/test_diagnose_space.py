@@ -20,6 +20,7 @@ from scipy import stats
 from rodgen.discrepancy._bind import Observations, bind
 from rodgen.discrepancy._held_out import deal
 from rodgen.discrepancy._problem import Problem
+from rodgen.discrepancy.diagnose import _aliases
 from rodgen.discrepancy.diagnose._blocks import FOLDS, Blocks
 from rodgen.discrepancy.diagnose._candidates import Candidate, candidates
 from rodgen.discrepancy.diagnose._carriers import (
@@ -642,3 +643,33 @@ def test_direct_effects_are_those_that_are_no_products():
     names = {d.name for d in CATALOGUE if is_direct(replace(EFFECT, definition=d))}
     assert {"axis_tilt", "gravity_windup", "gravity_sag", "instrument_scale", "target_offset"} <= names
     assert not names & {"backlash", "encoder_eccentricity", "straightness", "warm_up_drift", "linear_drift"}
+
+
+# what does the same ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("parts", "text"),
+    [
+        ((0, 0, 0), "rival does the same to these readings, exactly."),
+        ((1, 0, 0), "rival, with another X.a, does the same to these readings, exactly."),
+        ((1, -2, 0), "rival, with another X.b, X.a, does the same to these readings, exactly."),
+        (
+            (0, 0, 1),
+            "rival, with another form outside the catalogue, does the same to these readings, exactly.",
+        ),
+    ],
+)
+def test_why_names_the_parameters_and_the_forms_that_the_model_has_by_now(parts, text):
+    model, rival = np.split(np.random.default_rng(0).normal(size=(30, 2, 4)), [3], axis=2)
+    own = rival + (model @ np.array(parts))[:, :, None]  # the third column of the model is that of a form
+    one, other = (
+        SimpleNamespace(columns=c, effect=SimpleNamespace(title=k))
+        for c, k in ((own, "own"), (rival, "rival"))
+    )
+    parameters = [SimpleNamespace(key="X.a"), SimpleNamespace(key="X.b")]
+    carriers = SimpleNamespace(
+        residual=-own[:, :, 0], fit=SimpleNamespace(parameters=parameters, free=(0, 1))
+    )
+    selection = SimpleNamespace(space=Space(model, [one, other], lambda columns: columns))
+    assert _aliases._why(selection, carriers, one, [], other) == text

@@ -36,6 +36,7 @@ MOST = 16
 NAMED = 3
 PART = 0.1
 """Parameters are named whose part in the combination changes the readings by this part of the effect."""
+OUTSIDE = "form outside the catalogue"
 
 
 @dataclass(frozen=True)
@@ -178,9 +179,11 @@ def _why(
     combination = np.linalg.lstsq(both, effect, rcond=1e-8)[0][space.columns(rival).shape[1] :]
     shares = np.abs(combination) / max(float(np.linalg.norm(effect)), 1e-300)
     free = [carriers.fit.parameters[i].key for i in carriers.fit.free]
+    free += [OUTSIDE] * (len(shares) - len(free))  # forms stand behind the model's own columns
     order = [i for i in np.argsort(-shares) if shares[i] > PART]
-    names = [free[i] for i in order[:NAMED]]
-    more = f" and {len(order) - NAMED} more" if len(order) > NAMED else ""
+    names = list(dict.fromkeys(free[i] for i in order))
+    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    names = names[:NAMED]
     if not names:
         return f"{rival.effect.title} does the same to these readings, {how}."
     return f"{rival.effect.title}, with another {', '.join(names)}{more}, does the same to these readings, {how}."
