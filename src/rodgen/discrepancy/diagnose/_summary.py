@@ -122,6 +122,7 @@ def _step(step: DiagnosedEffect) -> Iterator[str]:
         else:
             yield f"  {name:<13}{e.value:.5g} ± {figure(e.std)}{unit}"
     yield from _paragraph("Meaning", step.meaning)
+    yield from _paragraph("Usual size", step.effect.definition.usual_size)
     yield from _paragraph("Remedy", step.effect.definition.remedy)
     if step.indistinguishable_from:
         yield "  These data cannot tell it from:"
