@@ -24,7 +24,7 @@ from rodgen.discrepancy._whitened import Whitened
 if TYPE_CHECKING:
     from rodgen.discrepancy.fit import Fit
 
-__all__ = ["Step", "step"]
+__all__ = ["Step", "given_back", "step"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -144,12 +144,23 @@ def _design_effect(smaller: Fit, larger: Fit, left: float) -> float:
         if shares is not None:
             np.add.at(shares, pose[rows], np.einsum("nmr,nms->nrs", jacobian, jacobian))
     if shares is not None:
-        pull = _given_back(pull, shares)
+        pull = given_back(pull, shares)
     return float(max(np.sum((pull @ new) ** 2) / (new.shape[1] * left), 1.0))
 
 
-def _given_back(pull: Array, shares: Array) -> Array:
-    """Make up for what each pose pulls the fit towards itself: (1 - H)^(-1/2), H its part of the projection."""
+def given_back(pull: Array, shares: Array) -> Array:
+    """Make up for what each pose pulls the fit towards itself: (1 - H)^(-1/2), H its part of the projection.
+
+    Parameters
+    ----------
+    pull : ndarray, shape (poses, r)
+    shares : ndarray, shape (poses, r, r)
+        H of each.
+
+    Returns
+    -------
+    ndarray, shape (poses, r)
+    """
     values, vectors = np.linalg.eigh(shares)
     lost = values > 1 - ALONE  # it alone tells of this, and has no residual along it
     factor = np.where(lost, 0.0, 1 / np.sqrt(np.where(lost, 1.0, 1 - values)))

@@ -20,6 +20,7 @@ from rodgen.discrepancy.diagnose._aliases import aliases_of
 from rodgen.discrepancy.diagnose._blocks import Blocks
 from rodgen.discrepancy.diagnose._candidates import Candidate, candidates
 from rodgen.discrepancy.diagnose._carriers import Carriers, catalogue_effects
+from rodgen.discrepancy.diagnose._clusters import Clusters
 from rodgen.discrepancy.diagnose._copies import first_of_each
 from rodgen.discrepancy.diagnose._correlation import Correlation, correlation
 from rodgen.discrepancy.diagnose._diagnosis import (
@@ -249,7 +250,8 @@ class _Diagnosing:
         stretches = None
         if not how.independent:
             stretches = Blocks(carriers.observations, model, carriers.residual, stretches=True)
-        selection = Selection(space, blocks, self.observations.n, stretches)
+        clusters = Clusters(carriers, how.whiten)
+        selection = Selection(space, blocks, self.observations.n, clusters, stretches)
         return _Work(base, carriers, found, how, space, selection, residual, total)
 
     def _outside(self, work: _Work, final: Fit) -> Outside:

@@ -104,13 +104,23 @@ class _Contest:
     def effects_first(self, chosen: Sequence[Candidate], left: Array) -> Outside:
         carriers = replace(self.carriers, residual=left)
         columns = np.concatenate([self.carriers.model, *(c.columns for c in chosen)], axis=2)
-        forms = [f for f in find_forms(carriers, self.how, columns, most=MOST_FORMS) if not f.in_catalogue]
+        forms = self._real(find_forms(carriers, self.how, columns, most=MOST_FORMS), chosen)
         return self._without_small(chosen, forms)
+
+    def _real(self, found: Sequence[Form], kept: Sequence[Candidate]) -> list[Form]:
+        """Return the forms that the catalogue has not, and that are more than what readings of a pose share."""
+        forms: list[Form] = []
+        for form in found:
+            beside = [*(c.columns for c in kept), *(f.columns for f in found if f is not form)]
+            penalty = self.selection.clusters.penalty(beside, form.columns)
+            if not form.in_catalogue and form.log10_p + penalty / np.log(10) < np.log10(self.selection.level):
+                forms.append(form)
+        return forms
 
     def forms_first(self) -> Outside | None:
         """Return the explanation that begins with forms; None where there are none that the catalogue has not."""
         found = find_forms(self.carriers, self.how, self.carriers.model, most=MOST_FORMS)
-        forms = [form for form in found if not form.in_catalogue]
+        forms = self._real(found, ())
         if not forms:
             return None
         beside = self._beside(forms)

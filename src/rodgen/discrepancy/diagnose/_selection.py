@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from rodgen.discrepancy.diagnose._blocks import Blocks
 from rodgen.discrepancy.diagnose._candidates import Candidate
+from rodgen.discrepancy.diagnose._clusters import Clusters
 from rodgen.discrepancy.diagnose._space import Score, Space, log_p
 
 __all__ = ["FAMILY_WISE", "Selection", "a_parameter"]
@@ -53,6 +54,8 @@ class Selection:
     blocks : Blocks
         Of poses, for the error on poses left out.
     rows : int
+    clusters : Clusters
+        Of readings of one pose.
     stretches : Blocks or None
         Of time, where the set-up wanders: what follows the time must predict stretches of it that it did not see.
     level : float
@@ -62,6 +65,7 @@ class Selection:
     space: Space
     blocks: Blocks
     rows: int
+    clusters: Clusters
     stretches: Blocks | None = None
     level: float = FAMILY_WISE
     _tests: dict[frozenset[tuple[str, str | None]], float] = field(default_factory=dict, repr=False)
@@ -136,7 +140,11 @@ class Selection:
             explained = self.left(residual, total, others) - self.left(residual, total, included)
             if best.fall < IMPERFECT**2 * explained:
                 return False
-        return self._lowers(included, best.candidate)
+        columns = [c.columns for c in included]
+        chance = (
+            best.log_p + np.log(self.tests(included)) + self.clusters.penalty(columns, best.candidate.columns)
+        )
+        return chance < np.log(self.level) and self._lowers(included, best.candidate)
 
     def _lowers(self, included: Sequence[Candidate], candidate: Candidate) -> bool:
         """Tell whether a candidate noticeably lowers the error on poses left out."""
@@ -183,7 +191,8 @@ class Selection:
         if not k or spare < 1:
             return 0.0
         log = log_p(float(np.sum((directions.T @ residual) ** 2)), left, k, spare)
-        return min(log + float(np.log(self.tests(others) * candidate.tries)), 0.0)
+        log += float(np.log(self.tests(others) * candidate.tries))
+        return min(log + self.clusters.penalty([c.columns for c in others], candidate.columns), 0.0)
 
     def tests(self, included: Sequence[Candidate]) -> float:
         """Return as how many independent tests all candidates beside some count."""

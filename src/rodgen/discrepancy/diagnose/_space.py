@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from rodgen.discrepancy.diagnose._candidates import Candidate
 
-__all__ = ["Score", "Space", "log_p"]
+__all__ = ["VISIBLE", "Score", "Space", "Whiten", "log_p"]
 
 Array: TypeAlias = NDArray[np.float64]
 Whiten: TypeAlias = Callable[[Array], Array]
