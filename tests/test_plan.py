@@ -27,6 +27,7 @@ from simulated_fits import fit_to, measure
 
 from rodgen.cli import main
 from rodgen.discrepancy._poses import approach
+from rodgen.discrepancy.diagnose import Diagnosis, diagnose
 from rodgen.discrepancy.measurements import Measurements, bind
 from rodgen.discrepancy.plan import Plan, PlanError, plan, plan_for
 from rodgen.machines.machine import Machine
@@ -244,6 +245,74 @@ def test_what_cannot_be_planned_is_one_sentence(table, n, wanted, text):
         plan(table[0], n, wanted=wanted)
 
 
+# from a diagnosis ------------------------------------------------------------------------------------------------
+
+
+def diagnosed(name: str) -> Diagnosis:
+    folder = MOUNT.parent / name
+    (data,) = folder.glob("*.csv")
+    return diagnose(Machine.load(folder / "machine.toml"), Measurements.load(data))
+
+
+def test_where_the_effect_is_clear_its_parameters_are_sharpened_and_no_coordinates():
+    found = diagnosed("positioner").plan()  # with a free frame, and two choices of coordinates
+    (goal,) = found.goals
+    assert (goal.kind, goal.sentence, goal.reached) == ("sharpen", "Sharpen phi.backlash.b.", True)
+    assert found.count == 12
+    assert "frame" not in found.summary()
+
+
+def test_parameters_that_look_like_a_choice_of_coordinates_are_left_out_and_named():
+    found = diagnosed("rotary_table").plan()
+    (goal,) = found.goals
+    assert goal.parameters == tuple(f"C.tilt_error_motion.{x}" for x in ("u_c2", "u_s2", "v_c2", "v_s2"))
+    assert "Determine" not in found.summary()
+    (note,) = [note for note in found.notes if "left out" in note]
+    assert note.startswith("C.tilt_error_motion.u_c1, ")
+    assert found.count
+
+
+def test_same_effect_with_other_sign_does_the_same_to_every_reading_and_is_sharpened():
+    found = diagnosed("ballbar_gantry").plan()
+    apart, sharper = found.goals
+    assert "squareness at Y and squareness at X apart: they do the same to every reading" in apart.sentence
+    assert not apart.resolvable
+    assert sharper.parameters == ("Y.squareness.a", "Y.squareness.b")
+    assert sharper.reached
+    assert found.count == 12
+
+
+def test_text_is_short_sentences_and_then_a_table():
+    text = diagnosed("mount").plan().summary()
+    told, table = text.split("By how much the wrong effect fits worse, in chi-square", 1)
+    sentences = [line for line in told.replace(". ", ".\n").splitlines() if line.endswith(".")]
+    assert max(len(line.split()) for line in sentences) <= 35
+    assert "chi-square" not in told
+    assert " 0 %" not in text
+    assert "chance" in table
+
+
+def test_effects_that_the_data_could_not_show_are_named():
+    file = machine_file(
+        [
+            joint("X", "prismatic", (1, 0, 0), travel=[0, 500]),
+            joint("C", "revolute", (0, 0, 1), travel=[-3, 3]),
+        ],
+        [(120, 0, 40), (30, -80, 10)],
+        estimate=["C.axis"],
+        noise=0.002,
+    )
+    C, target = np.repeat(np.linspace(-3, 3, 20), 2), ["p", "r"] * 20
+    columns = {"X [mm]": np.zeros(40), "C [rad]": C, "target": target}
+    random = np.random.default_rng(0)
+    fit = fit_to(file, measure(file, columns, noise=0.002, random=random))
+    found = fit.diagnose().plan()
+    (note,) = [note for note in found.notes if "Not visible in these data" in note]
+    key = note.partition("--for ")[2].split()[0]
+    assert key.startswith("X.")
+    assert plan(fit, 6, wanted=[key]).count == 6
+
+
 # the rows --------------------------------------------------------------------------------------------------------
 
 
@@ -258,6 +327,29 @@ def test_rows_are_a_measurement_file_without_readings(trials, tmp_path):
     assert (rows.q >= low).all()
     assert (rows.q <= high).all()
     assert set(found.rows) == set(trial.loop.columns)
+
+
+def test_plan_with_its_readings_is_a_file_that_can_be_diagnosed(trials, tmp_path, capsys):
+    trial = trials["one_side"]
+    found = trial.plan(12)
+    path, machine = tmp_path / "plan.csv", tmp_path / "machine.toml"
+    found.save(path)
+    machine.write_text(toml(trial.loop.file), encoding="utf-8")
+    assert len(path.read_text().splitlines()) == found.count + 1
+    lines = [line + ",120.0,0.0,40.0" for line in path.read_text().splitlines()]
+    lines[0] = lines[0].removesuffix(",120.0,0.0,40.0") + ",x [mm],y [mm],z [mm]"
+    path.write_text("\n".join(lines) + "\n")
+    assert main(["diagnose", str(machine), str(path)]) == 0
+    assert capsys.readouterr().out
+
+
+def test_no_rows_are_no_file(tmp_path):
+    machine = Machine.load(MOUNT / "machine.toml")
+    found = plan(machine.fit(Measurements.load(MOUNT / "mmt_2021.csv")), 4, wanted=["AZ.zero_offset"])
+    assert found.csv() == ""
+    with pytest.raises(PlanError, match="no rows to write"):
+        found.save(tmp_path / "plan.csv")
+    assert not (tmp_path / "plan.csv").exists()
 
 
 def test_every_column_of_the_data_is_in_the_plan():
@@ -347,10 +439,12 @@ def test_command_writes_the_rows(files, tmp_path, capsys):
 
 
 def test_no_file_is_written_where_there_is_nothing_to_measure(tmp_path, capsys):
-    example = MOUNT.parent / "ballbar_gantry"
     out = tmp_path / "next.csv"
-    assert main(["plan", str(example / "machine.toml"), str(example / "data.csv"), "-o", str(out)]) == 0
-    assert f"{out} is not written" in capsys.readouterr().err
+    files = [str(MOUNT / name) for name in ("machine.toml", "mmt_2021.csv")]
+    assert main(["plan", *files, "--for", "AZ.zero_offset", "-o", str(out)]) == 0
+    shown = capsys.readouterr()
+    assert f"{out} is not written" in shown.err
+    assert "Nothing to measure" in shown.out
     assert not out.exists()
 
 

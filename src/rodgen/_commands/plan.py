@@ -40,7 +40,9 @@ def add_to(command: Command) -> None:
         metavar="N",
         help="readings at most, 12 when left out; fewer where they are enough to tell effects apart",
     )
-    plan.add_argument("-o", "--output", metavar="PLAN.csv", help="write the rows as a measurement file")
+    plan.add_argument(
+        "-o", "--output", metavar="PLAN.csv", help="write the rows, if any, as a measurement file"
+    )
     plan.add_argument(
         "--for",
         dest="wanted",

@@ -35,6 +35,8 @@ MARGIN = 2.0
 """Quantile of the normal distribution that goes with it, for two or three wrong ones."""
 IMITATED = 1e-3
 """A model does the same as another one whose readings it meets within a thirtieth of the noise (here squared)."""
+LIKELY = 9.0
+"""... with parameters that the data leave open: those within three standard deviations of what was fitted."""
 FEWEST = 2
 """Readings that are planned at least: one alone could not be doubted."""
 RESTS = 0.005
@@ -400,7 +402,30 @@ class _Planning:
             self.included.append((k, a, b))
             return
         possible = now + gain >= pair.needed
-        self.pairs.append((k, pair, threshold, bool(possible), not imitated))
+        same = not possible and true.own == wrong.own and self._as_likely_the_same(pair)
+        tiny = not imitated and not same
+        self.pairs.append((k, pair, threshold, bool(possible), tiny))
+
+    def _as_likely_the_same(self, pair: Pair) -> bool:
+        """Whether the wrong model imitates a true one that the data may mean as well as the one that was fitted.
+
+        Two effects may differ in a part that none of them is known to have.
+        """
+        true = self.coordinates[pair.true]
+        wrong, a, b = self.coordinates[pair.wrong], self.columns[pair.true], self.columns[pair.wrong]
+        d = (b.residual - a.residual).reshape(-1, 1)
+        of_a, of_b = (
+            x.jacobian.reshape(-1, x.jacobian.shape[-1]) @ c.root for x, c in ((a, true), (b, wrong))
+        )
+        both = np.concatenate([of_a, d], axis=1)
+        cross = of_b.T @ both
+        rise = both.T @ both - cross.T @ np.linalg.solve(wrong.prior + of_b.T @ of_b, cross)
+        for weight in np.logspace(-6, 6, 25) * np.trace(rise[:-1, :-1]) / max(np.trace(true.prior), 1e-300):
+            x = np.append(np.linalg.solve(rise[:-1, :-1] + weight * true.prior, rise[:-1, -1]), -1.0)
+            unlikely = x[:-1] @ true.prior @ x[:-1]
+            if unlikely <= LIKELY and x @ rise @ x < IMITATED * len(self.pool.q):
+                return True
+        return False
 
     def _sharpened(self) -> tuple[list[Sharpen], set[str]]:
         """Return the parameters to sharpen, and those that nothing shows."""

@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.discrepancy._problem import one_thread_in_blas
+from rodgen.discrepancy._freedoms import Elsewhere
+from rodgen.discrepancy._problem import Problem, one_thread_in_blas
 from rodgen.discrepancy.plan._attempt import MOST_TRIED, Attempt, Class, Question, attempt
 from rodgen.discrepancy.plan._goals import Gain, Goal
 from rodgen.discrepancy.plan._table import as_csv, as_text, table
 from rodgen.discrepancy.plan._words import differences, listed, number, range_text
-from rodgen.errors import RodgenError, shown
+from rodgen.errors import RodgenError, UnexpectedError, shown
+from rodgen.machines._model import Model
 from rodgen.machines.machine import Target
 
 if TYPE_CHECKING:
@@ -34,8 +36,16 @@ WAITS = (2.0, -1.0)
 """Before measuring on: for how many times the duration of the data to wait; or to begin when the machine is cold."""
 WORTH = 0.3
 """A new target, or a wait, is proposed where it brings so much more, in parts of what is needed."""
-LINES = 12
+LINES = 6
 """Gains of a goal that the text tells, at most."""
+NAMES = 4
+"""Effects that a sentence names; the rest is counted."""
+HARDLY = 0.005
+"""A smaller probability is told in words."""
+UNSEEN = 0.02
+"""An effect of which the model's parameters imitate all but this part is not visible in the data."""
+LOOKED_AT = 12
+"""Of so many of them is found out whether they are a choice of coordinates."""
 WIDER = (0.15, 0.5, 1.0)
 """By what parts of a travel that the machine does not say more of it is imagined, to either side."""
 A_LITTLE_WIDER = (0.1, 0.2)
@@ -46,8 +56,8 @@ LARGEST_CLASS = 8
 """Members of a class that are looked at."""
 
 
-class PlanError(RodgenError):
-    """A plan that cannot be made, in one sentence."""
+class PlanError(UnexpectedError):
+    """A plan that cannot be made, in one sentence: what was found, and what was expected."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,19 +110,23 @@ class Plan:
         return tuple(gain for goal in self.goals for gain in goal.gains)
 
     def csv(self) -> str:
-        """Return the rows as the text of a measurement file without readings."""
-        return as_csv(self.rows)
+        """Return the rows as the text of a measurement file without readings; empty where there are none."""
+        return as_csv(self.rows) if self.count else ""
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the rows as a measurement file without readings.
 
         Raises
         ------
+        PlanError
+            When there are no rows.
         InputFileError
             When it cannot be written.
         """
         from rodgen._files import write_file
 
+        if not self.count:
+            raise PlanError("no rows to write", "a plan with something to measure, see its notes")
         write_file(path, self.csv().encode())
 
     def target_blocks(self) -> str:
@@ -147,40 +161,74 @@ class Plan:
         if not self.goals:
             yield from self.notes
             return
-        yield "What to settle"
-        for goal in self.goals:
-            yield from (f"  {line}" for line in goal.sentence.split("\n"))
-            if goal.resolvable and self.count:
-                if goal.kind == "separate":
-                    yield "    By how much the second fits worse if the first is there, in chi-square:"
-                yield from (f"    {_gain_text(gain)}" for gain in goal.gains[:LINES])
-                if len(goal.gains) > LINES:
-                    yield f"    and {len(goal.gains) - LINES} more"
         if self.count:
             yield f"What to measure: {self.count} reading{'s' * (self.count != 1)}"
             yield from (f"  {sentence}" for sentence in self.words)
             yield from (f"    {line}" for line in as_text(self.rows))
-        if self.new_targets:
-            yield "In the machine file"
-            yield from (f"    {line}" for line in self.target_blocks().splitlines())
+            if self.new_targets:
+                yield "In the machine file"
+                yield from (f"    {line}" for line in self.target_blocks().splitlines())
+            yield "What it settles"
+        else:
+            yield "Nothing to measure: no reading within the travel settles what is open."
+            yield "What is open"
+        for goal in self.goals:
+            yield from (f"  {line}" for line in _told(goal, bool(self.count)))
         yield from self.notes
+        if not self.count:
+            return
+        for goal in self.goals:
+            if goal.resolvable and goal.gains:
+                yield from _gain_lines(goal)
 
 
-def _gain_text(gain: Gain) -> str:
+def _told(goal: Goal, planned: bool) -> Iterator[str]:
+    """Yield the sentences of a goal, and after the first one what the chances are."""
+    first, stop, rest = goal.sentence.partition(". ")
+    yield f"{first}." if stop else first
+    chances = [gain.probability for gain in goal.gains if gain.probability is not None]
+    if goal.resolvable and planned and chances:
+        if goal.reached:
+            yield f"Chance that these readings do: {_percent(min(chances))}."
+        elif max(chances) < HARDLY:
+            yield "These readings alone will hardly do it."
+        else:
+            yield f"Chance that these readings do: {_percent(max(chances))} at best."
+    if rest:
+        *most, last = rest.split(". ")
+        yield from (f"{sentence}." for sentence in most)
+        yield last
+
+
+def _gain_lines(goal: Goal) -> Iterator[str]:
+    """Yield a small table of what is expected."""
+    if goal.kind == "separate":
+        yield "By how much the wrong effect fits worse, in chi-square"
+        rows = [["", "now", "then", "needed", "chance"]]
+    else:
+        yield "Standard deviations"
+        rows = [["", "now", "then"]]
+    rows += [_gain_cells(gain) for gain in goal.gains[:LINES]]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for name, *cells in rows:
+        numbers = (cell.rjust(width) for cell, width in zip(cells, widths[1:], strict=True))
+        yield f"  {'  '.join([name.ljust(widths[0]), *numbers])}"
+    if len(goal.gains) > LINES:
+        yield f"  and {len(goal.gains) - LINES} more"
+
+
+def _gain_cells(gain: Gain) -> list[str]:
     if gain.what == "std":
         unit = "" if gain.unit == "1" else f" {gain.unit}"
-        now, after = ("not determined" if x is None else f"± {x:.3g}{unit}" for x in (gain.now, gain.after))
-        return f"{gain.of}: {now} now, {after} expected"
-    after = "open" if gain.after is None else f"{gain.after:.3g}"
-    chance = "" if gain.probability is None else f", reached with {_percent(gain.probability)}"
-    needed = "" if gain.needed is None else f" ({gain.needed:.3g} needed{chance})"
-    return f"{gain.of}: {0.0 if gain.now is None else gain.now:.3g} now, {after} expected{needed}"
+        return [gain.of, *("open" if x is None else f"± {x:.3g}{unit}" for x in (gain.now, gain.after))]
+    found = [f"{x:.3g}" if x is not None else "" for x in (gain.now, gain.after, gain.needed)]
+    return [gain.of, *found, "" if gain.probability is None else _percent(gain.probability)]
 
 
 def _percent(probability: float) -> str:
-    if probability > 0.995:
+    if probability > 1 - HARDLY:
         return "more than 99 %"
-    return f"{100 * probability:.0f} %"
+    return "hardly any" if probability < HARDLY else f"{100 * probability:.0f} %"
 
 
 # from a fit or a diagnosis -------------------------------------------------------------------------------------
@@ -228,14 +276,110 @@ def plan(of: Fit | Diagnosis, n: int = 12, *, wanted: Iterable[str] | None = Non
     steps = getattr(of, "steps", None)
     if steps is None:
         return plan_for(of, (), n, wanted=wanted or ())  # type: ignore[arg-type]
+    final: Fit = of.final  # type: ignore[union-attr]
+    if wanted:
+        return plan_for(final, (), n, wanted=wanted)
     classes = [
         (step.effect, *(alias.effect for alias in step.indistinguishable_from))
         for step in steps
-        if step.indistinguishable_from and not wanted
+        if step.indistinguishable_from
     ]
     correlation = getattr(of, "correlation", None)
     dependent = correlation is not None and not correlation.independent
-    return plan_for(of.final, classes, n, wanted=wanted or (), trusted=dependent)  # type: ignore[union-attr]
+    found = plan_for(final, classes, n, trusted=dependent) if classes else None
+    if found is None or not any(goal.resolvable for goal in found.goals):
+        keys, notes = _determined(final, [step.effect for step in steps])
+        sharper = plan_for(final, (), n, wanted=keys) if keys or found is None else None
+        if sharper is not None:
+            before = found or Plan({}, (), (), (), None)
+            found = replace(
+                sharper,
+                goals=(*before.goals, *sharper.goals),
+                notes=tuple(dict.fromkeys((*before.notes, *sharper.notes, *notes))),
+            )
+    assert found is not None
+    return replace(found, notes=(*found.notes, *_not_visible(of, classes)))  # type: ignore[arg-type]
+
+
+def _determined(fit: Fit, effects: Sequence[Effect]) -> tuple[list[str], list[str]]:
+    """Return the keys of effects' parameters that the data determine, and sentences on those that they do not."""
+    prefixes = tuple(e.key("").rstrip(".") + x for e in effects for x in ".[")
+    keys = [fit.parameters[i].key for i in fit.free if fit.parameters[i].key.startswith(prefixes)]
+    open_ = {fit.parameters[i].key for i in fit.free if fit.determinacy.undetermined[i]}
+    loose = [key for x in fit.determinacy.weak for key, _ in x.parts]
+    left_out = [key for key in keys if key in open_ or key in loose]
+    notes = []
+    if left_out:
+        others = [key for key in loose if key not in keys]
+        of = f" from others, such as {others[0]}" if others else ""
+        verb = "is" if len(left_out) == 1 else "are"
+        notes.append(f"{_some(left_out, NAMES)} {verb} left out: nothing tells {_it(left_out)}{of}.")
+    notes += _lacking(fit)
+    return [key for key in keys if key not in left_out], notes
+
+
+def _it(names: Sequence[str]) -> str:
+    return "it" if len(names) == 1 else "them"
+
+
+def _lacking(fit: Fit) -> list[str]:
+    """Return a sentence on what more data would determine; choices of coordinates are none of it."""
+    texts = [x.text for x in fit.determinacy.directions if not x.gauge]
+    return [f"{texts[0]} {len(texts) - 1} more such." if len(texts) > 1 else texts[0]] if texts else []
+
+
+def _not_visible(diagnosis: Diagnosis, classes: Sequence[Sequence[Effect]]) -> Iterator[str]:
+    """Say which effects the data could not show at all, though other data would."""
+    final = diagnosis.final
+    said = {(e.name, e.place) for c in classes for e in c}
+    said |= {(e.name, e.place) for e in final.machine.effects}
+    unseen = [
+        r.effect
+        for r in diagnosis.ranking
+        if r.visible < UNSEEN and (r.effect.name, r.effect.place) not in said
+    ]
+    unseen = [e for e in unseen[:LOOKED_AT] if not _is_choice(final, e)] + unseen[LOOKED_AT:]
+    if unseen:
+        key = unseen[0].name if unseen[0].place is None else f"{unseen[0].place}.{unseen[0].name}"
+        these = "it" if len(unseen) == 1 else "the first"
+        yield (
+            f"Not visible in these data, whether there or not: {_some([e.title for e in unseen], NAMES)} "
+            f"(--for {key} plans for {these})."
+        )
+
+
+def _is_choice(fit: Fit, effect: Effect) -> bool:
+    """Whether what is estimated imitates an effect wherever is measured: a mere choice of coordinates."""
+    o = fit.observations
+    try:
+        machine = fit.machine.with_effect(effect)
+        problem = Problem(Model(machine, fit.problem.model.travel, o.run_names, compiled=False), o)
+    except RodgenError:
+        return True
+    theta, known = (
+        problem.model.start(),
+        dict(zip((p.key for p in fit.parameters), fit.solution.theta, strict=True)),
+    )
+    keys = [p.key for p in problem.model.parameters]
+    theta = np.array([known.get(key, x) for key, x in zip(keys, theta, strict=True)])
+    own = [i for i, p in enumerate(problem.model.parameters) if p.key not in known and not p.searched]
+    free = {fit.parameters[i].key for i in fit.free}
+    index = np.array([i for i, key in enumerate(keys) if key in free or i in own], int)
+    with np.errstate(all="ignore"):
+        there = Elsewhere.of(problem, theta, fit.solution.frame, index)
+    mine = np.isin(index, own)
+    return all(_imitated(jacobian, mine) for jacobian in (there.jacobian, there.of_others))
+
+
+def _imitated(jacobian: Array, mine: NDArray[np.bool_]) -> bool:
+    """Whether some columns are combinations of the others, but for a small part."""
+    others, own = jacobian[:, ~mine], jacobian[:, mine]
+    size = np.linalg.norm(others, axis=0)
+    others = others[:, size > 0] / size[size > 0]
+    if not own.any():
+        return True
+    left = own - others @ np.linalg.lstsq(others, own, rcond=None)[0] if others.size else own
+    return bool(np.all(np.linalg.norm(left, axis=0) <= UNSEEN * np.linalg.norm(own, axis=0)))
 
 
 def plan_for(
@@ -265,13 +409,19 @@ def plan_for(
     PlanError
     """
     if isinstance(n, bool) or not isinstance(n, int | np.integer) or not 1 <= n <= MOST:
-        raise PlanError(f"n {shown(n)}; expected a whole number from 1 to {MOST}")
+        raise PlanError(f"n {shown(n)}", f"a whole number from 1 to {MOST}")
     wanted = [wanted] if isinstance(wanted, str) else wanted
     question = _question(fit, [c for c in classes if len(c) > 1], wanted, trusted)
     if not question.classes and not question.keys:
         return Plan({}, (), (), ("Nothing is estimated that measurements could sharpen.",), None)
     with one_thread_in_blas():
-        return _Planner(fit, question, int(n)).plan()
+        found = _Planner(fit, question, int(n)).plan()
+        if question.kind == "show" and not found.count:
+            rest = _sharpened(fit, question.keys)
+            if rest:
+                question = replace(question, kind="sharpen", keys=tuple(rest), notes=_lacking(fit))
+                found = _Planner(fit, question, int(n)).plan()
+    return found
 
 
 def _question(
@@ -319,9 +469,14 @@ def _open(fit: Fit) -> tuple[str, list[str]]:
     lacking = [key for x in (*d.directions, *d.weak) if not x.gauge for key, _ in x.parts]
     if lacking:
         return "show", lacking
-    gauge = {key for x in d.directions for key, _ in x.parts}
+    return "sharpen", _sharpened(fit) or [fit.parameters[i].key for i in fit.free]
+
+
+def _sharpened(fit: Fit, without: Sequence[str] = ()) -> list[str]:
+    """Return the parameters that the data determine, without the frame's."""
+    out = {key for x in fit.determinacy.directions for key, _ in x.parts} | set(without)
     every = [fit.parameters[i].key for i in fit.free]
-    return "sharpen", [key for key in every if key not in gauge and not key.startswith("frame.")] or every
+    return [key for key in every if key not in out and not key.startswith("frame.")]
 
 
 def _wanted(fit: Fit, text: str) -> tuple[list[str], Effect | None]:
@@ -333,7 +488,7 @@ def _wanted(fit: Fit, text: str) -> tuple[list[str], Effect | None]:
     machine = fit.machine
     names = {p.key for p in fit.parameters}
     if text in names:
-        raise PlanError(f"parameter {shown(text)} is held; expected one that is estimated: {listed(keys)}")
+        raise PlanError(f"parameter {shown(text)} is held", f"one that is estimated: {_some(keys)}")
     places = {joint.name for joint in machine.joints} | {target.name for target in machine.targets}
     effect_text, _, at = text.partition("@")
     if at:
@@ -348,15 +503,14 @@ def _wanted(fit: Fit, text: str) -> tuple[list[str], Effect | None]:
     except RodgenError:
         some = listed(keys[:8]) + (", …" if len(keys) > 8 else "")
         raise PlanError(
-            f"no parameter {shown(text)}; expected one of {some or 'none, as nothing is estimated'}, or an effect "
-            f"that the machine may have, such as EFFECT@JOINT"
+            f"no parameter {shown(text)}",
+            f"one of {some or 'none, as nothing is estimated'}, or an effect that the machine may have, such as "
+            f"EFFECT@JOINT",
         ) from None
     units = effect.units(machine)
     own = [name for name in units if not name.startswith("k_")] or list(units)
     if parts[1:] and parts[1] not in units:
-        raise PlanError(
-            f"no parameter {shown(parts[1])} of {effect.title}; expected one of {listed(list(units))}"
-        )
+        raise PlanError(f"no parameter {shown(parts[1])} of {effect.title}", f"one of {listed(list(units))}")
     return [effect.key(name) for name in (parts[1:2] or own)], effect
 
 
@@ -472,20 +626,27 @@ class _Planner:
         alike = [p for p in best.pairs if p.of == k and not p.possible]
         exact = {frozenset((p.pair.true, p.pair.wrong)) for p in alike if not p.tiny}
         small = {frozenset((p.pair.true, p.pair.wrong)) for p in alike} - exact
-        for group in _together(exact):
-            names = listed([best.title(x) for x in group])
-            yield f"{names} do the same to every reading within the travel: no measurement there tells them apart."
-        if small:
-            groups = "; ".join(listed([best.title(x) for x in group]) for group in _together(small))
+        if exact:
             yield (
-                f"Too much alike within the travel, as they were fitted, for a reasonable number of readings: {groups}."
+                f"No measurement tells {_groups(exact, best, 2)} apart: they do the same to every reading within the "
+                f"travel."
             )
-        for c, less, more in best.included:
-            if c == k and frozenset((less, more)) not in exact | small:
-                yield (
-                    f"{best.title(more)} can do all that {best.title(less)} does: for {best.title(less)} speaks "
-                    f"that it has fewer parameters, and no reading can."
-                )
+        if small:
+            yield (
+                f"Too much alike, as fitted, for a reasonable number of readings: {_groups(small, best, 1)}."
+            )
+        larger = [
+            (less, more)
+            for c, less, more in best.included
+            if c == k and frozenset((less, more)) not in exact | small
+        ]
+        if larger:
+            less, more = larger[0]
+            others = f" ({len(larger) - 1} more such)" if len(larger) > 1 else ""
+            yield (
+                f"{best.title(more)} can do all that {best.title(less)} does: no reading speaks for the latter, only "
+                f"that it is simpler{others}."
+            )
 
     def _key_goals(self, best: Attempt) -> Iterator[Goal]:
         if not best.keys:
@@ -494,20 +655,27 @@ class _Planner:
         lost = [k.key for k in best.keys if k.gauge]
         keys = [k for k in best.keys if not k.gauge and not (show and k.now is not None)]
         open_ = [k.key for k in keys if k.after is None]
+        if show and len(open_) < len(keys):
+            keys = [k for k in keys if k.after is not None]
         verb = "Determine" if show else "Sharpen"
-        sentence = f"{verb} {_some([k.key for k in keys])}." if keys else ""
-        if lost and not self.question.of_all:
-            sentence += (
-                f" No reading shows {_some(lost)}: a choice of coordinates, or without any effect here."
+        sentences = [f"{verb} {_some([k.key for k in keys])}."] if keys else []
+        if lost and not show and not self.question.of_all:
+            sentences.append(
+                f"No reading shows {_some(lost)}: a choice of coordinates, or without any effect here."
             )
+        if show:
+            undetermined = self.fit.determinacy.undetermined
+            lacking = {p.key for p, yes in zip(self.fit.parameters, undetermined, strict=True) if yes}
+            open_ = [key for key in open_ if key in lacking or not any(k.after is not None for k in keys)]
         if open_:
             some = "them" if len(open_) == len(keys) else _some(open_)
-            sentence += f" No reading within the travel determines {some}."
+            sentences.append(f"No reading within the travel determines {some}.")
+        sentence = " ".join(sentences)
         gains = tuple(Gain("std", k.key, k.now, k.after, unit=k.unit) for k in keys)
         names = tuple(k.key for k in best.keys)
-        solved = len(open_) < len(keys)
+        solved = any(k.after is not None for k in keys)
         reached = not open_ and (self.question.of_all or not lost)
-        yield Goal(self.question.kind, (), names, sentence.strip(), solved, reached, gains)
+        yield Goal(self.question.kind, (), names, sentence, solved, reached, gains)
 
     # notes -------------------------------------------------------------------------------------------------------
 
@@ -577,8 +745,16 @@ class _Planner:
         return ""
 
 
-def _some(names: Sequence[str]) -> str:
-    return listed([*names[:6], f"{len(names) - 6} more"] if len(names) > 7 else list(names))
+def _some(names: Sequence[str], most: int = 6) -> str:
+    return listed([*names[:most], f"{len(names) - most} more"] if len(names) > most + 1 else list(names))
+
+
+def _groups(pairs: set[frozenset[int]], best: Attempt, most: int) -> str:
+    """Name the largest groups of models of which all are pairs, and count the others."""
+    groups = sorted(_together(pairs), key=len, reverse=True)
+    texts = [_some([best.title(k) for k in group], NAMES) for group in groups[:most]]
+    more = len(groups) - len(texts)
+    return "; ".join([*texts, *([f"and {more} more group{'s' * (more > 1)}"] if more else [])])
 
 
 def _from_each_other(pairs: set[frozenset[int]], best: Attempt) -> list[str]:
