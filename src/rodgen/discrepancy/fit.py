@@ -207,7 +207,7 @@ class Fit:
         return compare(self)
 
     def diagnose(self, *, test: Measurements | None = None, progress: Progress | None = None) -> Diagnosis:
-        """Find out which physical effects are missing in the model; see :func:`rodgen.discrepancy.diagnose.diagnose`."""
+        """Find out which effects are missing in the model; see :func:`rodgen.discrepancy.diagnose.diagnose`."""
         from rodgen.discrepancy.diagnose import diagnose
 
         return diagnose(self, test=test, progress=progress)

@@ -56,7 +56,6 @@ FEWEST_POSES = 4
 COMPILE_FROM = 20_000
 """From so many rows on compiling a model that is fitted once pays."""
 FOLDS = 10
-ROUNDS = 3
 RARE = 0.01
 MOST_WRONG = 0.2
 """More rows than this part are not wrong by chance: then something is missing."""

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 __all__ = ["as_text", "headline"]
 
 WIDTH = 100
-RANKED = 6
 INVISIBLE = 0.02
 HARDLY, CERTAIN = 20.0, 4.0
 """A parameter is hardly determined whose standard deviation is so many times that of another of the effect, and whose
