@@ -65,8 +65,9 @@ notebooks: .venv/installed ## execute the derivations into build/notebooks, as .
 bench: .venv/installed ## measure the speed, beside other libraries and the machine's limits (ONLY=fits or axis: a part)
 	$(BIN)/python benchmarks/run.py $(if $(ONLY),--only $(ONLY))
 
-study: .venv/installed ## measure how often a diagnosis is right, beside others (N=60 machines a group; ONLY=innocent: a part)
-	$(BIN)/python study/run.py -j $(JOBS) $(if $(N),-n $(N)) $(if $(ONLY),--only "$(ONLY)")
+study: .venv/installed ## measure how often a diagnosis and a plan are right (N=60 machines a group; ONLY=innocent or plan: a part)
+	$(if $(filter plan,$(ONLY)),,$(BIN)/python study/run.py -j $(JOBS) $(if $(N),-n $(N)) $(if $(ONLY),--only "$(ONLY)"))
+	$(if $(filter-out plan,$(ONLY)),,$(BIN)/python study/plan.py $(if $(N),-n $(N)))
 
 docs: .venv/installed ## draw the pictures of the README anew
 	$(BIN)/python docs/make_pictures.py

@@ -520,6 +520,10 @@ def test_command_writes_the_page_and_its_pictures(tmp_path: Path, capsys: pytest
         (["-o", "{tmp}"], "a folder"),
         (["-o", "{machine}"], "the input file itself"),
         (["-o", "{tmp}/no/page.html"], "cannot be written"),
+        (
+            ["-o", "{tmp}/page.pdf"],
+            "page.pdf: file: no name of a page; expected one that ends in .html or .htm",
+        ),
         (["-o", "{tmp}/page.html", "--radius", "C"], "a joint, '=', a length"),
         (["-o", "{tmp}/page.html", "--radius", "C=3deg"], "a joint, '=', a length"),
         (["-o", "{tmp}/page.html", "--test", "{tmp}/no.csv"], "no.csv"),
@@ -538,7 +542,7 @@ def test_bad_input_is_one_line(
     assert printed.out == ""
     assert expected in printed.err
     assert printed.err.count("\n") == 1
-    assert not (tmp_path / "page.html").exists()
+    assert not list(tmp_path.glob("page.*"))
 
 
 def test_missing_extra_is_told_at_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: Any) -> None:

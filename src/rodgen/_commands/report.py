@@ -79,6 +79,10 @@ def _check_output(options: argparse.Namespace) -> None:
     with Outputs(options.machine, options.data, *([options.test] if options.test else [])) as outputs:
         outputs.claim(options.output)
     if not is_device(options.output):
+        if not options.output.lower().endswith((".html", ".htm")):
+            raise InputFileError(
+                options.output, "file", "no name of a page", "one that ends in .html or .htm"
+            )
         file = AtomicFile(options.output)
         file.open().close()
         file.discard()
