@@ -57,6 +57,8 @@ COMPILE_FROM = 20_000
 """From so many rows on compiling a model that is fitted once pays."""
 FOLDS = 10
 RARE = 0.01
+FEW_CHANGED = 1e-3
+"""Rows of which the final model thinks otherwise than the first look, below which it decides nothing."""
 MOST_WRONG = 0.2
 """More rows than this part are not wrong by chance: then something is missing."""
 
@@ -181,6 +183,13 @@ class _Diagnosing:
             formed = self._formed(fits[-1], outside.forms)
             again = outliers if last else self._judged(formed[-1][1] if formed else fits[-1], outliers)
             if np.array_equal(again, outliers):
+                break
+            if (
+                np.count_nonzero(again != outliers) < FEW_CHANGED * self.observations.n
+            ):  # no reason to decide anew
+                work.base = self._fit(self.fitted.machine, again)
+                fits = self._fits(work)
+                formed = self._formed(fits[-1], outside.forms)
                 break
             outliers = again
         return self._told(work, outside, fits, formed)

@@ -22,7 +22,10 @@ PART = 4
 """A column for so many readings at most: with more each row would be fitted by itself."""
 VISIBLE = 0.1
 """Part of a candidate's column that must be left beside the model: a smaller rest is rounding, or mostly noise."""
+MOST_COLUMNS = 120
 STEPS = 30
+SURELY = 0.8
+"""Below this part of the cut, before any row has lost weight, there is nothing to look for."""
 HUBER = 1.345
 FALSE_ALARM = 0.01
 MOST = 0.2
@@ -48,26 +51,24 @@ def gross_errors(model: Array, candidates: Array, residual: Array) -> Mask:
     size = np.linalg.norm(rest, axis=0)
     rest = rest - base @ (base.T @ rest)
     rest = rest[:, np.linalg.norm(rest, axis=0) > VISIBLE * size]
-    basis = np.concatenate([base, _leading(rest, n * m // PART - base.shape[1])], axis=1)
+    basis = np.concatenate([base, _leading(rest, min(n * m // PART - base.shape[1], MOST_COLUMNS))], axis=1)
     spare = n * m - basis.shape[1]
     if n < 8 or spare < 2 * m or not residual.any():
         return np.zeros(n, bool)
     cut = _cut(n, m, spare)
     weight = np.ones(n)
     size = np.zeros(n)
-    for _ in range(STEPS):
+    for step in range(STEPS):
         root = np.repeat(np.sqrt(weight), m)
         weighted = basis * root[:, None]
         square = weighted.T @ weighted
         along = np.linalg.lstsq(square, weighted.T @ (root * residual.ravel()), rcond=1e-10)[0]
         left = (residual.ravel() - basis @ along).reshape(n, m)
-        own = np.einsum(
-            "nmk,kl,nml->n", basis.reshape(n, m, -1), np.linalg.pinv(square), basis.reshape(n, m, -1)
-        )
+        own = np.sum((basis @ _root_of_inverse(square)).reshape(n, -1) ** 2, axis=1)
         share = np.clip(1 - weight * own / m, 0.05, 1.0)
         size = np.sqrt(np.einsum("nm,nm->n", left, left) / share)
         scale = _scale(size, m)
-        if scale <= 0:
+        if scale <= 0 or (step == 0 and size.max() < SURELY * cut * scale):
             return np.zeros(n, bool)
         z = size / scale / np.sqrt(m)
         new = np.where(z < HUBER, 1.0, np.where(z > 3 * HUBER, 1e-8, HUBER / np.maximum(z, 1e-300)))
@@ -91,6 +92,12 @@ def _cut(n: int, m: int, spare: int) -> float:
     from scipy.special import fdtri
 
     return float(np.sqrt(m * fdtri(m, max(spare, 2), 1 - FALSE_ALARM / n))) * (1 + 5 / max(spare, 1))
+
+
+def _root_of_inverse(square: Array) -> Array:
+    values, vectors = np.linalg.eigh(square)
+    known = values > 1e-12 * max(float(values[-1]), 1e-300)
+    return np.asarray(vectors[:, known] / np.sqrt(values[known]))
 
 
 def _leading(columns: Array, most: int) -> Array:

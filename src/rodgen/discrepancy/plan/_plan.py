@@ -38,6 +38,8 @@ WORTH = 0.3
 """A new target, or a wait, is proposed where it brings so much more, in parts of what is needed."""
 LINES = 6
 """Gains of a goal that the text tells, at most."""
+MOST_TOLD = 2
+"""Sentences on which effects are told from which."""
 NAMES = 4
 """Effects that a sentence names; the rest is counted."""
 HARDLY = 0.005
@@ -193,7 +195,10 @@ def _told(goal: Goal, planned: bool) -> Iterator[str]:
         elif max(chances) < HARDLY:
             yield "These readings alone will hardly do it."
         else:
-            yield f"Chance that these readings do: {_percent(max(chances))} at best."
+            yield (
+                f"Chance that these readings do, depending on which is there: {_percent(min(chances))} to "
+                f"{_percent(max(chances))}."
+            )
     if rest:
         *most, last = rest.split(". ")
         yield from (f"{sentence}." for sentence in most)
@@ -617,7 +622,10 @@ class _Planner:
         refuted = [best.title(a) for c, a in best.refuted if c == k]
         left = [title for title in titles if title not in refuted]
         possible = {frozenset((p.pair.true, p.pair.wrong)) for p in best.pairs if p.of == k and p.possible}
-        yield from (f"Tell {text}." for text in _from_each_other(possible, best))
+        texts = _from_each_other(possible, best)
+        yield from (f"Tell {text}." for text in texts[:MOST_TOLD])
+        if len(texts) > MOST_TOLD:
+            yield f"And so on, for {len(texts) - MOST_TOLD} more of them."
         if refuted:
             verb = "fits" if len(refuted) == 1 else "fit"
             yield f"{listed(refuted)} {verb} the data worse already, or with sizes that no machine has."
@@ -761,13 +769,13 @@ def _from_each_other(pairs: set[frozenset[int]], best: Attempt) -> list[str]:
     """Say which effects are to be told from which: all from each other, or one from some after the other."""
     nodes = sorted({k for pair in pairs for k in pair})
     if nodes and 2 * len(pairs) == len(nodes) * (len(nodes) - 1):
-        return [f"{listed([best.title(k) for k in nodes])} apart"]
+        return [f"{_some([best.title(k) for k in nodes], NAMES)} apart"]
     left, found = set(pairs), []
     while left:
         most = max(nodes, key=lambda k: sum(k in pair for pair in left))
         others = [k for k in nodes if frozenset((k, most)) in left]
         left -= {frozenset((k, most)) for k in others}
-        found.append(f"{best.title(most)} from {listed([best.title(k) for k in others])}")
+        found.append(f"{best.title(most)} from {_some([best.title(k) for k in others], NAMES)}")
     return found
 
 
