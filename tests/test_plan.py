@@ -262,6 +262,15 @@ def test_where_the_effect_is_clear_its_parameters_are_sharpened_and_no_coordinat
     assert "frame" not in found.summary()
 
 
+def test_model_of_which_every_parameter_rests_on_coordinates_is_sharpened_as_a_whole():
+    folder = MOUNT.parent / "robot_6r_tracker"
+    fit = Machine.load(folder / "machine.toml").fit(Measurements.load(folder / "data.csv"))
+    found = plan(fit, 2)
+    assert "Determine" not in found.summary()
+    assert "Sharpen the model as a whole" in found.summary()
+    assert found.count == 2
+
+
 def test_parameters_that_look_like_a_choice_of_coordinates_are_left_out_and_named():
     found = diagnosed("rotary_table").plan()
     (goal,) = found.goals
@@ -290,6 +299,7 @@ def test_text_is_short_sentences_and_then_a_table():
     assert "chi-square" not in told
     assert " 0 %" not in text
     assert "chance" in table
+    assert "Not visible" not in text  # the frame and the zeros are a choice of coordinates
 
 
 def test_effects_that_the_data_could_not_show_are_named():

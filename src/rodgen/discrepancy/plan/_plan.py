@@ -46,6 +46,8 @@ HARDLY = 0.005
 """A smaller probability is told in words."""
 UNSEEN = 0.02
 """An effect of which the model's parameters imitate all but this part is not visible in the data."""
+NO_CHANGE = 1e-9
+"""A parameter that changes readings by less than this part of what another one does is rounding."""
 LOOKED_AT = 12
 """Of so many of them is found out whether they are a choice of coordinates."""
 WIDER = (0.15, 0.5, 1.0)
@@ -195,10 +197,9 @@ def _told(goal: Goal, planned: bool) -> Iterator[str]:
         elif max(chances) < HARDLY:
             yield "These readings alone will hardly do it."
         else:
-            yield (
-                f"Chance that these readings do, depending on which is there: {_percent(min(chances))} to "
-                f"{_percent(max(chances))}."
-            )
+            low, high = (_percent(x) for x in (min(chances), max(chances)))
+            of = low if low == high else f"{low} to {high}, depending on which is there"
+            yield f"Chance that these readings do: {of}."
     if rest:
         *most, last = rest.split(". ")
         yield from (f"{sentence}." for sentence in most)
@@ -343,7 +344,7 @@ def _not_visible(diagnosis: Diagnosis, classes: Sequence[Sequence[Effect]]) -> I
         for r in diagnosis.ranking
         if r.visible < UNSEEN and (r.effect.name, r.effect.place) not in said
     ]
-    unseen = [e for e in unseen[:LOOKED_AT] if not _is_choice(final, e)] + unseen[LOOKED_AT:]
+    unseen = [e for e in unseen[:LOOKED_AT] if not _is_choice(diagnosis.base, e)] + unseen[LOOKED_AT:]
     if unseen:
         key = unseen[0].name if unseen[0].place is None else f"{unseen[0].place}.{unseen[0].name}"
         these = "it" if len(unseen) == 1 else "the first"
@@ -378,13 +379,11 @@ def _is_choice(fit: Fit, effect: Effect) -> bool:
 
 def _imitated(jacobian: Array, mine: NDArray[np.bool_]) -> bool:
     """Whether some columns are combinations of the others, but for a small part."""
-    others, own = jacobian[:, ~mine], jacobian[:, mine]
-    size = np.linalg.norm(others, axis=0)
-    others = others[:, size > 0] / size[size > 0]
-    if not own.any():
-        return True
+    size = np.linalg.norm(jacobian, axis=0)
+    shown = size > NO_CHANGE * size.max(initial=0.0)
+    others, own = (jacobian[:, these & shown] / size[these & shown] for these in (~mine, mine))
     left = own - others @ np.linalg.lstsq(others, own, rcond=None)[0] if others.size else own
-    return bool(np.all(np.linalg.norm(left, axis=0) <= UNSEEN * np.linalg.norm(own, axis=0)))
+    return bool(np.all(np.linalg.norm(left, axis=0) <= UNSEEN))
 
 
 def plan_for(
@@ -422,10 +421,9 @@ def plan_for(
     with one_thread_in_blas():
         found = _Planner(fit, question, int(n)).plan()
         if question.kind == "show" and not found.count:
-            rest = _sharpened(fit, question.keys)
-            if rest:
-                question = replace(question, kind="sharpen", keys=tuple(rest), notes=_lacking(fit))
-                found = _Planner(fit, question, int(n)).plan()
+            rest = _sharpened(fit, question.keys) or [fit.parameters[i].key for i in fit.free]
+            question = replace(question, kind="sharpen", keys=tuple(rest), notes=_lacking(fit))
+            found = _Planner(fit, question, int(n)).plan()
     return found
 
 
@@ -682,6 +680,11 @@ class _Planner:
         gains = tuple(Gain("std", k.key, k.now, k.after, unit=k.unit) for k in keys)
         names = tuple(k.key for k in best.keys)
         solved = any(k.after is not None for k in keys)
+        if not keys and self.question.of_all:
+            sentence, solved = (
+                "Sharpen the model as a whole, as each parameter rests on a choice of coordinates.",
+                True,
+            )
         reached = not open_ and (self.question.of_all or not lost)
         yield Goal(self.question.kind, (), names, sentence, solved, reached, gains)
 
