@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -40,6 +41,8 @@ LINES = 6
 """Gains of a goal that the text tells, at most."""
 MOST_TOLD = 2
 """Sentences on which effects are told from which."""
+WIDTH = 100
+"""Of a line of text."""
 NAMES = 4
 """Effects that a sentence names; the rest is counted."""
 HARDLY = 0.005
@@ -167,7 +170,7 @@ class Plan:
             return
         if self.count:
             yield f"What to measure: {self.count} reading{'s' * (self.count != 1)}"
-            yield from (f"  {sentence}" for sentence in self.words)
+            yield from _wrapped(self.words)
             yield from (f"    {line}" for line in as_text(self.rows))
             if self.new_targets:
                 yield "In the machine file"
@@ -177,13 +180,28 @@ class Plan:
             yield "Nothing to measure: no reading within the travel settles what is open."
             yield "What is open"
         for goal in self.goals:
-            yield from (f"  {line}" for line in _told(goal, bool(self.count)))
-        yield from self.notes
+            yield from _wrapped(_told(goal, bool(self.count)))
+        if self.notes:
+            yield "Besides"
+        yield from _wrapped(self.notes)
         if not self.count:
             return
         for goal in self.goals:
             if goal.resolvable and goal.gains:
                 yield from _gain_lines(goal)
+
+
+def _wrapped(sentences: Iterable[str]) -> Iterator[str]:
+    """Yield sentences as indented lines, each from a line of its own on."""
+    for sentence in sentences:
+        yield from wrap(
+            sentence,
+            WIDTH,
+            initial_indent="  ",
+            subsequent_indent="    ",
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
 
 
 def _told(goal: Goal, planned: bool) -> Iterator[str]:
