@@ -358,13 +358,14 @@ class _Diagnosing:
                 f"{form.where[0].upper()}{form.where[1:]} follows {form.driver} ({form.formula}), too, but so little "
                 "beside the effects found there that it may be what is not exact in their formulas."
             )
-        if jumped := jump(work.carriers, work.carriers.residual_of(last)):
-            self.notes.append(jumped)
-        if ordered := in_order_of_time(work.carriers, how):
-            self.notes.append(ordered)
+        moved = [jump(work.carriers, work.carriers.residual_of(last)), in_order_of_time(work.carriers, how)]
         verdict, reason = self._verdict(final, how, steps, unexplained)
-        if how.text and verdict != "cannot_tell":
-            self.notes.append(how.text)
+        if reason is not None:
+            reason = " ".join(filter(None, [reason, *moved]))
+        else:
+            self.notes += filter(None, [*moved, how.text])
+        if steps and not unexplained and (rest := disagreement(final, how)):
+            self.notes.append(f"This is not all: {rest[:1].lower()}{rest[1:]}")
         return Diagnosis(
             verdict,
             reason,
@@ -387,7 +388,7 @@ class _Diagnosing:
         if steps:
             return "effects_missing", None
         reason = disagreement(final, how)
-        return ("cannot_tell", " ".join([reason, *self.notes])) if reason else ("nothing_missing", None)
+        return ("cannot_tell", reason) if reason else ("nothing_missing", None)
 
     def _how(self, work: _Work, outside: Outside, final: Fit) -> Correlation:
         """Return how readings depend on each other beside all that was found."""

@@ -3,7 +3,7 @@
 Two explanations compete: effects of the catalogue first, and forms of the dictionary for what they leave; or forms
 first, and effects for what these leave. The cheaper one is told: chi-square, and for each parameter, effect and
 form so much as chance gains by having that many to choose from. Where effects alone explain all, they are believed
-unless forms do the same with less.
+unless forms do clearly better.
 """
 
 from __future__ import annotations
@@ -30,8 +30,6 @@ Array: TypeAlias = NDArray[np.float64]
 MOST_FORMS = 3
 AN_EFFECT, A_FORM = 8.0, 16.0
 """What chance gains in chi-square by having so many effects, or so many forms, to choose from: 2 ln(number)."""
-SEVERAL = 2
-"""From so many effects on, a single form may stand for all of them."""
 
 
 @dataclass(frozen=True)
@@ -84,15 +82,19 @@ def outside_of(
     """
     contest = _Contest(carriers, how, selection)
     first = contest.effects_first(chosen, left)
-    if not first.forms and len(chosen) < SEVERAL:
+    if not first.forms and not chosen:
         return first
     second = contest.forms_first()
     if second is None:
         return first
-    if not first.forms and second.things >= first.things:
+    if not first.forms and second.things > first.things:
         return first
     scale = min(contest.variance(first), contest.variance(second))
-    return min((first, second), key=lambda outside: contest.cost(outside, scale))
+    margin = 0.0
+    if not first.forms:  # effects explain all: forms must do clearly better, the more so if they are as many
+        margin = a_parameter(selection.rows) * (2 if second.things == first.things else 1)
+    better = contest.cost(second, scale) + margin < contest.cost(first, scale)
+    return second if better else first
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,8 @@ IMPERFECT = 0.03
 """A real effect differs from its formula by this part of its size; so much more at the same place is no effect."""
 ALIKE = 0.005
 """Effects that take away nearly the same, up to this part of it, are alike: then the simpler one is meant."""
+RARER = {"backlash_gradient": 3.0, "lateral_windup": 3.0}
+"""Effects that are rarer than others that may look the same: so much more, in ln(probability), they must explain."""
 MOST_STEPS = 8
 RIVALS = 40
 """Candidates that are tried in exchange."""
@@ -121,6 +123,7 @@ class Selection:
         real = [s for s in scores if s.freedoms and s.log_p + np.log(tests) < level]
         if not real:
             return None
+        real.sort(key=lambda s: s.log_p + RARER.get(s.candidate.effect.name, 0.0))
         first = real[0]
         variance = first.left / max(first.spare, 1)
         needed = a_parameter(self.rows) * variance
@@ -232,7 +235,8 @@ class Selection:
         rank = self.space.base(best).shape[1]
         variance = self.left(residual, total, best) / max(self.space.readings - rank, 1)
         own = self.space.base(included).shape[1] + sum(len(c.searched) for c in included)
-        return float(self.left(residual, total, included) / variance + a_parameter(self.rows) * own)
+        rare = sum(2 * RARER.get(c.effect.name, 0.0) for c in included)
+        return float(self.left(residual, total, included) / variance + a_parameter(self.rows) * own + rare)
 
     def _ordered(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
         """Put those that take away most first."""

@@ -6,7 +6,7 @@ of small matrices, whatever n is.
 
 A candidate is scored by F: the fall of the sum of squares that its columns, with what the model can imitate taken off,
 bring for each of them, over what is left (Rao 1948). Directions in which the model imitates a candidate nearly whole
-are left out: to be seen there its parameters would have to be a thousand times what is usual.
+are left out: to be seen there its parameters would have to be far beyond what is usual.
 """
 
 from __future__ import annotations
@@ -25,8 +25,9 @@ __all__ = ["VISIBLE", "Score", "Space", "Whiten", "log_p"]
 Array: TypeAlias = NDArray[np.float64]
 Whiten: TypeAlias = Callable[[Array], Array]
 
-VISIBLE = 1e-3
-"""Part of a candidate's column, or combination of columns, that must be left beside the model to be looked at."""
+VISIBLE = 0.02
+"""Part of a candidate's column, or combination of columns, that must be left beside the model to be looked at: with
+less an effect would have to be fifty times as large as what it shows."""
 DEPENDENT = 1e-9
 """Part below which a model's column depends on the others."""
 SIMULATIONS = 2000
