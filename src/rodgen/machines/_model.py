@@ -68,9 +68,7 @@ def _kernels(structure: Structure, compiled: bool) -> Mapping[str, Any]:
 
         return derive_kernels(structure)
 
-    kernels: Mapping[str, Any] = row_kernels(
-        _key(structure), make, shared=("g", "e"), compiled=compiled
-    )
+    kernels: Mapping[str, Any] = row_kernels(_key(structure), make, shared=("g", "e"), compiled=compiled)
     return kernels
 
 

@@ -32,6 +32,8 @@ NOTICED = 0.005
 """The error on poses left out must fall by this part: what lowers it less is not worth an effect."""
 IMPERFECT = 0.03
 """A real effect differs from its formula by this part of its size; so much more at the same place is no effect."""
+STRAIGHT = 5e-3
+"""The columns are good to this part of what they do: large effects are bent, and what that leaves is no effect."""
 ALIKE = 0.005
 """Effects that take away nearly the same, up to this part of it, are alike: then the simpler one is meant."""
 RARER = {"backlash_gradient": 3.0, "lateral_windup": 3.0}
@@ -233,10 +235,12 @@ class Selection:
     ) -> float:
         """Return chi-square, in variances that the best set leaves, and so much for each parameter."""
         rank = self.space.base(best).shape[1]
-        variance = self.left(residual, total, best) / max(self.space.readings - rank, 1)
+        bent = STRAIGHT**2 * self.left(residual, total, [])
+        variance = max(self.left(residual, total, best), bent) / max(self.space.readings - rank, 1)
         own = self.space.base(included).shape[1] + sum(len(c.searched) for c in included)
         rare = sum(2 * RARER.get(c.effect.name, 0.0) for c in included)
-        return float(self.left(residual, total, included) / variance + a_parameter(self.rows) * own + rare)
+        left = max(self.left(residual, total, included), bent)
+        return float(left / variance + a_parameter(self.rows) * own + rare)
 
     def _ordered(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
         """Put those that take away most first."""
