@@ -69,7 +69,7 @@ def _lines(d: Diagnosis) -> Iterator[str]:
     for form in d.unexplained:
         yield ""
         yield from _form(form, rms.unit)
-    if not d.steps and d.ranking:
+    if d.verdict == "nothing_missing" and d.ranking:
         best = d.ranking[0]
         yield ""
         yield (
