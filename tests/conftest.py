@@ -96,3 +96,17 @@ def gufuncs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, ModuleType]:
             if module.instruction_set == level:  # a processor that has less gives less
                 modules[level] = module
     return modules
+
+
+@pytest.fixture
+def rodgen_command(capsys):
+    """Run a command; return its exit code, and what it printed on standard output and standard error."""
+
+    from rodgen import cli
+
+    def run(*arguments):
+        code = cli.main([str(argument) for argument in arguments])
+        shown = capsys.readouterr()
+        return code, shown.out, shown.err
+
+    return run

@@ -39,18 +39,6 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-@pytest.fixture
-def rodgen_command(capsys):
-    """Run a command; return its exit code, and what it printed on standard output and standard error."""
-
-    def run(*arguments):
-        code = cli.main([str(argument) for argument in arguments])
-        shown = capsys.readouterr()
-        return code, shown.out, shown.err
-
-    return run
-
-
 def run(*arguments, folder, **options):
     """Run the command in a process of its own."""
     return subprocess.run(

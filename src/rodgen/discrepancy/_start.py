@@ -13,7 +13,7 @@ from rodgen.discrepancy._least_squares import Solution, minimise
 from rodgen.discrepancy._problem import Problem
 from rodgen.machines._model import Frame
 
-__all__ = ["linear_falls", "most_waves", "nearest_frame", "placed", "searched", "trilaterated"]
+__all__ = ["linear_falls", "most_waves", "nearest_frame", "placed", "searched", "trilaterated", "wave_falls"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -218,21 +218,7 @@ def _period(
     residual = residual - base @ (base.T @ residual)
 
     def falls(frequencies: Array) -> Array:
-        found = []
-        for several in np.array_split(frequencies, -(-len(frequencies) // 16)):
-            phase = 2 * np.pi / span * np.multiply.outer(q, several)
-            parts = []
-            for wave in (np.sin(phase), np.cos(phase)):
-                columns = (follows[:, :, None] * wave[:, None, :]).reshape(len(residual), -1)
-                parts.append(columns - base @ (base.T @ columns))
-            s, c = parts
-            ss, cc, sc = (np.einsum("ij,ij->j", x, y) for x, y in ((s, s), (c, c), (s, c)))
-            rs, rc = residual @ s, residual @ c
-            det = ss * cc - sc**2
-            with np.errstate(invalid="ignore", divide="ignore"):
-                fall = (cc * rs**2 - 2 * sc * rs * rc + ss * rc**2) / det
-            found.append(np.where(det > 1e-10 * ss * cc, fall, 0.0))  # else one wave alone, or none
-        return np.concatenate(found)
+        return wave_falls(base, residual, follows, q, 2 * np.pi / span * frequencies)
 
     rough = np.arange(LEAST_WAVES, highest + 0.25, 0.5)
     height = np.pad(falls(rough), 1)
@@ -245,6 +231,43 @@ def _period(
         ended = minimise(some, theta, solution.frame, [*free, *waves, index])
         best.append((ended.cost, float(ended.theta[index])))
     return min(best)[1]
+
+
+def wave_falls(base: Array, residual: Array, follows: Array, q: Array, frequencies: Array) -> Array:
+    """Return by how much a wave of each frequency lowers the sum of squares beside what a base can make up for.
+
+    Parameters
+    ----------
+    base : ndarray, shape (n m, p)
+        Orthonormal.
+    residual : ndarray, shape (n m,)
+        Across the base.
+    follows : ndarray, shape (n, m)
+        How the readings follow the coordinate.
+    q : ndarray, shape (n,)
+        The coordinate.
+    frequencies : ndarray, shape (f,)
+        Radians by one unit of q.
+
+    Returns
+    -------
+    ndarray, shape (f,)
+    """
+    found = []
+    for several in np.array_split(frequencies, -(-len(frequencies) // 16)):
+        phase = np.multiply.outer(q, several)
+        parts = []
+        for wave in (np.sin(phase), np.cos(phase)):
+            columns = (follows[:, :, None] * wave[:, None, :]).reshape(len(residual), -1)
+            parts.append(columns - base @ (base.T @ columns))
+        s, c = parts
+        ss, cc, sc = (np.einsum("ij,ij->j", x, y) for x, y in ((s, s), (c, c), (s, c)))
+        rs, rc = residual @ s, residual @ c
+        det = ss * cc - sc**2
+        with np.errstate(invalid="ignore", divide="ignore"):
+            fall = (cc * rs**2 - 2 * sc * rs * rc + ss * rc**2) / det
+        found.append(np.where(det > 1e-10 * ss * cc, fall, 0.0))  # else one wave alone, or none
+    return np.concatenate(found)
 
 
 def most_waves(places: Array) -> float:

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.discrepancy._start import most_waves
+from rodgen.discrepancy._start import most_waves, wave_falls
 from rodgen.discrepancy.diagnose._carriers import MOMENTS, Carriers, is_direct
 from rodgen.machines._rigid import complete_basis
 from rodgen.machines.machine import Effect
@@ -142,39 +142,19 @@ def promising_waves(
         bases.append(_orthonormal(whole))
     for effect in effects:
         tried = list(_tried(carriers, effect))
+        frequencies = 2 * np.pi / np.array([values["P"] for values in tried])
         carrier = carriers.component(effect.place, "reading")
         assert carrier is not None
         q = carriers.observations.q[some, _number(carriers, effect)]
         chosen: dict[int, None] = {}
         for base in bases:
-            falls = _falls(
-                base, residual - base @ (base.T @ residual), carrier[some], q, [v["P"] for v in tried]
-            )
+            falls = wave_falls(base, residual - base @ (base.T @ residual), carrier[some], q, frequencies)
             padded = np.pad(falls, 1)
             peaks = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] >= padded[2:]))
             chosen |= dict.fromkeys(int(i) for i in peaks[np.argsort(-falls[peaks], kind="stable")][:PEAKS])
         for i in chosen:
             # waves half a wave apart are nearly independent, time constants (above) are much alike
             yield replace(_product(carriers, effect, tried[i]), tries=float(len(tried)))
-
-
-def _falls(base: Array, residual: Array, carrier: Array, q: Array, periods: Sequence[float]) -> Array:
-    """Return by how much a wave of each period lowers the sum of squares."""
-    found = []
-    for several in np.array_split(np.array(periods), -(-len(periods) // 16)):
-        phase = 2 * np.pi * q[:, None] / several
-        parts = []
-        for wave in (np.sin(phase), np.cos(phase)):
-            columns = (carrier[:, :, None] * wave[:, None, :]).reshape(len(residual), -1)
-            parts.append(columns - base @ (base.T @ columns))
-        s, c = parts
-        ss, cc, sc = (np.einsum("ij,ij->j", x, y) for x, y in ((s, s), (c, c), (s, c)))
-        rs, rc = residual @ s, residual @ c
-        det = ss * cc - sc**2
-        with np.errstate(invalid="ignore", divide="ignore"):
-            fall = (cc * rs**2 - 2 * sc * rs * rc + ss * rc**2) / det
-        found.append(np.where(det > 1e-8 * ss * cc, fall, 0.0))
-    return np.asarray(np.nan_to_num(np.concatenate(found)))
 
 
 def _orthonormal(columns: Array) -> Array:
