@@ -143,7 +143,7 @@ def _coverage(found: Any, truth: Truth) -> list[int]:
             if estimate.std is None or not estimate.std > 0:
                 continue
             # effects of several runs are one group of parameters, with the run in brackets
-            true = truth.values.get(step.effect.key(name), 0.0) * (
+            true = truth.values.get(step.effect.key(name).replace(".[", "["), 0.0) * (
                 3600.0 if "arcsec" in estimate.unit else 1.0
             )
             if name == "tau" and step.effect.name == "warm_up_drift":
