@@ -16,8 +16,8 @@ from machine_simulator import Simulated
 from rodgen.discrepancy._bind import bind
 from rodgen.discrepancy._problem import Problem
 from rodgen.discrepancy.diagnose._carriers import Carriers
+from rodgen.discrepancy.diagnose._chance import log10_of_f
 from rodgen.discrepancy.diagnose._unexplained import Form, best_terms, find_forms, unnameable
-from rodgen.discrepancy.diagnose._unexplained._chance import log10_of_f
 from rodgen.discrepancy.diagnose._unexplained._dictionary import dictionary, drivers_of
 from rodgen.discrepancy.diagnose._unexplained._level import Level
 from rodgen.discrepancy.diagnose._unexplained._screen import Functions, Screen

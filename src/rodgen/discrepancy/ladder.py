@@ -84,10 +84,7 @@ class Rung:
         """The parameters of the effect, by their keys; none where it is not in the model."""
         if self.effect is None:
             return {}
-        prefix = self.effect.key("")
-        # An indexed name is that of a set-up: frame_shift[2].x
-        keys = (f"{prefix}.", f"{prefix}[")
-        return {key: e for key, e in self.fit.estimates.items() if key.startswith(keys)}
+        return {key: e for key, e in self.fit.estimates.items() if self.effect.owns(key)}
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""

@@ -134,6 +134,11 @@ class Effect:
         """
         return ".".join(filter(None, (self.place, self.name, parameter)))
 
+    def owns(self, key: str) -> bool:
+        """Tell whether a parameter's key is of this effect; an indexed name is that of a set-up: frame_shift[2].x."""
+        prefix = self.key("")
+        return key.startswith((f"{prefix}.", f"{prefix}["))
+
     def units(self, machine: Machine) -> dict[str, str]:
         """Return every parameter with the unit in which it is shown.
 
@@ -374,8 +379,7 @@ class Machine:
             there = ", ".join(e.title for e in self.effects) or "none: this machine has no effects"
             title = f"{name} at {place}" if place else name
             raise InputFileError(self.file or self.name, "[[effect]]", f"no {shown(title)}", there)
-        prefix = gone[0].key("")
-        kept = {k: v for k, v in self.values.items() if not k.startswith((f"{prefix}.", f"{prefix}["))}
+        kept = {k: v for k, v in self.values.items() if not gone[0].owns(k)}
         return replace(self, effects=tuple(e for e in self.effects if e is not gone[0]), values=kept)
 
     # what is done with it ------------------------------------------------------------------------------------

@@ -121,7 +121,7 @@ def _full(carriers: Carriers, final: Fit, own: Candidate, rivals: Sequence[_Riva
     problem.set_weight((carriers.weight / problem.base_weight)[:, 0])
     start = model.start()
     fitted = {final.parameters[i].key: final.solution.theta[i] for i in final.free}
-    free = {key for key in fitted if not _is_of(key, own)}
+    free = {key for key in fitted if not own.effect.owns(key)}
     for i, parameter in enumerate(model.parameters):
         start[i] = fitted.get(parameter.key, start[i])
     keys = {parameter.key: i for i, parameter in enumerate(model.parameters)}
@@ -131,14 +131,18 @@ def _full(carriers: Carriers, final: Fit, own: Candidate, rivals: Sequence[_Riva
         variance = whole.cost / max(problem.rows * problem.components - final.determinacy.rank, 1)
     variance /= _part(carriers)
     for key in fitted:
-        if _is_of(key, own) and not model.parameters[keys[key]].searched:
+        if own.effect.owns(key) and not model.parameters[keys[key]].searched:
             start[keys[key]] = 0.0
     found = []
     for rival in rivals:
         theta = start.copy()
         numbers = {keys[key] for key in free}
         for i, parameter in enumerate(model.parameters):
-            if _is_of(parameter.key, rival.candidate) and parameter.hold is None and not parameter.optional:
+            if (
+                rival.candidate.effect.owns(parameter.key)
+                and parameter.hold is None
+                and not parameter.optional
+            ):
                 numbers.add(i)
         for name, value in rival.candidate.searched.items():
             theta[keys[rival.candidate.effect.key(name)]] = value
@@ -150,11 +154,6 @@ def _full(carriers: Carriers, final: Fit, own: Candidate, rivals: Sequence[_Riva
 def _part(carriers: Carriers) -> float:
     """Return how many times as many rows there are as are looked at: chi-square of all is so much larger."""
     return float((~carriers.fit.outliers).sum() / len(carriers.rows))
-
-
-def _is_of(key: str, candidate: Candidate) -> bool:
-    prefix = candidate.effect.key("")
-    return key.startswith((f"{prefix}.", f"{prefix}["))
 
 
 def _why(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rodgen.discrepancy._start import most_waves, wave_falls
 from rodgen.discrepancy.diagnose._carriers import MOMENTS, Carriers, is_direct
+from rodgen.discrepancy.diagnose._orthonormal import orthonormal
 from rodgen.machines._rigid import complete_basis
 from rodgen.machines.machine import Effect
 
@@ -113,7 +114,7 @@ def _is_wave(effect: Effect) -> bool:
 
 
 def _direct(carriers: Carriers, effect: Effect) -> Candidate:
-    keys = [key for key in carriers.index if _is_of(key, effect)]
+    keys = [key for key in carriers.index if effect.owns(key)]
     return Candidate(effect, tuple(keys), carriers.columns[:, :, [carriers.index[key] for key in keys]], {})
 
 
@@ -135,11 +136,11 @@ def promising_waves(
     some = np.unique(np.linspace(0, n - 1, min(n, WAVE_ROWS)).astype(int)) if n > WAVE_ROWS else np.arange(n)
     residual = carriers.residual[some].ravel()
     model = carriers.model[some].reshape(len(residual), -1)
-    bases = [_orthonormal(model)]
+    bases = [orthonormal(model)]
     once = {c.key: c for c in others}.values()
     whole = np.concatenate([model, *(c.columns[some].reshape(len(residual), -1) for c in once)], axis=1)
     if whole.shape[1] < len(residual) // 2:
-        bases.append(_orthonormal(whole))
+        bases.append(orthonormal(whole))
     for effect in effects:
         tried = list(_tried(carriers, effect))
         frequencies = 2 * np.pi / np.array([values["P"] for values in tried])
@@ -155,17 +156,6 @@ def promising_waves(
         for i in chosen:
             # waves half a wave apart are nearly independent, time constants (above) are much alike
             yield replace(_product(carriers, effect, tried[i]), tries=float(len(tried)))
-
-
-def _orthonormal(columns: Array) -> Array:
-    size = np.linalg.norm(columns, axis=0)
-    u, s, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
-    return np.asarray(u[:, s > 1e-9 * s.max(initial=0.0)])
-
-
-def _is_of(key: str, effect: Effect) -> bool:
-    prefix = effect.key("")
-    return key.startswith((f"{prefix}.", f"{prefix}["))
 
 
 def _nonlinear(effect: Effect) -> frozenset[str]:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from rodgen.discrepancy._bind import Observations
 from rodgen.discrepancy._problem import Problem, one_thread_in_blas
 from rodgen.errors import RodgenError
-from rodgen.machines._effects import UnfitEffectError, check_effect
+from rodgen.machines._effects import check_effect
 from rodgen.machines._model import Frame, Model
 from rodgen.machines._own_effect import own_effect
 from rodgen.machines.catalogue import CATALOGUE
@@ -77,7 +77,7 @@ def _added(machine: Machine, name: str, place: Place) -> Iterator[Effect]:
     try:
         effect = machine.effect(name, place)
         check_effect(machine, effect)
-    except (RodgenError, UnfitEffectError):
+    except RodgenError:  # it cannot stand there
         return
     yield effect
 

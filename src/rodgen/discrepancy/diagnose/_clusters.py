@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from rodgen.discrepancy._step import given_back
 from rodgen.discrepancy.diagnose._carriers import Carriers
+from rodgen.discrepancy.diagnose._orthonormal import orthonormal
 from rodgen.discrepancy.diagnose._space import VISIBLE, Whiten, log_p
 
 __all__ = ["Clusters"]
@@ -59,7 +60,7 @@ class Clusters:
         parts = [self.model, *included, columns, self.residual[:, :, None]]
         k = columns.shape[2]
         white = self.whiten(np.concatenate(parts, axis=2)).reshape(len(self.pose), -1)
-        base, own, r = _basis(white[:, : -k - 1]), _unit(white[:, -k - 1 : -1]), white[:, -1]
+        base, own, r = orthonormal(white[:, : -k - 1]), _unit(white[:, -k - 1 : -1]), white[:, -1]
         for _ in range(2):
             own, r = own - base @ (base.T @ own), r - base @ (base.T @ r)
         u, s, _ = np.linalg.svd(own, full_matrices=False)
@@ -88,10 +89,3 @@ class Clusters:
 def _unit(columns: Array) -> Array:
     size = np.linalg.norm(columns, axis=0)
     return np.asarray(columns / np.where(size > 0, size, 1.0))
-
-
-def _basis(columns: Array) -> Array:
-    if not columns.shape[1]:
-        return columns
-    u, s, _ = np.linalg.svd(_unit(columns), full_matrices=False)
-    return np.asarray(u[:, s > 1e-9 * max(float(s[0]), 1e-300)])

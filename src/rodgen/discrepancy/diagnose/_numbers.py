@@ -61,12 +61,10 @@ class Numbers:
         return found
 
     def _numbers(self, effect: Effect) -> list[int]:
-        prefix = effect.key("")
         return [
             i
             for i, parameter in enumerate(self.final.parameters)
-            if parameter.key.startswith((f"{prefix}.", f"{prefix}["))
-            and not (parameter.optional and i not in self.final.free)
+            if effect.owns(parameter.key) and not (parameter.optional and i not in self.final.free)
         ]
 
     def _is_shift(self, i: int) -> bool:

@@ -19,6 +19,7 @@ from rodgen.discrepancy.diagnose._blocks import Blocks
 from rodgen.discrepancy.diagnose._candidates import Candidate
 from rodgen.discrepancy.diagnose._carriers import Carriers
 from rodgen.discrepancy.diagnose._correlation import Correlation
+from rodgen.discrepancy.diagnose._orthonormal import orthonormal
 from rodgen.discrepancy.diagnose._selection import IMPERFECT, Selection, a_parameter
 from rodgen.discrepancy.diagnose._space import Space
 from rodgen.discrepancy.diagnose._unexplained import Form, find_forms
@@ -167,27 +168,27 @@ class _Contest:
         columns = [self.carriers.model, *(c.columns for c in kept), *(f.columns for f in forms)]
         every = np.concatenate([*columns, self.carriers.residual[:, :, None]], axis=2)
         white = self.how.whiten(every).reshape(-1, every.shape[2])
-        whole, residual = white[:, :-1], white[:, -1]
-        size = np.linalg.norm(whole, axis=0)
-        u, s, _ = np.linalg.svd(whole / np.where(size > 0, size, 1.0), full_matrices=False)
-        return u[:, s > 1e-9 * s.max(initial=1e-300)], residual
+        return orthonormal(white[:, :-1]), white[:, -1]
 
-    def _left(self, kept: Sequence[Candidate], forms: Sequence[Form]) -> float:
+    def _left_and_rank(self, kept: Sequence[Candidate], forms: Sequence[Form]) -> tuple[float, int, int]:
+        """Return the sum of squares that is left, the number of parameters, and that of readings."""
         basis, residual = self._basis(kept, forms)
         rest = residual - basis @ (basis.T @ residual)
-        return float(np.sum(rest**2))
+        return float(np.sum(rest**2)), basis.shape[1], len(residual)
+
+    def _left(self, kept: Sequence[Candidate], forms: Sequence[Form]) -> float:
+        return self._left_and_rank(kept, forms)[0]
 
     def variance(self, outside: Outside) -> float:
         """Return what an explanation leaves of a reading's square."""
-        basis, residual = self._basis(outside.kept, outside.forms)
-        return float(self._left(outside.kept, outside.forms) / max(len(residual) - basis.shape[1], 1))
+        left, rank, readings = self._left_and_rank(outside.kept, outside.forms)
+        return left / max(readings - rank, 1)
 
     def cost(self, outside: Outside, variance: float) -> float:
         """Return what an explanation costs."""
-        basis, _ = self._basis(outside.kept, outside.forms)
+        left, rank, _ = self._left_and_rank(outside.kept, outside.forms)
         searched = sum(len(f.parameters) - f.columns.shape[2] for f in outside.forms)
         searched += sum(len(c.searched) for c in outside.kept)
-        parameters = a_parameter(self.selection.rows) * (basis.shape[1] + searched)
+        parameters = a_parameter(self.selection.rows) * (rank + searched)
         choices = AN_EFFECT * len(outside.kept) + A_FORM * len(outside.forms)
-        left = self._left(outside.kept, outside.forms)
         return float(left / max(variance, 1e-300) + parameters + choices)

@@ -19,6 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.discrepancy.diagnose._candidates import Candidate
+from rodgen.discrepancy.diagnose._chance import log10_of_f
+from rodgen.discrepancy.diagnose._orthonormal import orthonormal
 
 __all__ = ["VISIBLE", "Score", "Space", "Whiten", "log_p"]
 
@@ -28,8 +30,6 @@ Whiten: TypeAlias = Callable[[Array], Array]
 VISIBLE = 0.02
 """Part of a candidate's column, or combination of columns, that must be left beside the model to be looked at: with
 less an effect would have to be fifty times as large as what it shows."""
-DEPENDENT = 1e-9
-"""Part below which a model's column depends on the others."""
 SIMULATIONS = 2000
 RATE = 0.01
 """Rate of false alarms at which the number of independent candidates is counted."""
@@ -126,7 +126,7 @@ class Space:
     def base(self, included: Sequence[Candidate] = ()) -> Array:
         """Return an orthonormal basis of the model with some candidates, (K, rank)."""
         columns = [self.model, *(self.columns(c) for c in included)]
-        return _orthonormal(np.concatenate(columns, axis=1))
+        return orthonormal(np.concatenate(columns, axis=1))
 
     # scores --------------------------------------------------------------------------------------------------
 
@@ -203,14 +203,6 @@ def _reduced(whole: Array) -> tuple[Array, Array]:
     return basis, triangle
 
 
-def _orthonormal(columns: Array) -> Array:
-    if not columns.shape[1]:
-        return np.zeros((len(columns), 0))
-    size = np.linalg.norm(columns, axis=0)
-    u, s, _ = np.linalg.svd(columns / np.where(size > 0, size, 1.0), full_matrices=False)
-    return np.asarray(u[:, s > DEPENDENT * max(s[0], 1e-300)])
-
-
 def log_p(fall: float, total: float, freedoms: int, spare: int) -> float:
     """Return the logarithm of the probability of F by chance, also where it is too small for a double.
 
@@ -221,18 +213,4 @@ def log_p(fall: float, total: float, freedoms: int, spare: int) -> float:
     freedoms, spare : int
         Degrees of freedom of F.
     """
-    from scipy.special import betainc, betaln
-
-    x = min(max(1 - fall / total, 0.0), 1.0)
-    a, b = spare / 2, freedoms / 2
-    p = float(betainc(a, b, x))
-    if p > 1e-280:
-        return float(np.log(p))
-    if x <= 0:
-        return -np.inf
-    # I_x(a, b) = x^a (1-x)^b / (a B(a, b)) * F(a+b, 1; a+1; x), a series with falling terms
-    j = np.arange(100_000)
-    ratio = (a + b + j) / (a + 1 + j) * x
-    with np.errstate(under="ignore"):
-        series = 1 + float(np.sum(np.cumprod(ratio)))
-    return float(a * np.log(x) + b * np.log1p(-x) - np.log(a) - betaln(a, b) + np.log(series))
+    return log10_of_f(fall, total - fall, freedoms, spare) * float(np.log(10))

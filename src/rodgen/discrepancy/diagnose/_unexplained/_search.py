@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from rodgen.discrepancy._bind import Observations
 from rodgen.discrepancy._problem import one_thread_in_blas
+from rodgen.discrepancy.diagnose._chance import log10_of_f
 from rodgen.discrepancy.diagnose._unexplained._catalogued import is_catalogued
-from rodgen.discrepancy.diagnose._unexplained._chance import log10_of_f
 from rodgen.discrepancy.diagnose._unexplained._dictionary import Driver, Term, dictionary, drivers_of
 from rodgen.discrepancy.diagnose._unexplained._form import Form
 from rodgen.discrepancy.diagnose._unexplained._formula import Piece, values_of, write
