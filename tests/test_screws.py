@@ -1,0 +1,131 @@
+"""Lines and screws: exact ones and numeric ones, against geometry that does not use them."""
+
+import sympy as sp
+
+from rodgen.symbolic import (
+    DELTA,
+    Derivation,
+    axis_point,
+    couple,
+    equal,
+    line_along,
+    line_of_planes,
+    line_through,
+    matrix_from_rodrigues_vector,
+    pitch,
+    reciprocal_product,
+    reciprocal_system,
+    remainder,
+    screw,
+    screw_transform,
+    self_product,
+)
+
+ORIGIN = sp.zeros(3, 1)
+X, Y, Z = (sp.eye(3)[:, i] for i in range(3))
+
+
+def vector(name):
+    return sp.Matrix(sp.symbols(f"{name}_1:4", real=True))
+
+
+def vanishes(matrix):
+    return all(remainder(part) == 0 for part in sp.Matrix([matrix]))
+
+
+def test_a_line_is_the_same_by_two_points_and_by_point_and_direction():
+    a, b = vector("a"), vector("b")
+    assert vanishes(line_through(a, b) - line_along(a, b - a))
+    assert vanishes(line_through(a, b) - line_along(b, b - a))
+    assert remainder(self_product(line_through(a, b))) == 0
+
+
+def test_the_line_of_two_planes_lies_in_both():
+    n, m = vector("n"), vector("m")
+    d, e, t = sp.symbols("d e t", real=True)
+    line = line_of_planes(n, d, m, e)
+    point = axis_point(line) + t * line[:3, 0]
+    assert remainder(self_product(line)) == 0
+    assert remainder(n.dot(point) - d) == 0
+    assert remainder(m.dot(point) - e) == 0
+
+
+def test_parallel_planes_meet_in_no_line_but_a_couple():
+    assert line_of_planes(Z, 0, Z, 2) == couple(2 * Z)
+    assert line_of_planes(Z, 2, Z, 2) == sp.zeros(6, 1)
+
+
+def test_the_reciprocal_product_of_lines_is_length_times_distance_times_sine():
+    # two perpendicular lines at distance 5
+    assert reciprocal_product(line_along(ORIGIN, X), line_along(5 * Z, 2 * Y)) ** 2 == (2 * 5) ** 2
+    p, s, t = vector("p"), vector("s"), vector("t")
+    assert remainder(reciprocal_product(line_along(p, s), line_along(p, t))) == 0  # they meet
+    assert remainder(reciprocal_product(line_along(p, s), line_along(2 * t, 3 * s))) == 0  # parallel
+    assert reciprocal_product(line_along(ORIGIN, X), line_along(Z, Y)) != 0  # skew
+
+
+def test_pitch_and_axis_of_a_screw_are_what_it_was_made_of():
+    p, s = vector("p"), vector("s")
+    h = sp.Symbol("h", real=True)
+    made = screw(p, s, h)
+    assert remainder(pitch(made) - h) == 0
+    assert vanishes((axis_point(made) - p).cross(s))
+    assert remainder(axis_point(made).dot(s)) == 0
+
+
+def test_the_transform_keeps_every_reciprocal_product():
+    R, p = matrix_from_rodrigues_vector(vector("theta")), vector("p")
+    T = screw_transform(R, p)
+    d = Derivation("transform", title="t", source="s")
+    entry = d.check("t", equal(sp.ImmutableMatrix(T.T * DELTA * T), DELTA)).prove()
+    assert entry.verdict == "proved"
+    assert vanishes(
+        screw_transform(R, p) * line_along(vector("a"), vector("s"))
+        - line_along(R * vector("a") + p, R * vector("s"))
+    )
+    wrong = sp.Matrix(sp.BlockMatrix([[sp.eye(3), sp.zeros(3)], [sp.eye(3), sp.eye(3)]]).as_explicit())
+    assert wrong.T * DELTA * wrong != DELTA
+
+
+def test_what_is_reciprocal_to_three_axes_is_every_line_through_their_point():
+    system = reciprocal_system([line_along(ORIGIN, axis) for axis in (X, Y, Z)])
+    assert system.rank == 3
+    assert system.line_condition(sp.symbols("c_1:4")) == 0
+    assert system.contains(line_along(ORIGIN, X + 2 * Y))
+    assert not system.contains(line_along(X, Y))
+
+
+def test_dependent_screws_do_not_raise_the_rank():
+    first, second = line_along(ORIGIN, X), line_along(Z, Y)
+    system = reciprocal_system([first, second, 2 * first - 3 * second])
+    assert system.rank == 2
+    assert len(system.basis) == 4
+    assert all(reciprocal_product(b, s) == 0 for b in system.basis for s in (first, second))
+
+
+def test_a_rank_that_only_trigonometry_lowers_is_seen():
+    angle = sp.Symbol("angle", real=True)
+    c, s = sp.cos(angle), sp.sin(angle)
+    turned = [line_along(ORIGIN, c * X + s * Y), line_along(ORIGIN, -s * X + c * Y)]
+    system = reciprocal_system([*turned, line_along(ORIGIN, X)])
+    assert system.rank == 2
+    assert all(remainder(reciprocal_product(b, t)) == 0 for b in system.basis for t in turned)
+
+
+def test_lines_among_the_screws_reciprocal_to_three_skew_lines_are_a_regulus():
+    lines = [line_along(ORIGIN, X), line_along(Z, Y), line_along(X + Y, Z)]
+    system = reciprocal_system(lines)
+    form = system.form()
+    assert system.rank == 3
+    assert form.det() != 0  # no linear factor: one family, the lines of a ruled surface
+    a, b = sp.symbols("a b")
+    coefficients = [a, b, 1]
+    root = sp.solve(system.line_condition(coefficients), a)[0]
+    assert remainder(self_product(system.member([root, b, 1]))) == 0
+
+
+def test_no_screws_leave_all_and_six_independent_ones_leave_none():
+    assert len(reciprocal_system([]).basis) == 6
+    six = [*(line_along(ORIGIN, axis) for axis in (X, Y, Z)), *(couple(axis) for axis in (X, Y, Z))]
+    assert reciprocal_system(six).basis == ()
+    assert reciprocal_system([sp.zeros(6, 1)]).rank == 0
