@@ -1,7 +1,12 @@
 """Lines and screws: exact ones and numeric ones, against geometry that does not use them."""
 
+import numpy as np
+import pytest
 import sympy as sp
+from scipy.spatial.transform import Rotation
 
+from rodgen import screws
+from rodgen.screws import ScrewStatus
 from rodgen.symbolic import (
     DELTA,
     Derivation,
@@ -129,3 +134,108 @@ def test_no_screws_leave_all_and_six_independent_ones_leave_none():
     six = [*(line_along(ORIGIN, axis) for axis in (X, Y, Z)), *(couple(axis) for axis in (X, Y, Z))]
     assert reciprocal_system(six).basis == ()
     assert reciprocal_system([sp.zeros(6, 1)]).rank == 0
+
+
+# numbers
+
+
+def random(*shape, seed=0):
+    return np.random.default_rng(seed).normal(size=shape)
+
+
+def test_numeric_lines_are_the_exact_ones():
+    a, b, n, m = random(4, 3)
+    for numeric, exact in (
+        (screws.line_through(a, b), line_through(sp.Matrix(a), sp.Matrix(b))),
+        (screws.line_along(a, b, 0.3), screw(sp.Matrix(a), sp.Matrix(b), 0.3)),
+        (
+            screws.line_of_planes(n, 0.2, m, -0.7),
+            line_of_planes(sp.Matrix(n), 0.2, sp.Matrix(m), -0.7),
+        ),
+    ):
+        assert np.allclose(numeric, np.array(exact, float).ravel(), rtol=0, atol=1e-15)
+
+
+def test_a_moved_frame_moves_points_and_keeps_products():
+    turns = Rotation.from_rotvec(random(50, 3))
+    p, a, b = random(3, 50, 3, seed=1)
+    T = screws.transform(turns.as_matrix(), p)
+    line, other = screws.line_through(a, b), screws.line_along(b, a, 0.4)
+    moved = np.einsum("nij,nj->ni", T, line)
+    assert np.allclose(moved, screws.line_through(turns.apply(a) + p, turns.apply(b) + p), atol=1e-13)
+    product = screws.reciprocal_product(moved, np.einsum("nij,nj->ni", T, other))
+    assert np.allclose(product, screws.reciprocal_product(line, other), atol=1e-12)
+
+
+def test_axis_and_pitch_are_found_again_at_any_size():
+    p, s = random(2, 40, 3, seed=2)
+    h = random(40, seed=3)
+    for size in (1e-200, 1.0, 1e200):
+        axis = screws.screw_axis(screws.line_along(p, s, h) * size)
+        assert np.allclose(np.cross(axis.direction, s), 0, atol=1e-14)
+        assert np.allclose(np.cross(axis.point - p, s), 0, atol=1e-13)
+        assert np.allclose(axis.pitch, h, atol=1e-13)
+        assert (axis.status == ScrewStatus.SCREW).all()
+
+
+def test_every_screw_that_is_none_is_named():
+    made = [
+        screws.line_along([1.0, 2, 3], [0.1, 0.7, 0.3]),
+        [0, 0, 0, 0, 0, 2.0],
+        [0] * 6,
+        [np.nan, 0, 0, 0, 0, 1],
+        [0, np.inf, 0, 0, 0, 1],
+        [0, 0, 1.0, 0, 0, 1],
+    ]
+    axis = screws.screw_axis(made)
+    assert list(axis.status) == [1, 2, 3, 4, 4, 0]
+    assert axis.pitch[1] == np.inf
+    assert np.isnan(axis.point[1:5]).all()
+    assert np.array_equal(axis.direction[1], [0, 0, 1])
+    assert np.isnan(axis.direction[2:5]).all()
+
+
+def exact_rank(rows):
+    return sp.Matrix(6, len(rows), lambda i, j: rows[j][i]).rank()
+
+
+def test_rank_and_basis_agree_with_exact_elimination():
+    rng = np.random.default_rng(4)
+    for _ in range(30):
+        rank = int(rng.integers(1, 7))
+        rows = rng.integers(-3, 4, size=(6, rank)) @ rng.integers(-3, 4, size=(rank, 6))
+        exact = exact_rank([[sp.Integer(int(x)) for x in row] for row in rows])
+        system = screws.reciprocal_system(rows)
+        assert system.rank == exact
+        basis = system.basis[: 6 - exact]
+        assert np.isnan(system.basis[6 - exact :]).all()
+        assert np.allclose(basis @ basis.T, np.eye(6 - exact), atol=1e-14)
+        size = max(1, np.abs(rows).max())
+        assert np.allclose(screws.reciprocal_product(basis[:, None], rows), 0, atol=1e-13 * size)
+
+
+def test_batches_ranks_of_nothing_and_lengths():
+    lines = screws.line_through(random(7, 4, 3), random(7, 4, 3, seed=9) + np.array([0, 0, 2]))
+    lines[0] = 0
+    lines[1, 0, 0] = np.nan
+    lines[2, 1:] = lines[2, :1]
+    system = screws.reciprocal_system(lines, length=250.0)
+    assert list(system.rank) == [0, -1, 1, 4, 4, 4, 4]
+    assert np.isfinite(system.basis[0]).all()
+    assert np.isnan(system.basis[1]).all()
+    found = system.basis[3:, :2] / ([1.0] * 3 + [250.0] * 3)
+    assert np.allclose(np.einsum("nik,njk->nij", found, found), np.eye(2), atol=1e-14)
+    products = screws.reciprocal_product(system.basis[3:, :2, None], lines[3:, None])
+    assert np.allclose(products, 0, atol=1e-12)
+    assert screws.reciprocal_system(np.zeros((0, 6))).rank == 0
+
+
+def test_wrong_shapes_and_numbers_are_told():
+    with pytest.raises(ValueError, match=r"a has the shape \(2,\); expected \(..., 3\)"):
+        screws.line_through([1, 2], [1, 2, 3])
+    with pytest.raises(TypeError, match="a is complex"):
+        screws.reciprocal_product(np.ones(6) * 1j, np.ones(6))
+    with pytest.raises(ValueError, match="length is 0"):
+        screws.reciprocal_system(np.ones((2, 6)), length=0)
+    with pytest.raises(ValueError, match=r"expected \(..., 3, 3\)"):
+        screws.transform(np.ones(3), [0, 0, 0])
