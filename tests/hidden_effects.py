@@ -104,7 +104,7 @@ class Hidden:
         folder.mkdir(parents=True, exist_ok=True)
         machine, data = folder / "machine.toml", folder / "data.csv"
         machine.write_text(self.text, encoding="utf-8")
-        Simulated(tomllib.loads(self.text)).write_csv(data, **self.measured)
+        self.bench.simulator(tomllib.loads(self.text)).write_csv(data, **self.measured)
         return machine, data
 
 
@@ -125,6 +125,8 @@ class Bench:
     pose: Array
     columns: Mapping[str, Any]  # t, load, v, run, temperature
     natural: Mapping[Title, Mapping[str, float]]  # effects that can hide here, with sizes in proportion
+    simulator: type[Simulated] = Simulated
+    physics: Mapping[str, tuple[str, Mapping[str, float]]] | None = None  # other than PHYSICS
 
     @property
     def file(self) -> dict[str, Any]:
@@ -135,7 +137,7 @@ class Bench:
         return str(self.file["measured"]["kind"])
 
     def measure(self, effects: Mapping[str, Any], columns: Mapping[str, Any] | None = None) -> Array:
-        return Simulated(self.file, {**self.wrong, **effects}).measure(
+        return self.simulator(self.file, {**self.wrong, **effects}).measure(
             self.q, target=self.target, **(self.columns if columns is None else columns)
         )
 
@@ -487,6 +489,17 @@ PHYSICS: dict[str, tuple[str, dict[str, float]]] = {  # nearest effect of the ca
 }
 FIXED = {"P", "tau", "direction", "radius", "stiffness"}
 """Parameters that are not sizes; tau of servo_lag is one."""
+POSITIVE = {
+    "play",
+    "servo_lag",
+    "backlash",
+    "beam",
+    "bridge",
+    "carriage",
+    "leg_backlash",
+    "leg_compliance",
+    "spring",
+}
 
 
 def size_of(effect: str, parameter: str) -> bool:
@@ -511,8 +524,9 @@ def _drawn(bench: Bench, title: Title, random: np.random.Generator) -> tuple[dic
     """Draw values of an effect in proportion; give them, what the catalogue calls it, and whether exactly so."""
     effect, place = title
     exact, name = True, effect
-    if effect in PHYSICS:
-        name, sizes = PHYSICS[effect]
+    physics = PHYSICS if bench.physics is None else bench.physics
+    if effect in physics:
+        name, sizes = physics[effect]
         exact = False
         sizes = dict(sizes)
         if "direction" in sizes:
@@ -525,7 +539,7 @@ def _drawn(bench: Bench, title: Title, random: np.random.Generator) -> tuple[dic
         sizes = {kept: sizes[kept]}  # each is a shape of its own
     for parameter, size in sizes.items():
         drawn = random.choice([-1, 1]) * random.uniform(0.4, 1.6) if size_of(effect, parameter) else 1.0
-        if effect in {"play", "servo_lag", "backlash", *("beam", "bridge", "carriage")}:
+        if effect in POSITIVE:
             drawn = abs(drawn)
         if parameter == "P":
             drawn = random.uniform(0.8, 1.2)
@@ -557,7 +571,7 @@ def hidden(
     seed: int,
     effects: Sequence[Title] = (),
     *,
-    outside: str | None = None,
+    outside: str | Outside | None = None,
     raises: float = 1.2,
     wanders: str = "",
     outliers: float = 0.0,
@@ -577,8 +591,8 @@ def hidden(
     seed : int
     effects : sequence of (name, place)
         Of the catalogue (``bench.natural``) or of :data:`PHYSICS`.
-    outside : str, optional
-        Of :data:`OUTSIDE`.
+    outside : str or Outside, optional
+        Of :data:`OUTSIDE`, or another.
     raises : float
         Factor by which each effect raises the RMS of the base fit, by what neither base nor the other effects imitate.
     wanders : {"", "pose", "joint", "walk", "ou", "day"}
@@ -605,17 +619,19 @@ def hidden(
     """
     random = np.random.default_rng([seed, 4])
     b = BENCHES[bench](random, size) if isinstance(bench, str) else bench
+    form = OUTSIDE[outside] if isinstance(outside, str) else outside
     rows, clean = len(b.q), b.measure({})
     noise, sizes = _noise(b, spread, random)
     wander = _wander(b, wanders, random)
     base = b.derivatives(b.base)
-    noisy = Simulated(b.file).with_noise(b.measure(wander), sizes * b.sigma * noise, _Ones())
+    plain = b.simulator(b.file)
+    noisy = plain.with_noise(b.measure(wander), sizes * b.sigma * noise, _Ones())
     without = off(base, b.difference(noisy, clean))
     floor = b.rms(without)
 
     values: dict[str, float] = {}
     formulas: dict[str, Callable[..., Any]] = {}
-    more = _covariates(b, covariates, outside, random)
+    more = _covariates(b, covariates, form, random)
     measured = dict(b.columns) | ({"covariates": more} if more else {})
     b = replace(b, columns=measured)
     drawn = [_drawn(b, title, random) for title in effects]
@@ -628,11 +644,12 @@ def hidden(
             raise UnhiddenError(f"{list(effects)[i]}: {seen:.1%} of it is visible")
         values |= _scaled(keys, goal / b.rms(left))
     place, drivers = None, frozenset[str]()
-    if outside is not None:
-        form = OUTSIDE[outside]
+    if form is not None:
         place, drivers = form.place, frozenset(form.drivers)
         where = ".".join(filter(None, [form.place, form.component]))
-        small = 1e-2 if form.component.startswith("t") or form.place in {"X", "Y", "Z"} else arcsec(20)
+        turning = [joint["name"] for joint in b.file.get("joint", []) if joint["type"] == "revolute"]
+        slides = form.component == "reading" and form.place not in turning
+        small = 1e-2 if form.component.startswith("t") or slides else arcsec(20)
         left, seen = visible(b, {where: lambda c: small * form.form(c)}, base)
         if seen < MOST_HIDDEN:
             raise UnhiddenError(f"{outside}: {seen:.1%} of it is visible")
@@ -644,19 +661,19 @@ def hidden(
         at = everything.get(where)
         everything[where] = formula if at is None else (lambda c, a=at, f=formula: a(c) + f(c))
     true = b.measure({**values, **formulas})
-    reading = Simulated(b.file).with_noise(b.measure(everything), sizes * b.sigma * noise, _Ones())
+    reading = plain.with_noise(b.measure(everything), sizes * b.sigma * noise, _Ones())
     bad = random.permutation(rows)[: round(outliers * rows)]
     for row in bad:
         far = b.sigma * random.uniform(8, 40)
-        reading = Simulated(b.file).with_outliers(reading, [int(row)], far, random)
+        reading = plain.with_outliers(reading, [int(row)], far, random)
     together = off(base, b.difference(true, clean))
-    kept = _kept(measured, effects, outside, columns, keep, random)
+    kept = _kept(measured, effects, form, columns, keep, random)
     states = bool(random.integers(2)) if state_noise is None else state_noise
     text = b.text.replace("{noise}", f"noise = {b.sigma!r}" if states and spread == "even" else "")
     nothing = not effects and outside is None
     truth = Truth(
         kind="none" if nothing else "outside" if outside else "catalogue",
-        effects=OUTSIDE[outside].beside if outside else tuple(title for _, title, _ in drawn),
+        effects=form.beside if form else tuple(title for _, title, _ in drawn),
         values=values,
         exact=all(exact for _, _, exact in drawn),
         drivers=drivers,
@@ -737,7 +754,7 @@ def _wander(b: Bench, kind: str, random: np.random.Generator) -> dict[str, Calla
     return {f"{letter}{x}": lambda c, i=i: path[b.pose, i] for i, x in enumerate("xyz")}
 
 
-def _covariates(b: Bench, idle: bool, outside: str | None, random: np.random.Generator) -> dict[str, Any]:
+def _covariates(b: Bench, idle: bool, outside: Outside | None, random: np.random.Generator) -> dict[str, Any]:
     """Give further columns by row: those that matter for nothing, and those that an effect needs."""
     poses = int(b.pose[-1]) + 1
     x = np.arange(poses) / poses
@@ -752,7 +769,7 @@ def _covariates(b: Bench, idle: bool, outside: str | None, random: np.random.Gen
         "pressure": np.round(1013 + np.cumsum(random.normal(size=poses)) * 0.3, 1),
         "battery": np.round(100 - 40 * x, 0),
     }  # fmt: skip
-    needed = set(OUTSIDE[outside].drivers) if outside else set()
+    needed = set(outside.drivers) if outside else set()
     return {name: values[b.pose] for name, values in all_of_them.items() if idle or name in needed}
 
 
@@ -764,6 +781,9 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "thermal_axis_drift": ("temperature",),
     "thermal_expansion": ("temperature",),
     "thermal_lag": ("temperature", "t"),
+    "leg_thermal_expansion": ("temperature",),
+    "leg_compliance": ("load",),
+    "spring": ("load",),
     "warm_up_drift": ("t",),
     "linear_drift": ("t",),
     "frame_shift": ("run",),
@@ -773,7 +793,7 @@ NEEDS: dict[str, tuple[str, ...]] = {
 def _kept(
     measured: Mapping[str, Any],
     effects: Sequence[Title],
-    outside: str | None,
+    outside: Outside | None,
     columns: str,
     keep: Sequence[str],
     random: np.random.Generator,
@@ -781,7 +801,7 @@ def _kept(
     """Choose which columns the user wrote down."""
     needed = {name for effect, _ in effects for name in NEEDS.get(effect, ())} | set(keep) | {"covariates"}
     if outside:
-        drivers = OUTSIDE[outside].drivers
+        drivers = outside.drivers
         needed |= {d for d in ("t", "load") if d in drivers} | {"v" for d in drivers if d.startswith("v_")}
     chance = {"all": 1.0, "some": 0.6, "few": 0.0}[columns]
     kept: dict[str, Any] = {}

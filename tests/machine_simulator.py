@@ -710,7 +710,11 @@ class Simulated:
             [self._of_targets(names, ("r" if directions else "t") + x, columns) for x in "xyz"], -1
         )
         seen = carried(rigid(moves * self.radian), seen) if directions else seen + moves
-        y = carried(real, seen, directions=directions)
+        return self._read(carried(real, seen, directions=directions), columns, run)
+
+    def _read(self, y: Array, columns: Mapping[str, Any], run: Sequence[Any] | None) -> Array:
+        """Give what an instrument reads of points, or directions, (rows, 3) of the machine."""
+        rows, directions = len(y), self.kind == "direction"
         y = self._lifted(y)
         for motion in (self._drift(columns, rows), self._set_up(run, rows), self._frame()):
             y = carried(motion, y, directions=directions)
