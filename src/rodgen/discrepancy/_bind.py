@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.discrepancy._closing import closed
 from rodgen.discrepancy._names import plain_name
 from rodgen.discrepancy._poses import approach, groups, poses
 from rodgen.discrepancy._spool import empty
@@ -101,6 +102,8 @@ class Observations:
         Range of each joint: the machine's, or that of the data.
     columns_given : frozenset of str
         Names of all columns in the data.
+    pose_start : ndarray, shape (n, k), or None
+        Of a closed chain: the platform's pose on the nominal machine, near which a model solves for its own.
     """
 
     machine: Machine
@@ -120,6 +123,7 @@ class Observations:
     pose: NDArray[np.int32]
     travel: NDArray[np.float64]
     columns_given: frozenset[str]
+    pose_start: NDArray[np.float64] | None = None
 
     @property
     def n(self) -> int:
@@ -184,7 +188,7 @@ class Observations:
         return f"Observations({self.machine.name!r}, {self.data!r})"
 
 
-_BY_ROW = ("q", "s", "v", "t", "load", "reading", "sigma", "target", "run", "pose")
+_BY_ROW = ("q", "s", "v", "t", "load", "reading", "sigma", "target", "run", "pose", "pose_start")
 
 
 def _rows(array: NDArray[Any], rows: Any) -> NDArray[Any]:
@@ -262,6 +266,8 @@ def bind(machine: Machine, data: Measurements, *, allow_missing_readings: bool =
         travel=np.array(travel, dtype=float).reshape(-1, 2),
         columns_given=frozenset(data.columns),
     )
+    if machine.geometry is not None:
+        observations = closed(observations)
     for array in observations.arrays():
         array.flags.writeable = False
     return observations
@@ -324,7 +330,8 @@ class _Binder:
     def kind(self, joint: str) -> tuple[Dimension, str]:
         """Return what a joint's coordinate is, and why."""
         kind = self.machine.joint(joint).type
-        return (ANGLE if kind == "revolute" else LENGTH), f" (joint {joint} is {kind})"
+        what = f"{joint} is a leg" if kind == "leg" else f"joint {joint} is {kind}"
+        return (ANGLE if kind == "revolute" else LENGTH), f" ({what})"
 
     def column(self, name: str, dimension: Dimension, why: str = "") -> Any:
         """Return a column that must be there, with a unit of this dimension."""

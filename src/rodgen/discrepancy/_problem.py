@@ -167,6 +167,8 @@ class Problem:
             return o.load[rows]  # type: ignore[index]
         if kind == "x":
             return o.covariates[of][rows]
+        if kind == "start":
+            return o.pose_start[rows, of]  # type: ignore[index]
         if kind == "reading":
             if of < 3:
                 return o.reading[rows, of]

@@ -24,6 +24,8 @@ def geometry(fit: Fit) -> dict[str, dict[str, list[float]]]:
     """Return the fitted axes, points, targets and frame as vectors, in the machine file's length unit."""
     model, theta = fit.problem.model, fit.solution.theta
     found: dict[str, dict[str, list[float]]] = {}
+    for name in model.structure.numbers:
+        found.setdefault("geometry", {})[name] = list(model.number(theta, name))
     for j, joint in enumerate(fit.machine.joints):
         structure = model.structure.joints[j]
         if structure.axis:

@@ -13,13 +13,15 @@ with respect to them is taken.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, TypeAlias
 
 import sympy as sp
 
 from rodgen.codegen.kernel import Kernel, KernelBuilder
 from rodgen.errors import RodgenError
-from rodgen.machines._structure import MOMENTS, Structure, Term
+from rodgen.machines._derive_closed import closed_chain
+from rodgen.machines._structure import MOMENTS, TENSION, Structure, Term
 from rodgen.machines.formula import Formula
 from rodgen.symbolic import select
 
@@ -93,6 +95,7 @@ class _Model:
         )
         self.count = 0
         self.done: dict[tuple[Any, ...], Any] = {}
+        self.tension: dict[int, sp.Expr] = {}
         self.inputs()
 
     def inputs(self) -> None:
@@ -110,7 +113,7 @@ class _Model:
         self.freedom = dict(zip(s.slots, freedoms, strict=True))
         e = list(k.input("e", (max(1, len(s.parameters)),), unit="1", doc="parameters of the effects"))
         self.e = dict(zip(s.parameters, e, strict=False))  # one is left over where there is none
-        n = len(s.joints)
+        n = 0 if s.family else len(s.joints)
         self.axis = [self.varied("axis", j) for j in range(n)]
         has_points = s.moving or s.weights
         self.joint_point = [self.moved_point(j) if has_points else sp.zeros(3, 1) for j in range(n)]
@@ -261,6 +264,8 @@ class _Model:
         j = term.joint
         if j is None:
             return names
+        if self.structure.family:
+            return names | ({TENSION: self.tension[j]} if term.uses_tension else {})
         names["N"] = self.axis[j]
         if term.uses_directions:
             names |= {"U": self.known("u", j), "V": self.known("v", j)}
@@ -418,7 +423,8 @@ class _Model:
 
     def kernel(self) -> Kernel:
         s = self.structure
-        place = self.framed(self.lifted(self.carried(self.target())))
+        carry = self.carried if not s.family else partial(closed_chain, self)
+        place = self.framed(self.lifted(carry(self.target())))
         if not self.with_residual:
             self.builder.output("place", place, unit="1", doc="predicted point or direction")
             return self.builder.build()

@@ -16,6 +16,8 @@ __all__ = ["COMPONENTS", "EffectDefinition", "component_dimension"]
 
 COMPONENTS = {
     "reading": "reading += {formula}",
+    "base_joint": "the leg's joint on the base moved by {formula}",
+    "platform_joint": "the leg's joint on the platform moved by {formula}, in platform axes",
     "translation": "translation {formula}",
     "rotation": "rotation vector {formula}",
     "axis": "the axis turned by the rotation vector {formula}",
@@ -44,6 +46,7 @@ _TURNED = {
 _PLACES = {
     "revolute": "at a revolute joint",
     "prismatic": "at a prismatic joint",
+    "leg": "at a leg of a closed chain",
     "machine": "of the whole machine",
     "target": "of a target",
 }
@@ -58,14 +61,15 @@ class EffectDefinition:
     ----------
     name : str
     at : frozenset of str
-        Where it may stand: ``"revolute"``, ``"prismatic"``, ``"machine"``, ``"target"``.
+        Where it may stand: ``"revolute"``, ``"prismatic"``, ``"leg"``, ``"machine"``, ``"target"``.
     component : str
         What it changes, one of :data:`COMPONENTS`.
     formula : Formula
         By how much. In the catalogue a formula may be a vector, and may use, beside the words of users' formulas:
         U V N (unit vectors that complete the axis, the axis), EX EY EZ (machine axes), M M_perp M_across M_guide
         (moments of a unit force along gravity), zeta (place in the travel, 0 to 1), P1 to P4 (Legendre polynomials
-        of 2 zeta - 1), L (length of the travel), tan_zenith.
+        of 2 zeta - 1), L (length of the travel), tan_zenith, leg_tension (force in the leg, tension positive, per unit
+        load along gravity at the target).
     parameters : mapping of str to str
         Names with units, in which ``{length}`` is the machine file's unit of length, ``{arm}`` that too, or 1 where
         directions are measured, and ``{move}`` that too, or arcsec where directions are measured.

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from rodgen.errors import RodgenError, shown
+from rodgen.machines._structure import TENSION
 from rodgen.machines._toml import listed, nearest
 from rodgen.machines.catalogue import CATALOGUE, EffectDefinition
 from rodgen.machines.formula import FUNCTION_NAMES
@@ -30,7 +31,7 @@ __all__ = [
 READINGS = frozenset({"x", "y", "z", "ux", "uy", "uz", "d"})
 """Columns of the measurements that are readings."""
 
-_JOINTS = frozenset({"revolute", "prismatic"})
+_JOINTS = frozenset({"revolute", "prismatic", "leg"})
 _WORDS = FUNCTION_NAMES | {"q", "s", "v", "T", "t", "F", "pi"}
 
 _KEY_WORDS = frozenset({"axis", "point", "target", "frame"})
@@ -38,6 +39,9 @@ _KEY_WORDS = frozenset({"axis", "point", "target", "frame"})
 
 _SAME_FREEDOM = {"axis": "axis", "point": "point", "target": "target"}
 """A component, and what [estimate] calls the same freedom."""
+
+_ON_A_LEG = {"thermal_expansion": "leg_thermal_expansion", "thermal_offset": "leg_thermal_expansion"}
+"""What effects of joints are called at a leg, where that is not the same name after ``leg_``."""
 
 _CHANGES_NOTHING = {
     ("direction", "translation"): "no direction: it only moves",
@@ -148,15 +152,20 @@ def _wrong_place(
         )
     types = " or ".join(sorted(at & _JOINTS))
     names = [joint.name for joint in machine.joints if joint.type in at]
-    some = f"a {types} joint" + (f": {listed(names)}" if names else ", which this machine does not have")
+    what = "a leg" if at & _JOINTS == {"leg"} else f"a {types} joint"
+    some = what + (f": {listed(names)}" if names else ", which this machine does not have")
     if place is None:
         return UnfitEffectError("joint", "missing", some)
     if kind == "target":
         return UnfitEffectError("target", f"{shown(place)}, but {name} acts on a joint", some)
     # Where the catalogue has another name for the same on such a joint, that is what was meant.
     twins = [d.name for d in CATALOGUE if kind in d.at and d.component == definitions[0].component == "axis"]
-    other = f"{shown(twins[0])}, its name on a {kind} joint, or " if twins else ""
-    return UnfitEffectError("joint", f"{shown(place)}, a {kind} joint", f"{other}{some}")
+    if kind == "leg":
+        twins = [d.name for d in CATALOGUE if kind in d.at and d.name == _ON_A_LEG.get(name, f"leg_{name}")]
+        some = some if twins == [] else ""
+    on = "a leg" if kind == "leg" else f"a {kind} joint"
+    other = f"{shown(twins[0])}, its name on {on}" + (", or " if some else "") if twins else ""
+    return UnfitEffectError("joint", f"{shown(place)}, {on}", f"{other}{some}")
 
 
 # rules -----------------------------------------------------------------------------------------------------------
@@ -188,6 +197,8 @@ def _check_acts(machine: Machine, effect: Effect) -> None:
         and component in {"reading", "axis"}
     ):
         nothing = "no direction: a prismatic joint only moves"
+    if measured == "direction" and TENSION in effect.definition.formula.names and not effect.definition.own:
+        nothing = "no direction: it takes a load at a point"
     if nothing:
         raise UnfitEffectError(
             "name", f"{effect.name} where measured is {measured!r}, which changes {nothing}", "another effect"
@@ -261,6 +272,8 @@ def check_estimate(machine: Machine, entry: str) -> tuple[str, str] | None:
 
 def _freedoms(machine: Machine) -> list[str]:
     """List all that [estimate] may name; what changes no reading of this machine, a fit says."""
+    if machine.geometry is not None:
+        return ["geometry", *machine.geometry.of.numbers, "target"]
     return [f"{joint.name}.{freedom}" for joint in machine.joints for freedom in ("axis", "point")] + [
         "target"
     ]

@@ -33,11 +33,13 @@ from rodgen.machines._toml import (
     Table,
     UnfitError,
     decode,
+    listed,
     one_of,
     parse,
     read_bytes,
 )
 from rodgen.machines.catalogue import own_effect
+from rodgen.machines.closed_chain import FAMILIES, ClosedChain
 from rodgen.machines.machine import Effect, Joint, Machine, Measured, Target, Vector
 from rodgen.machines.units import ANGLE, LENGTH, Dimension, parse_unit
 from rodgen.tables import UnitError
@@ -45,9 +47,24 @@ from rodgen.tables import UnitError
 __all__ = ["machine_of", "read_machine"]
 
 MOST_JOINTS, MOST_TARGETS, MOST_EFFECTS = 64, 1000, 200
+PLATFORM = "platform"
+"""What the target is called where a closed chain's file names none: the middle of its platform."""
 
 _KEYS = {
     "file": ("name", "units", "environment", "joint", "target", "measured", "estimate", "effect"),
+    "family": (
+        "name",
+        "family",
+        "units",
+        "environment",
+        "geometry",
+        "target",
+        "measured",
+        "estimate",
+        "effect",
+    ),
+    "tricept": ("R", "r", "q"),
+    "3-sps-s": ("R", "r", "h", "start"),
     "units": ("length", "angle"),
     "environment": ("gravity", "reference_temperature"),
     "joint": ("name", "type", "axis", "point", "travel", "period"),
@@ -62,6 +79,7 @@ _MISSING = {
     "units": 'length = "mm" and angle = "deg", or other units, in it',
     "joint": "one block for each joint, the base's first",
     "target": "one block or more, each with name and point",
+    "geometry": "R, r and what else the family needs in it",
     "measured": 'kind = "point" (or "direction" or "distance") and frame = "machine" (or "free") in it',
 }
 
@@ -87,31 +105,29 @@ def machine_of(text: str, file: str) -> Machine:
     InputFileError
     """
     content = parse(text, file)
-    for key in ("family", "geometry"):
-        if key in content:
-            raise InputFileError(
-                file,
-                key if key == "family" else "[geometry]",
-                "a closed chain, which rodgen does not model yet",
-                "an open chain: [[joint]] blocks",
-            )
-    top = Table(file, "", content, _KEYS["file"])
+    if "family" in content and "joint" in content:
+        raise InputFileError(file, "[[joint]]", "given beside family", "a chain of joints, or a family")
+    if "geometry" in content and "family" not in content:
+        raise InputFileError(file, "[geometry]", "given without a family", f"family = {listed(FAMILIES)}")
+    top = Table(file, "", content, _KEYS["family" if "family" in content else "file"])
     name = top.get("name", _TITLE)
     units = top.sub("units", _KEYS["units"], missing=_MISSING["units"])
     length, angle = units.get("length", _unit(LENGTH, "mm")), units.get("angle", _unit(ANGLE, "deg"))
     per_radian = parse_unit(angle).factor()
     environment = top.sub("environment", _KEYS["environment"])
     measured = _measured(top, per_radian)
+    geometry = _closed_chain(top, per_radian) if "family" in top else None
     machine = Machine(
         name=name,
         length_unit=length,
         angle_unit=angle,
         gravity=environment.get("gravity", _DIRECTION, (0.0, 0.0, -1.0)),
         reference_temperature=environment.get("reference_temperature", NUMBER, 20.0),
-        joints=tuple(_joints(top, per_radian)),
-        targets=tuple(_targets(top, measured.kind)),
+        joints=tuple(_joints(top, per_radian)) if geometry is None else _legs(geometry),
+        targets=_targets(top, measured.kind, closed=geometry is not None),
         measured=measured,
         file=file,
+        geometry=geometry,
     )
     _check_names(machine)
     machine = replace(machine, estimate=_estimate(top, machine))
@@ -272,12 +288,33 @@ def _joints(top: Table, per_radian: float) -> list[Joint]:
     return joints
 
 
-def _targets(top: Table, kind: str) -> list[Target]:
+def _closed_chain(top: Table, per_radian: float) -> ClosedChain:
+    family = top.get("family", one_of(tuple(FAMILIES)))
+    table = top.sub("geometry", _KEYS[family], missing=_MISSING["geometry"])
+    radius = NUMBER.then(_positive, "a positive number")
+    R, r = table.get("R", radius), table.get("r", radius)
+    if family == "tricept":
+        return ClosedChain(family, R, r, q=table.get("q", _POINT, (0.0, 0.0, 0.0)))
+    start = table.get("start", VECTOR.then(_scaled(per_radian)), None)
+    return ClosedChain(family, R, r, h=table.get("h", radius), start=start)
+
+
+def _legs(geometry: ClosedChain) -> tuple[Joint, ...]:
+    return tuple(Joint(name, "leg") for name in geometry.of.legs)
+
+
+def _targets(top: Table, kind: str, *, closed: bool) -> tuple[Target, ...]:
+    if closed and "target" not in top:
+        if kind == "direction":
+            raise InputFileError(
+                top.file, "[[target]]", "missing", "the direction on the platform that is seen"
+            )
+        return (Target(PLATFORM, (0.0, 0.0, 0.0)),)
     point = _DIRECTION if kind == "direction" else _POINT
-    return [
+    return tuple(
         Target(table.get("name", _PLACE_NAME), table.get("point", point))
         for table in _named_blocks(top, "target", MOST_TARGETS, _PLACE_NAME)
-    ]
+    )
 
 
 def _named_blocks(top: Table, key: str, most: int, kind: Kind[str]) -> list[Table]:
@@ -300,6 +337,9 @@ def _check_names(machine: Machine) -> None:
     if twice is None:
         return
     number = len(names) - names[::-1].index(twice)
+    if machine.geometry is not None and twice in joints:
+        place = f"[[target]] {number - len(joints)}, name"
+        raise InputFileError(str(machine.file), place, f"{shown(twice)}, the name of a leg", "another name")
     place = f"[[joint]] {number}" if number <= len(joints) else f"[[target]] {number - len(joints)}"
     other = "joint" if twice in joints else "target"
     raise InputFileError(

@@ -83,7 +83,7 @@ def _source_hash() -> str:
     from importlib.resources import files
 
     folder = files("rodgen.machines")
-    names = ("_derive.py", "_structure.py", "formula.py")
+    names = ("_derive.py", "_derive_closed.py", "_structure.py", "closed_chain.py", "formula.py")
     return hashlib.sha256(b"".join((folder / name).read_bytes() for name in names)).hexdigest()
 
 
@@ -117,7 +117,10 @@ class Model:
         self.keys = {p.key: i for i, p in enumerate(self.parameters)}
         self.travel = self._travel(travel)
         self._row_effects = row_effects(machine)
-        self._bases = [complete_basis(np.array(joint.axis)) for joint in machine.joints]
+        self._bases = [
+            (np.zeros(3), np.zeros(3)) if joint.type == "leg" else complete_basis(np.array(joint.axis))
+            for joint in machine.joints
+        ]
         directions = machine.targets if machine.measured.kind == "direction" else ()
         self._target_bases = [complete_basis(np.array(t.point)) for t in directions]
         self._of_effects = self._numbers(
@@ -183,6 +186,14 @@ class Model:
         a, b = self.value(theta, "point.a", j), self.value(theta, "point.b", j)
         return np.array(self.machine.joints[j].point) + a * u + b * v
 
+    def number(self, theta: Array, name: str) -> tuple[float, ...]:
+        """Return one of the numbers of a closed chain's geometry, as its components, length unit."""
+        assert self.machine.geometry is not None
+        components = self.machine.geometry.of.numbers[name]
+        nominal = self.machine.geometry.number(name)
+        changes = (self.value(theta, f"geometry.{name}{x}", 0) for x in components)
+        return tuple(float(a + b) for a, b in zip(nominal, changes, strict=True))
+
     def target(self, theta: Array, k: int) -> tuple[Array, Array]:
         """Return a target and its derivative (3, freedoms)."""
         point = np.array(self.machine.targets[k].point)
@@ -216,6 +227,8 @@ class Model:
             g[:, self._axes_at] = axes.ravel()
         if len(self._points):
             g[:, self._points_at] = self._moved_points(values).ravel()
+        if s.numbers:
+            g[:, self._geometry_at[0]] += values[self._geometry_at[1]]
         targets = self._targets + values[self._target_numbers] if s.moving else turned[count:]
         if s.centre:
             g[:, at["centre", 0] : at["centre", 0] + 3] = targets.sum(axis=0) / len(targets)
@@ -266,6 +279,8 @@ class Model:
 
     def _constant_part(self, name: str, j: int, groups: Sequence[tuple[int, int]]) -> Array:
         machine = self.machine
+        if machine.geometry is not None and name in machine.geometry.of.numbers:
+            return np.array(machine.geometry.number(name))
         if name == "axis":
             return np.array(machine.joints[j].axis)
         if name == "point":
@@ -285,6 +300,16 @@ class Model:
             place = self._row_effects[j].place
             return np.array([[float(machine.targets[target].name == place)] for target, _ in groups])
         return np.zeros(1)
+
+    @functools.cached_property
+    def _geometry_at(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Where the numbers of a closed chain's geometry that are adjusted stand in ``g``, and their parameters."""
+        slots = [slot for slot in self.structure.slots if str(slot[0]).startswith("geometry.")]
+        components = self.machine.geometry.of.numbers if self.machine.geometry is not None else {}
+        starts = [
+            self._at[name, 0] + i for name in self.structure.numbers for i in range(len(components[name]))
+        ]
+        return np.array(starts, np.intp), self._numbers(slots)
 
     @functools.cached_property
     def _axes(self) -> list[int]:

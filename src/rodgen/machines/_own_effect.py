@@ -48,7 +48,7 @@ def own_effect(
     parameters : mapping of str to str
         Names with units; at most 40, each in the formula.
     meaning : str
-    at : {"revolute", "prismatic", "machine", "target"}
+    at : {"revolute", "prismatic", "leg", "machine", "target"}
         Where it stands.
     joints : mapping of str to str
         Name and type of each joint of the machine.
@@ -117,6 +117,7 @@ class _Check:
         fitting = {
             "revolute": ("reading", *_MOTIONS),
             "prismatic": ("reading", *_MOTIONS),
+            "leg": ("reading",),
             "target": _MOTIONS[3:] if turns else _MOTIONS[:3],
             "machine": _MOTIONS,
         }[self.at]
@@ -148,7 +149,7 @@ class _Check:
                     f"parameters.{name}", "a parameter that is not in the formula", "those that are"
                 )
         for name in sorted(formula.names - parameters.keys() - self.joints.keys()):
-            if name in _OF_JOINT and self.at not in {"revolute", "prismatic"}:
+            if name in _OF_JOINT and self.at not in {"revolute", "prismatic", "leg"}:
                 raise self.error(
                     "formula",
                     f"{name!r}, which only a joint has",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from rodgen.machines.closed_chain import FAMILIES
 from rodgen.machines._structure import GEOMETRY, Structure, row_effects
 from rodgen.machines.machine import Machine
 
@@ -72,6 +73,10 @@ def _parameters(machine: Machine, structure: Structure, runs: Sequence[str]) -> 
     geometric = {
         (e.definition.component, e.place): e for e in machine.effects if e.definition.component in GEOMETRY
     }
+    for name in structure.numbers:
+        for x in FAMILIES[structure.family].numbers[name]:
+            key = f"geometry.{name}.{x}" if x else f"geometry.{name}"
+            yield made(key, length, f"geometry.{name}{x}", 0)
     for j, joint in enumerate(machine.joints):
         for component, unit in (("axis", angle), ("point", length)):
             effect = geometric.get((component, joint.name))

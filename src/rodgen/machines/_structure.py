@@ -20,6 +20,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from rodgen.machines.closed_chain import FAMILIES
+
 if TYPE_CHECKING:
     from rodgen.machines.machine import Effect, Machine
 
@@ -28,11 +30,17 @@ __all__ = ["JointStructure", "Structure", "Term", "row_effects", "structure_of"]
 GEOMETRY = {"axis", "point", "target", "frame_shift"}
 """Components that change a fixed part of the machine: they are slots of the geometry, not terms of a row."""
 
+CLOSED = {"base_joint", "platform_joint"}
+"""Components that move a joint centre of a leg."""
+
 BEAM = {"zeta", "L", "P1", "P2", "P3", "P4"}
 """Names of the catalogue that need the joint's travel."""
 
 MOMENTS = {"M", "M_perp", "M_across", "M_guide"}
 """Names of the catalogue that need the moment about the joint's axis."""
+
+TENSION = "leg_tension"
+"""Name of the catalogue for the force in a leg, tension positive, per unit load along gravity at the target."""
 
 
 @dataclass(frozen=True)
@@ -110,6 +118,11 @@ class Term:
         """Whether the unit vectors that complete the axis are needed."""
         return self._uses({"U", "V"})
 
+    @property
+    def uses_tension(self) -> bool:
+        """Whether the forces in the legs are needed."""
+        return self._uses({TENSION})
+
 
 @dataclass(frozen=True)
 class Structure:
@@ -127,6 +140,10 @@ class Structure:
     shift : bool
         Whether there is a frame shift.
     terms : tuple of Term
+    family : str
+        Of a closed chain; empty for a chain of joints.
+    numbers : tuple of str
+        Those numbers of a closed chain's geometry that are slots.
     """
 
     kind: str
@@ -135,6 +152,8 @@ class Structure:
     frame: bool
     shift: bool
     terms: tuple[Term, ...]
+    family: str = ""
+    numbers: tuple[str, ...] = ()
 
     @property
     def moving(self) -> bool:
@@ -157,6 +176,9 @@ class Structure:
                 yield from (("axis.a", j), ("axis.b", j))
             if joint.point:
                 yield from (("point.a", j), ("point.b", j))
+        if self.family:
+            components = FAMILIES[self.family].numbers
+            yield from ((f"geometry.{name}{x}", 0) for name in self.numbers for x in components[name])
         if self.target:
             yield from ((f"target.{x}", 0) for x in ("xyz" if self.moving else "ab"))
         if self.centre and self.target:
@@ -188,7 +210,9 @@ class Structure:
         return tuple(self._geometry())
 
     def _geometry(self) -> Iterator[tuple[str, int, int]]:
-        for j, joint in enumerate(self.joints):
+        if self.family:
+            yield from ((name, 0, len(x)) for name, x in FAMILIES[self.family].numbers.items())
+        for j, joint in enumerate(() if self.family else self.joints):
             terms = [term for term in self.terms if term.joint == j]
             yield "axis", j, 3
             if joint.axis:
@@ -204,7 +228,7 @@ class Structure:
             yield from (("target_by_a", 0, 3), ("target_by_b", 0, 3))
         if self.centre:
             yield "centre", 0, 3
-        if self.centre or any(term.component == "lift" for term in self.terms):
+        if self.centre or any(term.component == "lift" or term.uses_tension for term in self.terms):
             yield "gravity", 0, 3
         if self.shift:
             yield from (("shift_rotation", 0, 9), ("shift_turns", 0, 9))
@@ -220,8 +244,13 @@ class Structure:
 
     @cached_property
     def columns(self) -> tuple[tuple[str, int | str], ...]:
-        """The layout of ``rows``: ``("q", joint)``, ``("s", joint)``, ..., ``("x", column)``, readings, weights."""
+        """The layout of ``rows``: ``("q", joint)``, ``("s", joint)``, ..., ``("x", column)``, readings, weights.
+
+        Of a closed chain also ``("start", i)``: the pose on the nominal machine, near which the model solves for its own.
+        """
         used: dict[tuple[str, int | str], None] = {("q", j): None for j in range(len(self.joints))}
+        if self.family:
+            used |= {("start", i): None for i in range(FAMILIES[self.family].start)}
         used |= {column: None for term in self.terms for _, column in term.columns}
         reading = {"point": 3, "direction": 9, "distance": 1}[self.kind]
         return (
@@ -262,7 +291,17 @@ def structure_of(machine: Machine) -> Structure:
         frame=machine.measured.frame == "free",
         shift="frame_shift" in components,
         terms=tuple(_term(machine, effect) for effect in row_effects(machine)),
+        family="" if machine.geometry is None else machine.geometry.family,
+        numbers=_free_numbers(machine),
     )
+
+
+def _free_numbers(machine: Machine) -> tuple[str, ...]:
+    """Return the numbers of a closed chain's geometry that a fit adjusts."""
+    if machine.geometry is None:
+        return ()
+    names = machine.geometry.of.numbers
+    return tuple(name for name in names if {"geometry", name} & set(machine.estimate))
 
 
 def _term(machine: Machine, effect: Effect) -> Term:

@@ -7,12 +7,14 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from rodgen.errors import InputFileError
 from rodgen.machines._rigid import complete_basis, tilted
 from rodgen.machines._structure import BEAM
+from rodgen.machines.closed_chain import ClosedChain
 from rodgen.machines.machine import Effect, Joint, Machine, Target, Vector
 from rodgen.machines.units import ANGLE, unit_factor
 
@@ -66,14 +68,14 @@ def machine_text(machine: Machine) -> str:
     angle = machine.file_factor(ANGLE)
     measured = machine.measured
     blocks = [
-        [f"name = {_text(machine.name)}"],
+        [f"name = {_text(machine.name)}", *_family_lines(machine)],
         ["[units]", f"length = {_text(machine.length_unit)}", f"angle = {_text(machine.angle_unit)}"],
         [
             "[environment]",
             f"gravity = {_vector(machine.gravity)}",
             f"reference_temperature = {decimal(machine.reference_temperature)}",
         ],
-        *(_joint_lines(joint, angle) for joint in machine.joints),
+        *_chain_blocks(machine),
         *(
             ["[[target]]", f"name = {_text(target.name)}", f"point = {_vector(target.point)}"]
             for target in machine.targets
@@ -89,6 +91,25 @@ def machine_text(machine: Machine) -> str:
         blocks.append(["[estimate]", f"parameters = [{', '.join(map(_text, machine.estimate))}]"])
     blocks += [_effect_lines(machine, effect) for effect in machine.effects]
     return "\n\n".join("\n".join(block) for block in blocks) + "\n"
+
+
+def _family_lines(machine: Machine) -> list[str]:
+    return [] if machine.geometry is None else [f"family = {_text(machine.geometry.family)}"]
+
+
+def _chain_blocks(machine: Machine) -> list[list[str]]:
+    """Return the blocks of the joints, or that of a closed chain's geometry."""
+    angle = machine.file_factor(ANGLE)
+    geometry = machine.geometry
+    if geometry is None:
+        return [_joint_lines(joint, angle) for joint in machine.joints]
+    lines = ["[geometry]"]
+    for name, components in geometry.of.numbers.items():
+        value = geometry.number(name)
+        lines.append(f"{name} = {decimal(value[0]) if len(components) == 1 else _vector(value)}")
+    if geometry.start is not None:
+        lines.append(f"start = {_vector(geometry.start, angle)}")
+    return [lines]
 
 
 def _joint_lines(joint: Joint, angle: float) -> list[str]:
@@ -160,6 +181,9 @@ def fixed_machine(machine: Machine) -> Machine:
         _check_travel(machine, effect)
     joints = []
     for joint in machine.joints:
+        if joint.type == "leg":
+            joints.append(joint)
+            continue
         basis = complete_basis(joint.axis)
         point = _sum(joint.point, *_pair(machine, f"{joint.name}.point"), *basis)
         a, b = _pair(machine, f"{joint.name}.axis")
@@ -174,6 +198,7 @@ def fixed_machine(machine: Machine) -> Machine:
     return replace(
         machine,
         joints=tuple(joints),
+        geometry=_fixed_geometry(machine),
         targets=tuple(_fixed_target(machine, target) for target in machine.targets),
         estimate=(),
         effects=(*extra, *(replace(effect, hold=_hold(machine, effect)) for effect in machine.effects)),
@@ -195,6 +220,18 @@ def _turned(axis: Vector, a: float, b: float) -> Vector:
     turned, _ = tilted(n, *complete_basis(n), np.array([a, b]))
     x, y, z = (float(c) for c in turned / np.linalg.norm(turned))
     return x, y, z
+
+
+def _fixed_geometry(machine: Machine) -> ClosedChain | None:
+    geometry = machine.geometry
+    if geometry is None:
+        return None
+    found: dict[str, Any] = {}
+    for name, components in geometry.of.numbers.items():
+        changes = [machine.values.get(f"geometry.{name}.{x}".rstrip("."), 0.0) for x in components]
+        value = tuple(float(a + b) for a, b in zip(geometry.number(name), changes, strict=True))
+        found[name] = value if len(components) > 1 else value[0]
+    return replace(geometry, **found)
 
 
 def _fixed_target(machine: Machine, target: Target) -> Target:
@@ -255,8 +292,10 @@ def description(machine: Machine) -> str:
 def _described(machine: Machine) -> Iterator[str]:
     angle = machine.file_factor(ANGLE)
     yield f"{machine.name} ({machine.length_unit}, {machine.angle_unit})"
+    if machine.geometry is not None:
+        yield from _described_legs(machine)
     width = max(len(joint.name) for joint in machine.joints)
-    for joint in machine.joints:
+    for joint in () if machine.geometry is not None else machine.joints:
         turns = joint.type == "revolute"
         way = f"revolute about {_rounded(joint.axis)}" if turns else f"prismatic along {_rounded(joint.axis)}"
         placed = machine.measured.kind != "direction" and (turns or any(joint.point))
@@ -273,6 +312,20 @@ def _described(machine: Machine) -> Iterator[str]:
     yield f"measured: {_measured(machine, angle)}"
     yield f"estimated: {', '.join(machine.estimate) or 'nothing but the effects'}"
     yield f"effects: {', '.join(_effect(machine, effect) for effect in machine.effects) or 'none'}"
+
+
+def _described_legs(machine: Machine) -> Iterator[str]:
+    geometry = machine.geometry
+    assert geometry is not None
+    numbers = []
+    for name in geometry.of.numbers:
+        value = geometry.number(name)
+        numbers.append(f"{name} = {_rounded(value) if len(value) > 1 else format(value[0], '.6g')}")
+    if geometry.start is not None:
+        degrees = [x / machine.file_factor(ANGLE) for x in geometry.start]
+        numbers.append(f"start = {_rounded(degrees)}")
+    yield f"  {geometry.of.words}; {', '.join(numbers)}"
+    yield f"  legs: {', '.join(joint.name for joint in machine.joints)}"
 
 
 def _rounded(vector: Sequence[float]) -> str:

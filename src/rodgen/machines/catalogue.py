@@ -1,4 +1,4 @@
-"""The catalogue: every effect that a chain of joints may have, with its formula and in a mechanic's words.
+"""The catalogue: every effect that a chain of joints or a platform on legs may have, with its formula and in a mechanic's words.
 
 It is one table, a row an effect: name, where, what it changes, formula, parameters with units; then the words. What
 the names in the formulas and the placeholders in the units mean is said at `EffectDefinition`.
@@ -60,6 +60,11 @@ _TRACKERS = (
 )
 _ALTINTAS = "Y. Altintas, Manufacturing Automation, Cambridge University Press 2012"
 _TIMOSHENKO = "S. Timoshenko, Strength of Materials, Part I, Van Nostrand 1955 (deflection of beams)"
+_KUREKOVA = (
+    "E. Kureková et al., Positioning uncertainty of the Tricept type parallel kinematic structure, "
+    "Acta IMEKO 4(4) (2015) 9-15"
+)
+_MERLET = "J.-P. Merlet, Parallel Robots, 2nd ed., Springer 2006"
 _ALMANAC = (
     "S. E. Urban, P. K. Seidelmann (eds.), Explanatory Supplement to the Astronomical Almanac, "
     "University Science Books 2013"
@@ -463,6 +468,64 @@ _MACHINE = (
     ),
 )  # fmt: skip
 
+_LEG = (
+    _row(
+        "base_joint_offset", "leg", "base_joint", "x*EX + y*EY + z*EZ", _in("{length}", "x y z"),
+        meaning="The centre of the leg's joint on the base is not where the drawing puts it. The leg pulls the "
+        "platform from a wrong place: its error changes with the leg's direction.",
+        usual_size="0.01 to 0.5 mm as built, a few µm after a calibration",
+        remedy="Measure the joint centres with a coordinate measuring machine, or enter the fitted ones in the control.",
+        source=f"{_KUREKOVA}, section 3; {_MOORING}",
+    ),
+    _row(
+        "platform_joint_offset", "leg", "platform_joint", "x*EX + y*EY + z*EZ", _in("{length}", "x y z"),
+        meaning="The centre of the leg's joint on the platform is not where the drawing puts it. It is carried along "
+        "with the platform, so its error turns as the platform does.",
+        usual_size="0.01 to 0.5 mm as built, a few µm after a calibration",
+        remedy="Measure the joint centres with a coordinate measuring machine, or enter the fitted ones in the control.",
+        source=f"{_KUREKOVA}, section 3; {_MOORING}",
+    ),
+    _row(
+        "leg_zero_offset", "leg", "reading", "a", {"a": "{length}"},
+        meaning="The leg's reference mark is not where the control believes it to be, or its joints are mounted nearer "
+        "or farther. The leg is longer or shorter than commanded, by the same amount everywhere.",
+        usual_size="0.001 to 0.5 mm after homing",
+        remedy="Enter the offset as the home position of the leg.",
+        source=f"{_KUREKOVA}, section 3; {_ISO_2}",
+    ),
+    _row(
+        "leg_scale", "leg", "reading", "k*q", {"k": "1"},
+        meaning="The screw or scale of the leg is longer or shorter than it says. The error grows in proportion to "
+        "the leg's whole length.",
+        usual_size="1e-6 to 2e-5 with a scale, 1e-5 to 5e-5 with a screw: 10 to 50 µm/m",
+        remedy="Enter a linear compensation of the leg, measured at the temperature of work.",
+        source=f"{_ISO_2}; {_SCHWENKE}",
+    ),
+    _row(
+        "leg_thermal_expansion", "leg", "reading", "alpha*T*q", {"alpha": "1/K"},
+        meaning="The leg grows as its screw warms up, in proportion to its temperature and its length.",
+        usual_size="11e-6 to 12e-6 /K for steel: 8 µm/K on 700 mm; less where the scale stays cool",
+        remedy="Cool the screw, warm up before work, or let the control correct by the leg's temperature.",
+        source=f"{_ISO_3}; {_MAYR}",
+    ),
+    _row(
+        "leg_backlash", "leg", "reading", "-b/2*s", {"b": "{length}"},
+        meaning="There is play in the leg's nut, gear or joints. The leg stays behind by half of it, on the side where "
+        "it comes from.",
+        usual_size="0.5 to 20 µm",
+        remedy="Preload nut and joints, always approach from one side, or enter the backlash in the control.",
+        source=_ISO_2,
+    ),
+    _row(
+        "leg_compliance", "leg", "reading", "c*F*leg_tension", {"c": "{length}/N"},
+        meaning="Leg, nut and joints give way to the force that the payload puts on this leg, as one spring. The error "
+        "grows with the load and with how steeply the leg has to carry it.",
+        usual_size="5e-6 to 1e-4 mm/N: 10 to 200 N/µm",
+        remedy="Stiffen or preload nut and joints, or let the control correct by the known payload.",
+        source=f"{_MERLET}; {_KHALIL}",
+    ),
+)  # fmt: skip
+
 _TARGET = (
     _row(
         "target_offset", "target", "target", "x*EX + y*EY + z*EZ", _in("{length}", "x y z"),
@@ -477,7 +540,7 @@ _TARGET = (
     ),
 )  # fmt: skip
 
-CATALOGUE: tuple[EffectDefinition, ...] = (*_REVOLUTE, *_PRISMATIC, *_MACHINE, *_TARGET)
+CATALOGUE: tuple[EffectDefinition, ...] = (*_REVOLUTE, *_PRISMATIC, *_LEG, *_MACHINE, *_TARGET)
 """All effects, in the order in which ``rodgen effects`` lists them."""
 
 
@@ -492,8 +555,8 @@ def definitions(name: str, at: str | None = None) -> tuple[EffectDefinition, ...
     ----------
     name : str
     at : str, optional
-        ``"revolute"``, ``"prismatic"``, ``"machine"`` or ``"target"``; left out: all of this name, which may differ
-        between revolute and prismatic joints.
+        ``"revolute"``, ``"prismatic"``, ``"leg"``, ``"machine"`` or ``"target"``; left out: all of this name, which may
+        differ between revolute and prismatic joints.
 
     Returns
     -------

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 from rodgen.errors import InputFileError, RodgenError, shown
+from rodgen.machines.closed_chain import ClosedChain
 
 if TYPE_CHECKING:
     from rodgen.discrepancy.diagnose import DiagnosedEffect
@@ -31,14 +32,14 @@ Vector: TypeAlias = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint, given with all joints at zero.
+    """A joint, given with all joints at zero, or a leg of a closed chain.
 
     Attributes
     ----------
     name : str
-    type : {"prismatic", "revolute"}
+    type : {"prismatic", "revolute", "leg"}
     axis : tuple of float, length 3
-        Unit vector of positive motion, in machine axes.
+        Unit vector of positive motion, in machine axes; zeros of a leg, which has none of its own.
     point : tuple of float, length 3
         A point on the axis; of a prismatic joint, where its error motion turns.
     travel : tuple of (float, float), or None
@@ -49,7 +50,7 @@ class Joint:
 
     name: str
     type: str
-    axis: Vector
+    axis: Vector = (0.0, 0.0, 0.0)
     point: Vector = (0.0, 0.0, 0.0)
     travel: tuple[float, float] | None = None
     period: float | None = None
@@ -162,7 +163,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class Machine:
-    """A chain of joints from the measuring frame to the measured point, with the errors that its model has.
+    """A chain of joints, or a platform on legs, from the measuring frame to the measured point, with its errors.
 
     Attributes
     ----------
@@ -178,12 +179,15 @@ class Machine:
     targets : tuple of Target
     measured : Measured
     estimate : tuple of str
-        What a base fit adjusts: ``"target"``, ``"NAME.axis"``, ``"NAME.point"``.
+        What a base fit adjusts: ``"target"``, ``"NAME.axis"``, ``"NAME.point"``; of a closed chain ``"target"``,
+        ``"geometry"`` or its numbers by name.
     effects : tuple of Effect
     file : str or None
         Where it was read from; two machines may be equal from different files.
     values : mapping of str to float
         Fitted numbers, by the parameters' keys, such as ``"C.axis.a"``; empty as read: all are zero.
+    geometry : ClosedChain or None
+        Of a closed chain, whose joints are legs; None for a chain of joints.
 
     Examples
     --------
@@ -215,6 +219,7 @@ class Machine:
     effects: tuple[Effect, ...] = ()
     file: str | None = field(default=None, compare=False)
     values: Mapping[str, float] = field(default_factory=dict, hash=False)
+    geometry: ClosedChain | None = None
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Machine:
@@ -283,7 +288,7 @@ class Machine:
         return _named(name, "target", self.targets)
 
     def kind_of(self, place: str | None) -> str:
-        """Tell what stands at a place: ``"revolute"``, ``"prismatic"``, ``"target"``, or ``"machine"`` for None.
+        """Tell what stands at a place: ``"revolute"``, ``"prismatic"``, ``"leg"``, ``"target"``, or ``"machine"``.
 
         Raises
         ------

@@ -223,10 +223,13 @@ def _vocabulary(carriers: Carriers, effect: Effect) -> dict[str, Any]:
     if effect.place is None or machine.kind_of(effect.place) == "target":
         return names
     j = _number(carriers, effect)
+    names |= {"q": o.q[:, j], "s": o.s[:, j].astype(float), "v": o.v[:, j]}
+    names |= {"T": o.temperature.get(str(effect.place))}
+    if machine.joints[j].type == "leg":
+        return names
     axis = carriers.fit.problem.model.axis(carriers.fit.solution.theta, j)[0]
     u, v = complete_basis(np.array(machine.joints[j].axis))
-    names |= {"q": o.q[:, j], "s": o.s[:, j].astype(float), "v": o.v[:, j]}
-    names |= {"T": o.temperature.get(str(effect.place)), "N": axis[:, None], "U": u[:, None], "V": v[:, None]}
+    names |= {"N": axis[:, None], "U": u[:, None], "V": v[:, None]}
     start, end = carriers.fit.problem.model.travel[j]
     if end > start:
         zeta = (o.q[:, j] - start) / (end - start)

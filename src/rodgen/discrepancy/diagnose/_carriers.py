@@ -22,6 +22,7 @@ from rodgen.errors import RodgenError
 from rodgen.machines._effects import check_effect
 from rodgen.machines._model import Frame, Model
 from rodgen.machines._own_effect import own_effect
+from rodgen.machines._structure import CLOSED, TENSION
 from rodgen.machines.catalogue import CATALOGUE
 from rodgen.machines.machine import Effect, Machine
 
@@ -41,7 +42,7 @@ BARE = "bare_"
 """What the names of the bare parameters begin with."""
 TURNS = ("rx", "ry", "rz")
 MOTIONS = ("tx", "ty", "tz", *TURNS)
-DIRECT = frozenset({"axis", "point", "target", "frame_shift", "factor", "lift", "sag"})
+DIRECT = frozenset({"axis", "point", "target", "frame_shift", "factor", "lift", "sag"}) | CLOSED
 """Components of effects that stand in the model themselves, ..."""
 MOMENTS = frozenset({"M", "M_perp", "M_across", "M_guide"})
 """... as do effects whose formula has one of these."""
@@ -87,7 +88,7 @@ def _is_seen(machine: Machine, effect: Effect, o: Observations) -> bool:
     formulas = [f for f in (effect.definition.formula, effect.definition.slope) if f is not None]
     names = frozenset[str]().union(*(f.names for f in formulas))
     kind = machine.kind_of(effect.place)
-    if kind in {"revolute", "prismatic"}:
+    if kind in {"revolute", "prismatic", "leg"}:
         j = [joint.name for joint in machine.joints].index(str(effect.place))
         if "T" in names and effect.place not in o.temperature:
             return False
@@ -206,6 +207,8 @@ class Carriers:
     def component(self, place: Place, component: str) -> Array | None:
         """Return the derivative with respect to a component of a place, (n, m); None where there is no such thing.
 
+        A leg of a closed chain has a reading only.
+
         Parameters
         ----------
         place : str or None
@@ -225,7 +228,8 @@ class Carriers:
 def is_direct(effect: Effect) -> bool:
     """Tell whether an effect is no product of a component and a number for each row."""
     definition = effect.definition
-    return not definition.own and (definition.component in DIRECT or bool(definition.formula.names & MOMENTS))
+    names = definition.formula.names
+    return not definition.own and (definition.component in DIRECT or bool(names & (MOMENTS | {TENSION})))
 
 
 def _without_weights(effect: Effect) -> Effect:
@@ -249,6 +253,6 @@ def _bare(machine: Machine) -> Iterator[Effect]:
     for component in motions:
         yield bare(None, "machine", component)
     for name, at in joints.items():
-        for component in ("reading", *motions):
-            if kind != "direction" or component != "reading" or at == "revolute":
+        for component in ("reading", *(() if at == "leg" else motions)):
+            if at == "leg" or kind != "direction" or component != "reading" or at == "revolute":
                 yield bare(name, at, component)

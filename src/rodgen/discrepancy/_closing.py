@@ -1,0 +1,127 @@
+"""Where the platform of a closed chain is on the nominal machine, for every row, and in which assembly mode.
+
+A model of a closed chain solves for the platform's pose by a few Newton steps. They start here. The mode is the one
+that the family counts as the physical one, else the one nearest to what the machine file names, else to the readings.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.errors import InputFileError
+from rodgen.machines._rigid import rotation_matrix
+from rodgen.machines.closing import assembly_modes, physical_pose, placed_at
+
+if TYPE_CHECKING:
+    from rodgen.discrepancy._bind import Observations
+    from rodgen.machines.closed_chain import ClosedChain
+
+__all__ = ["closed", "pose_start"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+TURNS = 20
+"""Times that the frame and the modes nearest the readings in it are found in turn; usually it stays after two."""
+
+
+def closed(observations: Observations) -> Observations:
+    """Return observations of a closed chain with the poses that its model starts from.
+
+    Raises
+    ------
+    InputFileError
+        When the legs of a row do not close, or nothing tells the assembly mode.
+    """
+    o = observations
+    start = pose_start(o)
+    missing = np.isnan(start).any(axis=1)
+    if missing.any():
+        row = int(np.argmax(missing))
+        geometry = o.machine.geometry
+        assert geometry is not None
+        lengths = ", ".join(f"{x:.9g}" for x in o.q[row])
+        unit = o.machine.length_unit
+        found = f"legs of {lengths} {unit}, which close in no pose of this {geometry.family}"
+        raise InputFileError(
+            o.data.file, o.data.place(row), found, "lengths from joint to joint, or another geometry"
+        )
+    return replace(o, pose_start=start)
+
+
+def pose_start(o: Observations) -> Array:
+    """Return the poses on the nominal machine, (n, k); NaN where the legs do not close."""
+    geometry = o.machine.geometry
+    assert geometry is not None
+    if geometry.family == "tricept":
+        return physical_pose(geometry, o.q)
+    modes = assembly_modes(geometry, o.q)
+    chosen = _chosen(o, geometry, modes)
+    return np.asarray(modes[np.arange(o.n), chosen].reshape(o.n, 9))
+
+
+def _chosen(o: Observations, geometry: ClosedChain, modes: Array) -> NDArray[np.intp]:
+    """Return the number of each row's mode."""
+    if geometry.start is not None:
+        # the largest trace of the turn from one to the other is the smallest angle
+        return _least(-np.einsum("nmij,ij->nm", modes, rotation_matrix(geometry.start)))
+    if not np.isfinite(o.reading).all():
+        raise InputFileError(
+            o.machine.file or o.machine.name,
+            "[geometry], start",
+            "missing, while no readings tell the assembly mode",
+            "a rotation vector near which the platform is, such as [0, 0, 10]",
+        )
+    targets = np.array([target.point for target in o.machine.targets])[o.target]
+    if o.machine.measured.kind == "direction":
+        seen = np.einsum("nmij,nj->nmi", modes, targets)
+    else:
+        seen = placed_at(geometry, modes, targets[:, None])
+    if o.machine.measured.kind == "distance":
+        distance = np.linalg.norm(seen - np.array(o.machine.measured.origin), axis=2)
+        return _least(np.abs(distance - o.reading))
+    if o.machine.measured.frame == "machine":
+        return _least(_apart(seen, o.reading))
+    return _in_a_free_frame(seen, o.reading, o.machine.measured.kind == "point")
+
+
+def _least(distance: Array) -> NDArray[np.intp]:
+    """Return the number of each row's least distance; 0 where there is none."""
+    return np.argmin(np.where(np.isnan(distance), np.inf, distance), axis=1)
+
+
+def _apart(seen: Array, reading: Array) -> Array:
+    return np.asarray(np.sum((seen - reading[:, None]) ** 2, axis=2))
+
+
+def _in_a_free_frame(seen: Array, reading: Array, moves: bool) -> NDArray[np.intp]:
+    """Return the modes of which some frame meets the readings best: each mode of a row is once the first guess."""
+    closing = np.flatnonzero(np.isfinite(seen[:, 0, 0]))
+    if not len(closing):
+        return np.zeros(len(seen), np.intp)
+    best: tuple[float, NDArray[np.intp]] | None = None
+    for first in range(seen.shape[1]):
+        chosen = np.where(np.isfinite(seen[:, first, 0]), first, 0)
+        for _ in range(TURNS):
+            at = seen[np.arange(len(seen)), chosen]
+            turn, shift = _frame(at[closing], reading[closing], moves)
+            apart = _apart(seen @ turn.T + shift, reading)
+            before, chosen = chosen, _least(apart)
+            if np.array_equal(before, chosen):
+                break
+        cost = float(np.nansum(np.nanmin(apart[closing], axis=1)))
+        if best is None or cost < best[0]:
+            best = cost, chosen
+    assert best is not None
+    return best[1]
+
+
+def _frame(at: Array, reading: Array, moves: bool) -> tuple[Array, Array]:
+    """Return rotation and position of the frame in which places meet the readings best (Kabsch)."""
+    middle, seen = (at.mean(axis=0), reading.mean(axis=0)) if moves else (np.zeros(3), np.zeros(3))
+    u, _, v = np.linalg.svd((reading - seen).T @ (at - middle))
+    turn = u @ np.diag([1.0, 1.0, float(np.sign(np.linalg.det(u @ v)))]) @ v
+    return turn, seen - turn @ middle

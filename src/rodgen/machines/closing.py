@@ -1,0 +1,71 @@
+"""The poses of a closed chain's platform on the nominal machine, from the lengths of its legs."""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.errors import RodgenError
+from rodgen.machines.closed_chain import ClosedChain
+
+__all__ = ["assembly_modes", "physical_pose", "placed_at"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+def physical_pose(geometry: ClosedChain, legs: Array) -> Array:
+    """Return the pose of a family that counts one of its assembly modes as the physical one.
+
+    Parameters
+    ----------
+    geometry : ClosedChain
+        A tricept.
+    legs : ndarray, shape (n, 3)
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        alpha, beta, z with all their cosines and z positive; NaN where there is no such pose.
+    """
+    from rodgen import tricept
+
+    pose, _ = tricept.direct(legs, tricept.Geometry(geometry.R, geometry.r, geometry.q))
+    return np.asarray(pose)
+
+
+def assembly_modes(geometry: ClosedChain, legs: Array) -> Array:
+    """Return all poses of a family whose platform turns about a pivot.
+
+    Parameters
+    ----------
+    geometry : ClosedChain
+        A 3-sps-s.
+    legs : ndarray, shape (n, 3)
+
+    Returns
+    -------
+    ndarray, shape (n, 8, 3, 3)
+        Rotation matrices; NaN beyond those that there are.
+    """
+    from rodgen import three_sps_s
+
+    turns = three_sps_s.direct_all(legs, three_sps_s.Geometry(geometry.R, geometry.r, geometry.h))[0]
+    return np.asarray(turns)
+
+
+def placed_at(geometry: ClosedChain, poses: Array, targets: Array) -> Array:
+    """Return where targets are on the nominal machine.
+
+    Parameters
+    ----------
+    geometry : ClosedChain
+        A 3-sps-s.
+    poses : ndarray, shape (..., 3, 3)
+    targets : ndarray, shape (..., 3)
+        In platform axes.
+    """
+    if geometry.family != "3-sps-s":
+        raise RodgenError(f"a {geometry.family} has one physical assembly mode")
+    return np.einsum("...ij,...j->...i", poses, targets) + [0.0, 0.0, geometry.h]
