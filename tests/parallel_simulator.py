@@ -348,6 +348,18 @@ class Parallel(Simulated):
             y = pose.origin + np.einsum("nij,nj->ni", pose.turn, seen + moves)
         return self._read(y, columns, run)
 
+    def write_csv(
+        self,
+        path: str | Path,
+        q: ArrayLike,
+        reading: Array,
+        *,
+        start: ArrayLike | None = None,
+        **columns: Any,
+    ) -> None:
+        """Write a measurement file, as `Simulated.write_csv`; nobody notes `start`."""
+        super().write_csv(path, q, reading, **columns)
+
     def _of_leg(self, leg: str, columns: Mapping[str, Any]) -> Array:
         """Give by how much a leg is longer than commanded, but for what it bears."""
         p = {effect: self.numbers.get((leg, effect, None), {}) for effect in OF_LEG}

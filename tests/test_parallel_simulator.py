@@ -50,7 +50,7 @@ def test_a_closed_loop_is_what_scipy_closes(family):
         def placed(at, p):
             if family == "tricept":
                 turn = about_y_then_x(at[:1], at[1:2])[0]
-                return turn @ (np.asarray(p) + (0, 0, at[2] * 600))
+                return turn @ np.add(p, (0, 0, at[2] * 600))
             return rotation(at) @ p + (0, 0, g["h"])
 
         def gap(at, i=i):

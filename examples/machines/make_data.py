@@ -10,6 +10,7 @@ fixed. Needs NumPy.
 from __future__ import annotations
 
 import sys
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,6 +22,7 @@ HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parents[1] / "tests"))
 
 from machine_simulator import Simulated, arcsec
+from parallel_simulator import Parallel
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -42,7 +44,12 @@ class Example:
     def rows(self) -> tuple[Array, dict[str, Any]]:
         """Give a row for each target of each pose, and what `measure` takes beside it."""
         each = max(len(self.targets), 1)
-        conditions = {name: np.repeat(values, each) for name, values in self.conditions.items()}
+        conditions = {
+            name: {of: np.repeat(x, each) for of, x in values.items()}
+            if isinstance(values, dict)
+            else np.repeat(values, each, axis=0)
+            for name, values in self.conditions.items()
+        }
         if self.targets:
             conditions["target"] = list(self.targets) * len(self.q)
         return np.repeat(self.q, each, axis=0), conditions
@@ -232,6 +239,79 @@ def ballbar_gantry() -> Example:
     )
 
 
+def tricept() -> Example:
+    """Poses all over the legs' travel, one after the other while the machine runs in; the first 10 come again."""
+    random = np.random.default_rng(71)
+    drawn = simulated("tricept", {})
+    tilt, around, z = random.uniform([0, 0, 590], [0.35, 2 * np.pi, 790], size=(400, 3)).T
+    legs = drawn.legs(np.stack([tilt * np.cos(around), tilt * np.sin(around), z], axis=-1))
+    legs = legs[(legs.min(axis=1) > 568) & (legs.max(axis=1) < 858)][:60]
+    q = np.round(np.concatenate([legs, legs[:10]]), 3)
+    t = 60.0 * np.arange(len(q))
+    runs_in = 1 - np.exp(-t / 1500)
+    shop = np.sin(2 * np.pi * t / 5200)  # the hall's heating
+    return Example(
+        drawn_wrong={
+            "frame.x": 1840.0,
+            "frame.y": -960.0,
+            "frame.z": 1210.0,
+            "frame.rx": 178.6,
+            "frame.ry": 1.3,
+            "frame.rz": -31.0,
+            "geometry.R": 0.062,
+            "geometry.r": -0.047,
+            **off("nose", 0.05, -0.03, 0.08),
+            **off("left", -0.06, 0.04, 0.02),
+            **off("right", 0.03, 0.07, -0.05),
+        },
+        hidden={"A1.leg_thermal_expansion.alpha": 1.15e-5},
+        q=q,
+        targets=("nose", "left", "right"),
+        conditions={
+            "t": t,
+            "temperature": {
+                "A0": np.round(20.4 + 3.1 * runs_in + 0.8 * shop, 2),
+                "A1": np.round(20.1 + 4.6 * runs_in - 0.9 * shop + 0.2 * random.normal(size=len(q)), 2),
+                "A-1": np.round(20.6 + 2.4 * runs_in + 0.5 * shop, 2),
+            },
+        },
+        noise=0.006,
+        decimals={"q": 3, "reading": 4, "t": 0, "T": 2},
+        seed=72,
+    )
+
+
+def three_sps_s() -> Example:
+    """Tilts to all sides, with the platform turned by 25 to 60 degrees about its ball, which no leg could tell from
+    less than none near the home pose."""
+    random = np.random.default_rng(81)
+    tilt, around, turn = random.uniform([0, 0, 25], [22, 360, 60], size=(70, 3)).T
+    vectors = np.radians(
+        np.stack([tilt * np.cos(np.radians(around)), tilt * np.sin(np.radians(around)), turn], -1)
+    )
+    return Example(
+        drawn_wrong={
+            "geometry.R": 0.03,
+            "geometry.r": -0.04,
+            "geometry.h": 0.05,
+            **off("ball_1", 0.02, -0.04, 0.03),
+            **off("ball_2", -0.03, 0.02, 0.04),
+            **off("ball_3", 0.04, 0.03, -0.02),
+        },
+        hidden={
+            "L2.platform_joint_offset.x": 0.06,
+            "L2.platform_joint_offset.y": -0.09,
+            "L2.platform_joint_offset.z": 0.05,
+        },
+        q=np.round(simulated("three_sps_s", {}).legs(vectors), 3),
+        targets=("ball_1", "ball_2", "ball_3"),
+        conditions={"start": vectors},
+        noise=0.003,
+        decimals={"q": 3, "reading": 4},
+        seed=82,
+    )
+
+
 def off(target: str, x: float, y: float, z: float) -> dict[str, float]:
     """Give by how much a target is not where it is drawn."""
     return {f"target.{target}.{name}": value for name, value in zip("xyz", (x, y, z), strict=True)}
@@ -244,14 +324,22 @@ MACHINES: tuple[Callable[[], Example], ...] = (
     positioner,
     robot_6r_tracker,
     ballbar_gantry,
+    tricept,
+    three_sps_s,
 )
+
+
+def simulated(name: str, effects: dict[str, float]) -> Any:
+    """Give the simulator of a machine with errors."""
+    file = tomllib.loads((HERE / name / "machine.toml").read_text(encoding="utf-8"))
+    return (Parallel if "family" in file else Simulated)(file, effects)
 
 
 def write(folder: Path) -> None:
     """Write NAME/data.csv of every machine."""
     for make in MACHINES:
         example = make()
-        machine = Simulated(HERE / make.__name__ / "machine.toml", example.drawn_wrong | example.hidden)
+        machine = simulated(make.__name__, example.drawn_wrong | example.hidden)
         q, conditions = example.rows()
         reading = machine.with_noise(
             machine.measure(q, **conditions), example.noise, np.random.default_rng(example.seed)
