@@ -40,6 +40,10 @@ DECLARE_ALL(axis_axis_condition)
 DECLARE_ALL(axis_axis_jacobian)
 DECLARE_ALL(axis_axis_covariance)
 DECLARE_ALL(axis_axis_residual)
+DECLARE_ALL(instantaneous_euler_chi_from_quaternion)
+DECLARE_ALL(instantaneous_euler_chi_from_matrix)
+DECLARE_ALL(instantaneous_euler_chi_from_zyx)
+DECLARE_ALL(instantaneous_euler_chi_from_zyz)
 DECLARE_ALL(machine_model_rotation_from_vector)
 DECLARE_ALL(machine_model_tilted_axis)
 DECLARE_ALL(rodrigues_solve_axis_paper)
@@ -92,6 +96,22 @@ NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUB
 static const char types_axis_axis_residual[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_instantaneous_euler_chi_from_quaternion[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
+};
+static const char types_instantaneous_euler_chi_from_matrix[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
+};
+static const char types_instantaneous_euler_chi_from_zyx[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
+};
+static const char types_instantaneous_euler_chi_from_zyz[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 };
 static const char types_machine_model_rotation_from_vector[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
@@ -171,6 +191,14 @@ static const struct definition definitions[] = {
    ALL_LOOPS(axis_axis_covariance), types_axis_axis_covariance},
   {"axis_residual", "(3),(3),(),(3),(3)->(3),(3,6)", "Derivatives of axis_residual.", 5, 2, 7,
    ALL_LOOPS(axis_axis_residual), types_axis_axis_residual},
+  {"chi_from_quaternion", "(4)->(3),()", "Instantaneous Euler angles of a unit quaternion.", 1, 2, 3,
+   ALL_LOOPS(instantaneous_euler_chi_from_quaternion), types_instantaneous_euler_chi_from_quaternion},
+  {"chi_from_matrix", "(3,3)->(3),()", "Instantaneous Euler angles of a rotation matrix.", 1, 2, 3,
+   ALL_LOOPS(instantaneous_euler_chi_from_matrix), types_instantaneous_euler_chi_from_matrix},
+  {"chi_from_zyx", "(3)->(3),()", "Instantaneous Euler angles of intrinsic Z-Y-X angles.", 1, 2, 3,
+   ALL_LOOPS(instantaneous_euler_chi_from_zyx), types_instantaneous_euler_chi_from_zyx},
+  {"chi_from_zyz", "(3)->(3),()", "Instantaneous Euler angles of intrinsic Z-Y-Z angles.", 1, 2, 3,
+   ALL_LOOPS(instantaneous_euler_chi_from_zyz), types_instantaneous_euler_chi_from_zyz},
   {"rotation_from_vector", "(3)->(3,3),(3,3)", "Matrix of the rotation by a rotation vector, and its left Jacobian.", 1, 2, 3,
    ALL_LOOPS(machine_model_rotation_from_vector), types_machine_model_rotation_from_vector},
   {"tilted_axis", "(3),(3),(3),(2)->(3),(3,2)", "An axis, turned by the rotation vector a u + b v, and its derivatives by a and b.", 4, 2, 6,

@@ -7,6 +7,7 @@ Template: numpy_init.py.j2.
 from types import SimpleNamespace
 
 from . import axis
+from . import instantaneous_euler
 from . import machine_model
 from . import rodrigues
 from . import rotations
@@ -18,6 +19,10 @@ ALL = SimpleNamespace(
     axis_jacobian=axis.axis_jacobian,
     axis_covariance=axis.axis_covariance,
     axis_residual=axis.axis_residual,
+    chi_from_quaternion=instantaneous_euler.chi_from_quaternion,
+    chi_from_matrix=instantaneous_euler.chi_from_matrix,
+    chi_from_zyx=instantaneous_euler.chi_from_zyx,
+    chi_from_zyz=instantaneous_euler.chi_from_zyz,
     rotation_from_vector=machine_model.rotation_from_vector,
     tilted_axis=machine_model.tilted_axis,
     solve_axis_paper=rodrigues.solve_axis_paper,

@@ -1,0 +1,783 @@
+# ---
+# jupyter:
+#   jupytext:
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+#   kernelspec:
+#     display_name: Python 3
+#     language: python
+#     name: python3
+# ---
+
+# %% [markdown]
+# # Instantaneous Euler angles: what they are, from any Euler angles
+#
+# A body turns from the axes $e_x, e_y, e_z$ to the axes $Re_x, Re_y, Re_z$. X. Zhou and J. Zhu ("A Decoupling Method
+# for Successive Robot Rotation Based on Time Domain Instantaneous Euler Angle") take the angle between each
+# coordinate plane and where it has gone, the *instantaneous Euler angles*
+#
+# $$ \chi_i = \arccos(e_i\cdot Re_i), \quad i = x, y, z, $$
+#
+# and the line in which both planes meet, the *ridge line*. This notebook goes through the equations on the angles,
+# (1), (6), (10), (13) and (16) to (20), and through the tables of sections 4.1 and 4.2; `instantaneous_euler_ridges`
+# has those on the lines, `instantaneous_euler_inverse` what follows from both, and `instantaneous_euler_arm` section
+# 5.2 and the figures.
+#
+# Minus signs are lost in the copy of the paper that was read. Where only a sign is at stake, the right one is taken.
+
+# %%
+from enum import IntEnum
+
+import sympy as sp
+
+from rodgen.codegen import KernelBuilder
+from rodgen.derivation.rotations import matrix_from_quaternion, normalised, quaternion_products
+from rodgen.symbolic import (
+    EPS,
+    LARGEST,
+    Derivation,
+    Letter,
+    equal,
+    in_notebook,
+    matrix_from_axis_angle,
+    power_of_two_scale,
+    select,
+)
+
+PAPER = (
+    'Zhou and Zhu, "A Decoupling Method for Successive Robot Rotation Based on Time Domain Instantaneous Euler '
+    'Angle", Mathematics 2023, 11(18), 3882'
+)
+derivation = Derivation(
+    "instantaneous_euler", title="Instantaneous Euler angles from any Euler angles", source=PAPER
+)
+d = derivation
+sin, cos, acos = sp.sin, sp.cos, sp.acos
+
+# %%
+alpha = d.symbol("alpha", r"\alpha", "first Z-Y-X angle, about z0", "rad")
+beta = d.symbol("beta", r"\beta", "second Z-Y-X angle, about y1", "rad")
+gamma = d.symbol("gamma", r"\gamma", "third Z-Y-X angle, about x2", "rad")
+phi = d.symbol("phi", r"\phi", "first Z-Y-Z angle, about z0", "rad")
+theta = d.symbol("theta", r"\theta", "second Z-Y-Z angle, about y1", "rad")
+psi = d.symbol("psi", r"\varphi", "third Z-Y-Z angle, about z2", "rad")
+R = d.matrix("r", r"R", "rotation; its columns are the moved axes", "1", value=Letter("r", 3, 3).components)
+chi_x = d.symbol("chi_x", r"\chi_x", "angle between the yz planes", "rad", value=acos(R.components[0, 0]))
+chi_y = d.symbol("chi_y", r"\chi_y", "angle between the xz planes", "rad", value=acos(R.components[1, 1]))
+chi_z = d.symbol("chi_z", r"\chi_z", "angle between the xy planes", "rad", value=acos(R.components[2, 2]))
+CHI = (chi_x, chi_y, chi_z)
+UNIT = dict(zip("xyz", (sp.Matrix(sp.eye(3)[:, i]) for i in range(3)), strict=True))
+d
+
+
+# %%
+def turn(axis, angle):
+    """Rotation about a coordinate axis."""
+    return matrix_from_axis_angle(UNIT[axis], cos(angle), sin(angle))
+
+
+def turns(sequence, angles):
+    """Intrinsic rotations, each about an axis of the frame that the ones before have turned."""
+    product = sp.eye(3)
+    for axis, angle in zip(sequence, angles, strict=True):
+        product = product * turn(axis, angle)
+    return sp.ImmutableMatrix(product)
+
+
+zyx = turns("zyx", (alpha, beta, gamma))
+zyz = turns("zyz", (phi, theta, psi))
+IN_RANGE = "an angle between 0 and π is known by its cosine"
+
+# %% [markdown]
+# ## The instants of equation (1)
+#
+# Equation (1) is a picture of the way from $\kappa(t_0)$ over three rotations, each of which takes its interval.
+
+# %%
+t0 = d.symbol("t0", r"t_0", "instant of the start", "s")
+D1, D2, D3 = (
+    d.symbol(f"D{n}", rf"\Delta t_{{0{n}}}", f"interval of the rotation {n}", "s", positive=True)
+    for n in (1, 2, 3)
+)
+t01 = d.symbol("t01", r"t_{01}", "end of the first rotation", "s", value=t0 + D1)
+t02 = d.symbol("t02", r"t_{02}", "end of the second rotation", "s", value=t01 + D2)
+t03 = d.symbol("t03", r"t_{03}", "end of the third rotation, t3 of the text", "s", value=t02 + D3)
+t1 = d.symbol(
+    "t1", r"t_1", "the t1 of equation (1), nowhere defined: the first rotation's end", "s", value=t01
+)
+d.state("eq-1-first", equal(t01, t0 + D1), place="eq. (1), the line under it").prove()
+d.state(
+    "eq-1-instants",
+    equal(t02, t1 + D1 + D2),
+    equal(t03, t1 + D1 + D2 + D3),
+    place="eq. (1), the line under it",
+).refute(
+    {t0: 0, D1: 1, D2: 1, D3: 1},
+    [equal(t02, t0 + D1 + D2), equal(t03, t0 + D1 + D2 + D3)],
+    label="Z1",
+    because="Both sums start at t0; from the end of the first rotation they count its interval twice.",
+)
+end = d.symbol("t_end", r"t_{\mathrm{end}}", "instant of the final state", "s", value=t03)
+d.state("eq-1-final", equal(end, t1), place="eq. (1), its last state κ(t1)").refute(
+    {t0: 0, D1: 1, D2: 1, D3: 1},
+    equal(end, t0 + D1 + D2 + D3),
+    label="Z2",
+    because="The final state is that at t3, as the text before the equation says.",
+)
+
+# %% [markdown]
+# ## The matrix of Z-Y-X, and the three angles
+
+
+# %%
+def matrix(*rows):
+    return sp.ImmutableMatrix(rows)
+
+
+sa, ca, sb, cb, sg, cg = (f(x) for x in (alpha, beta, gamma) for f in (sin, cos))
+printed_zyx = matrix(
+    (ca * cb, ca * sb * sg - sa * cg, ca * sb * cg + sa * sg),
+    (sa * cb, sa * sb * sg + ca * cg, sa * sb * cg - ca * sg),
+    (-sb, cb * sg, cb * cg),
+)
+by_zyx = {R: zyx}
+by_zyz = {R: zyz}
+d.state(
+    "eq-6",
+    equal(R, printed_zyx),
+    text="The matrix of the Z-Y-X angles is the product of the three rotations.",
+    place="eqs. (6) and (19)",
+).prove(given=by_zyx)
+for number, name, letter, printed in (
+    (10, "z", chi_z, cb * cg),
+    (13, "y", chi_y, sa * sb * sg + ca * cg),
+    (16, "x", chi_x, ca * cb),
+):
+    d.state(
+        f"eq-{number}",
+        equal(letter, acos(printed)),
+        text=f"The angle between the normals of two planes: {name}0 and {name}3.",
+        place=f"eq. ({number})",
+    ).prove(cos(letter) - printed, given=by_zyx, because=f"Their cosines are equal, and {IN_RANGE}.")
+d.state(
+    "arccosine-of-diagonal",
+    equal(
+        sp.ImmutableMatrix([cos(c) for c in CHI]), sp.ImmutableMatrix([R.components[i, i] for i in range(3)])
+    ),
+    said="for the Z-Y-X and Z-Y-Z Euler angles, the instantaneous Euler angle is the arccosine of the diagonal element",
+    place="sec. 4.2",
+).prove(
+    because="So it is for every rotation: the cosine between a unit vector and its image is a diagonal element."
+)
+
+# %% [markdown]
+# The same attitude has two triples of Z-Y-X angles, and one of instantaneous angles. The other way is not so: three
+# instantaneous angles belong to up to eight attitudes (`instantaneous_euler_inverse`), so they do not describe one.
+
+# %%
+other = turns("zyx", (alpha + sp.pi, sp.pi - beta, gamma + sp.pi))
+d.state(
+    "euler-angles-not-unique",
+    equal(R, other),
+    said="if the final attitude of the rotation plane is specified, the Euler angles are not uniquely determined",
+    place="sec. 4.2",
+).prove(given=by_zyx, because="(α + π, π − β, γ + π) is the same rotation.")
+flips = [sp.diag(*signs) for signs in ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))]
+same_diagonal = [flip * M * flip for flip in flips for M in (R.components, R.components.T)]
+
+
+def diagonal(M):
+    return sp.ImmutableMatrix([M[i, i] for i in range(3)])
+
+
+d.state(
+    "describes-the-rotation",
+    sp.Implies(sp.Eq(cos(alpha), cos(phi)), sp.Eq(sin(alpha), sin(phi))),
+    said="they transform the three process variables into three status variables describing the rotation of the "
+    "parallel mechanism at a particular moment in time",
+    text="Two rotations about z0 with the same instantaneous angles would be the same rotation.",
+    place="after eq. (16)",
+).refute(
+    {alpha: sp.pi / 3, phi: -sp.pi / 3},
+    [equal(diagonal(R.components), diagonal(other)) for other in same_diagonal],
+    label="Z3",
+    because="A rotation, its inverse, and both seen after a half turn about a coordinate axis have the same diagonal, "
+    "and so the same three angles: these do not tell one attitude.",
+)
+
+# %% [markdown]
+# ## Z-Y-Z: equations (17) and (18)
+
+# %%
+sf, cf, st, ct, sp_, cp = (f(x) for x in (phi, theta, psi) for f in (sin, cos))
+printed_zyz = matrix(
+    (cf * ct * cp - sf * sp_, -cf * ct * sp_ - sf * cp, cf * st),
+    (sf * ct * cp + cf * sp_, -sf * ct * sp_ + cf * sp_, sf * st),
+    (-st * cp, st * sp_, ct),
+)
+right_zyz = matrix(
+    printed_zyz.row(0), (printed_zyz[1, 0], -sf * ct * sp_ + cf * cp, sf * st), printed_zyz.row(2)
+)
+d.state("eq-17", equal(R, printed_zyz), text="The matrix of the Z-Y-Z angles.", place="eq. (17)").refute(
+    {phi: 0, theta: 0, psi: 0},
+    equal(R, right_zyz),
+    given=by_zyz,
+    label="Z4",
+    because="In the middle of the matrix the last factor is cos φ, not sin φ: without any rotation the printed "
+    "element is 0.",
+)
+d.state("eq-18-y", equal(chi_y, acos(printed_zyz[1, 1])), place="eq. (18), second line").refute(
+    {phi: 0, theta: 0, psi: 0},
+    equal(cos(chi_y), right_zyz[1, 1]),
+    given=by_zyz,
+    label="Z5",
+    because="The misprint of (17) is carried along: without any rotation the printed angle is a right one.",
+)
+swapped = (
+    "x and z are exchanged, against the definitions (10) and (16): the angle between the {} planes is that between "
+    "{}0 and {}3."
+)
+d.state(
+    "eq-18-x",
+    equal(chi_x, theta),
+    place="eq. (18), first line",
+    assumptions=[theta >= 0, theta <= sp.pi],
+).refute(
+    {phi: sp.pi / 2, theta: 0, psi: 0},
+    equal(cos(chi_x), cf * ct * cp - sf * sp_),
+    given=by_zyz,
+    label="Z6",
+    because=swapped.format("yz", "x", "x") + " A rotation about z0 alone turns the yz plane.",
+)
+d.state("eq-18-z", equal(chi_z, acos(cf * ct * cp - sf * sp_)), place="eq. (18), third line").refute(
+    {phi: sp.pi / 2, theta: 0, psi: 0},
+    equal(cos(chi_z), ct),
+    given=by_zyz,
+    label="Z7",
+    because=swapped.format("xy", "z", "z") + " A rotation about z0 alone leaves the xy plane where it is.",
+)
+d.state(
+    "bare-theta",
+    equal(chi_z, theta),
+    text="With the labels put right.",
+    place="eq. (18)",
+    assumptions=[sp.Ne(theta, 0)],
+).refute(
+    {phi: 0, theta: -sp.pi / 3, psi: 0},
+    equal(cos(chi_z), cos(theta)),
+    given=by_zyz,
+    label="Z8",
+    because="An angle between planes is between 0 and π: every bare angle of (18) and of the tables stands for its "
+    "absolute value, folded into that range, acos(cos θ). Section 5.2 has the absolute value.",
+)
+
+# %% [markdown]
+# ## Z-Y-X again: equation (20)
+
+# %%
+d.state("eq-20-y", equal(chi_y, acos(sa * sb * sg + ca * cg)), place="eq. (20), second line").prove(
+    cos(chi_y) - (sa * sb * sg + ca * cg), given=by_zyx, because=f"Their cosines are equal, and {IN_RANGE}."
+)
+d.state(
+    "eq-20",
+    equal(chi_x, acos(cb * cg)),
+    equal(chi_z, acos(ca * cb)),
+    place="eq. (20), first and third line",
+).refute(
+    {alpha: sp.pi / 2, beta: 0, gamma: 0},
+    [equal(cos(chi_x), ca * cb), equal(cos(chi_z), cb * cg)],
+    given=by_zyx,
+    label="Z9",
+    because=swapped.format("yz", "x", "x") + " The tables of section 4.1 and section 5.2 have it right.",
+)
+
+# %% [markdown]
+# ## The four typical sequences
+#
+# Of the twelve sequences of axes the paper calls four typical: those that begin with z. A cyclic exchange of the
+# axes' names, itself a rotation, makes all twelve of them.
+
+# %%
+CYCLIC = sp.Matrix([[0, 0, 1], [1, 0, 0], [0, 1, 0]])
+"""x → y → z → x."""
+NEXT = {"x": "y", "y": "z", "z": "x"}
+TYPICAL = ("zyx", "zxy", "zyz", "zxz")
+angles = (alpha, beta, gamma)
+renamed = []
+family = {}
+for sequence in TYPICAL:
+    name, power = sequence, sp.eye(3)
+    for _ in range(3):
+        family[name] = sequence
+        renamed.append(
+            equal(turns(name, angles), sp.ImmutableMatrix(power * turns(sequence, angles) * power.T))
+        )
+        name, power = "".join(NEXT[axis] for axis in name), CYCLIC * power
+assert len(family) == 12
+d.state(
+    "four-typical",
+    *renamed,
+    said="basically only four are typical, namely, ZYX, ZXY, ZYZ, and ZXZ",
+    place="sec. 4",
+).prove(because="The other eight are these with the axes' names exchanged in turn.")
+
+# %% [markdown]
+# For the angles alone two will do. To exchange two names is a reflection $P$, and it changes the signs of all three
+# angles of rotation. With it each sequence becomes Z-Y-X or Z-Y-Z; the instantaneous angles go along with their axes.
+
+
+# %%
+def relabelling(sequence):
+    """Make a sequence z-y-x or z-y-z: what each of x, y, z is called, and the sign of the angles."""
+    first, second, third = sequence
+    rest = next(axis for axis in "xyz" if axis not in (first, second))
+    names = {"z": first, "y": second, "x": rest}
+    permutation = sp.Matrix.hstack(*(UNIT[names[axis]] for axis in "xyz"))
+    return permutation, permutation.det(), "zyx" if third == rest else "zyz"
+
+
+relabelled = []
+for sequence in sorted(family):
+    permutation, sign, like = relabelling(sequence)
+    by_like = turns(like, [sign * angle for angle in angles])
+    relabelled.append(
+        equal(turns(sequence, angles), sp.ImmutableMatrix(permutation * by_like * permutation.T))
+    )
+d.check(
+    "twelve-from-two",
+    *relabelled,
+    text="Each of the twelve is Z-Y-X or Z-Y-Z with other names of the axes and, where that is a reflection, opposite "
+    "angles. Its diagonal, and with it the instantaneous angles, is the relabelled one.",
+).prove()
+
+# %% [markdown]
+# ## The tables of section 4.1
+#
+# The section is headed Z-Y-Z and takes its angles from (18), but its rows name α, β, γ, and are those of Z-Y-X in the
+# order of the definitions. A bare angle stands for its folded absolute value, $\arccos\cos$ (Z8).
+
+
+# %%
+def fold(angle):
+    return acos(cos(angle))
+
+
+TABLE_41 = {
+    "alpha": ((alpha, 0, 0), (fold(alpha), fold(alpha), 0)),
+    "beta": ((0, beta, 0), (fold(beta), 0, fold(beta))),
+    "gamma": ((0, 0, gamma), (0, fold(gamma), fold(gamma))),
+    "beta-gamma": ((0, beta, gamma), (fold(beta), fold(gamma), acos(cb * cg))),
+    "alpha-beta": ((alpha, beta, 0), (acos(ca * cb), fold(alpha), fold(beta))),
+    "alpha-gamma": ((alpha, 0, gamma), (fold(alpha), acos(ca * cg), fold(gamma))),
+}
+TABLE_42 = {
+    "phi": ((phi, 0, 0), (fold(phi), 0, 0)),
+    "theta": ((0, theta, 0), (fold(theta), 0, fold(theta))),
+    "psi": ((0, 0, psi), (0, acos(sp_), fold(psi))),
+    "theta-psi": ((0, theta, psi), (acos(st * cp), fold(psi), fold(theta))),
+    "phi-theta": ((phi, theta, 0), (acos(cf * ct), fold(phi), fold(theta))),
+    "phi-psi": ((phi, 0, psi), (acos(cf * cp), fold(phi + psi), 0)),
+}
+
+
+def claims(row):
+    return [equal(letter, sp.sympify(value)) for letter, value in zip(CHI, row, strict=True)]
+
+
+def cosines(row):
+    return [equal(cos(letter), cos(value)) for letter, value in zip(CHI, row, strict=True)]
+
+
+def written(angles):
+    return "(" + ", ".join(str(a).replace("psi", "varphi") for a in angles) + ")"
+
+
+d.state(
+    "table-4.1-heading",
+    *claims((0, fold(gamma), fold(gamma))),
+    text="The row (0, 0, γ), read as Z-Y-Z as the section's head says.",
+    place="sec. 4.1, its head and “Through Equation (18)”",
+).refute(
+    {gamma: sp.pi / 3},
+    cosines((gamma, gamma, 0)),
+    given={R: turns("zyz", (0, 0, gamma))},
+    label="Z10",
+    because="The rows of section 4.1 are those of Z-Y-X, (19), and those of section 4.2 are meant as those of Z-Y-Z, "
+    "(17): heads and tables are exchanged.",
+)
+for name, (given_angles, row) in TABLE_41.items():
+    d.state(
+        f"table-4.1-{name}",
+        *claims(row),
+        text=f"Z-Y-X angles {written(given_angles)}.",
+        place="sec. 4.1, " + ("one-time" if name.count("-") == 0 else "two-time") + " rotation",
+    ).prove(
+        *cosines(row),
+        given={R: turns("zyx", given_angles)},
+        because=f"Their cosines are equal, and {IN_RANGE}.",
+    )
+d.state(
+    "table-4.1-three",
+    *claims((theta, acos(printed_zyz[1, 1]), acos(cf * ct * cp - sf * sp_))),
+    text="Z-Y-X angles (α, β, γ), by (18) with φ = α, θ = β, φ' = γ.",
+    place="sec. 4.1, three-time rotation",
+).refute(
+    {alpha: sp.pi / 2, beta: 0, gamma: 0},
+    [equal(cos(chi_x), ca * cb), equal(cos(chi_y), sa * sb * sg + ca * cg), equal(cos(chi_z), cb * cg)],
+    given={R: zyx, phi: alpha, theta: beta, psi: gamma},
+    label="Z11",
+    because="Three rotations with the angles (α, β, γ) of this section are those of (20), with its labels put right.",
+)
+d.state(
+    "parallel-planes-4.1",
+    sp.Implies(sp.Eq(sin(chi_z) ** 2, 0), sp.Eq(beta, 0) & sp.Eq(gamma, 0)),
+    said="for the two parallel planes of rotation, the ox3y3 plane is parallel to the oxy plane, and two of the three "
+    "Euler angles are zero, that is, β = γ = 0",
+    place="sec. 4.1",
+).refute(
+    {alpha: 0, beta: 0, gamma: sp.pi},
+    equal(1 - R.components[2, 2] ** 2, sb**2 + cb**2 * sg**2),
+    given=by_zyx,
+    label="Z12",
+    because="Half turns turn the plane upside down and leave it parallel: only sin β = 0 and sin γ = 0 follow.",
+)
+d.state(
+    "same-as-conventional-4.1",
+    *claims((fold(alpha), fold(alpha), 0)),
+    said="The expression of the instantaneous Euler angle is the same as the corresponding conventional Euler angle",
+    place="sec. 4.1, for β = γ = 0",
+).prove(
+    *cosines((alpha, alpha, 0)),
+    given={R: turns("zyx", (alpha, 0, 0))},
+    because="Both angles of the planes that turn are |α|; their cosines are equal.",
+)
+
+# %% [markdown]
+# ## The tables of section 4.2
+#
+# Headed Z-Y-X, with the angles φ, θ, φ′ of Z-Y-Z, and meant as that. Three of the six rows carry the misprint of (17)
+# or the exchanged labels; one gives up the last angle.
+
+# %%
+WRONG_42 = {
+    "phi": (
+        {phi: sp.pi / 2},
+        "Z13",
+        "A rotation about z0 turns the xz plane as it turns the yz plane; (18) as printed gives neither.",
+        (phi, phi, 0),
+    ),
+    "psi": (
+        {psi: sp.pi / 6},
+        "Z14",
+        "It is a rotation about z, as the one by φ: the misprint of (17) makes the second angle π/2 − φ', and x and z "
+        "are exchanged.",
+        (psi, psi, 0),
+    ),
+    "theta-psi": (
+        {theta: sp.pi / 2, psi: 0},
+        "Z15",
+        "The first element of the matrix is cos θ cos φ', not sin θ cos φ'.",
+        (acos(ct * cp), psi, theta),
+    ),
+    "phi-psi": (
+        {phi: sp.pi / 4, psi: sp.pi / 4},
+        "Z16",
+        "Both rotations are about z0: their angles add up, cos φ cos φ' alone does not know it.",
+        (phi + psi, phi + psi, 0),
+    ),
+}
+for name, (given_angles, row) in TABLE_42.items():
+    entry = d.state(
+        f"table-4.2-{name}",
+        *claims(row),
+        text=f"Z-Y-Z angles {written(given_angles)}.",
+        place="sec. 4.2, " + ("one-time" if name.count("-") == 0 else "two-time") + " rotation",
+    )
+    by_row = {R: turns("zyz", given_angles)}
+    if name in WRONG_42:
+        point, label, because, right = WRONG_42[name]
+        entry.refute(point, cosines(right), given=by_row, label=label, because=because)
+    else:
+        entry.prove(*cosines(row), given=by_row, because=f"Their cosines are equal, and {IN_RANGE}.")
+d.state(
+    "table-4.2-three",
+    *claims((acos(cb * cg), acos(sa * sb * sg + ca * cg), acos(ca * cb))),
+    text="Z-Y-Z angles (φ, θ, φ'), by (20) with α = φ, β = θ, γ = φ'.",
+    place="sec. 4.2, three-time rotation",
+).refute(
+    {phi: sp.pi / 2, theta: 0, psi: 0},
+    [equal(cos(chi_x), right_zyz[0, 0]), equal(cos(chi_y), right_zyz[1, 1]), equal(cos(chi_z), ct)],
+    given={R: zyz, alpha: phi, beta: theta, gamma: psi},
+    label="Z17",
+    because="Three rotations with the angles (φ, θ, φ') of this section are those of (18), put right.",
+)
+d.state(
+    "parallel-planes-4.2",
+    sp.Implies(sp.Eq(sin(chi_z) ** 2, 0), sp.Eq(theta, 0)),
+    said="When the ox3y3 plane is parallel to the ox0y0 plane, the Euler angle θ should be equal to zero",
+    place="sec. 4.2",
+).refute(
+    {phi: 0, theta: sp.pi, psi: 0},
+    equal(1 - R.components[2, 2] ** 2, st**2),
+    given=by_zyz,
+    label="Z18",
+    because="θ = π turns the plane upside down and leaves it parallel: only sin θ = 0 follows.",
+)
+phi3 = d.symbol("phi3", r"\phi_3", "a first angle that makes the same rotation", "rad")
+psi3 = d.symbol("psi3", r"\varphi_3", "the third angle with it", "rad")
+d.state(
+    "any-split-of-a-turn-about-z",
+    equal(turns("zyz", (phi3, 0, phi - phi3)), turns("zyz", (phi, 0, 0))),
+    said="ϕ3 and φ3 can be arbitrary values",
+    place="sec. 4.2",
+).prove(because="One of them is arbitrary: the rotation by φ3 and then by φ − φ3 is that by φ.")
+same_turn = sp.Eq(cos(phi3 + psi3), cos(phi)) & sp.Eq(sin(phi3 + psi3), sin(phi))
+d.state(
+    "same-descriptions",
+    sp.Implies(same_turn, sp.Eq(theta + psi3, theta) & sp.Eq(theta, psi3)),
+    said="When the equation θ + φ = θ = φ is satisfied, the three descriptions of the instantaneous Euler angle and "
+    "the Euler angle are the same",
+    place="sec. 4.2",
+).refute(
+    {phi: sp.pi / 2, phi3: sp.pi / 4, psi3: sp.pi / 4, theta: 0},
+    equal(turns("zyz", (phi3, 0, psi3)), turns("zyz", (phi3 + psi3, 0, 0))),
+    label="Z19",
+    because="As printed it leaves θ = φ = 0 only. With θ = 0 the rotation depends on ϕ3 + φ3 alone, so that "
+    "ϕ3 + φ3 = ϕ is what makes the descriptions (ϕ 0 0) and (ϕ3 0 φ3) the same; that seems to be meant.",
+)
+
+# %% [markdown]
+# ## Half angles
+#
+# Near 0 and π an arccosine loses half of the digits. In the quaternion $(q_0, q_x, q_y, q_z)$ of the rotation
+#
+# $$ \sin^2\tfrac{\chi_i}2 = q_j^2 + q_k^2, \qquad \cos^2\tfrac{\chi_i}2 = q_0^2 + q_i^2, $$
+#
+# both sums of squares, so that $\chi_i = 2\,\mathrm{atan2}(\sqrt{q_j^2+q_k^2}, \sqrt{q_0^2+q_i^2})$ loses nothing
+# anywhere.
+
+# %%
+q = (
+    d.symbol("q0", "q_0", "scalar part of a quaternion", "1"),
+    *(d.symbol(f"q{axis}", f"q_{axis}", f"its part along {axis}", "1") for axis in "xyz"),
+)
+square = sum(x**2 for x in q)
+of_quaternion = sp.ImmutableMatrix(matrix_from_quaternion(q[0], list(q[1:])))
+d.check(
+    "half-angles",
+    *(equal(square * (1 - of_quaternion[i, i]) / 2, square - q[0] ** 2 - q[1 + i] ** 2) for i in range(3)),
+    *(equal(square * (1 + of_quaternion[i, i]) / 2, q[0] ** 2 + q[1 + i] ** 2) for i in range(3)),
+    text="(1 − cos χ)/2 and (1 + cos χ)/2 of each angle, for a quaternion of any length.",
+).prove()
+
+# %% [markdown]
+# From Z-Y-X angles the sums for $\chi_x$ and $\chi_z$ need no cancellation either, and for Z-Y-Z $\chi_z$ is
+# $\theta$, folded. The halves of the angles of rotation are h, k, l.
+
+# %%
+h, k_, l_ = (
+    d.symbol(f"half_{n}", letter, f"half of angle {n} of a sequence", "rad")
+    for n, letter in enumerate("hkl", 1)
+)
+halves = {alpha: 2 * h, beta: 2 * k_, gamma: 2 * l_, phi: 2 * h, theta: 2 * k_, psi: 2 * l_}
+
+
+def product(p, r):
+    """Quaternion of one rotation after another."""
+    a, u = p[0], sp.Matrix(p[1:])
+    b, v = r[0], sp.Matrix(r[1:])
+    return sp.Matrix([a * b - u.dot(v), *(a * v + b * u + u.cross(v))])
+
+
+def half_turns(sequence, halves):
+    """Quaternion of intrinsic rotations by twice the angles."""
+    found = sp.Matrix([1, 0, 0, 0])
+    for axis, angle in zip(sequence, halves, strict=True):
+        found = product(found, sp.Matrix([cos(angle), *(sin(angle) * UNIT[axis])]))
+    return found
+
+
+q_zyx = half_turns("zyx", (h, k_, l_))
+q_zyz = half_turns("zyz", (h, k_, l_))
+d.check(
+    "quaternions",
+    equal(sp.ImmutableMatrix(matrix_from_quaternion(q_zyx[0], list(q_zyx[1:]))), zyx.subs(halves)),
+    equal(sp.ImmutableMatrix(matrix_from_quaternion(q_zyz[0], list(q_zyz[1:]))), zyz.subs(halves)),
+    text="The quaternions of Z-Y-X and Z-Y-Z have these matrices.",
+).prove()
+plus, minus = h + l_, h - l_
+d.check(
+    "half-angles-of-sequences",
+    equal(q_zyx[2] ** 2 + q_zyx[3] ** 2, (sin(h) * cos(k_)) ** 2 + (cos(h) * sin(k_)) ** 2),
+    equal(q_zyx[0] ** 2 + q_zyx[1] ** 2, (cos(h) * cos(k_)) ** 2 + (sin(h) * sin(k_)) ** 2),
+    equal(q_zyx[1] ** 2 + q_zyx[2] ** 2, (sin(k_) * cos(l_)) ** 2 + (cos(k_) * sin(l_)) ** 2),
+    equal(q_zyx[0] ** 2 + q_zyx[3] ** 2, (cos(k_) * cos(l_)) ** 2 + (sin(k_) * sin(l_)) ** 2),
+    equal(
+        sp.ImmutableMatrix(q_zyz),
+        sp.ImmutableMatrix(
+            [cos(k_) * cos(plus), -sin(k_) * sin(minus), sin(k_) * cos(minus), cos(k_) * sin(plus)]
+        ),
+    ),
+).prove()
+
+
+# %% [markdown]
+# ## The kernels
+#
+# Each gives the three angles and says what they are. A triple with an angle of 0 or π is marked: that plane has not
+# moved, or is upside down, so that it has no ridge line and its rate of change a kink.
+
+
+# %%
+class AngleStatus(IntEnum):
+    """What a triple of instantaneous Euler angles is.
+
+    ANGLES: three angles between 0 and pi, each with its ridge line.
+    NO_RIDGE: at least one angle is 0 or pi to rounding: its planes coincide or are parallel, without a ridge line.
+    IDENTITY: no rotation; all three angles are 0.
+    NOT_NORMAL: the quaternion is not of unit length, or the matrix not orthogonal; it is brought to one.
+    INVALID: not finite, a zero quaternion, or a reflection; the result is NaN.
+    """
+
+    ANGLES = 0
+    NO_RIDGE = 1
+    IDENTITY = 2
+    NOT_NORMAL = 3
+    INVALID = 4
+
+
+def length_of_two(k, name, a, b):
+    """√(a² + b²), scaled because the square of a small number vanishes below 1e-154."""
+    scale = k.let(f"{name}_scale", power_of_two_scale(abs(a) + abs(b)))
+    return k.let(name, sp.sqrt((scale * a) ** 2 + (scale * b) ** 2) / scale)
+
+
+def finish(k, sines, cosines, good, abnormal):
+    """Angles from the sines and cosines of their halves, and what they are."""
+    chi = [2 * sp.atan2(s, c) for s, c in zip(sines, cosines, strict=True)]
+    k.output(
+        "chi",
+        sp.Matrix([select(good, value, sp.nan) for value in chi]),
+        unit="rad",
+        doc="angles of the yz, xz and xy planes, 0 to pi",
+    )
+    flat = sp.Or(*(sp.Le(s, EPS) | sp.Le(c, EPS) for s, c in zip(sines, cosines, strict=True)))
+    none = sp.And(*(sp.Eq(s, 0) for s in sines))
+    status = sp.Piecewise(
+        (AngleStatus.INVALID, sp.Not(good)),
+        (AngleStatus.NOT_NORMAL, abnormal),
+        (AngleStatus.IDENTITY, none),
+        (AngleStatus.NO_RIDGE, flat),
+        (AngleStatus.ANGLES, True),
+        evaluate=False,
+    )
+    k.status("status", status, AngleStatus, doc="what the angles are")
+    return k.build()
+
+
+def by_quaternion(k, w, v, good, abnormal):
+    sines, cosines = [], []
+    for i, axis in enumerate("xyz"):
+        j, n = (i + 1) % 3, (i + 2) % 3
+        sines.append(length_of_two(k, f"sine_{axis}", v[j], v[n]))
+        cosines.append(length_of_two(k, f"cosine_{axis}", w, v[i]))
+    return finish(k, sines, cosines, good, abnormal)
+
+
+def chi_from_quaternion():
+    k = KernelBuilder(
+        "chi_from_quaternion",
+        summary="Instantaneous Euler angles of a unit quaternion.",
+        source="Zhou and Zhu, eqs. (10), (13), (16), by half angles",
+    )
+    quaternion = k.input("quaternion", 4, unit="1", doc="unit quaternion, scalar part first")
+    unit, good, abnormal = normalised(k, "quaternion", quaternion)
+    return by_quaternion(k, unit[0], unit[1:4, 0], k.let("good", good), abnormal)
+
+
+def chi_from_matrix():
+    k = KernelBuilder(
+        "chi_from_matrix",
+        summary="Instantaneous Euler angles of a rotation matrix.",
+        source="Zhou and Zhu, eqs. (10), (13), (16), by half angles",
+    )
+    matrix = k.input("matrix", (3, 3), unit="1", doc="rotation matrix")
+    w, v, good, abnormal = quaternion_of_matrix(k, matrix)
+    return by_quaternion(k, w, v, good, abnormal)
+
+
+def quaternion_of_matrix(k, matrix):
+    """A unit quaternion by its largest component, whether the matrix is one of a rotation, and how nearly."""
+    products = k.let("products", quaternion_products(matrix))
+    column, largest = products[:, 0], products[0, 0]
+    for n in range(1, 4):
+        column = select(products[n, n] > largest, products[:, n], column)
+        largest = select(products[n, n] > largest, products[n, n], largest)
+        column, largest = k.let(f"column_{'abc'[n - 1]}", column), k.let(f"largest_{'abc'[n - 1]}", largest)
+    length = k.let("length", sp.sqrt(column.dot(column)))
+    unit = k.let("unit", column / length)
+    gram = matrix.T * matrix - sp.eye(3)
+    deviation = k.let("deviation", sum((abs(x) for x in gram), sp.S.Zero))
+    determinant = k.let("determinant", matrix[:, 0].dot(matrix[:, 1].cross(matrix[:, 2])))
+    good = k.let("good", (determinant > 0) & (deviation <= LARGEST))
+    return unit[0], unit[1:4, 0], good, sp.Not(deviation <= 64 * EPS)
+
+
+def half_angles(k, angles):
+    half = [k.let(f"half_{n}", angle / 2) for n, angle in enumerate(angles, 1)]
+    s = [k.let(f"sin_{n}", sin(x)) for n, x in enumerate(half, 1)]
+    c = [k.let(f"cos_{n}", cos(x)) for n, x in enumerate(half, 1)]
+    return half, s, c, k.let("good", sum((abs(x) / 4 for x in angles), sp.S.Zero) <= LARGEST)
+
+
+def chi_from_zyx():
+    k = KernelBuilder(
+        "chi_from_zyx",
+        summary="Instantaneous Euler angles of intrinsic Z-Y-X angles.",
+        source="Zhou and Zhu, eqs. (10), (13), (16), by half angles",
+    )
+    angles = k.input("angles", 3, unit="rad", doc="about z0, y1 and x2")
+    _, (s1, s2, s3), (c1, c2, c3), good = half_angles(k, angles)
+    w = k.let("w", c1 * c2 * c3 + s1 * s2 * s3)
+    x = k.let("x", c1 * c2 * s3 - s1 * s2 * c3)
+    y = k.let("y", c1 * s2 * c3 + s1 * c2 * s3)
+    z = k.let("z", s1 * c2 * c3 - c1 * s2 * s3)
+    sines = [
+        length_of_two(k, "sine_x", s1 * c2, c1 * s2),
+        length_of_two(k, "sine_y", x, z),
+        length_of_two(k, "sine_z", s2 * c3, c2 * s3),
+    ]
+    cosines = [
+        length_of_two(k, "cosine_x", c1 * c2, s1 * s2),
+        length_of_two(k, "cosine_y", w, y),
+        length_of_two(k, "cosine_z", c2 * c3, s2 * s3),
+    ]
+    return finish(k, sines, cosines, good, sp.false)
+
+
+def chi_from_zyz():
+    k = KernelBuilder(
+        "chi_from_zyz",
+        summary="Instantaneous Euler angles of intrinsic Z-Y-Z angles.",
+        source="Zhou and Zhu, eq. (18) put right, by half angles",
+    )
+    angles = k.input("angles", 3, unit="rad", doc="about z0, y1 and z2")
+    (h1, _, h3), (_, s2, _), (_, c2, _), good = half_angles(k, angles)
+    sum_, difference = k.let("half_sum", h1 + h3), k.let("half_difference", h1 - h3)
+    w, z = k.let("w", c2 * cos(sum_)), k.let("z", c2 * sin(sum_))
+    x, y = k.let("x", -s2 * sin(difference)), k.let("y", s2 * cos(difference))
+    sines = [length_of_two(k, "sine_x", y, z), length_of_two(k, "sine_y", x, z), k.let("sine_z", abs(s2))]
+    cosines = [
+        length_of_two(k, "cosine_x", w, x),
+        length_of_two(k, "cosine_y", w, y),
+        k.let("cosine_z", abs(c2)),
+    ]
+    return finish(k, sines, cosines, good, sp.false)
+
+
+# %%
+derivation.kernel(chi_from_quaternion(), chi_from_matrix(), chi_from_zyx(), chi_from_zyz())
+if in_notebook():
+    for kernel in derivation.kernels.values():
+        print(f"{kernel.name:40} {sum(kernel.operations.values()):5d} operations")
