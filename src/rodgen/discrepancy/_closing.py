@@ -13,19 +13,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.errors import InputFileError
-from rodgen.machines._rigid import rotation_matrix
+from rodgen.machines._rigid import rotation_matrix, rotation_vector
 from rodgen.machines.closing import assembly_modes, physical_pose, placed_at
 
 if TYPE_CHECKING:
     from rodgen.discrepancy._bind import Observations
     from rodgen.machines.closed_chain import ClosedChain
+    from rodgen.machines.machine import Machine
 
-__all__ = ["closed", "pose_start"]
+__all__ = ["closed", "in_its_mode", "pose_start", "within_reach"]
 
 Array: TypeAlias = NDArray[np.float64]
 
 TURNS = 20
 """Times that the frame and the modes nearest the readings in it are found in turn; usually it stays after two."""
+HALVINGS = 6
+"""Times that a command out of reach is brought half way nearer to one in reach."""
 
 
 def closed(observations: Observations) -> Observations:
@@ -125,3 +128,42 @@ def _frame(at: Array, reading: Array, moves: bool) -> tuple[Array, Array]:
     u, _, v = np.linalg.svd((reading - seen).T @ (at - middle))
     turn = u @ np.diag([1.0, 1.0, float(np.sign(np.linalg.det(u @ v)))]) @ v
     return turn, seen - turn @ middle
+
+
+def within_reach(o: Observations, q: Array) -> Observations:
+    """Return observations of a closed chain with other commands, as near to these as the legs close.
+
+    Parameters
+    ----------
+    o : Observations
+    q : ndarray, shape (n, 3)
+        A row that does not close comes nearer to the one in `o`, and at last stays where that is.
+    """
+    machine = in_its_mode(o.machine, o)
+    found, start = np.array(o.q), np.array(o.pose_start)
+    wanted, open_ = np.array(q), np.ones(o.n, bool)
+    for _ in range(HALVINGS):
+        some = np.flatnonzero(open_)
+        tried = replace(o.take(some), machine=machine, q=wanted[some])
+        poses = pose_start(tried)
+        good = np.isfinite(poses).all(axis=1)
+        found[some[good]], start[some[good]] = wanted[some[good]], poses[good]
+        open_[some[good]] = False
+        if not open_.any():
+            break
+        wanted[open_] = (wanted[open_] + o.q[open_]) / 2
+    return replace(o, q=found, pose_start=start)
+
+
+def in_its_mode(machine: Machine, o: Observations) -> Machine:
+    """Return a machine that tells by itself in which assembly mode it was measured.
+
+    Where readings told the mode, its ``start`` becomes the pose in the middle of all.
+    """
+    geometry = machine.geometry
+    if geometry is None or geometry.family == "tricept" or geometry.start is not None or o.pose_start is None:
+        return machine
+    turns = o.pose_start.reshape(-1, 3, 3)
+    middle = turns[int(np.argmax(np.einsum("nij,ij->n", turns, turns.mean(axis=0))))]
+    x, y, z = (float(c) for c in rotation_vector(middle))
+    return replace(machine, geometry=replace(geometry, start=(x, y, z)))

@@ -13,6 +13,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.discrepancy._closing import within_reach
 from rodgen.discrepancy._problem import Problem
 from rodgen.machines._model import Frame, Model
 from rodgen.machines.machine import Machine, Target
@@ -68,6 +69,8 @@ class _Imagination:
         points = [t.point for t in self.machine.targets] + [j.point for j in self.machine.joints]
         slides = [j for j, joint in enumerate(self.machine.joints) if joint.type == "prismatic"]
         spans = np.ptp(self.o.q[:, slides], axis=0)
+        if self.machine.geometry is not None:
+            spans = np.array([self.machine.geometry.R])
         return float(max(np.linalg.norm(points, axis=1).max(), spans.max(initial=0.0), 1.0))
 
     def problem(self, machine: Machine | None = None, **columns: Any) -> Problem:
@@ -75,7 +78,13 @@ class _Imagination:
         model = self.model
         if machine is not None:
             model = Model(machine, model.travel, self.o.run_names, compiled=model.compiled)
-        made = Problem(model, replace(self.base, **columns))
+        q = columns.pop("q", None)
+        observations = replace(self.base, **columns)
+        if q is not None and self.machine.geometry is not None:
+            observations = within_reach(observations, q)
+        elif q is not None:
+            observations = replace(observations, q=q)
+        made = Problem(model, observations)
         if model.structure.kind == "direction":  # a direction is told from the one that is read
             reading = made.places(self.theta, self.frame)
             made = Problem(model, replace(made.observations, reading=reading))
@@ -97,6 +106,8 @@ class _Imagination:
         """Return any angle, or places on a slide and beyond its ends."""
         if self.machine.joints[j].type == "revolute":
             return self.random.uniform(-np.pi, np.pi, self.n)
+        if self.machine.joints[j].type == "leg":
+            return self.around(self.o.q[:, j], self.size / 4)
         return self.around([*self.model.travel[j], self.o.q[:, j].min(), self.o.q[:, j].max()], self.size)
 
     def sides(self) -> NDArray[np.int8]:
@@ -105,7 +116,7 @@ class _Imagination:
 
     def speeds(self, j: int) -> Array:
         """Return velocities of a joint."""
-        slides = self.machine.joints[j].type == "prismatic"
+        slides = self.machine.joints[j].type != "revolute"
         return self.around([0.0, np.max(np.abs(self.o.v[:, j]))], self.size if slides else 1.0)
 
     def times(self) -> Array:

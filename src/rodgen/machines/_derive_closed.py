@@ -19,14 +19,20 @@ from rodgen.machines.closed_chain import FAMILIES
 from rodgen.symbolic import select
 
 if TYPE_CHECKING:
+    from rodgen.codegen.kernel import Kernel
     from rodgen.machines._derive import _Model
+    from rodgen.machines._structure import Term
 
-__all__ = ["STEPS", "closed_chain"]
+__all__ = ["closed_chain", "pose_from_afar"]
 
 Vector: TypeAlias = sp.Matrix
 
 STEPS = 3
-"""Newton's steps. From 3 % off the nominal pose, which is more than any machine that is calibrated, they leave 1e-12."""
+"""Newton's steps. From 3 % off the nominal pose, more than any machine that is to be calibrated, they leave 1e-12."""
+FROM_AFAR = 8
+"""Newton's steps from where the platform may be to where it is, all over the workspace."""
+STAGES = 4
+"""Parts in which a way from one pose to another is gone, so that the assembly mode stays the same."""
 CLOSED = sp.Rational(1, 10**12)
 """Square of the last step, in rad or radii of the base, above which the legs do not close: after a smaller one what is
 left is its square, which is below rounding."""
@@ -130,20 +136,35 @@ class _Chain:
         m, terms = self.m, self.m.structure.terms
         pose = self.first()
         if any(term.uses_tension for term in terms):
+            # where the legs are without giving way, which is so near that the forces are the same; and not the pose that
+            # comes with the row, for the forces depend on the commands
+            pose, _ = self.nearer(pose, self.lengths(lambda term: not term.uses_tension))
             m.tension = dict(enumerate(self.tensions(pose, x, m.known("gravity"))))
-        half = []
-        for k in range(3):
-            length = sp.Add(m.column["q", k], *(m.term(n) for n in self.terms(k, "reading")))
-            length = m.let("length", length)
-            half.append(m.let("half_square", length**2 / 2))
-        square = sp.S.Zero
+        half = self.lengths(lambda term: True)
+        step = sp.zeros(3, 1)
         for _ in range(STEPS):
-            legs = self.legs(pose)
-            gap = sp.Matrix([leg.dot(leg) / 2 - h for leg, h in zip(legs, half, strict=True)])
-            step = m.let("step", -self.inverse(self.slopes(pose, legs)) * m.let("gap", gap))
-            square = m.let("square", self.size(step))
-            pose = self.moved(step)
-        return pose, square
+            pose, step = self.nearer(pose, half)
+        return pose, m.let("square", self.size(step))
+
+    def lengths(self, counts: Callable[[Term], bool]) -> list[sp.Expr]:
+        """Return the halves of the squares of the legs' lengths, with those effects that count."""
+        m, found = self.m, []
+        for k in range(3):
+            here = [n for n in self.terms(k, "reading") if counts(m.structure.terms[n])]
+            length = m.let("length", sp.Add(m.column["q", k], *(m.term(n) for n in here)))
+            found.append(m.let("half_square", length**2 / 2))
+        return found
+
+    def nearer(self, pose: _Pose, half: Sequence[sp.Expr]) -> tuple[_Pose, Vector]:
+        """Return the pose after one of Newton's steps towards legs with these halves of squares, and the step."""
+        legs = self.legs(pose)
+        gap = sp.Matrix([leg.dot(leg) / 2 - h for leg, h in zip(legs, half, strict=True)])
+        step = self.m.let("step", -self.inverse(self.slopes(pose, legs)) * self.m.let("gap", gap))
+        return self.moved(step), step
+
+    def from_afar(self) -> list[sp.Expr]:
+        """Return the pose with legs of the commanded lengths as numbers, from wherever the family begins."""
+        raise NotImplementedError
 
     def size(self, step: Vector) -> sp.Expr:
         return step.dot(step)
@@ -155,6 +176,16 @@ class _Tricept(_Chain):
     def first(self) -> _Pose:
         self.unknowns = sp.Matrix(self.start)
         return self.pose()
+
+    def from_afar(self) -> list[sp.Expr]:
+        half = self.lengths(lambda term: True)
+        R, r = self.number["R"][0], self.number["r"][0]
+        square = self.m.let("height", (sum(half, sp.S.Zero) * 2 / 3) - (R - r) ** 2)
+        self.unknowns = sp.Matrix([0, 0, self.m.let("height", sp.sqrt(select(square > 0, square, R**2)))])
+        pose = self.pose()
+        for _ in range(FROM_AFAR):
+            pose, _step = self.nearer(pose, half)
+        return list(self.unknowns)
 
     def moved(self, step: Vector) -> _Pose:
         self.unknowns = self.m.let("pose", self.unknowns + step)
@@ -197,6 +228,18 @@ class _Pivot(_Chain):
 
     def first(self) -> _Pose:
         return self.pose(sp.Matrix(3, 3, self.start))
+
+    def from_afar(self) -> list[sp.Expr]:
+        wanted, pose = self.lengths(lambda term: True), self.first()
+        begun = [self.m.let("half_square", leg.dot(leg) / 2) for leg in self.legs(pose)]
+        for stage in range(1, STAGES + 1):
+            part = sp.Rational(stage, STAGES)
+            half = [
+                self.m.let("half_square", (1 - part) * a + part * b) for a, b in zip(begun, wanted, strict=True)
+            ]
+            for _ in range(FROM_AFAR // STAGES):
+                pose, _step = self.nearer(pose, half)
+        return list(pose.turn)
 
     def moved(self, step: Vector) -> _Pose:
         half = self.m.let("half", step / 2)
@@ -243,3 +286,19 @@ def closed_chain(model: _Model, x: Vector) -> Vector:
     place = model.let("carried", chain.carry(pose, x))
     closed = square < CLOSED
     return model.let("closed", sp.Matrix([select(closed, p, sp.nan) for p in place]))
+
+
+def pose_from_afar(model: _Model) -> Kernel:
+    """Return the kernel that finds the pose on the nominal machine, all by itself.
+
+    It replaces what else comes with each row. Of a family that counts one assembly mode as the physical one it begins in
+    the middle; of others at the ``start`` of its rows, and goes from there with the lengths of the legs.
+
+    Parameters
+    ----------
+    model : _Model
+        Without terms and freedoms.
+    """
+    chain = CHAINS[model.structure.family](model)
+    model.builder.output("start", sp.Matrix(chain.from_afar()), unit="1", doc="pose on the nominal machine")
+    return model.builder.build()

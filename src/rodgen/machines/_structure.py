@@ -246,7 +246,7 @@ class Structure:
     def columns(self) -> tuple[tuple[str, int | str], ...]:
         """The layout of ``rows``: ``("q", joint)``, ``("s", joint)``, ..., ``("x", column)``, readings, weights.
 
-        Of a closed chain also ``("start", i)``: the pose on the nominal machine, near which the model solves for its own.
+        Of a closed chain also ``("start", i)``: the pose on the nominal machine, near which the model's own is.
         """
         used: dict[tuple[str, int | str], None] = {("q", j): None for j in range(len(self.joints))}
         if self.family:

@@ -1,4 +1,4 @@
-"""The catalogue: every effect that a chain of joints or a platform on legs may have, with its formula and in a mechanic's words.
+"""The catalogue: every effect that a chain or a closed chain may have, with its formula and in a mechanic's words.
 
 It is one table, a row an effect: name, where, what it changes, formula, parameters with units; then the words. What
 the names in the formulas and the placeholders in the units mean is said at `EffectDefinition`.
@@ -474,7 +474,7 @@ _LEG = (
         meaning="The centre of the leg's joint on the base is not where the drawing puts it. The leg pulls the "
         "platform from a wrong place: its error changes with the leg's direction.",
         usual_size="0.01 to 0.5 mm as built, a few µm after a calibration",
-        remedy="Measure the joint centres with a coordinate measuring machine, or enter the fitted ones in the control.",
+        remedy="Measure the joint centres on a coordinate measuring machine, or enter the fitted ones in the control.",
         source=f"{_KUREKOVA}, section 3; {_MOORING}",
     ),
     _row(
@@ -482,7 +482,7 @@ _LEG = (
         meaning="The centre of the leg's joint on the platform is not where the drawing puts it. It is carried along "
         "with the platform, so its error turns as the platform does.",
         usual_size="0.01 to 0.5 mm as built, a few µm after a calibration",
-        remedy="Measure the joint centres with a coordinate measuring machine, or enter the fitted ones in the control.",
+        remedy="Measure the joint centres on a coordinate measuring machine, or enter the fitted ones in the control.",
         source=f"{_KUREKOVA}, section 3; {_MOORING}",
     ),
     _row(

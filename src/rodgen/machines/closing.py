@@ -8,11 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.errors import RodgenError
+from rodgen.machines._rigid import rotation_matrix
 from rodgen.machines.closed_chain import ClosedChain
 
-__all__ = ["assembly_modes", "physical_pose", "placed_at"]
+__all__ = ["assembly_modes", "physical_pose", "placed_at", "usual_leg"]
 
 Array: TypeAlias = NDArray[np.float64]
+
+AROUND = 0.05
+"""Part of its usual length by which a leg is taken to change, either way."""
 
 
 def physical_pose(geometry: ClosedChain, legs: Array) -> Array:
@@ -68,4 +72,24 @@ def placed_at(geometry: ClosedChain, poses: Array, targets: Array) -> Array:
     """
     if geometry.family != "3-sps-s":
         raise RodgenError(f"a {geometry.family} has one physical assembly mode")
-    return np.einsum("...ij,...j->...i", poses, targets) + [0.0, 0.0, geometry.h]
+    return np.asarray(np.einsum("...ij,...j->...i", poses, targets) + np.array([0.0, 0.0, geometry.h]))
+
+
+def usual_leg(geometry: ClosedChain, leg: int) -> tuple[float, float]:
+    """Return lengths of a leg around the middle of where the machine works, for want of its travel.
+
+    Parameters
+    ----------
+    geometry : ClosedChain
+    leg : int
+        Its number.
+    """
+    angle = np.radians(list(geometry.of.legs.values())[leg])
+    across = np.array([np.cos(angle), np.sin(angle), 0.0])
+    if geometry.family == "tricept":
+        joint = geometry.r * across + np.array([0.0, 0.0, 2 * geometry.R])
+    else:
+        turn = np.eye(3) if geometry.start is None else rotation_matrix(geometry.start)
+        joint = turn @ (geometry.r * across) + np.array([0.0, 0.0, geometry.h])
+    length = float(np.linalg.norm(joint - geometry.R * across))
+    return (1 - AROUND) * length, (1 + AROUND) * length

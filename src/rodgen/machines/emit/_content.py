@@ -16,6 +16,7 @@ from rodgen.codegen.kernel import Kernel
 from rodgen.errors import RodgenError, shown
 from rodgen.machines._model import Model
 from rodgen.machines._structure import row_effects
+from rodgen.machines.closing import usual_leg
 from rodgen.machines.emit._kernels import (
     OF_A_JOINT,
     Constant,
@@ -220,6 +221,11 @@ _PARTS = {
     "shift": "frame shift, {length}",
     "shift_rotation": "frame shift, rotation",
     "target": "target {target}",
+    "R": "radius of the joints on the base, {length}",
+    "r": "radius of the joints on the platform, {length}",
+    "q": "from the middle of the platform's joints to its centre, {length}",
+    "h": "height of the pivot, {length}",
+    "start": "turn of the platform in the assembly mode",
 }
 
 
@@ -296,6 +302,8 @@ def _size(scope: Scope) -> float:
         float(np.linalg.norm(p))
         for p in (*(j.point for j in machine.joints), *(t.point for t in machine.targets))
     ]
+    if machine.geometry is not None:
+        travel.append(max(usual_leg(machine.geometry, k)[1] for k in range(3)))
     return float(sum(travel) + max(points)) or 1.0
 
 
@@ -308,7 +316,9 @@ def _samples(scope: Scope, fitted: MachineKernels, ideal: MachineKernels, size: 
         else (-np.pi, np.pi)
         if joint.type == "revolute"
         else (-size, size)
-        for joint, travel in zip(joints, scope.model.travel, strict=True)
+        if machine.geometry is None
+        else usual_leg(machine.geometry, j)
+        for j, (joint, travel) in enumerate(zip(joints, scope.model.travel, strict=True))
     ]
     found = 0
     for n, point in enumerate(_even(len(joints) + len(fitted.columns), TRIES)):

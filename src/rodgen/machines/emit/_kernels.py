@@ -24,7 +24,9 @@ from numpy.typing import NDArray
 
 from rodgen.codegen.kernel import Assignment, Kernel, KernelBuilder, Port, port_symbols
 from rodgen.machines._derive import _Model
+from rodgen.machines._derive_closed import pose_from_afar
 from rodgen.machines._model import Frame, Model
+from rodgen.machines._rigid import rotation_matrix
 from rodgen.machines._structure import Structure, Term, row_effects
 from rodgen.symbolic import select
 
@@ -38,6 +40,8 @@ TINY = sp.Rational(1, 10**300)
 
 OF_A_JOINT = frozenset({"axis", "point", "u", "v", "start", "length"})
 """Parts of the geometry that each joint has."""
+OF_A_CLOSED_CHAIN = {"R": "base_radius", "r": "platform_radius", "q": "offset", "h": "pivot_height"}
+"""Parts of the geometry of a closed chain, and what they are called in code."""
 SWEEPS = 5
 """Joints up to which derivatives are accumulated forward: 0.6 of the operations of three sweeps backward with 4 or 5
 joints and many effects, 1.6 of them with 6."""
@@ -67,8 +71,11 @@ class MachineKernels:
 
     Attributes
     ----------
-    place : Kernel
-        Inputs: ``q``, the columns (``s0``, ``t``, ...), ``seen`` where targets differ, the constants.
+    forward : Kernel
+        Inputs: ``q``, ``start`` of a closed chain, the columns (``s0``, ``t``, ...), ``seen`` where targets differ, the
+        constants. Its derivative does not run through ``start``, on which a solved pose does not depend.
+    pose : Kernel or None
+        What finds ``start`` of ``q`` and the constants.
     columns : tuple of (str, (str, int or str))
         Names of the inputs that differ from row to row, beside ``q``, and which column each is.
     constants : tuple of Constant
@@ -78,18 +85,36 @@ class MachineKernels:
         What its components are.
     """
 
-    place: Kernel
+    forward: Kernel
+    pose: Kernel | None
     columns: tuple[tuple[str, tuple[str, int | str]], ...]
     constants: tuple[Constant, ...]
     seen: Array
     seen_of: tuple[str, ...]
 
     @cached_property
+    def place(self) -> Kernel:
+        """The kernel of the place: inputs ``q``, the columns, ``seen``, the constants."""
+        return self._begun(self.forward)
+
+    @cached_property
     def place_and_jacobian(self) -> Kernel:
         """The kernel with the derivative with respect to ``q`` beside the place."""
-        mode = "forward" if self.place.port("q").size <= SWEEPS else "reverse"
-        name = f"{self.place.name}_and_jacobian"
-        return self.place.jacobian(["q"], ["place"], name=name, values=True, mode=mode)
+        mode = "forward" if self.forward.port("q").size <= SWEEPS else "reverse"
+        name = f"{self.forward.name}_and_jacobian"
+        return self._begun(self.forward.jacobian(["q"], ["place"], name=name, values=True, mode=mode))
+
+    def _begun(self, kernel: Kernel) -> Kernel:
+        """Return a kernel after the one that finds the start, where there is one."""
+        if self.pose is None:
+            return kernel
+        own = {a.symbol: sp.Symbol(f"pose_{a.symbol.name}", real=a.symbol.is_real) for a in self.pose.assignments}
+        steps = [Assignment(own[a.symbol], a.value.xreplace(own)) for a in self.pose.assignments]
+        found = [own[symbol] for symbol in self.pose.port("start").symbols]
+        begun = dict(zip(kernel.port("start").symbols, found, strict=True))
+        steps += [Assignment(a.symbol, a.value.xreplace(begun)) for a in kernel.assignments]
+        inputs = {port.name: port for port in (*kernel.inputs, *self.pose.inputs) if port.name != "start"}
+        return replace(kernel, inputs=tuple(inputs.values()), assignments=tuple(steps))
 
     def inputs(self, q: Sequence[float], columns: Mapping[str, float], target: int) -> dict[str, Any]:
         """Return the inputs of the kernels by name, constants and all."""
@@ -114,9 +139,11 @@ def machine_kernels(model: Model, name: str = "place", prefix: str = "") -> Mach
         model.structure,
         joints=tuple(replace(joint, axis=False, point=False) for joint in model.structure.joints),
         target=False,
+        numbers=(),
     )
     general = _Model(structure, name, with_residual=False).kernel()
     numbers = _Numbers(model, structure, prefix)
+    pose = _pose_kernel(model, structure, numbers) if structure.family else None
     rows, g, e = (list(general.port(port).symbols) for port in ("rows", "g", "e"))
     columns = [
         (c, s) for c, s in zip(structure.columns, rows, strict=True) if c[0] not in {"reading", "weight"}
@@ -125,14 +152,17 @@ def machine_kernels(model: Model, name: str = "place", prefix: str = "") -> Mach
     stands_for |= dict(zip(e, numbers.effects, strict=False))  # one is left over where there is none
     if structure.slots:  # the change of a freedom is in the geometry already
         stands_for |= dict.fromkeys(general.port("freedom").symbols, sp.S.Zero)
-    known = {symbol: value for symbol, value in stands_for.items() if value.is_Number}
 
-    joints = len(structure.joints)
-    ports = [_port("q", (joints,), "commanded coordinates")]
+    ports = [_port("q", (len(structure.joints),), "commanded coordinates")]
+    if pose is not None:
+        ports.append(_port("start", pose.port("start").shape, "pose on the nominal machine"))
     names: dict[str, tuple[str, int | str]] = {}
     for (kind, of), symbol in columns:
         if kind == "q":
             stands_for[symbol] = ports[0].symbols[int(of)]
+            continue
+        if kind == "start":
+            stands_for[symbol] = ports[1].symbols[int(of)]
             continue
         of_row = _port(_column_name(kind, of, names), (), "of the row")
         names[of_row.name] = kind, of
@@ -140,23 +170,53 @@ def machine_kernels(model: Model, name: str = "place", prefix: str = "") -> Mach
         ports.append(of_row)
     if numbers.seen.shape[1]:
         ports.append(_port("seen", (numbers.seen.shape[1],), "of the target"))
-    ports += [_port(constant.name, (), "a number of the machine") for constant in numbers.constants]
-    if known:
-        ports.append(Port("known", (len(known),), "1", "folded in", tuple(known)))
-    renamed = {symbol: value for symbol, value in stands_for.items() if symbol not in known}
-    steps = tuple(Assignment(a.symbol, a.value.xreplace(renamed)) for a in general.assignments)
-    place = replace(general, inputs=tuple(ports), assignments=steps)
-    place = place.at({"known": list(known.values())}) if known else place
-
-    read = {s.name for a in place.assignments for s in a.value.free_symbols}
-    unread = {port.name for port in place.inputs if port.shape == ()} - read
+    place = _folded(general, stands_for, ports, numbers)
+    kernels = [place] if pose is None else [place, pose]
+    read = {s.name for kernel in kernels for a in kernel.assignments for s in a.value.free_symbols}
     return MachineKernels(
-        replace(place, inputs=tuple(port for port in place.inputs if port.name not in unread)),
+        place,
+        pose,
         tuple((n, column) for n, column in names.items() if n in read),
         tuple(constant for constant in numbers.constants if constant.name in read),
         numbers.seen,
         numbers.seen_of,
     )
+
+
+def _pose_kernel(model: Model, structure: Structure, numbers: _Numbers) -> Kernel:
+    """Write the kernel that finds the pose of a closed chain on the nominal machine."""
+    bare = replace(structure, terms=(), shift=False, frame=False)
+    general = pose_from_afar(_Model(bare, "pose", with_residual=False))
+    q = _port("q", (len(structure.joints),), "commanded coordinates")
+    begin: Mapping[int, float] = {}
+    if model.machine.geometry is not None and model.machine.geometry.start is not None:
+        begin = dict(enumerate(rotation_matrix(model.machine.geometry.start).ravel().tolist()))
+    stands_for: dict[sp.Symbol, sp.Expr] = {}
+    for (kind, of), symbol in zip(bare.columns, general.port("rows").symbols, strict=True):
+        if kind == "q":
+            stands_for[symbol] = q.symbols[int(of)]
+        elif kind == "start" and begin:
+            stands_for[symbol] = numbers.number(begin[int(of)], "start", 0, _component(int(of), 9))
+    slots = [(slot, n, _component(i, length)) for slot, n, length in bare.geometry for i in range(length)]
+    for slot, symbol in zip(slots, general.port("g").symbols, strict=True):
+        stands_for[symbol] = numbers.by_slot[slot]
+    return _folded(general, stands_for, [q], numbers)
+
+
+def _folded(
+    general: Kernel, stands_for: Mapping[sp.Symbol, sp.Expr], ports: Sequence[Port], numbers: _Numbers
+) -> Kernel:
+    """Return a kernel with other inputs: `ports` and the constants that it reads; numbers are folded in."""
+    known = {symbol: value for symbol, value in stands_for.items() if value.is_Number}
+    inputs = [*ports, *(_port(constant.name, (), "a number of the machine") for constant in numbers.constants)]
+    if known:
+        inputs.append(Port("known", (len(known),), "1", "folded in", tuple(known)))
+    renamed = {symbol: value for symbol, value in stands_for.items() if symbol not in known}
+    steps = tuple(Assignment(a.symbol, a.value.xreplace(renamed)) for a in general.assignments)
+    made = replace(general, inputs=tuple(inputs), assignments=steps)
+    made = made.at({"known": list(known.values())}) if known else made
+    read = {s.name for a in made.assignments for s in a.value.free_symbols}
+    return replace(made, inputs=tuple(p for p in made.inputs if p.shape != () or p.name in read))
 
 
 def _port(name: str, shape: tuple[int, ...], doc: str) -> Port:
@@ -187,9 +247,10 @@ class _Numbers:
         ]
         self.seen_of = tuple(_slot_name(*slots[i]) for i in differ)
         self.geometry: list[sp.Expr] = [
-            next(seen) if i in differ else self._number(float(values[0, i]), *slot)
+            next(seen) if i in differ else self.number(float(values[0, i]), *slot)
             for i, slot in enumerate(slots)
         ]
+        self.by_slot = dict(zip(slots, self.geometry, strict=True))
         effects = [effect.definition for effect in row_effects(model.machine)]
         self.effects = [
             self._parameter(float(value), term, name, structure.terms[term], effects[term])
@@ -207,7 +268,7 @@ class _Numbers:
         named = {(name, n): x for (name, n, _), x in zip(model.structure.geometry, parts, strict=True)}
         return np.concatenate([named[name, n] for name, n, _ in structure.geometry])
 
-    def _number(self, value: float, part: str, number: int, component: str) -> sp.Expr:
+    def number(self, value: float, part: str, number: int, component: str) -> sp.Expr:
         if value in (0.0, 1.0, -1.0):
             return sp.Integer(int(value))
         return self._named(_slot_name(part, number, component), value, (part, number, component))
@@ -226,6 +287,7 @@ class _Numbers:
 
 
 def _slot_name(part: str, number: int, component: str) -> str:
+    part = OF_A_CLOSED_CHAIN.get(part, part)
     of = f"{part}{number}" if part in OF_A_JOINT | {"acts"} else part
     return "_".join(filter(None, [of, component]))
 
