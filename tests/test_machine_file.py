@@ -296,9 +296,9 @@ FAULTS = [
     (CUT["targets"], '[target]\nname = "a"\n',
      "[[target]]: a single table, [target]; expected blocks [[target]]"),
     (CUT["units"], 'family = "tricept"\n',
-     "family: a closed chain, which rodgen does not model yet; expected an open chain: [[joint]] blocks"),
+     "[[joint]]: given beside family; expected a chain of joints, or a family"),
     ("[environment]", "[geometry]\nR = 1\n[environment]",
-     "[geometry]: a closed chain, which rodgen does not model yet; expected an open chain: [[joint]] blocks"),
+     "[geometry]: given without a family; expected family = 'tricept' or '3-sps-s'"),
     # units
     ('length = "mm"', "",
      "[units], length: missing; expected a unit of length, such as mm"),

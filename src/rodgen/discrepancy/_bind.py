@@ -267,7 +267,7 @@ def bind(machine: Machine, data: Measurements, *, allow_missing_readings: bool =
         columns_given=frozenset(data.columns),
     )
     if machine.geometry is not None:
-        observations = closed(observations)
+        observations = closed(observations, by_readings=not allow_missing_readings)
     for array in observations.arrays():
         array.flags.writeable = False
     return observations

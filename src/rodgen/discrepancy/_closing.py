@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rodgen.machines.closed_chain import ClosedChain
     from rodgen.machines.machine import Machine
 
-__all__ = ["closed", "in_its_mode", "pose_start", "within_reach"]
+__all__ = ["closed", "closes", "in_its_mode", "pose_start", "with_commands", "within_reach"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -31,15 +31,25 @@ HALVINGS = 6
 """Times that a command out of reach is brought half way nearer to one in reach."""
 
 
-def closed(observations: Observations) -> Observations:
+def closed(observations: Observations, *, by_readings: bool = True) -> Observations:
     """Return observations of a closed chain with the poses that its model starts from.
+
+    Parameters
+    ----------
+    observations : Observations
+    by_readings : bool
+        Whether the readings mean something, and may tell the assembly mode.
 
     Raises
     ------
     InputFileError
         When the legs of a row do not close, or nothing tells the assembly mode.
     """
-    o = observations
+    o = (
+        observations
+        if by_readings
+        else replace(observations, reading=np.full_like(observations.reading, np.nan))
+    )
     start = pose_start(o)
     missing = np.isnan(start).any(axis=1)
     if missing.any():
@@ -52,7 +62,30 @@ def closed(observations: Observations) -> Observations:
         raise InputFileError(
             o.data.file, o.data.place(row), found, "lengths from joint to joint, or another geometry"
         )
-    return replace(o, pose_start=start)
+    return replace(observations, pose_start=start)
+
+
+def with_commands(o: Observations, like: Observations) -> Observations:
+    """Return observations whose commands are new, with the poses that a closed chain's model starts from.
+
+    Parameters
+    ----------
+    o : Observations
+        Rows whose legs do not close have NaN as their pose.
+    like : Observations
+        Of the same machine, in its assembly mode.
+    """
+    if o.machine.geometry is None:
+        return o
+    in_mode = replace(o, machine=in_its_mode(like.machine, like))
+    return replace(o, pose_start=pose_start(in_mode))
+
+
+def closes(o: Observations, q: Array) -> NDArray[np.bool_]:
+    """Tell which commands, (n, 3), close on the nominal machine of `o`, in its assembly mode."""
+    machine = in_its_mode(o.machine, o)
+    rows = o.take(np.zeros(len(q), int))
+    return np.asarray(np.isfinite(pose_start(replace(rows, machine=machine, q=q))).all(axis=1))
 
 
 def pose_start(o: Observations) -> Array:
@@ -93,7 +126,7 @@ def _chosen(o: Observations, geometry: ClosedChain, modes: Array) -> NDArray[np.
 
 def _least(distance: Array) -> NDArray[np.intp]:
     """Return the number of each row's least distance; 0 where there is none."""
-    return np.argmin(np.where(np.isnan(distance), np.inf, distance), axis=1)
+    return np.asarray(np.argmin(np.where(np.isnan(distance), np.inf, distance), axis=1), np.intp)
 
 
 def _apart(seen: Array, reading: Array) -> Array:

@@ -136,8 +136,8 @@ class _Chain:
         m, terms = self.m, self.m.structure.terms
         pose = self.first()
         if any(term.uses_tension for term in terms):
-            # where the legs are without giving way, which is so near that the forces are the same; and not the pose that
-            # comes with the row, for the forces depend on the commands
+            # where the legs are without giving way: the forces there are the same. Not the pose that comes with the
+            # row, for the forces depend on the commands
             pose, _ = self.nearer(pose, self.lengths(lambda term: not term.uses_tension))
             m.tension = dict(enumerate(self.tensions(pose, x, m.known("gravity"))))
         half = self.lengths(lambda term: True)
@@ -235,7 +235,8 @@ class _Pivot(_Chain):
         for stage in range(1, STAGES + 1):
             part = sp.Rational(stage, STAGES)
             half = [
-                self.m.let("half_square", (1 - part) * a + part * b) for a, b in zip(begun, wanted, strict=True)
+                self.m.let("half_square", (1 - part) * a + part * b)
+                for a, b in zip(begun, wanted, strict=True)
             ]
             for _ in range(FROM_AFAR // STAGES):
                 pose, _step = self.nearer(pose, half)
@@ -291,8 +292,8 @@ def closed_chain(model: _Model, x: Vector) -> Vector:
 def pose_from_afar(model: _Model) -> Kernel:
     """Return the kernel that finds the pose on the nominal machine, all by itself.
 
-    It replaces what else comes with each row. Of a family that counts one assembly mode as the physical one it begins in
-    the middle; of others at the ``start`` of its rows, and goes from there with the lengths of the legs.
+    It replaces what else comes with each row. Of a family that counts one assembly mode as the physical one it begins
+    in the middle; of others at the ``start`` of its rows, and goes from there with the lengths of the legs.
 
     Parameters
     ----------

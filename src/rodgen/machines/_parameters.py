@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from rodgen.machines.closed_chain import FAMILIES
 from rodgen.machines._structure import GEOMETRY, Structure, row_effects
+from rodgen.machines.closed_chain import FAMILIES
 from rodgen.machines.machine import Machine
 
 __all__ = ["Parameter", "parameters_of"]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.discrepancy._closing import closes
 from rodgen.discrepancy.plan._rows import Rows
 
 if TYPE_CHECKING:
@@ -186,6 +187,8 @@ def readings(
         q = q[np.linspace(0, len(q) - 1, min(len(q), count)).astype(int)]
     else:
         q = positions(travel, units, count, taken)
+    if o.machine.geometry is not None:
+        q = q[closes(o, q)]
     random = np.random.default_rng(0)
     kinds = list(
         itertools.product(

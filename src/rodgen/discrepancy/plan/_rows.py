@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.discrepancy._bind import Observations
+from rodgen.discrepancy._closing import with_commands
 from rodgen.discrepancy._poses import approach
 
 __all__ = ["Rows", "Surroundings"]
@@ -119,7 +120,7 @@ class Surroundings:
         o, n = self.o, rows.n
         base = o.take(rows.state)
         times = self.times(rows) if t is None or o.t is None else np.broadcast_to(np.asarray(t, float), n)
-        return replace(
+        made = replace(
             base,
             q=rows.q,
             s=rows.s,
@@ -132,3 +133,4 @@ class Surroundings:
             sigma=None if self.sigma is None else self.sigma[rows.target],
             reading=np.ones((n, o.reading.shape[1])),
         )
+        return with_commands(made, o)

@@ -108,7 +108,9 @@ class MachineKernels:
         """Return a kernel after the one that finds the start, where there is one."""
         if self.pose is None:
             return kernel
-        own = {a.symbol: sp.Symbol(f"pose_{a.symbol.name}", real=a.symbol.is_real) for a in self.pose.assignments}
+        own = {
+            a.symbol: sp.Symbol(f"pose_{a.symbol.name}", real=a.symbol.is_real) for a in self.pose.assignments
+        }
         steps = [Assignment(own[a.symbol], a.value.xreplace(own)) for a in self.pose.assignments]
         found = [own[symbol] for symbol in self.pose.port("start").symbols]
         begun = dict(zip(kernel.port("start").symbols, found, strict=True))
@@ -196,7 +198,7 @@ def _pose_kernel(model: Model, structure: Structure, numbers: _Numbers) -> Kerne
         if kind == "q":
             stands_for[symbol] = q.symbols[int(of)]
         elif kind == "start" and begin:
-            stands_for[symbol] = numbers.number(begin[int(of)], "start", 0, _component(int(of), 9))
+            stands_for[symbol] = numbers.number(begin[int(of)], "begin", 0, _component(int(of), 9))
     slots = [(slot, n, _component(i, length)) for slot, n, length in bare.geometry for i in range(length)]
     for slot, symbol in zip(slots, general.port("g").symbols, strict=True):
         stands_for[symbol] = numbers.by_slot[slot]
@@ -208,7 +210,10 @@ def _folded(
 ) -> Kernel:
     """Return a kernel with other inputs: `ports` and the constants that it reads; numbers are folded in."""
     known = {symbol: value for symbol, value in stands_for.items() if value.is_Number}
-    inputs = [*ports, *(_port(constant.name, (), "a number of the machine") for constant in numbers.constants)]
+    inputs = [
+        *ports,
+        *(_port(constant.name, (), "a number of the machine") for constant in numbers.constants),
+    ]
     if known:
         inputs.append(Port("known", (len(known),), "1", "folded in", tuple(known)))
     renamed = {symbol: value for symbol, value in stands_for.items() if symbol not in known}
