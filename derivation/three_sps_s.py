@@ -1,0 +1,1076 @@
+# ---
+# jupyter:
+#   jupytext:
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+#   kernelspec:
+#     display_name: Python 3
+#     language: python
+#     name: python3
+# ---
+
+# %% [markdown]
+# # A platform that turns about a point, on three legs
+#
+# The 3-SPS-S machine of S. Zhou and others ("Instantaneous Euler angles", section 5.1) is a platform on a ball joint.
+# Three legs of variable length turn it: each has a ball joint on the base, at a radius $R$, a sliding joint, and a
+# ball joint on the platform, at a radius $r$. The pivot is the platform's centre, at the height $h$ over the base's.
+#
+# Legs from a rotation are three distances. The way back, rotations from legs, has up to eight answers. The paper
+# gives the first and takes the second for granted. Here both are derived: with the rotation as two complex numbers
+# the legs are quadratic, one polynomial of degree eight holds every answer, and each of its roots gives the rotation
+# by square roots. The Jacobian in closed form shows where legs do not hold the platform; the position that the machine
+# starts from is one of these places.
+
+# %%
+import sympy as sp
+
+from rodgen.codegen import KernelBuilder
+from rodgen.symbolic import EPS, Derivation, cross, dot, equal, in_notebook, select
+
+derivation = Derivation(
+    "three_sps_s",
+    title="3-SPS-S: a platform that turns about a point, on three legs",
+    source='Zhou and Zhu, "Instantaneous Euler angles", sec. 5.1',
+)
+d = derivation
+
+# %% [markdown]
+# ## Symbols
+#
+# The rotation is a unit quaternion $(q_0,q_1,q_2,q_3)$, scalar first, in the two complex numbers $v=q_0+iq_3$ and
+# $w=q_1+iq_2$: a rotation about the machine's axis turns the phase of $v$, and $|w|$ is the sine of half the tilt. The
+# legs $L_1,L_2,L_3$ stand at $-30°$, $90°$ and $210°$.
+
+# %%
+R = d.symbol("base_radius", "R", "radius of the joints on the base", "length", positive=True)
+r = d.symbol("platform_radius", "r", "radius of the joints on the platform", "length", positive=True)
+h = d.symbol("height", "h", "height of the pivot over the base", "length", nonzero=True)
+q = [
+    d.symbol(f"q_{n}", f"q_{n}", ("scalar" if n == 0 else f"{'xyz'[n - 1]}") + " part of the quaternion", "1")
+    for n in range(4)
+]
+q0, q1, q2, q3 = q
+UNIT = {q3: q0**2 + q1**2 + q2**2 + q3**2 - 1}
+M = sp.ImmutableMatrix(
+    [
+        [q0**2 + q1**2 - q2**2 - q3**2, 2 * (q1 * q2 - q0 * q3), 2 * (q1 * q3 + q0 * q2)],
+        [2 * (q1 * q2 + q0 * q3), q0**2 - q1**2 + q2**2 - q3**2, 2 * (q2 * q3 - q0 * q1)],
+        [2 * (q1 * q3 - q0 * q2), 2 * (q2 * q3 + q0 * q1), q0**2 - q1**2 - q2**2 + q3**2],
+    ]
+)
+rotation = d.matrix("rotation", r"\mathbf R", "orientation of the platform", "1", value=M)
+r11, r12, r13, r21, r22, r23, r31, r32, r33 = rotation
+root3 = sp.sqrt(3)
+ANGLES = (-sp.pi / 6, sp.pi / 2, 7 * sp.pi / 6)
+DIRECTIONS = [sp.Matrix([sp.cos(a), sp.sin(a), 0]) for a in ANGLES]
+A = [
+    d.vector(f"A_{n}", rf"\vec A_{n}", f"joint of leg {n} on the base", "length", value=R * u)
+    for n, u in enumerate(DIRECTIONS, 1)
+]
+b = [
+    d.vector(
+        f"b_{n}", rf"\vec b_{n}", f"joint of leg {n} on the platform, in its axes", "length", value=r * u
+    )
+    for n, u in enumerate(DIRECTIONS, 1)
+]
+pivot = sp.Matrix([0, 0, h])
+B = [
+    d.vector(
+        f"B_{n}",
+        rf"\vec B_{n}",
+        f"joint of leg {n} on the platform, in machine axes",
+        "length",
+        value=sp.Matrix(rotation.components) * (r * u) + pivot,
+    )
+    for n, u in enumerate(DIRECTIONS, 1)
+]
+K = R**2 + r**2 + h**2
+length_squared = [
+    d.symbol(f"square_{n}", f"L_{n}^2", f"square of leg {n}", "length²", value=dot(b_n - a_n, b_n - a_n))
+    for n, a_n, b_n in zip((1, 2, 3), A, B, strict=True)
+]
+S1, S2, S3 = length_squared
+d
+
+# %% [markdown]
+# ## The paper's equations
+#
+# The minus signs of (21) and (22) are lost in the text of the paper that was at hand. Read with $B_1$ at $+x$ the
+# equations are right; with $B_1$ at $-x$ they are right, too, and legs 1 and 3 change names.
+
+# %%
+triple = root3 / 2, sp.Rational(-1, 2), 0
+d.state(
+    "21",
+    equal(b[0], r * sp.Matrix(triple)),
+    equal(b[1], r * sp.Matrix([0, 1, 0])),
+    equal(b[2], r * sp.Matrix([-triple[0], triple[1], 0])),
+    equal(A[0], R * sp.Matrix(triple)),
+    equal(A[1], R * sp.Matrix([0, 1, 0])),
+    equal(A[2], R * sp.Matrix([-triple[0], triple[1], 0])),
+    text="The joints stand at -30°, 90° and 210°.",
+    place="eq. (21)",
+).prove()
+d.state(
+    "22",
+    equal(
+        B[0],
+        sp.Matrix(
+            [root3 * r * r11 - r * r12, root3 * r * r21 - r * r22, root3 * r * r31 - r * r32 + 2 * h],
+        )
+        / 2,
+    ),
+    equal(B[1], sp.Matrix([r * r12, r * r22, r * r32 + h])),
+    equal(
+        B[2],
+        sp.Matrix(
+            [-root3 * r * r11 - r * r12, -root3 * r * r21 - r * r22, -root3 * r * r31 - r * r32 + 2 * h],
+        )
+        / 2,
+    ),
+    text="The platform's joints in machine axes.",
+    place="eq. (22)",
+).prove()
+
+# %% [markdown]
+# Written out, the squares of (23) are linear in the rotation matrix.
+
+# %%
+d.check(
+    "23-expanded",
+    equal(S1, K + h * r * (root3 * r31 - r32) - R * r / 2 * (3 * r11 + r22 - root3 * (r12 + r21))),
+    equal(S2, K + 2 * h * r * r32 - 2 * R * r * r22),
+    equal(S3, K + h * r * (-root3 * r31 - r32) - R * r / 2 * (3 * r11 + r22 + root3 * (r12 + r21))),
+    text="The squares of the legs, eq. (23), with K = R² + r² + h².",
+).prove(modulo=UNIT)
+
+# %% [markdown]
+# The paper calls what (23) gives the changes of the sliding joints. It gives their lengths.
+
+# %%
+home_square = d.symbol(
+    "home_square", "L_0^2", "square of a leg at the start", "length²", value=(R - r) ** 2 + h**2
+)
+L2_now = d.symbol("leg_2", "L_2", "leg 2, by (23)", "length", value=sp.sqrt(S2))
+change_2 = d.symbol(
+    "change_2", r"\Delta L_2", "change of leg 2", "length", value=sp.sqrt(S2) - sp.sqrt(home_square)
+)
+d.state(
+    "23-changes",
+    equal(change_2, L2_now),
+    text="The prismatic joints' changes.",
+    said="if the rotation angles are specified, the corresponding changes in the prismatic joint will be realized: "
+    "L_i = |B_i - A_i|",
+    place="eq. (23)",
+).refute(
+    {q0: 1, q1: 0, q2: 0, q3: 0, R: 2, r: 1, h: 1},
+    equal(change_2, L2_now - sp.sqrt(home_square)),
+    because="It is the length, from joint to joint; the change is what is left without the length at the start.",
+    label="P1",
+)
+
+# %% [markdown]
+# ## What three legs say
+#
+# Three combinations of the squares hold all that the legs tell about the rotation. One of them is
+# $A=r_{11}+r_{22}=\cos\chi_x+\cos\chi_y$, where $\chi_x$ and $\chi_y$ are two of the paper's instantaneous Euler
+# angles; the other two are the real and the imaginary part of a complex number $Z$.
+
+# %%
+cos_sum = d.symbol("cos_sum", "A", "cos χx + cos χy", "1", value=(3 * K - S1 - S2 - S3) / (3 * r * R))
+Z_re = d.symbol("Z_re", r"\Re Z", "real part of Z", "length", value=(2 * S2 - S1 - S3) / (3 * r))
+Z_im = d.symbol("Z_im", r"\Im Z", "imaginary part of Z", "length", value=(S1 - S3) / (root3 * r))
+d.check(
+    "invariants",
+    equal(cos_sum, r11 + r22),
+    equal(Z_re, 2 * h * r32 + R * (r11 - r22)),
+    equal(Z_im, 2 * h * r31 + R * (r12 + r21)),
+    text="Three combinations of the squares of the legs.",
+).prove(modulo=UNIT)
+
+
+def parts(value):
+    """Real and imaginary part of a polynomial in I and real symbols."""
+    return sp.expand(value).as_real_imag()
+
+
+v, w = q0 + sp.I * q3, q1 + sp.I * q2
+v_bar, w_bar = q0 - sp.I * q3, q1 - sp.I * q2
+Z_of_q = 4 * h * v * w_bar + 2 * R * w**2
+Z_parts = parts(Z_of_q)
+d.check(
+    "complex-form",
+    equal(cos_sum, 2 * parts(v**2)[0]),
+    equal(Z_re, Z_parts[0]),
+    equal(Z_im, Z_parts[1]),
+    text="In v and w: A = 2 Re v² and Z = 4 h v w̄ + 2 R w², with |v|² + |w|² = 1.",
+).prove(modulo=UNIT)
+legs_again = [
+    K - r * R * cos_sum + r * (Z_re * sp.cos(turn) + Z_im * sp.sin(turn))
+    for turn in (2 * sp.pi / 3, 0, -2 * sp.pi / 3)
+]
+d.check(
+    "legs-from-invariants",
+    *(equal(square, again) for square, again in zip(length_squared, legs_again, strict=True)),
+    text="And back: L_k² = K - r R A + r Re(Z exp(-iδ_k)), δ = 120°, 0°, -120°. So legs and invariants say the same.",
+).prove(modulo=UNIT)
+
+# %% [markdown]
+# The paper goes on: "According to Equations (21)–(23), the instantaneous Euler angles are obtained." From the legs
+# alone they are not. Two orientations with the same legs, and with other angles:
+
+# %%
+p = [d.symbol(f"p_{n}", f"p_{n}", "another quaternion", "1") for n in range(4)]
+to_other = dict(zip(q, p, strict=True))
+
+
+def other(formula):
+    """A formula for the other orientation."""
+    return d.value(formula).xreplace(to_other)
+
+
+d.state(
+    "angles-from-legs",
+    equal(r11, other(r11)),
+    equal(r33, other(r33)),
+    text="Orientations with equal legs have equal angles χx (and χz); cos χx = r11, cos χz = r33.",
+    said="According to Equations (21)-(23), the instantaneous Euler angles are obtained",
+    place="sec. 5.1",
+    assumptions=[
+        sp.Eq(d.value(S1), other(S1)),
+        sp.Eq(d.value(S2), other(S2)),
+        sp.Eq(d.value(S3), other(S3)),
+        sp.Eq(sum(x**2 for x in q), 1),
+        sp.Eq(sum(x**2 for x in p), 1),
+    ],
+).refute(
+    {
+        **dict(zip(q, (sp.Rational(-4, 5), sp.Rational(3, 5), 0, 0), strict=True)),
+        **dict(zip(p, (sp.sqrt(82) / 10, 0, 0, 3 * sp.sqrt(2) / 10), strict=True)),
+        R: 4,
+        r: 1,
+        h: sp.Rational(3, 2),
+    },
+    equal(r11 + r22, (3 * K - S1 - S2 - S3) / (3 * r * R)),
+    because="Equal legs leave up to eight orientations. What the legs give without one of these being chosen is the "
+    "sum cos χx + cos χy.",
+    label="P2",
+    modulo=UNIT,
+)
+
+# %% [markdown]
+# ## All rotations with given legs
+#
+# Let $\rho=|w|^2=\sin^2(\chi_z/2)$ and $W=w^2$. From $Z-2RW=4hv\bar w$ comes $|Z-2RW|^2=16h^2\rho(1-\rho)$, which is
+# linear in the part of $W$ along $Z$:
+#
+# $$4R\,\Re(Z\bar W)=y(\rho):=|Z|^2+k\rho^2-16h^2\rho,\qquad k=4R^2+16h^2.$$
+#
+# As $|W|=\rho$, that is $W$ but for a reflection about $Z$, and $v=(Z-2RW)\,w/(4h\rho)$. Squared and multiplied by
+# $Z^3$ it gives $64h^2R\,\Re(Z^3\bar v^2)=P(\rho)$ with a polynomial $P$; and
+# $v^2=\frac A2\pm i\sqrt{(1-\rho)^2-A^2/4}$. Both together, with the root squared away, are the octic.
+
+# %%
+rho = d.symbol("rho", r"\rho", "sin²(χz/2)", "1", value=q1**2 + q2**2)
+Z_squared = d.symbol("Z_squared", "|Z|^2", "square of |Z|", "length²", value=Z_re**2 + Z_im**2)
+cube_re = d.symbol("cube_re", r"\Re Z^3", "real part of Z³", "length³", value=Z_re**3 - 3 * Z_re * Z_im**2)
+cube_im = d.symbol(
+    "cube_im", r"\Im Z^3", "imaginary part of Z³", "length³", value=3 * Z_re**2 * Z_im - Z_im**3
+)
+k_rho = 4 * R**2 + 16 * h**2
+y = Z_squared + k_rho * rho**2 - 16 * h**2 * rho
+g = k_rho * rho - 16 * h**2
+P = y * (g**2 - 12 * R**2 * Z_squared) + 16 * R**2 * Z_squared**2
+
+# Short proofs: Z is replaced by its polynomial in the quaternion, in which |v|² = 1 - ρ is used where it is written.
+in_q = {Z_re: Z_parts[0], Z_im: Z_parts[1]}
+W_parts = parts(w**2)
+along = Z_re * W_parts[0] + Z_im * W_parts[1]
+d.check(
+    "tilt",
+    equal(4 * R * along, y),
+    text="4 R Re(Z W̄) = y(ρ).",
+).prove(given=in_q, modulo=UNIT)
+lifted = parts((Z_of_q - 2 * R * w**2) * w)
+d.check(
+    "back-substitution",
+    equal(4 * h * rho * q0, lifted[0]),
+    equal(4 * h * rho * q3, lifted[1]),
+    text="4 h ρ v = (Z - 2 R W) w.",
+).prove()
+v_square = parts(v**2)
+d.check(
+    "P",
+    equal(64 * h**2 * R * (cube_re * v_square[0] + cube_im * v_square[1]), P),
+    text="64 h² R Re(Z³ v̄²) = P(ρ).",
+).prove(given=in_q, modulo=UNIT)
+tau = d.symbol("tau", r"\tau", "Im v²", "1")
+Re3 = d.symbol("Z3_re", r"Z^3_r", "real part of Z³, as a letter", "length³")
+Im3 = d.symbol("Z3_im", r"Z^3_i", "imaginary part of Z³, as a letter", "length³")
+a_letter = d.symbol("a", "a", "A, as a letter", "1")
+rho_letter = d.symbol("x_rho", r"\varrho", "ρ, as a letter", "1")
+P_letter = d.symbol("P", "P", "P(ρ), as a letter", "length⁶")
+octic_left = (P_letter - 32 * a_letter * h**2 * R * Re3) ** 2
+octic_right = 1024 * R**2 * h**4 * Im3**2 * (4 * (1 - rho_letter) ** 2 - a_letter**2)
+octic_entry = d.check(
+    "octic",
+    equal(octic_left, octic_right),
+    text="Every orientation satisfies the octic: P = 64 h² R (Re Z³ A/2 + Im Z³ τ) with τ = Im v², and τ² is "
+    "(1 - ρ)² - A²/4, as |v|² = 1 - ρ.",
+)
+octic_entry.prove(
+    given={P_letter: 64 * h**2 * R * (Re3 * a_letter / 2 + Im3 * tau)},
+    modulo={tau: tau**2 + a_letter**2 / 4 - (1 - rho_letter) ** 2},
+)
+d.check(
+    "square-of-v",
+    equal(v_square[0] ** 2 + v_square[1] ** 2, (1 - rho) ** 2),
+    text="|v²| = 1 - ρ.",
+).prove(modulo=UNIT)
+
+# %% [markdown]
+# The octic has degree eight with the leading coefficient $k^6$, which no geometry makes vanish: there are never more
+# than eight modes, and never a whole curve of them (for $h\ne0$). Where $\Im Z^3\ne0$ each root belongs to one pair
+# $\pm(v,w)$, and with the conjugate of a root goes the conjugate of the pair. A real simple root is its own conjugate,
+# so its pair is conjugated to itself or to its negative; the negative would make $|v|^2+|w|^2=-1$. So **each real
+# simple root is one real orientation**. Where $\Im Z^3=0$ the octic is a square, and each of the four roots stands for
+# two orientations, mirror images of each other, which are real or conjugate.
+
+# %%
+x_free = sp.Symbol("rho_free", real=True)
+letters = {Z_squared: sp.Symbol("m", real=True)}
+P_free = (
+    (Z_squared + k_rho * x_free**2 - 16 * h**2 * x_free)
+    * ((k_rho * x_free - 16 * h**2) ** 2 - 12 * R**2 * Z_squared)
+    + 16 * R**2 * Z_squared**2
+).xreplace(letters)
+octic_poly = sp.Poly(
+    (P_free - 32 * a_letter * h**2 * R * Re3) ** 2
+    - 1024 * R**2 * h**4 * Im3**2 * (4 * (1 - x_free) ** 2 - a_letter**2),
+    x_free,
+)
+assert octic_poly.degree() == 8
+leading = d.symbol("leading", "c_8", "leading coefficient of the octic", "length^12", value=octic_poly.LC())
+d.check(
+    "degree", equal(leading, k_rho**6), text="The octic's degree is 8; its leading coefficient is k⁶."
+).prove()
+equal_legs = d.symbol(
+    "octic_equal_legs",
+    r"O_0(\varrho)",
+    "the octic for Z = 0",
+    "length^12",
+    value=octic_poly.as_expr().xreplace({x_free: rho_letter, letters[Z_squared]: 0, Re3: 0, Im3: 0}),
+)
+d.check(
+    "equal-legs",
+    equal(equal_legs, rho_letter**2 * (k_rho * rho_letter - 16 * h**2) ** 6),
+    text="For equal legs (Z = 0) two modes are pure torsions (ρ = 0), and six have ρ = 4h²/(R² + 4h²).",
+).prove()
+psi = d.symbol("psi", r"\psi", "phase of w", "rad")
+tilted = 2 * h / sp.sqrt(R**2 + 4 * h**2)
+w_phase = sp.Matrix([sp.cos(psi), sp.sin(psi)])
+cube = [4 * w_phase[0] ** 3 - 3 * w_phase[0], 3 * w_phase[1] - 4 * w_phase[1] ** 3]
+six = [sp.S.Zero] * 4
+six[1], six[2] = tilted * w_phase
+six[0], six[3] = (-R / (2 * h) * tilted * part for part in cube)
+at_six = dict(zip(q, six, strict=True))
+d.check(
+    "six",
+    equal(sum(x**2 for x in six), 1),
+    equal(Z_parts[0].xreplace(at_six), 0),
+    equal(Z_parts[1].xreplace(at_six), 0),
+    equal(
+        2 * (six[0] ** 2 - six[3] ** 2),
+        2 * R**2 / (R**2 + 4 * h**2) * (2 * (cube[0]) ** 2 - 1),
+    ),
+    text="The six: w of any phase ψ and v = -(R/2h) w²/w̄ make Z = 0, and A = 2R²/(R² + 4h²) cos 6ψ. So all eight "
+    "modes of equal legs are real where |A| < 2R²/(R² + 4h²).",
+).prove()
+
+# %% [markdown]
+# ### The octic as it is computed
+#
+# Near equal legs six roots crowd together and a root-finder loses them: six roots in one cost all but a sixth of the
+# digits. The phase of $W$ does not crowd. With all lengths in units of $R$, $\eta=h/R$, $z=|Z|/R$ and
+# $Z^3=|Z|^3(c_3+is_3)$, put
+#
+# $$\rho=\beta+\mu x,\qquad\beta=\frac{4\eta^2}{1+4\eta^2},\qquad\mu=\frac{z}{1+4\eta^2}.$$
+#
+# Then $g=4zx$, a factor $z^6$ leaves the octic, and for $z=0$ its six finite roots are $x=\cos\psi$ for the six phases.
+
+# %%
+eta = d.symbol("eta", r"\eta", "h/R", "1", nonzero=True)
+z = d.symbol("z", "z", "|Z|/R", "1", nonnegative=True)
+c3 = d.symbol("c3", "c_3", "cosine of three times the phase of Z", "1")
+s3 = d.symbol("s3", "s_3", "sine of three times the phase of Z", "1")
+x = d.symbol("x", "x", "root of the scaled octic", "1")
+beta, mu = 4 * eta**2 / (1 + 4 * eta**2), z / (1 + 4 * eta**2)
+
+
+def quartic_coefficients(a, eta, z, beta, mu, c3):
+    """Coefficients of the polynomial whose square the octic is where the sine s3 vanishes, from x⁰ on."""
+    return [z - 8 * a * eta**2 * c3, -12 * beta, 4 * z - 12 * mu, 16 * beta, 16 * mu]
+
+
+def remainder_coefficients(a, eta, beta, mu, s3):
+    """Coefficients of what is taken off that square, from x⁰ on."""
+    factor = 64 * eta**4 * s3**2
+    return [factor * (4 * (1 - beta) ** 2 - a**2), -8 * factor * (1 - beta) * mu, 4 * factor * mu**2]
+
+
+def horner(coefficients, at):
+    """Value of a polynomial."""
+    return sum((c * at**n for n, c in enumerate(coefficients)), sp.S.Zero)
+
+
+scaled = {R: 1, h: eta, letters[Z_squared]: z**2, Re3: z**3 * c3, Im3: z**3 * s3, x_free: beta + mu * x}
+octic_in_x = d.symbol(
+    "octic_in_x", "O(x)", "the octic for R = 1 at ρ = β + μ x", "1", value=octic_poly.as_expr().subs(scaled)
+)
+quartic_value = horner(quartic_coefficients(a_letter, eta, z, beta, mu, c3), x)
+taken_off = horner(remainder_coefficients(a_letter, eta, beta, mu, s3), x)
+d.check(
+    "scaled-octic",
+    equal(octic_in_x, 16 * z**6 * (quartic_value**2 - taken_off)),
+    text="The octic in x, from which z⁶ is gone.",
+).prove()
+d.check(
+    "phase-of-w",
+    equal(z**2 + 4 * (1 + 4 * eta**2) * (beta + mu * x) ** 2 - 16 * eta**2 * (beta + mu * x),
+          z * (z + 4 * (beta + mu * x) * x)),
+    text="y = z (z + 4 ρ x): W = exp(i arg Z) (c ± i √(ρ² - c²)) with c = (z + 4 ρ x)/4.",
+).prove()  # fmt: skip
+
+# %% [markdown]
+# ## The Jacobian, and where the legs do not hold the platform
+#
+# With $\vec c_k=\vec A_k-\vec p$ from the pivot $\vec p=(0,0,h)$ to a joint on the base, and the platform turning with
+# the angular velocity $\vec\omega$ (in machine axes),
+# $$\dot L_k=\frac{(\vec c_k\times\mathbf R\vec b_k)\cdot\vec\omega}{L_k}.$$
+
+# %%
+omega = d.vector("omega", r"\vec\omega", "angular velocity", "rad/time")
+c = [sp.Matrix(d.value(a_n)) - pivot for a_n in A]
+Rb = [sp.Matrix(d.value(rotation)) * sp.Matrix(d.value(b_n)) for b_n in b]
+rows = [cross(c_n, rb) for c_n, rb in zip(c, Rb, strict=True)]
+spin = sp.Matrix(list(omega))
+# the quaternion turns by dq/dt = (0, ω) q / 2
+rates = {
+    q0: -(spin[0] * q1 + spin[1] * q2 + spin[2] * q3) / 2,
+    q1: (spin[0] * q0 + spin[1] * q3 - spin[2] * q2) / 2,
+    q2: (spin[1] * q0 + spin[2] * q1 - spin[0] * q3) / 2,
+    q3: (spin[2] * q0 + spin[0] * q2 - spin[1] * q1) / 2,
+}
+for n, square in enumerate(length_squared):
+    written = sp.expand(d.value(square))
+    change = sum(sp.diff(written, part) * rate for part, rate in rates.items())
+    d.check(
+        f"leg-rate-{n + 1}",
+        equal(change / 2, dot(rows[n], spin)),
+        text=f"Half the rate of L_{n + 1}².",
+    ).prove(modulo=UNIT)
+determinant = d.symbol(
+    "determinant",
+    r"\Delta",
+    "determinant of the rows c_k × R b_k",
+    "length⁶",
+    value=dot(rows[0], cross(rows[1], rows[2])),
+)
+rho_v = q0**2 + q3**2
+v_w_cubed = parts(v * w**3)[1]
+determinant_short = (
+    sp.Rational(3, 2)
+    * root3
+    * R
+    * r**3
+    * (v_square[1] * (h**2 * (rho_v - rho) - R**2 * rho) + R * h * v_w_cubed)
+)
+d.check(
+    "determinant",
+    equal(determinant, determinant_short),
+    text="The determinant: (3√3/2) R r³ (Im v² (h² (|v|² - |w|²) - R² |w|²) + R h Im(v w³)).",
+).prove(modulo=UNIT)
+
+T = d.symbol("tilt_half", r"\tfrac T2", "half the tilt, χz/2", "rad")
+F = d.symbol("azimuth", "F", "azimuth: the tilt is towards it", "rad")
+s = d.symbol("torsion_half", r"\tfrac\sigma2", "half the torsion", "rad")
+# Z-Y-Z angles F, T, σ - F: q1 + i q2 = i sin(T/2) exp(i (F - σ/2))
+tilt_torsion = {
+    q0: sp.cos(T) * sp.cos(s),
+    q3: sp.cos(T) * sp.sin(s),
+    q1: -sp.sin(T) * (sp.sin(F) * sp.cos(s) - sp.cos(F) * sp.sin(s)),
+    q2: sp.sin(T) * (sp.cos(F) * sp.cos(s) + sp.sin(F) * sp.sin(s)),
+}
+
+
+def tripled(angle):
+    """Cosine and sine of three times an angle."""
+    cosine, sine = sp.cos(angle), sp.sin(angle)
+    return 4 * cosine**3 - 3 * cosine, 3 * sine - 4 * sine**3
+
+
+C3F, S3F = tripled(F)
+cos_torsion, sin_torsion = sp.cos(s) ** 2 - sp.sin(s) ** 2, 2 * sp.sin(s) * sp.cos(s)
+cos_phase = C3F * cos_torsion + S3F * sin_torsion  # cos(3F - σ)
+
+
+def turn_z(angle_cos, angle_sin):
+    """Matrix of a rotation about z."""
+    return sp.Matrix([[angle_cos, -angle_sin, 0], [angle_sin, angle_cos, 0], [0, 0, 1]])
+
+
+cos_T, sin_T = sp.cos(T) ** 2 - sp.sin(T) ** 2, 2 * sp.sin(T) * sp.cos(T)
+turn_y = sp.Matrix([[cos_T, 0, sin_T], [0, 1, 0], [-sin_T, 0, cos_T]])
+last = turn_z(
+    cos_torsion * sp.cos(F) + sin_torsion * sp.sin(F), sin_torsion * sp.cos(F) - cos_torsion * sp.sin(F)
+)
+d.check(
+    "tilt-and-torsion",
+    equal(sp.ImmutableMatrix(M.xreplace(tilt_torsion)),
+          sp.ImmutableMatrix(turn_z(sp.cos(F), sp.sin(F)) * turn_y * last)),
+    text="Tilt T towards the azimuth F, and torsion σ: the Z-Y-Z angles F, T, σ - F.",
+).prove()  # fmt: skip
+determinant_tilt = (
+    sp.Rational(3, 2)
+    * root3
+    * R
+    * r**3
+    * (
+        sp.cos(T) ** 2 * sin_torsion * (h**2 * cos_T - R**2 * sp.sin(T) ** 2)
+        - R * h * sp.cos(T) * sp.sin(T) ** 3 * cos_phase
+    )
+)
+d.check(
+    "determinant-tilt-torsion",
+    equal(d.value(determinant_short).xreplace(tilt_torsion), determinant_tilt),
+    text="The determinant in tilt and torsion: (3√3/2) R r³ (cos²(T/2) sin σ (h² cos T - R² sin²(T/2)) - "
+    "R h cos(T/2) sin³(T/2) cos(3F - σ)).",
+).prove()
+
+# %% [markdown]
+# It vanishes for a pure torsion by $0$ or $\pi$; at a tilt by $\pi$; and without torsion at every tilt straight towards
+# a joint or away from it ($\cos3F=0$). The first of these is the position that the machine starts from: all legs grow
+# with the square of a small yaw, so they neither drive nor hold it. The paper leaves singularities out ("the
+# singularities within the cycle are neglected"), and its figure 6 starts there.
+
+# %%
+d.check(
+    "pure-torsion",
+    equal(determinant_tilt.xreplace({T: 0}), sp.Rational(3, 2) * root3 * R * r**3 * h**2 * sin_torsion),
+    text="For pure torsion the determinant is (3√3/2) R r³ h² sin σ.",
+).prove()
+untwisted = d.symbol(
+    "untwisted",
+    r"\Delta_{\sigma=0}",
+    "the determinant without torsion",
+    "length⁶",
+    value=determinant_tilt.xreplace({s: 0}),
+)
+d.check(
+    "no-torsion",
+    equal(
+        untwisted,
+        -sp.Rational(3, 2) * root3 * R**2 * r**3 * h * sp.cos(T) * sp.sin(T) ** 3 * C3F,
+    ),
+    text="Without torsion it is -(3√3/2) R² r³ h cos(T/2) sin³(T/2) cos 3F: zero at every tilt towards F = 30°, 90°, …",
+).prove()
+d.check(
+    "half-turn-tilt",
+    equal(determinant_tilt.xreplace({T: sp.pi / 2}), 0),
+    text="At a tilt by π it is zero, whatever azimuth and torsion.",
+).prove()
+at_home = d.symbol(
+    "determinant_home",
+    r"\Delta_0",
+    "the determinant at the start",
+    "length⁶",
+    value=d.value(determinant).xreplace({q0: 1, q1: 0, q2: 0, q3: 0}),
+)
+d.state(
+    "home-is-regular",
+    sp.Ne(determinant, 0, evaluate=False),
+    text="At the start, R = 1, the three legs drive three rotations.",
+    said="the singularities within the cycle are neglected",
+    place="sec. 3.1",
+    assumptions=[sp.Eq(q0, 1), sp.Eq(q1, 0), sp.Eq(q2, 0), sp.Eq(q3, 0)],
+).refute(
+    {q0: 1, q1: 0, q2: 0, q3: 0, R: 2, r: 1, h: sp.Rational(3, 2)},
+    equal(at_home, 0),
+    because="The start is singular for every R, r and h: the legs are stationary in a yaw, and from it each of their "
+    "lengths allows a yaw to either side.",
+    label="P3",
+)
+
+# %% [markdown]
+# ## The kernels
+
+
+# %%
+SOURCE = "derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)"
+
+
+def geometry(k):
+    """Declare the three lengths of the machine."""
+    return (
+        k.input("base_radius", unit="length", doc="radius of the joints on the base"),
+        k.input("platform_radius", unit="length", doc="radius of the joints on the platform"),
+        k.input("height", unit="length", doc="height of the pivot over the base"),
+    )
+
+
+def radius_and_height(k):
+    """Declare the two lengths that matter to where the machine is singular."""
+    return (
+        k.input("base_radius", unit="length", doc="radius of the joints on the base"),
+        k.input("height", unit="length", doc="height of the pivot over the base"),
+    )
+
+
+def direction_rows():
+    """Directions of the three joints, with one square root for all."""
+    half = sp.Rational(1, 2)
+    return [
+        sp.Matrix([root3 / 2, -half, 0]),
+        sp.Matrix([0, 1, 0]),
+        sp.Matrix([-root3 / 2, -half, 0]),
+    ]
+
+
+def arms(matrix, R, r, h):
+    """For each leg: from the pivot to its joint on the base, and to its joint on the platform."""
+    return [(R * u - sp.Matrix([0, 0, h]), matrix * (r * u)) for u in direction_rows()]
+
+
+def quaternion_matrix(parts_of_q):
+    """Rotation matrix of a quaternion of unit length."""
+    return sp.Matrix(M.xreplace(dict(zip(q, parts_of_q, strict=True))))
+
+
+def normalised(k, name, quaternion):
+    """A quaternion of unit length."""
+    return k.let(name, quaternion / k.let(f"{name}_length", sp.sqrt(quaternion.dot(quaternion))))
+
+
+def legs_output(k, matrix, R, r, h):
+    spans = [k.let(f"span_{n}", turned - base) for n, (base, turned) in enumerate(arms(matrix, R, r, h), 1)]
+    k.output(
+        "legs",
+        sp.Matrix([sp.sqrt(span.dot(span)) for span in spans]),
+        unit="length",
+        doc="lengths of the legs",
+    )
+
+
+def sps_legs():
+    k = KernelBuilder("sps_legs", summary="Lengths of the three legs of a 3-SPS-S machine.", source=SOURCE)
+    matrix = k.input("matrix", (3, 3), unit="1", doc="orientation of the platform, a rotation matrix")
+    legs_output(k, matrix, *geometry(k))
+    return k.build()
+
+
+def sps_legs_from_quaternion():
+    k = KernelBuilder(
+        "sps_legs_from_quaternion",
+        summary="Lengths of the three legs of a 3-SPS-S machine, from a quaternion.",
+        source=SOURCE,
+    )
+    quaternion = k.input(
+        "quaternion", 4, unit="1", doc="orientation, a quaternion of any length, scalar first"
+    )
+    lengths = geometry(k)
+    legs_output(k, k.let("matrix", quaternion_matrix(normalised(k, "unit", quaternion))), *lengths)
+    return k.build()
+
+
+def jacobian_rows(k, matrix, R, r, h):
+    pairs = arms(matrix, R, r, h)
+    return [k.let(f"row_{n}", base.cross(turned)) for n, (base, turned) in enumerate(pairs, 1)]
+
+
+def sps_jacobian():
+    k = KernelBuilder(
+        "sps_jacobian",
+        summary="Leg rates of a 3-SPS-S machine by the platform's angular velocity.",
+        source=SOURCE,
+        notes="Row k is (c_k × R b_k) / L_k; NaN or infinite where a leg has no length.",
+    )
+    matrix = k.input("matrix", (3, 3), unit="1", doc="orientation of the platform, a rotation matrix")
+    R, r, h = geometry(k)
+    legs = []
+    for n, (base, turned) in enumerate(arms(matrix, R, r, h), 1):
+        span = k.let(f"span_{n}", turned - base)
+        legs.append(k.let(f"leg_{n}", sp.sqrt(span.dot(span))))
+    rows = jacobian_rows(k, matrix, R, r, h)
+    stacked = sp.Matrix.vstack(*((row / leg).T for row, leg in zip(rows, legs, strict=True)))
+    k.output(
+        "jacobian",
+        stacked,
+        unit="length/rad",
+        doc="dL/dt of each leg by each component of ω, in machine axes",
+    )
+    return k.build()
+
+
+def sps_singularity():
+    k = KernelBuilder(
+        "sps_singularity",
+        summary="How well three legs hold the platform of a 3-SPS-S machine: determinant of normed leg moments.",
+        source=SOURCE,
+        notes="The determinant of the rows (c_k × R b_k) / (|c_k| |b_k|): between -1 and 1, zero where the legs do not "
+        "hold the platform. Its sign changes where two assembly modes meet.",
+    )
+    matrix = k.input("matrix", (3, 3), unit="1", doc="orientation of the platform, a rotation matrix")
+    R, h = radius_and_height(k)
+    size = k.let("size", sp.sqrt(R**2 + h**2))
+    pairs = arms(matrix, R / size, 1, h / size)
+    rows = [k.let(f"row_{n}", base.cross(turned)) for n, (base, turned) in enumerate(pairs, 1)]
+    k.output("determinant", rows[0].dot(rows[1].cross(rows[2])), unit="1", doc="normed determinant")
+    return k.build()
+
+
+def sps_singularity_tilt_torsion():
+    k = KernelBuilder(
+        "sps_singularity_tilt_torsion",
+        summary="The normed determinant of a 3-SPS-S machine, from azimuth, tilt and torsion.",
+        source=SOURCE,
+        notes="As sps_singularity, in closed form.",
+    )
+    F, T, torsion = (
+        k.input(name, unit="rad", doc=doc)
+        for name, doc in (
+            ("azimuth", "direction of the tilt"),
+            ("tilt", "angle from the platform's axis to the machine's"),
+            ("torsion", "rotation about the axis"),
+        )
+    )
+    R, h = radius_and_height(k)
+    size = k.let("size", sp.sqrt(R**2 + h**2))
+    R, h = k.let("R_1", R / size), k.let("h_1", h / size)
+    cosine, sine = k.let("cosine", sp.cos(T / 2)), k.let("sine", sp.sin(T / 2))
+    first = cosine**2 * sp.sin(torsion) * (h**2 * sp.cos(T) - R**2 * sine**2)
+    second = R * h * cosine * sine**3 * sp.cos(3 * F - torsion)
+    k.output(
+        "determinant", sp.Rational(3, 2) * root3 * R * (first - second), unit="1", doc="normed determinant"
+    )
+    return k.build()
+
+
+# %% [markdown]
+# What the legs say, in units of the base's radius. Where $Z=0$ its phase is taken as zero: then six of the roots stand
+# for themselves, and the phase is free.
+
+
+# %%
+def said_by_legs(k, legs, R, r, h):
+    """A, η, z, cosine and sine of the phase of Z, and of three times it."""
+    # (R² + h² + r² - L²)/(R r) without squares of lengths that might not fit into a number
+    square = [k.let(f"square_{n}", (leg / R) ** 2) for n, leg in enumerate(legs, 1)]
+    ratio, eta = k.let("ratio", r / R), k.let("eta", h / R)
+    K = k.let("K", 1 + ratio**2 + eta**2)
+    a = k.let("a", (3 * K - square[0] - square[1] - square[2]) / (3 * ratio))
+    Z_re = k.let("Z_re", (2 * square[1] - square[0] - square[2]) / (3 * ratio))
+    Z_im = k.let("Z_im", (square[0] - square[2]) / (root3 * ratio))
+    z = k.let("z", sp.sqrt(Z_re**2 + Z_im**2))
+    cosine = k.let("cosine", select(z > 0, Z_re / select(z > 0, z, 1), 1))
+    sine = k.let("sine", select(z > 0, Z_im / select(z > 0, z, 1), 0))
+    c3 = k.let("c3", cosine * (4 * cosine**2 - 3))
+    s3 = k.let("s3", sine * (3 - 4 * sine**2))
+    base = k.let("base", 1 + 4 * eta**2)
+    return a, eta, z, cosine, sine, c3, s3, k.let("beta", 4 * eta**2 / base), k.let("mu", z / base)
+
+
+def sps_invariants():
+    k = KernelBuilder(
+        "sps_invariants",
+        summary="What the legs of a 3-SPS-S machine say about the rotation: A = r11 + r22, and Z.",
+        source=SOURCE,
+    )
+    legs = k.input("legs", 3, unit="length", doc="lengths of the legs")
+    a, *_ = said_by_legs(k, legs, *geometry(k))
+    Z_re, Z_im = sp.Symbol("Z_re", real=True), sp.Symbol("Z_im", real=True)
+    k.output("cos_sum", a, unit="1", doc="cos χx + cos χy")
+    k.output(
+        "Z", sp.Matrix([Z_re, Z_im]), unit="1", doc="real and imaginary part of Z, over the base's radius"
+    )
+    return k.build()
+
+
+def sps_octic():
+    k = KernelBuilder(
+        "sps_octic",
+        summary="Coefficients of the octic whose roots are ρ = sin²(χz/2) of every assembly mode.",
+        source=SOURCE,
+        notes="With lengths in units of the base's radius; from ρ⁰ to ρ⁸. Near equal legs six roots crowd together: "
+        "sps_octic_scaled does not.",
+    )
+    legs = k.input("legs", 3, unit="length", doc="lengths of the legs")
+    a, eta, z, _, _, c3, s3, _, _ = said_by_legs(k, legs, *geometry(k))
+    m = k.let("m", z**2)
+    four, sixteen = k.let("k_rho", 4 + 16 * eta**2), k.let("sixteen", 16 * eta**2)
+    y = [m, -sixteen, four]
+    g = [sixteen**2 - 12 * m, -2 * four * sixteen, four**2]
+    product = times(y, g)
+    product[0] += 16 * m**2 - 32 * a * eta**2 * z**3 * c3
+    bracket = [k.let(f"bracket_{n}", part) for n, part in enumerate(product)]
+    octic = times(bracket, bracket)
+    factor = k.let("factor", 1024 * eta**4 * z**6 * s3**2)
+    for n, part in enumerate((4 - a**2, -8, 4)):
+        octic[n] -= factor * part
+    k.output("octic", sp.Matrix(octic), unit="1", doc="coefficients, of rising powers of ρ")
+    return k.build()
+
+
+def times(a, b):
+    """Product of two polynomials, by coefficients."""
+    product = [sp.S.Zero] * (len(a) + len(b) - 1)
+    for i, p in enumerate(a):
+        for j, q_j in enumerate(b):
+            product[i + j] += p * q_j
+    return product
+
+
+LEAST_SLOPE = sp.Rational(1, 10**7)
+
+
+def sps_octic_scaled():
+    k = KernelBuilder(
+        "sps_octic_scaled",
+        summary="Coefficients of the octic of a 3-SPS-S machine, scaled so that equal legs are no special case.",
+        source=SOURCE,
+        notes="In x, with ρ = β + μ x. The leading coefficient goes to zero with z (two roots, the torsions, go to "
+        "infinity); it is kept above (16e-7 β)², which moves the six others by 1e-7 at the most.",
+    )
+    legs = k.input("legs", 3, unit="length", doc="lengths of the legs")
+    a, eta, z, _, _, c3, s3, beta, mu = said_by_legs(k, legs, *geometry(k))
+    quartic = quartic_coefficients(a, eta, z, beta, mu, c3)
+    least = k.let("least", LEAST_SLOPE * beta)
+    quartic[4] = 16 * select(mu > least, mu, least)
+    quartic = [k.let(f"b_{n}", part) for n, part in enumerate(quartic)]
+    octic = times(quartic, quartic)
+    for n, part in enumerate(remainder_coefficients(a, eta, beta, mu, s3)):
+        octic[n] -= part
+    k.output("octic", sp.Matrix(octic), unit="1", doc="coefficients, of rising powers of x")
+    k.output(
+        "quartic", sp.Matrix(quartic), unit="1", doc="the polynomial whose square the octic is where s3 = 0"
+    )
+    k.output("phase_sine", s3, unit="1", doc="sine of three times the phase of Z")
+    k.output("size", z, unit="1", doc="|Z| over the base's radius")
+    return k.build()
+
+
+# %% [markdown]
+# Back from a root to a rotation. Only phases are taken from the formulas and lengths from $\rho$, so that a root with
+# few digits gives a rotation nonetheless, near enough for Newton's method.
+
+
+# %%
+def clipped(value, low, high):
+    """A number brought between two others."""
+    return select(value < low, low, select(value > high, high, value))
+
+
+def root_of_unit(k, name, real, imaginary):
+    """Square root of a complex number of unit length, with a real part that is not negative."""
+    # the larger of the two parts first: no digits are lost at either end
+    outer = k.let(f"{name}_outer", sp.sqrt((1 + abs(real)) / 2))
+    inner = k.let(f"{name}_inner", abs(imaginary) / (2 * outer))
+    re = k.let(f"{name}_re", select(real < 0, inner, outer))
+    size = k.let(f"{name}_size", select(real < 0, outer, inner))
+    return re, k.let(f"{name}_im", select(imaginary < 0, -size, size))
+
+
+def sps_mode():
+    k = KernelBuilder(
+        "sps_mode",
+        summary="Rotation of a 3-SPS-S machine from its legs and a root x of the scaled octic.",
+        source=SOURCE,
+        notes="One of the two signs makes the legs right, both where the octic is a square. The root may be rough: the "
+        "result is a unit quaternion in any case.",
+    )
+    legs = k.input("legs", 3, unit="length", doc="lengths of the legs")
+    lengths = geometry(k)
+    root = k.input("root", unit="1", doc="root x of the scaled octic")
+    sign = k.input("sign", unit="1", doc="1 or -1: side of Z on which w² is")
+    _, eta, z, cosine, sine, _, _, beta, mu = said_by_legs(k, legs, *lengths)
+    rho = k.let("rho", clipped(beta + mu * root, sp.S.Zero, sp.S.One))
+    along = k.let(
+        "along", clipped(root + select(rho > EPS**2, z / (4 * select(rho > EPS**2, rho, 1)), 0), -1, 1)
+    )
+    across = k.let("across", sign * sp.sqrt((1 - along) * (1 + along)))
+    W_re = k.let("W_re", cosine * along - sine * across)
+    W_im = k.let("W_im", sine * along + cosine * across)
+    w_re, w_im = root_of_unit(k, "w", W_re, W_im)
+    lift_re = k.let("lift_re", z * cosine - 2 * rho * W_re)
+    lift_im = k.let("lift_im", z * sine - 2 * rho * W_im)
+    v_re = k.let("v_re", lift_re * w_re - lift_im * w_im)
+    v_im = k.let("v_im", lift_re * w_im + lift_im * w_re)
+    length = k.let("v_length", sp.sqrt(v_re**2 + v_im**2))
+    known = k.let("known", length > 0)
+    factor = k.let(
+        "v_factor",
+        select(eta < 0, -1, 1) * sp.sqrt(1 - rho) / select(known, length, 1),
+    )
+    size = k.let("w_factor", sp.sqrt(rho))
+    k.output(
+        "quaternion",
+        sp.Matrix(
+            [select(known, factor * v_re, sp.sqrt(1 - rho)), size * w_re, size * w_im, factor * v_im],
+        ),
+        unit="1",
+        doc="unit quaternion, scalar first",
+    )
+    return k.build()
+
+
+# %% [markdown]
+# Newton's method for the squares of the legs, on the rotation itself, within a radius of trust: a step is taken where
+# it makes the squares better, and shortened fourfold where it does not. At a singular pose, where two modes meet, the
+# step runs along the direction that the legs do not hold, and halves the distance each time. Four steps a call.
+
+# %%
+STEPS = 4
+
+
+def sps_polish():
+    k = KernelBuilder(
+        "sps_polish",
+        summary="Four steps of Newton's method from a rotation of a 3-SPS-S machine towards one with the legs given.",
+        source=SOURCE,
+        notes="Within a radius of trust, so that it ends at a nearest point where there is no solution. Call it again, "
+        "with its own results, until the miss is rounding or does not fall.",
+    )
+    quaternion = k.input("quaternion", 4, unit="1", doc="where to start, of any length, scalar first")
+    trust = k.input("trust", unit="rad", doc="longest step")
+    legs = k.input("legs", 3, unit="length", doc="lengths of the legs")
+    R, r, h = geometry(k)
+    # lengths in units of R: squares and products of six lengths stay numbers
+    ratio, eta = k.let("ratio", r / R), k.let("eta", h / R)
+    targets = [k.let(f"target_{n}", (leg / R) ** 2) for n, leg in enumerate(legs, 1)]
+    bases = [u - sp.Matrix([0, 0, eta]) for u in direction_rows()]
+
+    def look(quaternion, step):
+        """Half of what the squares miss, and the arms on the platform."""
+        matrix = k.let(f"matrix_{step}", quaternion_matrix(quaternion))
+        turned = [k.let(f"arm_{step}_{n}", matrix * (ratio * u)) for n, u in enumerate(direction_rows(), 1)]
+        found = []
+        for n, (base, arm) in enumerate(zip(bases, turned, strict=True)):
+            span = k.let(f"span_{step}_{n + 1}", arm - base)
+            found.append((targets[n] - span.dot(span)) / 2)
+        missing = k.let(f"missing_{step}", sp.Matrix(found))
+        return turned, missing, k.let(f"merit_{step}", missing.dot(missing))
+
+    now = normalised(k, "start", quaternion)
+    turned, missing, merit = look(now, "0")
+    for step in range(1, STEPS + 1):
+        rows = [
+            k.let(f"row_{step}_{n}", base.cross(arm))
+            for n, (base, arm) in enumerate(zip(bases, turned, strict=True), 1)
+        ]
+        crosses = [rows[1].cross(rows[2]), rows[2].cross(rows[0]), rows[0].cross(rows[1])]
+        crosses = [k.let(f"cross_{step}_{n}", value) for n, value in enumerate(crosses, 1)]
+        determinant = k.let(f"determinant_{step}", rows[0].dot(crosses[0]))
+        solved = k.let(
+            f"solved_{step}", sum((m * c_n for m, c_n in zip(missing, crosses, strict=True)), sp.zeros(3, 1))
+        )
+        size = k.let(f"solved_size_{step}", sp.sqrt(solved.dot(solved)))
+        far = k.let(f"far_{step}", size > trust * abs(determinant))
+        sign = select(determinant < 0, -1, 1)
+        within = k.let(
+            f"factor_{step}",
+            select(far, sign * trust / select(size > 0, size, 1), 1 / select(far, 1, determinant)),
+        )
+        turn = k.let(f"turn_{step}", solved * select(size > 0, within, 0))
+        scalar, vector = now[0], sp.Matrix(now[1:4])
+        moved = k.let(
+            f"moved_{step}",
+            sp.Matrix([scalar - turn.dot(vector) / 2, *(vector + (scalar * turn + turn.cross(vector)) / 2)]),
+        )
+        moved = normalised(k, f"unit_{step}", moved)
+        new_turned, new_missing, new_merit = look(moved, str(step))
+        better = k.let(f"better_{step}", new_merit < merit)
+        now = k.let(f"now_{step}", select(better, moved, now))
+        turned = [
+            k.let(f"taken_{step}_{n}", select(better, a, b_n))
+            for n, (a, b_n) in enumerate(zip(new_turned, turned, strict=True), 1)
+        ]
+        missing = k.let(f"left_{step}", select(better, new_missing, missing))
+        merit = k.let(f"merit_taken_{step}", select(better, new_merit, merit))
+        length = k.let(f"turned_by_{step}", sp.sqrt(turn.dot(turn)))
+        trust = k.let(f"trust_{step}", select(better, 2 * trust, select(length < trust, length, trust) / 4))
+    k.output("polished", now, unit="1", doc="unit quaternion")
+    k.output("radius", trust, unit="rad", doc="radius of trust to go on with")
+    k.output(
+        "miss",
+        R * sp.sqrt(merit),
+        unit="length",
+        doc="length of half the misses of the squares, over the radius R",
+    )
+    return k.build()
+
+
+scaled_octic = sps_octic_scaled()
+kernel_octic = sps_octic()
+
+# %% [markdown]
+# The kernels compute these formulas: with what the legs say as letters, the coefficients are those of the octic.
+
+# %%
+kept = ("a", "eta", "z", "c3", "s3", "beta", "mu")
+letters_of = {
+    sp.Symbol(n, real=True): s_n
+    for n, s_n in (("a", a_letter), ("eta", eta), ("z", z), ("c3", c3), ("s3", s3))
+}
+plain = kernel_octic.expand("octic", keep=kept[:5])
+plain = sp.Matrix(plain).xreplace(letters_of)
+kernel_in_rho = d.symbol(
+    "kernel_octic", "O_k", "the kernel's octic at ρ", "1", value=horner(list(plain), rho_letter)
+)
+octic_unit = d.symbol(
+    "octic_unit",
+    "O_1",
+    "the octic for R = 1",
+    "1",
+    value=octic_poly.as_expr().subs({**scaled, x_free: rho_letter}),
+)
+d.check(
+    "kernel-octic", equal(kernel_in_rho, octic_unit), text="sps_octic holds the octic's coefficients."
+).prove()
+shifted = scaled_octic.expand("octic", keep=("a", "eta", "z", "c3", "s3", "beta", "mu", "b_4"))
+top = d.symbol("top", "t", "the quartic's leading coefficient", "1")
+beta_letter, mu_letter = (d.symbol(n, rf"\{n}", f"{n}, as a letter", "1") for n in ("beta", "mu"))
+letters_of |= {
+    sp.Symbol("b_4", real=True): top,
+    sp.Symbol("beta", real=True): beta_letter,
+    sp.Symbol("mu", real=True): mu_letter,
+}
+kernel_in_x = d.symbol(
+    "kernel_scaled",
+    "O_s",
+    "the kernel's scaled octic at x",
+    "1",
+    value=horner(list(sp.Matrix(shifted).xreplace(letters_of)), x),
+)
+d.check(
+    "kernel-scaled-octic",
+    equal(kernel_in_x, quartic_value**2 - taken_off),
+    text="sps_octic_scaled holds those of the scaled one (where its leading coefficient is not kept up).",
+).prove(given={top: 16 * mu, beta_letter: beta, mu_letter: mu})
+
+# %%
+derivation.kernel(
+    sps_legs(),
+    sps_legs_from_quaternion(),
+    sps_jacobian(),
+    sps_singularity(),
+    sps_singularity_tilt_torsion(),
+    sps_invariants(),
+    kernel_octic,
+    scaled_octic,
+    sps_mode(),
+    sps_polish(),
+)
+if in_notebook():
+    for kernel in derivation.kernels.values():
+        print(f"{kernel.name:40} {sum(kernel.operations.values()):5d} operations")
