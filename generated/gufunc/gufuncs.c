@@ -60,6 +60,14 @@ DECLARE_ALL(rotations_quaternion_from_matrix)
 DECLARE_ALL(rotations_axis_angle_from_quaternion)
 DECLARE_ALL(rotations_rodrigues_vector_from_quaternion)
 DECLARE_ALL(rotations_matrix_from_quaternion)
+DECLARE_ALL(tricept_tricept_point)
+DECLARE_ALL(tricept_tricept_legs)
+DECLARE_ALL(tricept_tricept_inverse)
+DECLARE_ALL(tricept_tricept_direct)
+DECLARE_ALL(tricept_tricept_matrices)
+DECLARE_ALL(tricept_tricept_sensitivity)
+DECLARE_ALL(tricept_tricept_propagate)
+DECLARE_ALL(tricept_tricept_singularity)
 
 enum { BASELINE, AVX2, AVX512, LEVELS };
 static const char *const level_names[LEVELS] = {"baseline", "avx2", "avx512"};
@@ -177,6 +185,38 @@ static const char types_rotations_matrix_from_quaternion[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
 NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 };
+static const char types_tricept_tricept_point[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_tricept_tricept_legs[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_tricept_tricept_inverse[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
+};
+static const char types_tricept_tricept_direct[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
+};
+static const char types_tricept_tricept_matrices[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_tricept_tricept_sensitivity[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_tricept_tricept_propagate[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
+};
+static const char types_tricept_tricept_singularity[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
 
 static const struct definition definitions[] = {
   {"solve_axis", "(3),(3),(),()->(2,3),()", "Unit axes through the origin that turn a point into another by a known angle.", 4, 2, 6,
@@ -231,6 +271,22 @@ static const struct definition definitions[] = {
    ALL_LOOPS(rotations_rodrigues_vector_from_quaternion), types_rotations_rodrigues_vector_from_quaternion},
   {"matrix_from_quaternion", "(4)->(3,3),()", "Convert a rotation from quaternion to matrix.", 1, 2, 3,
    ALL_LOOPS(rotations_matrix_from_quaternion), types_rotations_matrix_from_quaternion},
+  {"tricept_point", "(3),(),(),()->(3),(3,3)", "Point and orientation of the platform in a pose.", 4, 2, 6,
+   ALL_LOOPS(tricept_tricept_point), types_tricept_tricept_point},
+  {"tricept_legs", "(3),(),()->(3)", "Lengths of the three rods in a pose.", 3, 1, 4,
+   ALL_LOOPS(tricept_tricept_legs), types_tricept_tricept_legs},
+  {"tricept_inverse", "(3),(),(),(),(),(),(),()->(4,3),(4,3),(4)", "All four poses in which the platform's point is at a given point, and their rods.", 8, 3, 11,
+   ALL_LOOPS(tricept_tricept_inverse), types_tricept_tricept_inverse},
+  {"tricept_direct", "(3),(),()->(3),()", "The physical pose of the platform with given rods.", 3, 2, 5,
+   ALL_LOOPS(tricept_tricept_direct), types_tricept_tricept_direct},
+  {"tricept_matrices", "(3),(),(),(),(),()->(3,3),(3,5),(3,3),(3,5),(3,5)", "The matrices W33, W35, M33, M35 and A35 in a pose.", 6, 5, 11,
+   ALL_LOOPS(tricept_tricept_matrices), types_tricept_tricept_matrices},
+  {"tricept_sensitivity", "(3),(),(),(),(),()->(3,5)", "Derivatives of the point by the rods and the two radii.", 6, 1, 7,
+   ALL_LOOPS(tricept_tricept_sensitivity), types_tricept_tricept_sensitivity},
+  {"tricept_propagate", "(3),(),(),(),(),(),(),(),(5,5)->(3,3),()", "Covariance of a point from that of the rods and the two radii, in the physical pose S = K = +1.", 9, 2, 11,
+   ALL_LOOPS(tricept_tricept_propagate), types_tricept_tricept_propagate},
+  {"tricept_singularity", "(3),(),(),(),(),()->(),(),()", "Determinants that vanish in singular poses.", 6, 3, 9,
+   ALL_LOOPS(tricept_tricept_singularity), types_tricept_tricept_singularity},
 };
 enum { DEFINITIONS = sizeof definitions / sizeof definitions[0] };
 

@@ -11,6 +11,7 @@ from . import instantaneous_euler
 from . import machine_model
 from . import rodrigues
 from . import rotations
+from . import tricept
 
 ALL = SimpleNamespace(
     solve_axis=axis.solve_axis,
@@ -39,4 +40,12 @@ ALL = SimpleNamespace(
     axis_angle_from_quaternion=rotations.axis_angle_from_quaternion,
     rodrigues_vector_from_quaternion=rotations.rodrigues_vector_from_quaternion,
     matrix_from_quaternion=rotations.matrix_from_quaternion,
+    tricept_point=tricept.tricept_point,
+    tricept_legs=tricept.tricept_legs,
+    tricept_inverse=tricept.tricept_inverse,
+    tricept_direct=tricept.tricept_direct,
+    tricept_matrices=tricept.tricept_matrices,
+    tricept_sensitivity=tricept.tricept_sensitivity,
+    tricept_propagate=tricept.tricept_propagate,
+    tricept_singularity=tricept.tricept_singularity,
 )
