@@ -18,7 +18,7 @@ from rodgen.machines.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, 
 
 NUMPY = {name: getattr(np, name) for name in ("sin", "cos", "tan", "exp", "log", "sqrt", "sign", "abs")}
 RNG = np.random.default_rng(20)
-NUMBERS = dict(zip("q s v t T F M M_perp L tan_zenith".split(), RNG.uniform(0.5, 2.5, 10), strict=True))
+NUMBERS = dict(zip("q s v t T F M M_perp L tan_zenith leg_tension".split(), RNG.uniform(0.5, 2.5, 11), strict=True))
 VECTORS = {name: RNG.normal(size=3) for name in ("U", "V", "N", "EX", "EY", "EZ", "M_across", "M_guide")}
 ZETA = 0.37
 LEGENDRE = {f"P{k}": legendre.legval(2 * ZETA - 1, [0] * k + [1]) for k in range(1, 5)}
@@ -110,6 +110,13 @@ EXPECTED = {
     ("machine", "instrument_scale"): ("factor", {"k": "1"}, lambda p, w: p["k"]),
     ("machine", "refraction"): ("lift", {"a": AS}, lambda p, w: p["a"] * w.tan_zenith),
     ("target", "target_offset"): ("target", dict.fromkeys("xyz", MM), lambda p, w: xyz(p)),
+    ("leg", "base_joint_offset"): ("base_joint", dict.fromkeys("xyz", MM), lambda p, w: xyz(p)),
+    ("leg", "platform_joint_offset"): ("platform_joint", dict.fromkeys("xyz", MM), lambda p, w: xyz(p)),
+    ("leg", "leg_zero_offset"): ("reading", {"a": MM}, lambda p, w: p["a"]),
+    ("leg", "leg_scale"): ("reading", {"k": "1"}, lambda p, w: p["k"] * w.q),
+    ("leg", "leg_thermal_expansion"): ("reading", {"alpha": "1/K"}, lambda p, w: p["alpha"] * w.T * w.q),
+    ("leg", "leg_backlash"): ("reading", {"b": MM}, lambda p, w: -p["b"] / 2 * w.s),
+    ("leg", "leg_compliance"): ("reading", {"c": "mm/N"}, lambda p, w: p["c"] * w.F * w.leg_tension),
 }  # fmt: skip
 
 
@@ -135,7 +142,7 @@ def evaluated(formula, parameters):
 
 def test_the_catalogue_holds_exactly_these_effects():
     places = [place for d in CATALOGUE for place in d.at]
-    assert places == sorted(places, key=["revolute", "prismatic", "machine", "target"].index)
+    assert places == sorted(places, key=["revolute", "prismatic", "machine", "target", "leg"].index)
     assert {(*d.at, d.name) for d in CATALOGUE} == set(EXPECTED)
     assert len(CATALOGUE) == len(EXPECTED)
 
@@ -162,7 +169,7 @@ def test_an_effects_formula_is_worth_what_was_written_by_hand(at, name):
 
 
 VOCABULARY = {
-    **dict.fromkeys("s U V N EX EY EZ zeta P1 P2 P3 P4 tan_zenith pi".split(), ONE),
+    **dict.fromkeys("s U V N EX EY EZ zeta P1 P2 P3 P4 tan_zenith leg_tension pi".split(), ONE),
     "T": TEMPERATURE, "F": FORCE, "t": TIME, "L": LENGTH,
 }  # fmt: skip
 

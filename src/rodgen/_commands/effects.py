@@ -21,7 +21,8 @@ says so.
 In the formulas q is the joint's coordinate, s its direction of approach, v its velocity, T its temperature less the
 reference, t the time, F the load; U, V, N are unit vectors that complete the axis, and the axis; EX, EY, EZ machine
 axes; M, M_perp, M_across, M_guide moments of a unit force along gravity; zeta the place in the travel, P1 to P4
-Legendre polynomials of 2 zeta - 1, L the travel.
+Legendre polynomials of 2 zeta - 1, L the travel; leg_tension the force in a leg, pulling, per unit load at the
+target.
 """
 
 _PLACES = {
@@ -29,6 +30,7 @@ _PLACES = {
     "prismatic": "At a prismatic joint (rodgen add MACHINE NAME --joint J)",
     "machine": "Of the whole machine (rodgen add MACHINE NAME)",
     "target": "Of a target (rodgen add MACHINE NAME --target T)",
+    "leg": "At a leg of a closed chain (rodgen add MACHINE NAME --joint J)",
 }
 _WIDTH = 110
 

@@ -3,8 +3,8 @@
 Each leg joins a point a of the base and a point p of the platform at a length l: F = |p(y) - a|² - l² = 0 for the three
 unknowns y of the pose. Newton's method starts at the pose on the nominal machine, which comes with the row, and takes
 a few steps, written out. They double the right digits each, so the last one is exact to rounding; and the derivative
-of a step y - J⁻¹F at a solution, where F = 0, is that of the implicit function theorem, -J⁻¹ ∂F. Both are proved in
-derivation/machine_model.py.
+of a step y - J⁻¹F at a solution, where F = 0, is that of the implicit function theorem, -J⁻¹ ∂F. This is proved in
+derivation/closed_chain.py.
 """
 
 from __future__ import annotations

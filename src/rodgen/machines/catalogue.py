@@ -468,6 +468,20 @@ _MACHINE = (
     ),
 )  # fmt: skip
 
+_TARGET = (
+    _row(
+        "target_offset", "target", "target", "x*EX + y*EY + z*EZ", _in("{length}", "x y z"),
+        meaning="One ball, prism or mark sits elsewhere than the file says: a holder that was swapped, a magnetic "
+        "nest with dirt in it, a mirror that is not square. Its readings alone are off, in every pose.",
+        usual_size="0.01 to 1 mm",
+        remedy="Clean and re-seat the target, measure where it sits, or let the fit find it.",
+        source=f"{_MOORING}; {_HOLLERBACH}",
+    ).with_directions(
+        Formula.parse("a*U + b*V", file="catalogue", place="target_offset"),
+        _in("arcsec", "a b"),
+    ),
+)  # fmt: skip
+
 _LEG = (
     _row(
         "base_joint_offset", "leg", "base_joint", "x*EX + y*EY + z*EZ", _in("{length}", "x y z"),
@@ -503,7 +517,8 @@ _LEG = (
     ),
     _row(
         "leg_thermal_expansion", "leg", "reading", "alpha*T*q", {"alpha": "1/K"},
-        meaning="The leg grows as its screw warms up, in proportion to its temperature and its length.",
+        meaning="The leg grows as its screw warms up, in proportion to its temperature and its length. Legs that warm "
+        "up unequally tilt the platform; all together they push it away from the base.",
         usual_size="11e-6 to 12e-6 /K for steel: 8 µm/K on 700 mm; less where the scale stays cool",
         remedy="Cool the screw, warm up before work, or let the control correct by the leg's temperature.",
         source=f"{_ISO_3}; {_MAYR}",
@@ -526,21 +541,7 @@ _LEG = (
     ),
 )  # fmt: skip
 
-_TARGET = (
-    _row(
-        "target_offset", "target", "target", "x*EX + y*EY + z*EZ", _in("{length}", "x y z"),
-        meaning="One ball, prism or mark sits elsewhere than the file says: a holder that was swapped, a magnetic "
-        "nest with dirt in it, a mirror that is not square. Its readings alone are off, in every pose.",
-        usual_size="0.01 to 1 mm",
-        remedy="Clean and re-seat the target, measure where it sits, or let the fit find it.",
-        source=f"{_MOORING}; {_HOLLERBACH}",
-    ).with_directions(
-        Formula.parse("a*U + b*V", file="catalogue", place="target_offset"),
-        _in("arcsec", "a b"),
-    ),
-)  # fmt: skip
-
-CATALOGUE: tuple[EffectDefinition, ...] = (*_REVOLUTE, *_PRISMATIC, *_LEG, *_MACHINE, *_TARGET)
+CATALOGUE: tuple[EffectDefinition, ...] = (*_REVOLUTE, *_PRISMATIC, *_MACHINE, *_TARGET, *_LEG)
 """All effects, in the order in which ``rodgen effects`` lists them."""
 
 
