@@ -19,6 +19,7 @@ _OF_ANY_READING = {
     (("T", "power", 1),),
 }
 _EXPANSION = (("T", "power", 1), ("q", "power", 1))
+_OF_A_LEG = {(("q", "power", 1),), (("s", "power", 1),), _EXPANSION}
 _OF_FRAME = {(("t", "power", 1),), (("t", "decay", 1),)}
 _HARMONICS = 2
 """Of an encoder, and of error motions."""
@@ -39,6 +40,8 @@ def is_catalogued(
     parts = tuple(sorted((drivers[f.driver].kind, f.kind, f.order) for f in term.factors))
     if place is None:
         return parts in _OF_FRAME
+    if machine.kind_of(place) == "leg":
+        return parts in _OF_A_LEG
     turns = machine.kind_of(place) == "revolute"
     waves = len(parts) == 1 and parts[0][:2] in {("q", "harmonic"), ("q", "wave")}
     if component == "reading":
