@@ -45,6 +45,7 @@ __version__ = _version("rodgen")
 
 # Not in __all__: "from rodgen import *" must do with NumPy alone.
 _LATER = {"Machine": "rodgen.machines.machine", "Measurements": "rodgen.discrepancy.measurements"}
+_SUBJECTS = ("tricept",)  # modules that are imported when they are first asked for
 
 __all__ = [
     "AxisFit",
@@ -76,6 +77,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> _Any:
+    if name in _SUBJECTS:
+        return _import_module(f"rodgen.{name}")
     if name not in _LATER:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     found = globals()[name] = getattr(_import_module(_LATER[name]), name)
@@ -83,4 +86,4 @@ def __getattr__(name: str) -> _Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_LATER})
+    return sorted({*globals(), *_LATER, *_SUBJECTS})

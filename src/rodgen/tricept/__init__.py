@@ -1,0 +1,43 @@
+"""The Tricept: three telescopic rods and a middle rod that slides and swings, as Kureková et al. (2015) treat it.
+
+A pose is (α, β, z), the rods are A0, A1, A-1 at 0°, +120° and −120°, the parameters of an uncertainty are A0, A1, A-1,
+r, R. Functions take arrays of any shape, with the components along the last axis, and a :class:`Geometry`; lengths are
+in one unit, angles in rad.
+
+>>> from rodgen import tricept
+>>> pose, status = tricept.direct([650.0, 700.0, 760.0], tricept.PAPER)
+>>> tricept.point(pose, tricept.PAPER).round(3)
+array([112.982,  75.326, 664.245])
+"""
+
+from rodgen.generated.numpy.tricept import TriceptStatus
+from rodgen.tricept._direct import direct_all
+from rodgen.tricept._geometry import LEG_LIMITS, PAPER, Geometry
+from rodgen.tricept._kinematics import direct, inverse, legs, point, rotation
+from rodgen.tricept._matrices import (
+    Matrices,
+    Singularity,
+    matrices,
+    propagate,
+    sensitivity,
+    singularity,
+)
+
+__all__ = [
+    "LEG_LIMITS",
+    "PAPER",
+    "Geometry",
+    "Matrices",
+    "Singularity",
+    "TriceptStatus",
+    "direct",
+    "direct_all",
+    "inverse",
+    "legs",
+    "matrices",
+    "point",
+    "propagate",
+    "rotation",
+    "sensitivity",
+    "singularity",
+]

@@ -1,0 +1,197 @@
+"""From the pose of a Tricept to its point and rods, and back.
+
+Problem: the platform's centre is at z along the middle rod, which is turned by α and β; where is the point q of the
+platform, Q = Oy(β) Ox(α) (q + z e₃), how long are the three rods, and which poses have a given point or given rods?
+Ox is the paper's, the transposed of the right-handed rotation: a positive α moves the centre towards +y.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rodgen._batched import call
+from rodgen._kernels import kernels
+from rodgen.generated.numpy.tricept import TriceptStatus
+from rodgen.tricept._direct import direct_all
+from rodgen.tricept._geometry import Geometry, kernel_limits
+
+__all__ = ["direct", "inverse", "legs", "point", "rotation"]
+
+
+def point(pose: ArrayLike, geometry: Geometry) -> Any:
+    """Return where the platform's point is in a pose.
+
+    Parameters
+    ----------
+    pose : array_like (..., 3)
+        α and β in rad, and z.
+    geometry : Geometry
+        The machine; its point q counts.
+
+    Returns
+    -------
+    array (..., 3)
+        Q, from the base's centre, in the unit of z; NaN where an input is.
+
+    Notes
+    -----
+    Kureková et al., eq. (1), proved in the derivation ``tricept``.
+
+    Examples
+    --------
+    >>> from rodgen import tricept
+    >>> tricept.point([0.1, 0.0, 600.0], tricept.PAPER).round(3)
+    array([  0.   ,  59.9  , 597.002])
+    """
+    return call(kernels.tricept_point, (pose, *geometry.q), None)[0]
+
+
+def rotation(pose: ArrayLike) -> Any:
+    """Return the orientation of the platform in a pose, Oy(β) Ox(α).
+
+    Parameters
+    ----------
+    pose : array_like (..., 3)
+        α and β in rad, and z.
+
+    Returns
+    -------
+    array (..., 3, 3)
+        Rotation matrix, from the platform's axes to the base's.
+
+    Notes
+    -----
+    Kureková et al., eq. (1). In the usual, right-handed sense the angle about x is −α.
+
+    Examples
+    --------
+    >>> from rodgen import tricept
+    >>> (tricept.rotation([0.1, 0.2, 600.0])[:, 2] * 600).round(3)  # the middle rod
+    array([118.606,  59.9  , 585.102])
+    """
+    return call(kernels.tricept_point, (pose, 0.0, 0.0, 0.0), None)[1]
+
+
+def legs(pose: ArrayLike, geometry: Geometry) -> Any:
+    """Return the lengths of the three rods in a pose.
+
+    Parameters
+    ----------
+    pose : array_like (..., 3)
+        α and β in rad, and z.
+    geometry : Geometry
+        The machine.
+
+    Returns
+    -------
+    array (..., 3)
+        A0, A1, A-1, the rods at 0°, +120° and −120°, from joint to joint.
+
+    Notes
+    -----
+    Kureková et al., eqs. (2) to (4), computed as lengths of vectors.
+
+    Examples
+    --------
+    >>> from rodgen import tricept
+    >>> tricept.legs([0.0, 0.0, 456.0], tricept.PAPER)
+    array([494., 494., 494.])
+    """
+    return call(kernels.tricept_legs, (pose, *geometry.radii), None)
+
+
+def inverse(
+    point: ArrayLike, geometry: Geometry, limits: Sequence[float] | None = None
+) -> tuple[Any, Any, Any]:
+    """Find all poses in which the platform's point is at a given point, and the rods they need.
+
+    Parameters
+    ----------
+    point : array_like (..., 3)
+        Q, from the base's centre.
+    geometry : Geometry
+        The machine; its point q is brought to Q.
+    limits : pair of floats, optional
+        Least and greatest length of a rod; none when left out.
+
+    Returns
+    -------
+    poses : array (..., 4, 3)
+        α and β in rad, and z. The rows are for the signs (S, K) = (+, +), (+, −), (−, +), (−, −) of the two roots; the
+        first is that of the machine as it is assembled. With K = −1 the platform is turned by half a turn about the
+        middle rod, with S = −1 it is below the base; the rods may be within the limits there, too.
+    legs : array (..., 4, 3)
+        A0, A1, A-1.
+    status : array (..., 4) of int8
+        Codes of :class:`TriceptStatus`: REACHABLE, OUT_OF_LIMITS, DOUBLE_POSE where two of the poses meet to rounding,
+        GIMBAL_LOCK where an angle is not determined and 0 stands for it. Poses and rods are NaN where it is UNREACHABLE
+        or INVALID.
+
+    Notes
+    -----
+    Kureková et al., conditions below eq. (4); that there are these four and no others is proved in the derivation
+    ``tricept``. float32 input gives float32 results.
+
+    Examples
+    --------
+    >>> from rodgen import tricept
+    >>> poses, legs, status = tricept.inverse([100.0, 50.0, 650.0], tricept.PAPER, tricept.LEG_LIMITS)
+    >>> legs[0].round(3)
+    array([637.318, 689.585, 730.485])
+    >>> [tricept.TriceptStatus(code).name for code in status]
+    ['REACHABLE', 'REACHABLE', 'REACHABLE', 'REACHABLE']
+    """
+    arguments = (point, *geometry.radii, *geometry.q, *kernel_limits(limits))
+    return call(kernels.tricept_inverse, arguments, None)  # type: ignore[no-any-return]
+
+
+def direct(legs: ArrayLike, geometry: Geometry) -> tuple[Any, Any]:
+    """Find the pose of the machine as it is assembled, from its rods: cos α, cos β and z are positive.
+
+    Parameters
+    ----------
+    legs : array_like (..., 3)
+        A0, A1, A-1, from joint to joint.
+    geometry : Geometry
+        The machine.
+
+    Returns
+    -------
+    pose : array (..., 3)
+        α and β in rad, and z.
+    status : array (...) of int8
+        Codes of :class:`TriceptStatus`: REACHABLE, SINGULAR where the pose is not determined to first order; NaN where
+        it is UNREACHABLE, because there is no such pose, or INVALID.
+
+    Notes
+    -----
+    Newton's method on Kureková et al., eqs. (7) to (9). Rods from which it does not come to a pose are solved by
+    :func:`direct_all`, except in Dask arrays; so UNREACHABLE is a statement about the equations. Where there are
+    several such poses, which needs rods far from the paper's, it is one of them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen import tricept
+    >>> pose, status = tricept.direct([650.0, 700.0, 760.0], tricept.PAPER)
+    >>> np.degrees(pose[:2]).round(3), round(float(pose[2]), 3)
+    (array([6.379, 9.653]), 677.982)
+    """
+    pose, status = call(kernels.tricept_direct, (legs, *geometry.radii), None)
+    if not isinstance(status, np.ndarray | np.generic):
+        return pose, status
+    lost = np.asarray(status) == TriceptStatus.UNREACHABLE
+    if not lost.any():
+        return pose, status
+    rows = np.broadcast_to(np.asarray(legs), np.shape(pose))[lost]
+    poses, count = direct_all(rows, geometry)
+    first = poses[:, 0]
+    found = (count > 0) & (np.cos(first[:, :2]) > 0).all(axis=1) & (first[:, 2] > 0)
+    pose, status = np.array(pose), np.array(status)
+    pose[lost] = np.where(found[:, None], first, np.nan)
+    status[lost] = np.where(found, TriceptStatus.REACHABLE, TriceptStatus.UNREACHABLE)
+    return pose, status
