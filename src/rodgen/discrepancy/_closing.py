@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rodgen.errors import InputFileError
 from rodgen.machines._rigid import rotation_matrix, rotation_vector
-from rodgen.machines.closing import assembly_modes, physical_pose, placed_at
+from rodgen.machines.closing import assembly_modes, holding, physical_pose, placed_at
 
 if TYPE_CHECKING:
     from rodgen.discrepancy._bind import Observations
@@ -27,6 +27,8 @@ Array: TypeAlias = NDArray[np.float64]
 
 TURNS = 20
 """Times that the frame and the modes nearest the readings in it are found in turn; usually it stays after two."""
+SINGULAR = 1e-5
+"""Volume of the legs' wrenches below which an error of a micrometre would be one of a hundred millimetres."""
 HALVINGS = 6
 """Times that a command out of reach is brought half way nearer to one in reach."""
 
@@ -61,6 +63,13 @@ def closed(observations: Observations, *, by_readings: bool = True) -> Observati
         found = f"legs of {lengths} {unit}, which close in no pose of this {geometry.family}"
         raise InputFileError(
             o.data.file, o.data.place(row), found, "lengths from joint to joint, or another geometry"
+        )
+    held = holding(o.machine.geometry, start)  # type: ignore[arg-type]
+    if held.min(initial=1.0) < SINGULAR:
+        row = int(np.argmin(held))
+        found = "a singular pose, in which the legs do not hold the platform"
+        raise InputFileError(
+            o.data.file, o.data.place(row), found, "poses away from it: this one tells nothing"
         )
     return replace(observations, pose_start=start)
 

@@ -11,7 +11,7 @@ from rodgen.errors import RodgenError
 from rodgen.machines._rigid import rotation_matrix
 from rodgen.machines.closed_chain import ClosedChain
 
-__all__ = ["assembly_modes", "physical_pose", "placed_at", "usual_leg"]
+__all__ = ["assembly_modes", "holding", "physical_pose", "placed_at", "usual_leg"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -73,6 +73,48 @@ def placed_at(geometry: ClosedChain, poses: Array, targets: Array) -> Array:
     if geometry.family != "3-sps-s":
         raise RodgenError(f"a {geometry.family} has one physical assembly mode")
     return np.asarray(np.einsum("...ij,...j->...i", poses, targets) + np.array([0.0, 0.0, geometry.h]))
+
+
+def holding(geometry: ClosedChain, starts: Array) -> Array:
+    """Tell how well the legs hold the platform: 1 at best, 0 in a singular pose.
+
+    Parameters
+    ----------
+    geometry : ClosedChain
+    starts : ndarray, shape (n, k)
+        Poses, as a model starts from them.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        The volume that the unit wrenches of the legs span, along what the platform is free to do.
+    """
+    angles = np.radians(list(geometry.of.legs.values()))
+    across = np.stack([np.cos(angles), np.sin(angles), np.zeros(3)], axis=1)
+    if geometry.family == "tricept":
+        alpha, beta, z = starts.T
+        ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
+        zero = np.zeros_like(z)
+        turn = np.array([[cb, -sb * sa, sb * ca], [zero, ca, sa], [-sb, -cb * sa, cb * ca]]).transpose(
+            2, 0, 1
+        )
+        arms = np.einsum("nij,kj->nki", turn, geometry.r * across) + (turn[:, :, 2] * z[:, None])[:, None]
+        legs = arms - geometry.R * across
+        about = np.stack([cb, zero, -sb], axis=1)[:, None]
+        moments = np.cross(arms, legs)
+        rows = np.stack(
+            [
+                np.einsum("nki,nji->nk", moments, about) / geometry.R,
+                moments[:, :, 1] / geometry.R,
+                np.einsum("nki,ni->nk", legs, turn[:, :, 2]),
+            ],
+            axis=2,
+        )
+    else:
+        arms = np.einsum("nij,kj->nki", starts.reshape(-1, 3, 3), geometry.r * across)
+        rows = np.cross(arms, arms + np.array([0.0, 0.0, geometry.h]) - geometry.R * across)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.abs(np.linalg.det(rows / np.linalg.norm(rows, axis=2, keepdims=True))))
 
 
 def usual_leg(geometry: ClosedChain, leg: int) -> tuple[float, float]:
