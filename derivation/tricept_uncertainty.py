@@ -1,0 +1,952 @@
+# ---
+# jupyter:
+#   jupytext:
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+#   kernelspec:
+#     display_name: Python 3
+#     language: python
+#     name: python3
+# ---
+
+# %% [markdown]
+# # How uncertain is the place of a Tricept's tool?
+#
+# Three telescopic rods carry a platform, and a central rod, which carries no drive, guides it: a Cardan joint at the
+# origin lets it turn by $\beta$ about y and by $\alpha$ about x, and it slides by $z$ along itself. E. Kureková and
+# others ("Positioning uncertainty of the Tricept type parallel kinematic structure", 2015) list in section 3, a) to
+# g), what makes the place Q of the tool uncertain; of this list they then follow five lengths. Here the whole list is
+# followed: every coordinate of the six joint centres, the rods and their zeros, the tool, and the guiding rod with its
+# joint. One implicit derivative does it, and the paper's matrix A is the special case of five columns.
+#
+# After that come the paper's statements on covariance matrices (21) to (24), its Table 1, and its section 4: what an
+# element of the covariance matrix is as a function of $z$ along a beam, and what adding up intervals of base matrices
+# gives - an enclosure, not the range.
+
+# %%
+import sympy as sp
+
+from rodgen.codegen import KernelBuilder
+from rodgen.symbolic import Derivation, equal, in_notebook
+
+derivation = Derivation(
+    "tricept_uncertainty",
+    title="Uncertainty of the place of a Tricept's tool",
+    source='Kureková, Omachelová, Halaj and Martišovitš, "Positioning uncertainty of the Tricept type parallel '
+    'kinematic structure", Acta IMEKO 4(4), 2015',
+)
+d = derivation
+
+# %%
+alpha = d.symbol("alpha", r"\alpha", "turn about x, by the paper's (transposed) matrix", "rad")
+beta = d.symbol("beta", r"\beta", "turn about y", "rad")
+z = d.symbol("z", r"z", "length of the guiding rod, PP'", "length")
+r = d.symbol("r", r"r", "radius of the joints of the platform", "length")
+R = d.symbol("R", r"R", "radius of the fixed joints", "length")
+F = [
+    d.vector(f"fixed_{n}", rf"\vec {name}", f"fixed joint {name}", "length")
+    for n, name in zip("012", "ABC", strict=True)
+]
+M = [
+    d.vector(f"moving_{n}", rf"\vec {name}'", f"joint {name}' of the platform, in its axes", "length")
+    for n, name in zip("012", "ABC", strict=True)
+]
+q = d.vector("q", r"\vec q", "the tool Q in the platform's axes, from P'", "length")
+A0, A1, A2 = (
+    d.symbol(f"rod_{n}", rf"A_{{{k}}}", f"length of the rod {name}{name}'", "length", positive=True)
+    for n, k, name in (("0", "0", "A"), ("1", "1", "B"), ("2", "-1", "C"))
+)
+rods = (A0, A1, A2)
+d
+
+
+# %%
+def columns(vector):
+    """A letter's components as a matrix."""
+    return sp.Matrix(list(vector))
+
+
+def e(n):
+    """A unit vector."""
+    return sp.Matrix([int(k == n) for k in range(3)])
+
+
+def usual(n, angle):
+    """The usual right-handed rotation about x, y or z."""
+    c, s = sp.cos(angle), sp.sin(angle)
+    return sp.Matrix(
+        {
+            0: [[1, 0, 0], [0, c, -s], [0, s, c]],
+            1: [[c, 0, s], [0, 1, 0], [-s, 0, c]],
+            2: [[c, -s, 0], [s, c, 0], [0, 0, 1]],
+        }[n]
+    )
+
+
+def turned_x(angle):
+    """The paper's Ox, the transpose of the usual one."""
+    return usual(0, angle).T
+
+
+O_x, O_y = turned_x(alpha), usual(1, beta)
+turned = O_y * O_x
+
+# %% [markdown]
+# ## The guiding rod with its errors
+#
+# Its joint has a centre (three coordinates); a first axis, which may point elsewhere than y (turns about x and z; one
+# about y is $\beta$); a second axis that may pass the first at a distance and not at a right angle; on it the rod,
+# perhaps not at a right angle (a turn about x is $\alpha$); and the platform on the rod, beside its axis and turned. A
+# shift of the platform along the rod is item e), the distance PP'. That makes 14 errors $\varepsilon$. A point
+# $\vec x$ of the platform is then at
+#
+# $$ \vec p+R_x(\varepsilon_4)R_z(\varepsilon_5)\,O_y(\beta)\,\bigl(\varepsilon_6\vec
+# e_3+R_z(\varepsilon_7)\,O_x(\alpha) R_y(\varepsilon_{11})(z\,\vec e_3+\vec
+# o+R_x(\varepsilon_{12})R_y(\varepsilon_{13})R_z(\varepsilon_{14})\,\vec x) \bigr),\quad\vec
+# p=(\varepsilon_1,\varepsilon_2,\varepsilon_3),\;\vec o=(\varepsilon_8,\varepsilon_9, \varepsilon_{10}). $$
+
+# %%
+GUIDE = (
+    "P_x",
+    "P_y",
+    "P_z",
+    "axis_x",
+    "axis_z",
+    "axes_gap",
+    "axes_square",
+    "rod_x",
+    "rod_y",
+    "rod_z",
+    "rod_tilt",
+    "mount_x",
+    "mount_y",
+    "mount_z",
+)
+guide = sp.Matrix(sp.symbols(" ".join(f"guide_{n}" for n in range(1, 15)), real=True))
+none = dict.fromkeys(guide, sp.S.Zero)
+
+
+def placed(x, g=guide, turn_x=O_x, turn_y=O_y, length=z):
+    """Where a point of the platform is; the formula above."""
+    on_rod = length * e(2) + sp.Matrix(g[7:10]) + usual(0, g[11]) * usual(1, g[12]) * usual(2, g[13]) * x
+    at_second = g[5] * e(2) + usual(2, g[6]) * turn_x * usual(1, g[10]) * on_rod
+    return sp.Matrix(g[0:3]) + usual(0, g[3]) * usual(2, g[4]) * turn_y * at_second
+
+
+x = d.vector("x", r"\vec x", "a point of the platform, in its axes", "length")
+X = columns(x)
+Q = turned * (X + z * e(2))
+d.state(
+    "eq-1",
+    equal(sp.ImmutableMatrix(placed(X).xreplace(none)), sp.ImmutableMatrix(Q)),
+    text="Without errors a point of the platform is where the paper says.",
+    place="eq. (1)",
+).prove()
+
+# %% [markdown]
+# What each error does to a point, to first order, at a guiding rod without errors. A cross product is a turn.
+
+
+# %%
+def by_pose(X):
+    """Derivatives of a point by α, β and z."""
+    s = X + z * e(2)
+    return sp.Matrix.hstack(O_y * O_x.diff(alpha) * s, O_y.diff(beta) * O_x * s, turned * e(2))
+
+
+def by_guide(X, turned=turned, O_y=O_y, O_x=O_x, z=z):
+    """Derivatives of a point by the errors of the guiding rod."""
+    s = X + z * e(2)
+    point = turned * s
+    return sp.Matrix.hstack(
+        *(e(n) for n in range(3)),
+        e(0).cross(point),
+        e(2).cross(point),
+        O_y * e(2),
+        O_y * e(2).cross(O_x * s),
+        *(turned * e(n) for n in range(3)),
+        turned * e(1).cross(s),
+        *(turned * e(n).cross(X) for n in range(3)),
+    )
+
+
+d.check(
+    "by-pose",
+    equal(
+        sp.ImmutableMatrix(placed(X).jacobian([alpha, beta, z]).xreplace(none)),
+        sp.ImmutableMatrix(by_pose(X)),
+    ),
+    text="Derivatives by the pose.",
+).prove()
+d.check(
+    "by-guide",
+    equal(sp.ImmutableMatrix(placed(X).jacobian(guide).xreplace(none)), sp.ImmutableMatrix(by_guide(X))),
+    text="Derivatives by the errors of the guiding rod.",
+).prove()
+
+# %% [markdown]
+# ## The implicit function theorem
+#
+# Rod $k$ closes: $\Lambda_k=|\vec m_k-\vec F_k|^2-A_k^2=0$, with $\vec m_k$ the place of its joint on the platform.
+# Half its differential is $\vec l_k\cdot(d\vec m_k-d\vec F_k)-A_k\,dA_k$ with $\vec l_k=\vec m_k-\vec F_k$. With
+# $W$ the three rows $\vec l_k\cdot\partial\vec m_k/\partial(\alpha,\beta,z)$ and $V$ the same by the parameters,
+# $d(\alpha,\beta,z)=-W^{-1}V\,d\vec\theta$ and
+# $$ \frac{d\vec Q}{d\vec\theta}=\frac{\partial\vec Q}{\partial\vec\theta}-\frac{\partial\vec
+# Q}{\partial(\alpha,\beta,z)} W^{-1}V. $$
+
+# %%
+PARAMETERS = (
+    "A0",
+    "A1",
+    "A-1",
+    "r",
+    "R",
+    "zero_A0",
+    "zero_A1",
+    "zero_A-1",
+    *(f"{joint}_{axis}" for joint in "ABC" for axis in "xyz"),
+    *(f"{joint}p_{axis}" for joint in "ABC" for axis in "xyz"),
+    *(f"q_{axis}" for axis in "xyz"),
+    *GUIDE,
+)
+"""The order of the sensitivity's columns; Ap is A', and zero_A0 is added to what the rod AA' reads."""
+DIRECTION = [
+    sp.Matrix([sp.cos(2 * sp.pi * k / 3), sp.sin(2 * sp.pi * k / 3), 0]) for k in (0, 1, -1)
+]  # of the joints on their circles
+
+
+def loops(by_pose, by_guide, turned, leg, length):
+    """W, V and the two derivatives of Q, of what they are made of: pairs (joints, tool)."""
+    W = sp.Matrix.vstack(*(leg[k].T * by_pose[k] for k in range(3)))
+    rows = []
+    for k in range(3):
+        mine = lambda v, k=k: [v if n == k else sp.Integer(0) for n in range(3)]  # noqa: E731
+        along = leg[k].T * turned
+        reading = mine(-length[k])
+        rows.append(
+            sp.Matrix(
+                [
+                    [
+                        *reading,
+                        along.dot(DIRECTION[k]),
+                        -leg[k].dot(DIRECTION[k]),
+                        *reading,
+                        *(part for n in range(3) for part in (-leg[k].T if n == k else sp.zeros(1, 3))),
+                        *(part for n in range(3) for part in (along if n == k else sp.zeros(1, 3))),
+                        *sp.zeros(1, 3),
+                        *(leg[k].T * by_guide[k]),
+                    ]
+                ]
+            )
+        )
+    direct = sp.Matrix.hstack(sp.zeros(3, 26), turned, by_guide[3])
+    return W, sp.Matrix.vstack(*rows), by_pose[3], direct
+
+
+points = [*(columns(m) for m in M), columns(q)]
+theta = {name: sp.Symbol(f"t{n}", real=True) for n, name in enumerate(PARAMETERS)}
+
+
+def moved(names, at):
+    """Add the parameters of these names to a vector."""
+    return at + sp.Matrix([theta[name] for name in names])
+
+
+def closure(k):
+    """Λ of a rod in all parameters."""
+    name, rod = "ABC"[k], ("A0", "A1", "A-1")[k]
+    joint = moved([f"{name}p_{n}" for n in "xyz"], columns(M[k])) + theta["r"] * DIRECTION[k]
+    fixed = moved([f"{name}_{n}" for n in "xyz"], columns(F[k])) + theta["R"] * DIRECTION[k]
+    leg = placed(joint, sp.Matrix([theta[n] for n in GUIDE])) - fixed
+    return leg.dot(leg) - (rods[k] + theta[rod] + theta[f"zero_{rod}"]) ** 2
+
+
+tool = placed(moved(["q_x", "q_y", "q_z"], points[3]), sp.Matrix([theta[n] for n in GUIDE]))
+still = dict.fromkeys(theta.values(), sp.S.Zero)
+legs = [turned * (points[k] + z * e(2)) - columns(F[k]) for k in range(3)]
+W, V, Q_pose, Q_direct = loops(
+    [by_pose(p) for p in points], [by_guide(p) for p in points], turned, legs, rods
+)
+closures = sp.Matrix([closure(k) for k in range(3)])
+d.check(
+    "loop-by-pose",
+    equal(
+        sp.ImmutableMatrix(closures.jacobian([alpha, beta, z]).xreplace(still)),
+        sp.ImmutableMatrix(2 * W),
+    ),
+    text="W is half the derivative of the closures by the pose.",
+).prove()
+d.check(
+    "loop-by-parameters",
+    equal(
+        sp.ImmutableMatrix(closures.jacobian(list(theta.values())).xreplace(still)),
+        sp.ImmutableMatrix(2 * V),
+    ),
+    text="V is half their derivative by the parameters.",
+).prove()
+d.check(
+    "place-by-parameters",
+    equal(
+        sp.ImmutableMatrix(tool.jacobian(list(theta.values())).xreplace(still)),
+        sp.ImmutableMatrix(Q_direct),
+    ),
+    text="The tool's own derivative by the parameters, at a held pose.",
+).prove()
+w = sp.Matrix(3, 3, sp.symbols("w_1_1:4 w_2_1:4 w_3_1:4", real=True))
+
+
+def adjugate(w):
+    """The adjugate and the determinant by cross products of the rows."""
+    a, b, c = (w[n, :].T for n in range(3))
+    return sp.Matrix.hstack(b.cross(c), c.cross(a), a.cross(b)), a.dot(b.cross(c))
+
+
+d.check(
+    "adjugate",
+    equal(sp.ImmutableMatrix(adjugate(w)[0] * w), sp.ImmutableMatrix(adjugate(w)[1] * sp.eye(3))),
+    text="W is inverted by the cross products of its rows.",
+).prove()
+
+# %% [markdown]
+# Item e), the distance PP', is on the paper's list. With the rods' lengths given it is no source of its own: a shift
+# of the platform along the guiding rod is taken up by $z$.
+
+# %%
+rod_z = PARAMETERS.index("rod_z")
+shift = d.symbol(
+    "dQz_dPP",
+    r"\partial Q_z/\partial\overline{PP'}",
+    "what a shift of the platform along the guiding rod does to Q_z",
+    "1",
+    value=Q_direct[2, rod_z] - (Q_pose[2, :] * adjugate(W)[0]).dot(V[:, rod_z]) / adjugate(W)[1],
+)
+home = {F[k]: tuple(330 * DIRECTION[k]) for k in range(3)} | {
+    M[k]: tuple(140 * DIRECTION[k]) for k in range(3)
+}
+d.state(
+    "item-e",
+    sp.Ne(shift, 0),
+    said="geometrical parameters that contribute to the overall uncertainty of reaching the desired position: ... "
+    "e) distance of the fixed platform and the movable one at the central rod, i.e. the distance PP'",
+    place="sec. 3, e)",
+).refute(
+    {**home, q: (0, 0, 0), alpha: 0, beta: 0, z: 700},
+    [
+        equal(sp.ImmutableMatrix(V[:, rod_z]), sp.ImmutableMatrix(W[:, 2])),
+        equal(sp.ImmutableMatrix(Q_direct[:, rod_z]), sp.ImmutableMatrix(Q_pose[:, 2])),
+    ],
+    label="V1",
+    because="With the rods' lengths given, PP' follows from them: a shift along the central rod acts on rods and tool "
+    "as z does, so that z takes it up and Q does not move at all.",
+)
+
+# %% [markdown]
+# ## The paper's A as five columns
+#
+# With the joints on their circles, $(A_0,A_1,A_{-1},r,R)$ are the first five parameters: $r$ moves the three joints of
+# the platform outwards together, $R$ the fixed ones. Its equations (7) to (9) are combinations $T\Lambda$ of the
+# closures, its $F_{33}$ and $G_{33}$ give the derivative of Q by the pose.
+
+# %%
+ca, sa, cb, sb = sp.cos(alpha), sp.sin(alpha), sp.cos(beta), sp.sin(beta)
+root3 = sp.sqrt(3)
+W33 = sp.Matrix(
+    [
+        [R * r * sa, R * r * sb, 2 * z],
+        [R * ca * (2 * z + r * sb), R * r * sa * cb, 2 * R * sa],
+        [R * sa * (r - 2 * z * sb), R * (2 * z * ca * cb - r * sb), 2 * R * ca * sb],
+    ]
+)
+W35 = sp.Matrix(
+    [
+        [
+            -2 * A0 / 3,
+            -2 * A1 / 3,
+            -2 * A2 / 3,
+            2 * r - R * (ca + cb),
+            2 * R - r * (ca + cb),
+        ],
+        [0, 2 * A1 / root3, -2 * A2 / root3, R * sa * sb, sa * (2 * z + r * sb)],
+        [
+            4 * A0 / 3,
+            -2 * A1 / 3,
+            -2 * A2 / 3,
+            R * (cb - ca),
+            r * cb + ca * (2 * z * sb - r),
+        ],
+    ]
+)
+place_of_q = turned * (points[3] + z * e(2))
+qx, qy, qz = points[3]
+F33 = sp.Matrix([[cb, 0, -sb], [0, -1, 0], [sb, 0, cb]])
+G33 = sp.Matrix(
+    [
+        [0, -place_of_q[0] * sb - place_of_q[2] * cb, 0],
+        [(qz + z) * ca - qy * sa, 0, sa],
+        [qy * ca + (qz + z) * sa, place_of_q[0] * cb - place_of_q[2] * sb, -ca],
+    ]
+)
+third = sp.Rational(1, 3)
+T = sp.Matrix(
+    [
+        [third, third, third],
+        [0, -1 / root3, 1 / root3],
+        [-2 * third, third, third],
+    ]
+)
+circles = {F[k]: tuple(R * DIRECTION[k]) for k in range(3)} | {
+    M[k]: tuple(r * DIRECTION[k]) for k in range(3)
+}
+d.check(
+    "paper-W33",
+    equal(sp.ImmutableMatrix(W33), sp.ImmutableMatrix(2 * T * W)),
+    text="The paper's W33 is 2 T W.",
+).prove(given=circles)
+d.check(
+    "paper-W35",
+    equal(sp.ImmutableMatrix(W35), sp.ImmutableMatrix(2 * T * V[:, :5])),
+    text="The paper's W35 is 2 T times the first five columns of V; det T = -2√3/9.",
+).prove(given=circles)
+d.check(
+    "T-regular", equal(T.det(), -2 * root3 / 9), text="T is regular, so that it drops out of W33⁻¹W35."
+).prove()
+d.check(
+    "paper-M33",
+    equal(sp.ImmutableMatrix(-G33), sp.ImmutableMatrix(F33 * Q_pose)),
+    text="The paper's M33 = -F33⁻¹G33 is the derivative of Q by the pose; so A = M33 (-W33⁻¹W35) is the first five "
+    "columns of the sensitivity, on which Q has no further, direct dependence.",
+).prove()
+d.check(
+    "paper-direct",
+    equal(sp.ImmutableMatrix(Q_direct[:, :5]), sp.ImmutableMatrix(sp.zeros(3, 5))),
+    text="None of the five moves Q at a held pose.",
+).prove()
+d.check(
+    "radius-of-fixed-joints",
+    equal(
+        sp.ImmutableMatrix(V[:, 4]),
+        sp.ImmutableMatrix(
+            sum(
+                (
+                    V[:, PARAMETERS.index(f"{name}_{axis}")] * DIRECTION[k][n]
+                    for k, name in enumerate("ABC")
+                    for n, axis in enumerate("xyz")
+                ),
+                sp.zeros(3, 1),
+            )
+        ),
+    ),
+    text="A change of R is the same radial shift of all three fixed joints, and likewise r; so a covariance matrix of "
+    "the joints' coordinates has that of r and R as its special case of full correlation.",
+).prove()
+
+# %% [markdown]
+# ## (21) to (23), and Table 1
+#
+# An estimate $\hat{\vec y}=A\hat{\vec x}$ has the covariance matrix $A\,U_x\,A^T$ for any $U_x$; element by element
+# it is linear in $U_x$. If $U_x=LL^T$ is positive semidefinite, so is $U_y$.
+
+# %%
+a = sp.Matrix(3, 5, sp.symbols("a_1_1:6 a_2_1:6 a_3_1:6", real=True))
+names = [f"u_{min(i, j)}_{max(i, j)}" for i in range(1, 6) for j in range(1, 6)]
+U_x = sp.Matrix(5, 5, [sp.Symbol(name, real=True) for name in names])
+bases = [(i, j) for i in range(5) for j in range(i, 5)]
+
+
+def base(i, j):
+    """The paper's base matrix: 1 in one place and in that across the diagonal."""
+    return sp.Matrix(5, 5, lambda m, n: int((m, n) in ((i, j), (j, i))))
+
+
+errors = sp.Matrix(sp.symbols("dx_1:6", real=True))
+
+
+def expectation(form):
+    """Put the covariance u_ij for each product dx_i dx_j of a quadratic form in the errors."""
+    terms = sp.Poly(form, *errors).terms()
+    places = [
+        ([n for n, power in enumerate(powers) for _ in range(power)], factor) for powers, factor in terms
+    ]
+    return sum((factor * U_x[i, j] for (i, j), factor in places), sp.Integer(0))
+
+
+d.state(
+    "eq-21",
+    equal(
+        sp.ImmutableMatrix(a * U_x * a.T),
+        sp.ImmutableMatrix((a * errors * (a * errors).T).applyfunc(expectation)),
+    ),
+    text="The covariance matrix of A x is the expectation of (A dx)(A dx)ᵀ, for any U_x.",
+    place="eq. (21)",
+).prove()
+d.state(
+    "eq-22",
+    equal(
+        sp.ImmutableMatrix(U_x),
+        sp.ImmutableMatrix(sum((U_x[i, j] * base(i, j) for i, j in bases), sp.zeros(5))),
+    ),
+    equal(sp.ImmutableMatrix(U_x), sp.ImmutableMatrix(U_x.T)),
+    text="A covariance matrix is symmetric: fifteen numbers, and fifteen base matrices.",
+    place="eq. (22), sec. 4",
+).prove()
+d.state(
+    "linear-in-bases",
+    equal(
+        sp.ImmutableMatrix(a * U_x * a.T),
+        sp.ImmutableMatrix(sum((U_x[i, j] * a * base(i, j) * a.T for i, j in bases), sp.zeros(3))),
+    ),
+    said="Estimates of 15 base matrices Ux can be linearly combined and can thus provide an estimate for any general "
+    "(non-base) symmetric matrix Ux",
+    place="sec. 4",
+).prove(because="At one position this is so; what it means for intervals over many positions stands below.")
+root = sp.Matrix(5, 5, sp.symbols("l_1:6_1:6", real=True))
+v = sp.Matrix(sp.symbols("v_1:4", real=True))
+image = root.T * a.T * v
+d.check(
+    "semidefinite",
+    equal((v.T * a * root * root.T * a.T * v)[0], image.dot(image)),
+    text="vᵀ A (L Lᵀ) Aᵀ v is a square, so U_y is positive semidefinite where U_x = L Lᵀ is.",
+).prove()
+
+# %%
+h = d.symbol("h", r"h", "permissible deviation", "length", positive=True)
+t = sp.Symbol("t", real=True)
+fixed_u, rod_u = sp.Rational(1, 100), sp.Rational(5, 1000)
+d.state(
+    "rectangular",
+    equal(sp.integrate(t**2 / (2 * h), (t, -h, h)), h**2 / 3),
+    text="A deviation that is anywhere between -h and h with equal probability has the variance h²/3.",
+    place="eq. (23), Table 1",
+).prove()
+d.state(
+    "table-1-rods",
+    equal(sp.Rational(29, 10000) ** 2, rod_u**2 / 3),
+    text="The standard uncertainty of a rod, as printed, and as eq. (23) has it.",
+    place="Table 1",
+).refute(
+    {},
+    equal(sp.Rational(29, 10000) ** 2, (1 + sp.Rational(92, 10000)) * rod_u**2 / 3),
+    label="V2",
+    because="0.0029 mm is 0.005 mm/√3 rounded to two digits: variances from Table 1 are 0.92 % greater than those of "
+    "(23).",
+)
+d.state(
+    "table-1-radii",
+    equal(sp.Rational(58, 10000) ** 2, fixed_u**2 / 3),
+    text="The same for the radii.",
+    place="Table 1",
+).refute(
+    {},
+    equal(sp.Rational(58, 10000) ** 2, (1 + sp.Rational(92, 10000)) * fixed_u**2 / 3),
+    label="V3",
+    because="0.0058 mm is 0.01 mm/√3 rounded to two digits.",
+)
+
+# %% [markdown]
+# ## A mirror, and why (24) has ±
+#
+# The machine is its own mirror image in the plane $y=0$, which exchanges the rods B and C. So over a region that is
+# symmetric in $y$, with equal uncertainties of these rods, $u_{xy}$ and $u_{yz}$ take opposite values in pairs;
+# $u_{xz}$ does not. That is the pattern that (24) shows.
+
+# %%
+mirror = sp.diag(1, -1, 1)
+swap = sp.Matrix([[1, 0, 0, 0, 0], [0, 0, 1, 0, 0], [0, 1, 0, 0, 0], [0, 0, 0, 1, 0], [0, 0, 0, 0, 1]])
+swapped = {A1: A2, A2: A1}
+flip = sp.diag(-1, 1, 1)  # of (alpha, beta, z)
+change = sp.diag(1, -1, 1)  # of the three equations
+M33 = sp.Matrix(
+    [[-z * sb * sa, z * cb * ca, sb * ca], [z * ca, 0, sa], [-z * cb * sa, -z * sb * ca, cb * ca]]
+)
+no_tool = {q: (0, 0, 0)}
+d.check(
+    "M33",
+    equal(sp.ImmutableMatrix(M33), sp.ImmutableMatrix(Q_pose)),
+    text="M33 where the tool is P' (q = 0).",
+).prove(given=no_tool)
+
+
+def mirrored(m):
+    """The matrix at -alpha, with the rods B and C exchanged."""
+    return m.xreplace({alpha: -alpha, **swapped})
+
+
+d.check(
+    "mirror-W33",
+    equal(sp.ImmutableMatrix(mirrored(W33)), sp.ImmutableMatrix(change * W33 * flip)),
+    text="W33 at -α.",
+).prove()
+d.check(
+    "mirror-W35",
+    equal(sp.ImmutableMatrix(mirrored(W35)), sp.ImmutableMatrix(change * W35 * swap)),
+    text="W35 at -α, with the rods exchanged.",
+).prove()
+d.check(
+    "mirror-M33",
+    equal(sp.ImmutableMatrix(mirrored(M33)), sp.ImmutableMatrix(mirror * M33 * flip)),
+    text="M33 at -α. Together: A at -α is mirror · A · swap, since flip and change are their own inverses.",
+).prove()
+
+# %% [markdown]
+# ## Section 4: an element of U_y along a beam
+#
+# At fixed angles $W_{33}^{-1}$ is a matrix of polynomials in $z$ over the polynomial $D=\det W_{33}$ of degree 3. So
+# $a_{ki}=A_i\,n_{ki}/D$ for the rods and $n_{ki}/D$ for the radii, with polynomials $n_{ki}$.
+
+# %%
+c_a, s_a, c_b, s_b = sp.symbols("c_alpha s_alpha c_beta s_beta", real=True)
+letters = {sa: s_a, ca: c_a, sb: s_b, cb: c_b}
+bare = W35.copy()
+for n in range(3):
+    bare[:, n] = (W35[:, n] / rods[n]).expand()
+adjugate_W33, det_W33 = adjugate(W33.xreplace(letters))
+numerator = (-Q_pose.xreplace(letters) * adjugate_W33 * bare.xreplace(letters)).expand()
+determinant = sp.Poly(det_W33.expand(), z)
+parts = [[sp.Poly(numerator[k, i], z) for i in range(5)] for k in range(3)]
+at_home_tool = dict(zip(q, (0, 0, 0), strict=True))
+plain = [[sp.Poly(p.as_expr().xreplace(at_home_tool), z) for p in row] for row in parts]
+on_circles = [sp.Matrix(d.value(sp.ImmutableMatrix(leg), given=circles)).xreplace(letters) for leg in legs]
+circle_relations = {s_a: s_a**2 + c_a**2 - 1, s_b: s_b**2 + c_b**2 - 1}
+monic = [
+    z**2
+    + z * 2 * (-R * (DIRECTION[k].T * turned.xreplace(letters))[2])
+    + R**2
+    + r**2
+    - 2 * R * r * (DIRECTION[k].T * turned.xreplace(letters) * DIRECTION[k])[0]
+    for k in range(3)
+]
+d.check(
+    "lengths-on-a-beam",
+    *(equal(on_circles[k].dot(on_circles[k]), monic[k]) for k in range(3)),
+    text="The square of each length is a quadratic in z.",
+).prove(modulo=circle_relations)
+
+# %% [markdown]
+# The degrees, for the tool at P' and angles of general position.
+
+# %%
+N = sum(
+    (
+        (monic[i] if i < 3 else 1) * plain[0][i].as_expr() ** 2 * sp.Symbol(f"v_{i}", positive=True)
+        for i in range(5)
+    ),
+    sp.S.Zero,
+)
+N = sp.Poly(N, z)
+n_z = sp.Poly(sp.symbols("n_8 n_7 n_6 n_5 n_4 n_3 n_2 n_1 n_0", real=True), z)
+d_z = sp.Poly(sp.symbols("d_3 d_2 d_1 d_0", real=True), z)
+stationary = n_z.diff(z) * d_z - 2 * n_z * d_z.diff(z)
+d.state(
+    "degrees",
+    equal(sp.Integer(N.degree()), 8),
+    equal(sp.Integer(2 * determinant.degree()), 6),
+    equal(sp.Integer(stationary.degree()), 10),
+    equal(stationary.LC(), 2 * n_z.LC() * d_z.LC()),
+    said="Each element value of the matrix Uy ... can be precisely expressed using a formula ... divided by other "
+    "polynomials also dependent on z",
+    text="For a diagonal U_x an element is N/D², of degrees 8 and 6, and its stationary points are the roots of "
+    "N'D - 2ND', of degree 10.",
+    place="sec. 4",
+).prove()
+functions = {name: sp.Function(name)(z) for name in ("S", "P", "D")}
+S_z, P_z, D_z = functions.values()
+rates = {sp.diff(f, z): sp.Symbol(f"{name}1", real=True) for name, f in functions.items()}
+values = {f: sp.Symbol(name, positive=True) for name, f in functions.items()}
+slope = sp.diff(sp.sqrt(S_z) * P_z / D_z**2, z).xreplace(rates).xreplace(values)
+S_, P_, D_ = values.values()
+S1, P1, D1 = rates.values()
+d.state(
+    "stationary-points",
+    equal(slope * 2 * sp.sqrt(S_) * D_**3, S1 * P_ * D_ + 2 * S_ * (P1 * D_ - 2 * P_ * D1)),
+    said="any stationary point of the original expression is also the root of this polynomial",
+    text="For one element of U_x the influence is √S P/D²; S is 1, or the square of a length, or of a product of two. "
+    "One root suffices, and goes out when the derivative is multiplied by 2√S D³.",
+    place="sec. 4",
+).prove()
+
+# %%
+n_k, n_l = (sp.symbols(f"{name}_1:6", real=True) for name in ("n", "m"))
+A = (*rods, sp.S.One, sp.S.One)
+element = sum((A[i] * A[j] * n_k[i] * n_l[j] * U_x[i, j] for i in range(5) for j in range(5)), sp.S.Zero)
+six = [
+    *(A[i] * A[j] * (n_k[i] * n_l[j] + n_k[j] * n_l[i]) * U_x[i, j] for i, j in ((0, 1), (0, 2), (1, 2))),
+    *(A[i] * sum((n_k[i] * n_l[j] + n_k[j] * n_l[i]) * U_x[i, j] for j in (3, 4)) for i in range(3)),
+]
+free = (
+    sum((A[i] ** 2 * n_k[i] * n_l[i] * U_x[i, i] for i in range(5)), sp.S.Zero)
+    + (n_k[3] * n_l[4] + n_k[4] * n_l[3]) * U_x[3, 4]
+)
+variances = [rod_u**2 / 3] * 3 + [fixed_u**2 / 3] * 2
+d.state(
+    "six-roots",
+    equal(element, sum(six, sp.S.Zero)),
+    said="a formula that is represented by the sum of 6 square roots of polynomials of the variable z divided by "
+    "other polynomials",
+    place="sec. 4",
+).refute(
+    {
+        **{U_x[i, j]: (variances[i] if i == j else 0) for i, j in bases},
+        **{name: sp.Rational(1, 2100) for name in (*n_k[:3], *n_l[:3])},
+        **{n_k[3]: sp.Rational(190, 700), n_l[3]: sp.Rational(190, 700)},
+        **{n_k[4]: -sp.Rational(190, 700), n_l[4]: -sp.Rational(190, 700)},
+        **dict.fromkeys(rods, sp.sqrt(526100)),
+    },
+    equal(element, free + sum(six, sp.S.Zero)),
+    label="V4",
+    because="The six roots are A0A1, A0A-1, A1A-1, A0, A1, A-1, and there is a part without a root beside them. For a "
+    "diagonal U_x, such as the paper's (23), only that part is left: no root at all. (Here: u²(Q_z) at "
+    "α = β = 0, z = 700 mm.)",
+)
+
+# %% [markdown]
+# ## (24): added intervals enclose the range, and are not it
+#
+# The paper finds the least and the greatest influence of each base matrix over the cube, and adds these up. The least
+# value of a sum is at least the sum of the least values, and more where these are not taken at one place. The mirror
+# shows it without any search: at $(\alpha,0,z)$ and at $(-\alpha,0,z)$ $u^2(Q_z)$ is the same number, since the rods B
+# and C change places; the intervals of their two influences are not points.
+
+# %%
+place_alpha = {s_a: sp.Rational(20, 101), c_a: sp.Rational(99, 101), s_b: 0, c_b: 1, z: 700, R: 330, r: 140}
+
+
+def squared_influence(i):
+    """The squared element of A for Q_z and rod i at that place."""
+    n = plain[2][i].as_expr().xreplace(place_alpha) / det_W33.expand().xreplace(place_alpha)
+    return sp.nsimplify(n**2 * monic[i].xreplace(place_alpha))
+
+
+b = sp.symbols("b_1_1 b_1_2 b_2_1 b_2_2", positive=True)
+least_of_sum = sp.Min(b[0] + b[1], b[2] + b[3])
+sum_of_least = sp.Min(b[0], b[2]) + sp.Min(b[1], b[3])
+d_1, d_2 = b[0] - b[2], b[1] - b[3]
+
+
+def by_absolute(a, c):
+    """The lesser of two numbers."""
+    return (a + c - sp.Abs(a - c)) / 2
+
+
+d.state(
+    "eq-24-range",
+    equal(least_of_sum, sum_of_least),
+    said="a matrix of ordered pairs (minimum and maximum impacts of components of the matrix Ux). They represent the "
+    "range of values of elements of the matrix Uy",
+    text="For two rods' influences b_1, b_2 at two places.",
+    place="sec. 4, eq. (24)",
+).refute(
+    {
+        b[0]: squared_influence(1),
+        b[1]: squared_influence(2),
+        b[2]: squared_influence(2),
+        b[3]: squared_influence(1),
+    },
+    equal(
+        by_absolute(b[0] + b[1], b[2] + b[3]),
+        by_absolute(b[0], b[2])
+        + by_absolute(b[1], b[3])
+        + (sp.Abs(d_1) + sp.Abs(d_2) - sp.Abs(d_1 + d_2)) / 2,
+    ),
+    label="V5",
+    proof=[
+        equal(
+            by_absolute(b[0], b[2]) + by_absolute(b[1], b[3]) + (sp.Abs(d_1) + sp.Abs(d_2)) / 2, sum(b) / 2
+        ),
+        equal(by_absolute(b[0] + b[1], b[2] + b[3]) + sp.Abs(d_1 + d_2) / 2, sum(b) / 2),
+    ],
+    because="Intervals added up enclose the range: the last term is never negative (|x| + |y| >= |x + y|), and 0 only "
+    "where both rods' influences rise together. Eq. (24) is such an outer enclosure. (Here: the rods B and C, Q_z, at "
+    "sin α = ±20/101, β = 0, z = 700 mm.)",
+)
+printed = sp.Matrix(
+    3,
+    3,
+    lambda i, j: sp.Rational(
+        {
+            (0, 0): "0.0000185",
+            (1, 1): "0.0000185",
+            (2, 2): "0.0000038",
+            (0, 1): "0.0000070896",
+            (0, 2): "-0.0000073262",
+            (1, 2): "0.0000073394",
+        }[min(i, j), max(i, j)]
+    ),
+)
+entries = sp.symbols("y_1 y_2 y_3 y_12 y_13 y_23", real=True)
+general = sp.Matrix(
+    [
+        [entries[0], entries[3], entries[4]],
+        [entries[3], entries[1], entries[5]],
+        [entries[4], entries[5], entries[2]],
+    ]
+)
+by_hand = (
+    entries[0] * entries[1] * entries[2]
+    + 2 * entries[3] * entries[4] * entries[5]
+    - entries[0] * entries[5] ** 2
+    - entries[1] * entries[4] ** 2
+    - entries[2] * entries[3] ** 2
+)
+d.state(
+    "eq-24-corners",
+    sp.Ge(by_hand, 0),
+    tacit="a matrix with elements in the intervals (24) is a covariance matrix, whose determinant is not negative",
+    place="eq. (24)",
+).refute(
+    dict(
+        zip(
+            entries,
+            (printed[0, 0], printed[1, 1], printed[2, 2], printed[0, 1], printed[0, 2], printed[1, 2]),
+            strict=True,
+        )
+    ),
+    equal(general.det(), by_hand),
+    label="V6",
+    because="The elements do not take their extremes together. A corner of (24) can have a negative determinant; no "
+    "matrix may be put together of them.",
+)
+
+# %% [markdown]
+# ## The kernels
+
+
+# %%
+def sensitivity_kernel():
+    k = KernelBuilder(
+        "tricept_parameter_sensitivity",
+        summary="Sensitivity of a Tricept's tool to every geometrical parameter.",
+        source="Kureková et al., sec. 3 a) to g) and eq. (20); derivation tricept_uncertainty",
+        notes="The columns are in the order of PARAMETERS; the first five, with the joints on their circles, are the "
+        "paper's A.",
+    )
+    pose = k.input("pose", 3, unit="rad, rad, length", doc="alpha, beta, z")
+    fixed = k.input("fixed", (3, 3), unit="length", doc="the fixed joints A, B, C, a row each")
+    moving = k.input("moving", (3, 3), unit="length", doc="the joints A', B', C' in the platform's axes")
+    tool = k.input("tool", 3, unit="length", doc="Q in the platform's axes")
+    ca, sa = k.let("c_alpha", sp.cos(pose[0])), k.let("s_alpha", sp.sin(pose[0]))
+    cb, sb = k.let("c_beta", sp.cos(pose[1])), k.let("s_beta", sp.sin(pose[1]))
+    O_x, O_y = (
+        sp.Matrix([[1, 0, 0], [0, ca, sa], [0, -sa, ca]]),
+        sp.Matrix([[cb, 0, sb], [0, 1, 0], [-sb, 0, cb]]),
+    )
+    turned = k.let("turn", O_y * O_x)
+    dO = (
+        sp.Matrix([[0, 0, 0], [0, -sa, ca], [0, -ca, -sa]]),
+        sp.Matrix([[-sb, 0, cb], [0, 0, 0], [-cb, 0, -sb]]),
+    )
+    by_pose, by_error, places = [], [], []
+    for n, x in enumerate((*(moving[i, :].T for i in range(3)), tool)):
+        s = x + pose[2] * e(2)
+        place = k.let(f"at_{n}", turned * s)
+        by_pose.append(
+            k.let(f"by_pose_{n}", sp.Matrix.hstack(O_y * dO[0] * s, dO[1] * O_x * s, turned * e(2)))
+        )
+        by_error.append(k.let(f"by_guide_{n}", by_guide(x, turned, O_y, O_x, pose[2])))
+        places.append(place)
+    leg = [k.let(f"leg_{n}", places[n] - fixed[n, :].T) for n in range(3)]
+    length = [k.let(f"length_{n}", sp.sqrt(leg[n].dot(leg[n]))) for n in range(3)]
+    W, V, Q_pose, direct = loops(by_pose, by_error, turned, leg, length)
+    W = k.let("w", W)
+    adj, det = adjugate(W)
+    det = k.let("det", det)
+    gain = k.let("gain", Q_pose * k.let("adj", adj) / det)
+    size = [k.let(f"size_{n}", sp.sqrt(W[n, :].dot(W[n, :]))) for n in range(3)]
+    k.output("place", places[3], unit="length", doc="the tool Q")
+    k.output("rods", sp.Matrix(length), unit="length", doc="lengths A0, A1, A-1 of the rods")
+    k.output(
+        "sensitivity",
+        direct - gain * V,
+        unit="1, or length for the parameters that are angles",
+        doc="derivatives of Q, a column a parameter",
+    )
+    k.output(
+        "regularity",
+        det / (size[0] * size[1] * size[2]),
+        unit="1",
+        doc="determinant of the loops by its rows' lengths, -1 to 1; 0 where the machine is singular",
+    )
+    return k.build()
+
+
+def closure_kernel():
+    k = KernelBuilder(
+        "tricept_closure_values",
+        summary="How far a Tricept's rods are from closing at a pose, with every error, and where its tool is.",
+        source="derivation tricept_uncertainty, entry eq-1 and what follows",
+    )
+    pose = k.input("pose", 3, unit="rad, rad, length", doc="alpha, beta, z")
+    rods = k.input("rods", 3, unit="length", doc="lengths A0, A1, A-1")
+    fixed = k.input("fixed", (3, 3), unit="length", doc="the fixed joints A, B, C, a row each")
+    moving = k.input("moving", (3, 3), unit="length", doc="the joints A', B', C' in the platform's axes")
+    tool = k.input("tool", 3, unit="length", doc="Q in the platform's axes")
+    guide = k.input("guide", 14, unit="length or rad", doc="errors of the guiding rod, in the order of GUIDE")
+    mount = k.let("mount", usual(0, guide[11]) * usual(1, guide[12]) * usual(2, guide[13]))
+    inner = k.let("inner", usual(2, guide[6]) * turned_x(pose[0]) * usual(1, guide[10]))
+    outer = k.let("outer", usual(0, guide[3]) * usual(2, guide[4]) * usual(1, pose[1]))
+
+    def placed(x):
+        on_rod = pose[2] * e(2) + sp.Matrix(guide[7:10]) + mount * x
+        return sp.Matrix(guide[0:3]) + outer * (guide[5] * e(2) + inner * on_rod)
+
+    leg = [k.let(f"leg_{n}", placed(moving[n, :].T) - fixed[n, :].T) for n in range(3)]
+    k.output(
+        "residual",
+        sp.Matrix([(leg[n].dot(leg[n]) - rods[n] ** 2) / 2 for n in range(3)]),
+        unit="square of length",
+        doc="half of what the square of each rod is too short",
+    )
+    k.output("place", placed(tool), unit="length", doc="the tool Q")
+    return k.build()
+
+
+def beam_kernel():
+    k = KernelBuilder(
+        "tricept_beam",
+        summary="The polynomials in z of which the elements of U_y are made along a beam.",
+        source="Kureková et al., sec. 4; derivation tricept_uncertainty, entries degrees and stationary-points",
+        notes="Coefficients from z^0 up. Element (k, i) of A is numerator/determinant, times the rod's length for the "
+        "first three columns.",
+    )
+    angles = [k.input(name, unit="rad", doc="of the beam") for name in ("alpha", "beta")]
+    geometry = {R: k.input("R", unit="length", doc="radius of the fixed joints")}
+    geometry[r] = k.input("r", unit="length", doc="radius of the joints of the platform")
+    tool = k.input("tool", 3, unit="length", doc="Q in the platform's axes")
+    geometry |= dict(zip(q, tool, strict=True))
+    for letter, name, value in (
+        (c_a, "c_alpha", sp.cos(angles[0])),
+        (s_a, "s_alpha", sp.sin(angles[0])),
+        (c_b, "c_beta", sp.cos(angles[1])),
+        (s_b, "s_beta", sp.sin(angles[1])),
+    ):
+        geometry[letter] = k.let(name, value)
+
+    def coefficients(polynomial, count):
+        return [sp.factor(polynomial.coeff_monomial(z**n)).xreplace(geometry) for n in range(count)]
+
+    k.output(
+        "numerator",
+        sp.ImmutableDenseNDimArray([[coefficients(p, 5) for p in row] for row in parts]),
+        unit="length to a power",
+        doc="of element (k, i), without the rod's length",
+    )
+    k.output("determinant", sp.Matrix(coefficients(determinant, 4)), unit="length to a power", doc="of W33")
+    k.output(
+        "squares",
+        sp.Matrix([coefficients(sp.Poly(m, z), 3) for m in monic]),
+        unit="length to a power",
+        doc="of the rods' lengths",
+    )
+    return k.build()
+
+
+sensitivity = sensitivity_kernel()
+closing = closure_kernel()
+derivation.kernel(
+    sensitivity,
+    closing.jacobian(("pose",), name="tricept_closure", values=True),
+    beam_kernel(),
+)
+if in_notebook():
+    for kernel in derivation.kernels.values():
+        print(f"{kernel.name:30} {sum(kernel.operations.values()):5d} operations")
