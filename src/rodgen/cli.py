@@ -25,6 +25,7 @@ from rodgen._commands import (
     emit,
     fit,
     plan,
+    predict,
     report,
     simulate,
 )
@@ -44,7 +45,20 @@ from rodgen.errors import InputFileError, RodgenError
 
 __all__ = ["main"]
 
-_COMMANDS = (fit, compare, diagnose, plan, report, change, emit, simulate, effects, axis, derivations)
+_COMMANDS = (
+    fit,
+    compare,
+    diagnose,
+    plan,
+    predict,
+    report,
+    change,
+    emit,
+    simulate,
+    effects,
+    axis,
+    derivations,
+)
 
 # Modules that only some commands need, and the extra that brings them.
 _EXTRAS = {

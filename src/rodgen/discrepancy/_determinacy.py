@@ -59,6 +59,15 @@ class Determinacy:
     )
 
     @property
+    def null(self) -> Array:
+        """Changes of the parameters that change no reading of these data, (k, parameters), internal units."""
+        found = np.zeros((0 if self._at is None else len(self._at[5]), len(self.undetermined)))
+        if self._at is not None:
+            _, _, _, index, scale, null, _ = self._at
+            found[:, index] = null / scale
+        return found
+
+    @property
     def directions(self) -> tuple[Direction, ...]:
         """Combinations that the data do not determine: choices of coordinates first, then what data are lacking for."""
         return self._described[0]

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from rodgen.discrepancy._held_out import HeldOut
     from rodgen.discrepancy.compare import Comparison
     from rodgen.discrepancy.diagnose import Diagnosis
+    from rodgen.discrepancy.predict import Prediction
 
 __all__ = ["Estimate", "Fit", "FitError", "fit"]
 
@@ -206,6 +207,12 @@ class Fit:
         from rodgen.discrepancy.compare import compare
 
         return compare(self)
+
+    def predict(self, design: Measurements) -> Prediction:
+        """Tell where the machine will be, and how sure that is; see :func:`rodgen.discrepancy.predict.predict`."""
+        from rodgen.discrepancy.predict import predict
+
+        return predict(self, design)
 
     def diagnose(self, *, test: Measurements | None = None, progress: Progress | None = None) -> Diagnosis:
         """Find out which effects are missing in the model; see :func:`rodgen.discrepancy.diagnose.diagnose`."""
