@@ -748,9 +748,10 @@ def sps_singularity_tilt_torsion():
     R, h = radius_and_height(k)
     size = k.let("size", sp.sqrt(R**2 + h**2))
     R, h = k.let("R_1", R / size), k.let("h_1", h / size)
-    cosine, sine = k.let("cosine", sp.cos(T / 2)), k.let("sine", sp.sin(T / 2))
+    half, phase = k.let("half_tilt", T / 2), k.let("phase", 3 * F - torsion)
+    cosine, sine = k.let("cosine", sp.cos(half)), k.let("sine", sp.sin(half))
     first = cosine**2 * sp.sin(torsion) * (h**2 * sp.cos(T) - R**2 * sine**2)
-    second = R * h * cosine * sine**3 * sp.cos(3 * F - torsion)
+    second = R * h * cosine * sine**3 * sp.cos(phase)
     k.output(
         "determinant", sp.Rational(3, 2) * root3 * R * (first - second), unit="1", doc="normed determinant"
     )
@@ -927,7 +928,8 @@ def sps_mode():
 # %% [markdown]
 # Newton's method for the squares of the legs, on the rotation itself, within a radius of trust: a step is taken where
 # it makes the squares better, and shortened fourfold where it does not. At a singular pose, where two modes meet, the
-# step runs along the direction that the legs do not hold, and halves the distance each time. Four steps a call.
+# step runs along the direction that the legs do not hold, and halves the distance each time. Where the squares are
+# right to rounding nothing moves any more. Four steps a call.
 
 # %%
 STEPS = 4
@@ -961,6 +963,9 @@ def sps_polish():
         missing = k.let(f"missing_{step}", sp.Matrix(found))
         return turned, missing, k.let(f"merit_{step}", missing.dot(missing))
 
+    # where the squares are right to rounding nothing is left to decide by
+    scale = k.let("scale", 1 + ratio**2 + eta**2 + sum(targets, sp.S.Zero) / 3)
+    settled = k.let("settled", (4 * EPS * scale) ** 2)
     now = normalised(k, "start", quaternion)
     turned, missing, merit = look(now, "0")
     for step in range(1, STEPS + 1):
@@ -989,7 +994,8 @@ def sps_polish():
         )
         moved = normalised(k, f"unit_{step}", moved)
         new_turned, new_missing, new_merit = look(moved, str(step))
-        better = k.let(f"better_{step}", new_merit < merit)
+        done = k.let(f"done_{step}", merit <= settled)
+        better = k.let(f"better_{step}", sp.Not(done) & (new_merit < merit))
         now = k.let(f"now_{step}", select(better, moved, now))
         turned = [
             k.let(f"taken_{step}_{n}", select(better, a, b_n))
@@ -998,7 +1004,8 @@ def sps_polish():
         missing = k.let(f"left_{step}", select(better, new_missing, missing))
         merit = k.let(f"merit_taken_{step}", select(better, new_merit, merit))
         length = k.let(f"turned_by_{step}", sp.sqrt(turn.dot(turn)))
-        trust = k.let(f"trust_{step}", select(better, 2 * trust, select(length < trust, length, trust) / 4))
+        shorter = select(length < trust, length, trust) / 4
+        trust = k.let(f"trust_{step}", select(better, 2 * trust, select(done, trust, shorter)))
     k.output("polished", now, unit="1", doc="unit quaternion")
     k.output("radius", trust, unit="rad", doc="radius of trust to go on with")
     k.output(
