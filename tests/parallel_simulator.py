@@ -13,8 +13,7 @@ A leg's errors are ``LEG.EFFECT.PARAMETER``; the drawing's are ``geometry.R`` (`
 ``play`` (b: lost motion that remembers its path), ``thermal_lag`` (alpha, k, tau) and ``spring`` (c: a leg that
 stretches in the pose which it takes because it stretches).
 
-``leg_compliance`` takes the forces of the drawn machine, its geometry and targets where they truly are, at the
-commanded lengths.
+``leg_compliance`` takes the forces of the machine with all its errors, before the legs give way.
 """
 
 from __future__ import annotations
@@ -329,12 +328,14 @@ class Parallel(Simulated):
             }
             length[:, k] += self._of_leg(leg, of_formula)
             length[:, k] += self._formula(leg, "reading", of_formula, rows)
-        length += self._compliance("leg_compliance", q, columns, seen, start, displaced=False)
         shape = self.shape(displaced=True)
+        length = length + self._compliance("leg_compliance", length, shape, columns, seen, start)
         stretched = length
         for _ in range(20):
-            spring = self._compliance("spring", stretched, columns, seen, start, displaced=True)
-            before, stretched = stretched, length + spring
+            before, stretched = (
+                stretched,
+                length + self._compliance("spring", stretched, shape, columns, seen, start),
+            )
             if np.abs(stretched - before).max() <= 1e-14 * np.abs(length).max():
                 break
         pose = self.closed(stretched, shape, start)
@@ -387,11 +388,10 @@ class Parallel(Simulated):
         self,
         effect: str,
         length: Array,
+        shape: Shape,
         columns: Mapping[str, Any],
         seen: Array,
         start: ArrayLike | None,
-        *,
-        displaced: bool,
     ) -> Array:
         """Give by how much the legs are stretched by what hangs at the targets seen, (rows, 3)."""
         soft = np.array([self.numbers.get((leg, effect, None), {}).get("c", 0.0) for leg in self.joint_names])
@@ -399,7 +399,6 @@ class Parallel(Simulated):
             return np.zeros_like(length)
         if columns["F"] is None:
             raise ValueError(f"{effect} needs F, and it was not given")
-        shape = self.shape(displaced=displaced)
         pose = self.closed(length, shape, start)
         at = pose.origin + np.einsum("nij,nj->ni", pose.turn, seen)
         return soft * columns["F"][:, None] * self.tensions(pose, shape, at)

@@ -90,7 +90,9 @@ def residuals(case: Case, reading: np.ndarray) -> np.ndarray:
     return np.stack([-2 * np.sum(e * reading, axis=1) / (1 + along) for e in (level, upward)], axis=-1)
 
 
-def columns_off(case: Case, values: dict[str, float], keys: Iterable[str], rows: Any) -> dict[str, float]:
+def columns_off(
+    case: Case, values: dict[str, float], keys: Iterable[str], rows: Any, *, within: float = 1e-10
+) -> dict[str, float]:
     """Return the columns that are off the simulator's, and by which part of the column."""
     jacobian = case.problem.jacobian(case.theta(values), case.frame(values))
     off = {}
@@ -105,7 +107,7 @@ def columns_off(case: Case, values: dict[str, float], keys: Iterable[str], rows:
         expected = expected[rows] / h
         size = np.abs(expected).max()
         off[key] = np.abs(jacobian[rows, :, case.model.keys[key]] - expected).max() / size if size else np.inf
-    return {key: part for key, part in off.items() if not part < 1e-10}
+    return {key: part for key, part in off.items() if not part < within}
 
 
 @pytest.mark.parametrize("kind", KINDS)
