@@ -28,6 +28,7 @@ from rodgen._commands import (
     predict,
     report,
     simulate,
+    tricept,
 )
 from rodgen._commands._console import (
     BAD_INPUT,
@@ -57,6 +58,7 @@ _COMMANDS = (
     simulate,
     effects,
     axis,
+    tricept,
     derivations,
 )
 
@@ -72,7 +74,7 @@ _EXTRAS = {
     "matplotlib": "plot",
 }
 
-_WITH_A_MINUS = ("--point", "--hold", "--effect")
+_WITH_A_MINUS = ("--point", "--hold", "--effect", "--q")
 """Options whose value may begin with a minus sign."""
 
 

@@ -22,6 +22,7 @@ __all__ = [
     "Parser",
     "UsageError",
     "fitting",
+    "group",
     "reading",
     "show",
     "show_json",
@@ -80,6 +81,39 @@ class Command(Protocol):
         self, name: str, run: Callable[[argparse.Namespace], int], summary: str, text: str
     ) -> argparse.ArgumentParser:
         """Return its parser, for its options."""
+
+
+def group(command: Command, name: str, summary: str, text: str) -> Command:
+    """Add a command that has commands of its own; return what adds these.
+
+    Parameters
+    ----------
+    command : Command
+        What adds the group.
+    name, summary, text : str
+        As for a command.
+    """
+
+    def incomplete(options: argparse.Namespace) -> int:
+        raise UsageError(f"rodgen {name} needs one of its commands; see 'rodgen {name} --help'")
+
+    parser = command(name, incomplete, summary, text)
+    members = parser.add_subparsers(metavar="COMMAND", required=True)
+
+    def member(
+        name: str, run: Callable[[argparse.Namespace], int], summary: str, text: str
+    ) -> argparse.ArgumentParser:
+        made = members.add_parser(
+            name,
+            help=summary,
+            description=text,
+            epilog=EXIT_CODES,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        made.set_defaults(run=run)
+        return made
+
+    return member
 
 
 # output ------------------------------------------------------------------------------------------------

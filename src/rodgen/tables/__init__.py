@@ -10,7 +10,8 @@ Any unit that Pint knows and that fits the column will do, and it may differ fro
 - `open_table` reads in blocks, so that a file of any length passes through bounded memory; `open_frame` takes
   a table that is in memory instead.
 - `open_sink` writes in blocks, into a temporary file that takes its name only when it is complete.
-- `read_pairs` and `solve_table` are the two whole ways that the command line goes.
+- `read_pairs` and `solve_table` are two whole ways that the command line goes; `map_table` is the one of all commands
+  that add columns to a table.
 
 Whatever is wrong with a file is an :class:`rodgen.errors.InputFileError`: one sentence with the file, the
 line and column, what was found and what was expected.
@@ -23,17 +24,22 @@ from rodgen.tables._columns import Column, EveryColumn, UnitError, conversion_fa
 if TYPE_CHECKING:
     from rodgen.tables._sink import open_sink
     from rodgen.tables._source import Rows, open_frame, open_table
+    from rodgen.tables.mapped import Answer, MapSummary, Result, map_table
     from rodgen.tables.pairs import PAIR_COLUMNS, Pairs, SolveSummary, read_pairs, solve_table
 
 __all__ = [
     "PAIR_COLUMNS",
+    "Answer",
     "Column",
     "EveryColumn",
+    "MapSummary",
     "Pairs",
+    "Result",
     "Rows",
     "SolveSummary",
     "UnitError",
     "conversion_factor",
+    "map_table",
     "nearest",
     "open_frame",
     "open_sink",
@@ -46,9 +52,9 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     """Import what reads and writes when it is asked for: PyArrow takes 0.13 s, and a unit needs none of it."""
     if name in __all__:
-        from rodgen.tables import _sink, _source, pairs
+        from rodgen.tables import _sink, _source, mapped, pairs
 
-        for module in (_sink, _source, pairs):
+        for module in (_sink, _source, mapped, pairs):
             if name in module.__all__:
                 return getattr(module, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -22,14 +22,27 @@ from rodgen.tricept._matrices import (
     sensitivity,
     singularity,
 )
+from rodgen.tricept._workspace import (
+    Beams,
+    Slice,
+    Workspace,
+    beams,
+    reachable,
+    workspace,
+    workspace_slice,
+)
 
 __all__ = [
     "LEG_LIMITS",
     "PAPER",
+    "Beams",
     "Geometry",
     "Matrices",
     "Singularity",
+    "Slice",
     "TriceptStatus",
+    "Workspace",
+    "beams",
     "direct",
     "direct_all",
     "inverse",
@@ -37,7 +50,10 @@ __all__ = [
     "matrices",
     "point",
     "propagate",
+    "reachable",
     "rotation",
     "sensitivity",
     "singularity",
+    "workspace",
+    "workspace_slice",
 ]

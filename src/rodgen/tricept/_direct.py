@@ -287,8 +287,7 @@ def _polished(rods: _Rods, start: Numbers) -> tuple[Numbers, NDArray[np.bool_]]:
         if not len(active):
             break
     left, _ = _equations(rods, pose)
-    solved: NDArray[np.bool_] = (np.abs(left) < _SOLVED).all(axis=1)
-    return pose, solved
+    return pose, np.abs(left).max(axis=1, initial=0.0) < _SOLVED
 
 
 # answer ------------------------------------------------------------------------------------------------

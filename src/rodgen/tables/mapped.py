@@ -1,0 +1,161 @@
+"""A table in, the same table with result columns out: what every command of one row, one answer does.
+
+The rows pass in blocks, so that a file of any length needs bounded memory. Lengths are computed and written in the unit
+of the table's first length column, angles in radians and written in the unit of its first angle column, or in degrees.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from rodgen.errors import InputFileError, shown
+from rodgen.tables._columns import Column, conversion_factor
+from rodgen.tables._sink import open_sink
+from rodgen.tables._source import Rows, open_table
+
+__all__ = ["Answer", "MapSummary", "Result", "map_table"]
+
+Progress = Callable[[int | None, str], Callable[[int], object]]
+
+Answer: TypeAlias = tuple[Sequence[NDArray[Any]], NDArray[np.int64] | None]
+"""The result columns, and of which row of the block each result is; None where there is one for each row."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """A column that is added.
+
+    Attributes
+    ----------
+    name : str
+        Its name; the unit is added.
+    quantity : {"length", "area", "angle", "number", "count"} or IntEnum class
+        What it holds: numbers with the table's unit of length or its square, angles in radians, plain numbers, whole
+        ones, or codes that are written as the names of the enumeration in lower case.
+    """
+
+    name: str
+    quantity: Literal["length", "area", "angle", "number", "count"] | type[IntEnum]
+
+
+@dataclass
+class MapSummary:
+    """What `map_table` did.
+
+    Attributes
+    ----------
+    rows : int
+        Rows written.
+    counts : dict
+        Rows of each code of the first status column, by its name in lower case; only those that occur.
+    """
+
+    rows: int = 0
+    counts: dict[str, int] = field(default_factory=dict)
+
+
+def map_table(
+    path: str | os.PathLike[str],
+    output: str | os.PathLike[str] | None,
+    columns: Sequence[Column],
+    prepare: Callable[[str], tuple[Sequence[Result], Callable[[Sequence[NDArray[np.float64]]], Answer]]],
+    *,
+    progress: Progress | None = None,
+) -> MapSummary:
+    """Add result columns to a table.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        CSV (gzip or not) or Parquet; ``"-"`` is CSV on standard input.
+    output : str or os.PathLike, optional
+        ``.csv``, ``.csv.gz`` or ``.parquet``; CSV on standard output when left out or ``"-"``. It gets every column of
+        the input as it stands there, then the results.
+    columns : sequence of Column
+        Those that are read; every cell must hold a finite number.
+    prepare : callable
+        Called once with the unit of length (``""`` where no column has one); returns the result columns, and a function
+        from the values of `columns`, one array each, to their arrays. It is called in threads.
+    progress : callable, optional
+        Called once with the total (or None) and its unit, returns what is called with every advance.
+
+    Returns
+    -------
+    MapSummary
+
+    Raises
+    ------
+    InputFileError
+        When the input or the output cannot be used. The output is then what it was before.
+    """
+    keep_text = output is None or not os.fspath(output).lower().endswith(".parquet")
+    with open_table(path, columns, keep_text=keep_text) as table:
+        units = table.units()
+        length = next((units[c.name] for c in columns if c.quantity == "length"), "")
+        angle = next((units[c.name] for c in columns if c.quantity == "angle"), "deg")
+        results, function = prepare(length)
+        writers = [_Writer(result, length, angle) for result in results]
+        for writer in writers:
+            if writer.text in table.schema.names:
+                where = f"column {shown(writer.text)}"
+                raise InputFileError(
+                    table.file, where, "a result of an earlier run", "a table without results"
+                )
+        schema = pa.schema([*table.schema, *(pa.field(writer.text, writer.kind) for writer in writers)])
+        status = next((n for n, writer in enumerate(writers) if writer.names), None)
+        counts = np.zeros(len(writers[status].names) if status is not None else 1, np.int64)
+
+        with open_sink(output, schema, source=path) as sink:
+
+            def work(rows: Rows) -> tuple[Any, NDArray[np.int64]]:
+                arrays, index = function(rows.values)
+                batch = rows.batch if index is None else rows.batch.take(pa.array(index))
+                made = [writer.column(array) for writer, array in zip(writers, arrays, strict=True)]
+                batch = pa.RecordBatch.from_arrays([*batch.columns, *made], schema=schema)
+                codes = np.zeros(batch.num_rows, int) if status is None else np.asarray(arrays[status])
+                return sink.encode(batch), np.bincount(codes, minlength=len(counts))
+
+            advance = progress(table.total, table.amount_unit) if progress else None
+            for (encoded, found), amount in table.map(work):
+                sink.write(encoded)
+                counts += found
+                if advance:
+                    advance(amount)
+    names = writers[status].names if status is not None else []
+    found_names = {name: int(count) for name, count in zip(names, counts, strict=False) if count}
+    return MapSummary(int(counts.sum()), found_names)
+
+
+class _Writer:
+    """How one result column is named and written."""
+
+    def __init__(self, result: Result, length: str, angle: str) -> None:
+        quantity = result.quantity
+        self.names: list[str] = []
+        self._factor = 1.0
+        unit = {"length": length, "area": f"{length}**2", "angle": angle}.get(str(quantity), "")
+        self.text = f"{result.name} [{unit}]" if unit else result.name
+        if quantity == "angle":
+            self._factor = 1.0 / conversion_factor(angle, "angle", "rad")
+        self.kind = pa.int64() if quantity == "count" else pa.float64()
+        if isinstance(quantity, type):
+            codes = [int(code) for code in quantity]
+            if codes != list(range(len(codes))):
+                raise AssertionError(f"{quantity.__name__} must count from zero: its values index the names")
+            self.names = [code.name.lower() for code in quantity]
+            self.kind = pa.string()
+
+    def column(self, values: NDArray[Any]) -> pa.Array:
+        if self.names:
+            return pa.array(self.names, pa.string()).take(pa.array(np.asarray(values)))
+        if self.kind == pa.int64():
+            return pa.array(np.asarray(values, np.int64))
+        return pa.array(np.ascontiguousarray(values, np.float64) * self._factor)
