@@ -316,6 +316,51 @@ class Kernel:
         where = self.equations.where if self.equations else ()
         return replace(made, derivative=Derivative(self.name, tuple(real), tuple(inputs), where))
 
+    def after(self, first: Kernel) -> Kernel:
+        """Take inputs from the outputs of another kernel that have their names: the two as one program.
+
+        Parameters
+        ----------
+        first : Kernel
+            Inputs that it has in common with this one are the same.
+
+        Raises
+        ------
+        KernelError
+            When no input is an output of `first`, or ports of one name differ in shape.
+
+        Examples
+        --------
+        >>> k = KernelBuilder("area", summary="Area of a circle.", source="definition")
+        >>> k.output("square", k.input("r", unit="m", doc="radius") ** 2, unit="m2", doc="its square")
+        >>> area = k.build()
+        >>> k = KernelBuilder("volume", summary="Volume of a cylinder.", source="definition")
+        >>> square = k.input("square", unit="m2", doc="square of the radius")
+        >>> k.output("volume", sp.pi * square * k.input("h", unit="m", doc="height"), unit="m3", doc="of all")
+        >>> both = k.build().after(area)
+        >>> both.expand("volume"), [port.name for port in both.inputs]
+        (pi*h*r**2, ['h', 'r'])
+        """
+        taken = {port.name: port for port in first.outputs}
+        known = {port.name: port for port in first.inputs}
+        for port in self.inputs:
+            other = taken.get(port.name) or known.get(port.name)
+            if other is not None and other.shape != port.shape:
+                raise KernelError(
+                    f"{port.name} is {other.shape} in {first.name}, but {port.shape} in {self.name}"
+                )
+        if not any(port.name in taken for port in self.inputs):
+            raise KernelError(f"kernel {self.name} takes nothing from {first.name}")
+        own = {a.symbol: _like(a.symbol, f"{first.name}_{a.symbol.name}") for a in first.assignments}
+        steps = [replace(a, symbol=own[a.symbol], value=a.value.xreplace(own)) for a in first.assignments]
+        ports = [port for port in self.inputs if port.name in taken]
+        given = {
+            s: own[t] for port in ports for s, t in zip(port.symbols, taken[port.name].symbols, strict=True)
+        }
+        steps += [replace(a, value=a.value.xreplace(given)) for a in self.assignments]
+        inputs = {port.name: port for port in (*self.inputs, *first.inputs) if port.name not in taken}
+        return replace(self, inputs=tuple(inputs.values()), assignments=tuple(steps))
+
     def at(self, values: Mapping[str, Any], *, name: str | None = None) -> Kernel:
         """Hold inputs at numbers: the kernel without these inputs, and without what they make needless.
 
@@ -680,6 +725,11 @@ def finish(
         tuple(Assignment(symbol, value) for symbol, value in pairs),
         notes,
     )
+
+
+def _like(symbol: sp.Symbol, name: str) -> sp.Symbol:
+    """Return a symbol of another name, that is real or a condition as this one is."""
+    return sp.Symbol(name, **symbol.assumptions0) if symbol.is_real else sp.Symbol(name)
 
 
 def _live(steps: Sequence[Assignment], wanted: Iterable[sp.Symbol]) -> Iterator[Assignment]:

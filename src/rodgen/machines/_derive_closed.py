@@ -162,8 +162,12 @@ class _Chain:
         step = self.m.let("step", -self.inverse(self.slopes(pose, legs)) * self.m.let("gap", gap))
         return self.moved(step), step
 
-    def from_afar(self) -> list[sp.Expr]:
-        """Return the pose with legs of the commanded lengths as numbers, from wherever the family begins."""
+    def numbers(self, pose: _Pose) -> list[sp.Expr]:
+        """Return a pose as the numbers that a solver starts from."""
+        raise NotImplementedError
+
+    def from_afar(self) -> _Pose:
+        """Return the pose with legs of the commanded lengths, from wherever the family begins."""
         raise NotImplementedError
 
     def size(self, step: Vector) -> sp.Expr:
@@ -177,7 +181,7 @@ class _Tricept(_Chain):
         self.unknowns = sp.Matrix(self.start)
         return self.pose()
 
-    def from_afar(self) -> list[sp.Expr]:
+    def from_afar(self) -> _Pose:
         half = self.lengths(lambda term: True)
         R, r = self.number["R"][0], self.number["r"][0]
         square = self.m.let("height", (sum(half, sp.S.Zero) * 2 / 3) - (R - r) ** 2)
@@ -185,6 +189,9 @@ class _Tricept(_Chain):
         pose = self.pose()
         for _ in range(FROM_AFAR):
             pose, _step = self.nearer(pose, half)
+        return pose
+
+    def numbers(self, pose: _Pose) -> list[sp.Expr]:
         return list(self.unknowns)
 
     def moved(self, step: Vector) -> _Pose:
@@ -229,7 +236,7 @@ class _Pivot(_Chain):
     def first(self) -> _Pose:
         return self.pose(sp.Matrix(3, 3, self.start))
 
-    def from_afar(self) -> list[sp.Expr]:
+    def from_afar(self) -> _Pose:
         wanted, pose = self.lengths(lambda term: True), self.first()
         begun = [self.m.let("half_square", leg.dot(leg) / 2) for leg in self.legs(pose)]
         for stage in range(1, STAGES + 1):
@@ -240,6 +247,9 @@ class _Pivot(_Chain):
             ]
             for _ in range(FROM_AFAR // STAGES):
                 pose, _step = self.nearer(pose, half)
+        return pose
+
+    def numbers(self, pose: _Pose) -> list[sp.Expr]:
         return list(pose.turn)
 
     def moved(self, step: Vector) -> _Pose:
@@ -301,5 +311,6 @@ def pose_from_afar(model: _Model) -> Kernel:
         Without terms and freedoms.
     """
     chain = CHAINS[model.structure.family](model)
-    model.builder.output("start", sp.Matrix(chain.from_afar()), unit="1", doc="pose on the nominal machine")
+    found = chain.numbers(chain.from_afar())
+    model.builder.output("start", sp.Matrix(found), unit="1", doc="pose on the nominal machine")
     return model.builder.build()

@@ -106,17 +106,7 @@ class MachineKernels:
 
     def _begun(self, kernel: Kernel) -> Kernel:
         """Return a kernel after the one that finds the start, where there is one."""
-        if self.pose is None:
-            return kernel
-        own = {
-            a.symbol: sp.Symbol(f"pose_{a.symbol.name}", real=a.symbol.is_real) for a in self.pose.assignments
-        }
-        steps = [Assignment(own[a.symbol], a.value.xreplace(own)) for a in self.pose.assignments]
-        found = [own[symbol] for symbol in self.pose.port("start").symbols]
-        begun = dict(zip(kernel.port("start").symbols, found, strict=True))
-        steps += [Assignment(a.symbol, a.value.xreplace(begun)) for a in kernel.assignments]
-        inputs = {port.name: port for port in (*kernel.inputs, *self.pose.inputs) if port.name != "start"}
-        return replace(kernel, inputs=tuple(inputs.values()), assignments=tuple(steps))
+        return kernel if self.pose is None else kernel.after(self.pose)
 
     def inputs(self, q: Sequence[float], columns: Mapping[str, float], target: int) -> dict[str, Any]:
         """Return the inputs of the kernels by name, constants and all."""
