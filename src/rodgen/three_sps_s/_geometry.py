@@ -1,0 +1,64 @@
+"""What a 3-SPS-S machine is made of: two radii and the height of the pivot.
+
+The joints on the base stand at -30°, 90° and 210° on a circle of the radius R in the plane z = 0; those on the platform
+in the same directions on one of the radius r, in the plane of the pivot (0, 0, h), when the platform is not turned.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from rodgen.errors import RodgenError
+
+__all__ = ["Geometry"]
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """The fixed dimensions of a 3-SPS-S machine, in one unit of length.
+
+    Parameters
+    ----------
+    R, r : float
+        Radii of the joints on the base and on the platform.
+    h : float
+        Height of the pivot over the base.
+
+    Raises
+    ------
+    RodgenError
+        When a radius is not positive, or a number not finite.
+
+    Examples
+    --------
+    >>> from rodgen import three_sps_s
+    >>> three_sps_s.Geometry(2, 1, 1.5).home_leg.__round__(6)
+    1.802776
+    """
+
+    R: float
+    r: float
+    h: float
+
+    def __post_init__(self) -> None:
+        for name in ("R", "r", "h"):
+            value = getattr(self, name)
+            try:
+                number = float(value)
+            except (TypeError, ValueError):
+                raise RodgenError(f"{name} is {value!r}; expected a length") from None
+            if not math.isfinite(number) or (name != "h" and number <= 0):
+                expected = "a finite length" if name == "h" else "a positive length"
+                raise RodgenError(f"{name} is {number}; expected {expected}")
+            object.__setattr__(self, name, number)
+
+    @property
+    def lengths(self) -> tuple[float, float, float]:
+        """R, r and h, in the kernels' order."""
+        return self.R, self.r, self.h
+
+    @property
+    def home_leg(self) -> float:
+        """Length of each leg when the platform is not turned."""
+        return math.hypot(self.R - self.r, self.h)
