@@ -1,0 +1,94 @@
+"""Twelve sequences of rotations about coordinate axes, made of two.
+
+A sequence in capitals, such as ``"ZYX"``, is intrinsic: each rotation is about an axis of the frame that the ones
+before have turned. In small letters, ``"xyz"``, it is extrinsic, about fixed axes, and is the intrinsic one read
+backwards with the angles backwards. (So SciPy writes them, too.)
+
+With other names of the axes, a permutation P, each intrinsic sequence is Z-Y-X or Z-Y-Z; where P is a reflection all
+angles change their signs. That is the entry ``twelve-from-two`` of the derivation ``instantaneous_euler``.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rodgen.errors import UnexpectedError, shown
+
+__all__ = ["SEQUENCES", "Sequence", "sequence_of"]
+
+SEQUENCES = ("XYX", "XYZ", "XZX", "XZY", "YXY", "YXZ", "YZX", "YZY", "ZXY", "ZXZ", "ZYX", "ZYZ")
+"""The twelve intrinsic sequences; in small letters they are extrinsic."""
+
+
+class Sequence(NamedTuple):
+    """How a sequence is made of Z-Y-X or Z-Y-Z.
+
+    Attributes
+    ----------
+    like : str
+        ``"zyx"`` or ``"zyz"``.
+    sign : int
+        Of the angles of that, -1 where the renaming is a reflection.
+    axes : tuple of int
+        What x, y and z of that are called here: 0, 1, 2 for x, y, z.
+    backwards : bool
+        Whether the angles come backwards, as extrinsic ones do.
+    """
+
+    like: str
+    sign: int
+    axes: tuple[int, int, int]
+    backwards: bool
+
+    def angles(self, angles: ArrayLike) -> NDArray[Any]:
+        """Angles, or rates, of that from those of this sequence; the other way it is the same."""
+        given = np.asarray(angles)
+        if given.dtype.kind == "c":
+            raise TypeError("angles are real numbers")
+        if given.ndim == 0 or given.shape[-1] != 3:
+            raise ValueError(f"angles have the shape {given.shape}; expected a last axis of 3")
+        given = given[..., ::-1] if self.backwards else given
+        return given if self.sign > 0 else -given
+
+    def vector(self, vector: NDArray[Any]) -> NDArray[Any]:
+        """Components along x, y, z from those along the axes of that, of a vector that is not turned around."""
+        found = np.empty_like(vector)
+        found[..., self.axes] = vector
+        return found
+
+    def matrix(self, matrix: NDArray[Any]) -> NDArray[Any]:
+        """Rotation in x, y, z from that in the axes of that."""
+        found = np.empty_like(matrix)
+        rows, columns = np.ix_(self.axes, self.axes)
+        found[..., rows, columns] = matrix
+        return found
+
+    def quaternion(self, quaternion: NDArray[Any]) -> NDArray[Any]:
+        """Return the unit quaternion in the axes of that, from the one in x, y, z."""
+        part = self.sign * quaternion[..., 1:][..., list(self.axes)]
+        return np.concatenate([quaternion[..., :1], part], axis=-1)
+
+
+def sequence_of(name: str) -> Sequence:
+    """Read the name of a sequence.
+
+    Raises
+    ------
+    UnexpectedError
+        When it is none of the twelve, in capitals or in small letters.
+    """
+    intrinsic = name if isinstance(name, str) and name.isupper() else str(name)[::-1].upper()
+    if intrinsic not in SEQUENCES or not (name.isupper() or name.islower()):
+        expected = (
+            f"one of {', '.join(SEQUENCES)}, in capitals for intrinsic and in small letters for extrinsic"
+        )
+        raise UnexpectedError(f"the sequence {shown(name)}", expected)
+    first, second, third = ("XYZ".index(axis) for axis in intrinsic)
+    rest = 3 - first - second
+    even = (rest, second, first) in ((0, 1, 2), (1, 2, 0), (2, 0, 1))
+    return Sequence(
+        "zyx" if third == rest else "zyz", 1 if even else -1, (rest, second, first), name.islower()
+    )
