@@ -34,7 +34,7 @@ static inline float power_of_two_scale_f32(float x) {
   return x;
 }
 
-/* chi_from_quaternion: 22 add, 46 mul, 7 div, 7 sqrt, 8 select, 13 compare, 9 abs, 3 atan2, 7 power_of_two_scale */
+/* chi_from_quaternion: 22 add, 48 mul, 7 div, 7 sqrt, 8 select, 13 compare, 9 abs, 3 atan2, 7 power_of_two_scale */
 void instantaneous_euler_chi_from_quaternion_f64(const double quaternion[4], double chi[3], int8_t *status) {
   /* inputs */
   const double quaternion_1 = quaternion[0];
@@ -59,29 +59,31 @@ void instantaneous_euler_chi_from_quaternion_f64(const double quaternion[4], dou
   const double x2 = fabs(quaternion_unit_3);
   const double x3 = fabs(quaternion_unit_4);
   const double sine_x_scale = power_of_two_scale_f64(x2 + x3);
-  const double x4 = (quaternion_unit_3*quaternion_unit_3);
-  const double x5 = (sine_x_scale*sine_x_scale);
-  const double x6 = (quaternion_unit_4*quaternion_unit_4);
-  const double sine_x = sqrt(x4*x5 + x5*x6)/sine_x_scale;
-  const double x7 = fabs(quaternion_unit_1);
-  const double x8 = fabs(quaternion_unit_2);
-  const double cosine_x_scale = power_of_two_scale_f64(x7 + x8);
-  const double x9 = (cosine_x_scale*cosine_x_scale);
-  const double x10 = (quaternion_unit_1*quaternion_unit_1);
-  const double x11 = (quaternion_unit_2*quaternion_unit_2);
-  const double cosine_x = sqrt(x10*x9 + x11*x9)/cosine_x_scale;
-  const double sine_y_scale = power_of_two_scale_f64(x3 + x8);
-  const double x12 = (sine_y_scale*sine_y_scale);
-  const double sine_y = sqrt(x11*x12 + x12*x6)/sine_y_scale;
-  const double cosine_y_scale = power_of_two_scale_f64(x2 + x7);
-  const double x13 = (cosine_y_scale*cosine_y_scale);
-  const double cosine_y = sqrt(x10*x13 + x13*x4)/cosine_y_scale;
-  const double sine_z_scale = power_of_two_scale_f64(x2 + x8);
-  const double x14 = (sine_z_scale*sine_z_scale);
-  const double sine_z = sqrt(x11*x14 + x14*x4)/sine_z_scale;
-  const double cosine_z_scale = power_of_two_scale_f64(x3 + x7);
-  const double x15 = (cosine_z_scale*cosine_z_scale);
-  const double cosine_z = sqrt(x10*x15 + x15*x6)/cosine_z_scale;
+  const double sine_x_scaled_1 = quaternion_unit_3*sine_x_scale;
+  const double sine_x_scaled_2 = quaternion_unit_4*sine_x_scale;
+  const double sine_x = sqrt((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale;
+  const double x4 = fabs(quaternion_unit_1);
+  const double x5 = fabs(quaternion_unit_2);
+  const double cosine_x_scale = power_of_two_scale_f64(x4 + x5);
+  const double cosine_x_scaled_1 = cosine_x_scale*quaternion_unit_1;
+  const double cosine_x_scaled_2 = cosine_x_scale*quaternion_unit_2;
+  const double cosine_x = sqrt((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale;
+  const double sine_y_scale = power_of_two_scale_f64(x3 + x5);
+  const double sine_y_scaled_1 = quaternion_unit_4*sine_y_scale;
+  const double sine_y_scaled_2 = quaternion_unit_2*sine_y_scale;
+  const double sine_y = sqrt((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale;
+  const double cosine_y_scale = power_of_two_scale_f64(x2 + x4);
+  const double cosine_y_scaled_1 = cosine_y_scale*quaternion_unit_1;
+  const double cosine_y_scaled_2 = cosine_y_scale*quaternion_unit_3;
+  const double cosine_y = sqrt((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
+  const double sine_z_scale = power_of_two_scale_f64(x2 + x5);
+  const double sine_z_scaled_1 = quaternion_unit_2*sine_z_scale;
+  const double sine_z_scaled_2 = quaternion_unit_3*sine_z_scale;
+  const double sine_z = sqrt((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale;
+  const double cosine_z_scale = power_of_two_scale_f64(x3 + x4);
+  const double cosine_z_scaled_1 = cosine_z_scale*quaternion_unit_1;
+  const double cosine_z_scaled_2 = cosine_z_scale*quaternion_unit_4;
+  const double cosine_z = sqrt((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale;
   const double status_value = ((!(good)) ? 4.0 : ((quaternion_deviation > 16.0*DBL_EPSILON) ? 3.0 : (((sine_x == 0.0) && (sine_y == 0.0) && (sine_z == 0.0)) ? 2.0 : (((cosine_x <= DBL_EPSILON) || (cosine_y <= DBL_EPSILON) || (cosine_z <= DBL_EPSILON) || (sine_x <= DBL_EPSILON) || (sine_y <= DBL_EPSILON) || (sine_z <= DBL_EPSILON)) ? 1.0 : 0.0))));
   /* outputs */
   chi[0] = ((good) ? 2.0*atan2(sine_x, cosine_x) : (double)NAN);
@@ -95,7 +97,7 @@ void instantaneous_euler_chi_from_quaternion_batch_f64(size_t count, const doubl
     instantaneous_euler_chi_from_quaternion_f64(quaternion + 4 * i, chi + 3 * i, status + i);
 }
 
-/* chi_from_quaternion: 22 add, 46 mul, 7 div, 7 sqrt, 8 select, 13 compare, 9 abs, 3 atan2, 7 power_of_two_scale */
+/* chi_from_quaternion: 22 add, 48 mul, 7 div, 7 sqrt, 8 select, 13 compare, 9 abs, 3 atan2, 7 power_of_two_scale */
 void instantaneous_euler_chi_from_quaternion_f32(const float quaternion[4], float chi[3], int8_t *status) {
   /* inputs */
   const float quaternion_1 = quaternion[0];
@@ -120,29 +122,31 @@ void instantaneous_euler_chi_from_quaternion_f32(const float quaternion[4], floa
   const float x2 = fabsf(quaternion_unit_3);
   const float x3 = fabsf(quaternion_unit_4);
   const float sine_x_scale = power_of_two_scale_f32(x2 + x3);
-  const float x4 = (quaternion_unit_3*quaternion_unit_3);
-  const float x5 = (sine_x_scale*sine_x_scale);
-  const float x6 = (quaternion_unit_4*quaternion_unit_4);
-  const float sine_x = sqrtf(x4*x5 + x5*x6)/sine_x_scale;
-  const float x7 = fabsf(quaternion_unit_1);
-  const float x8 = fabsf(quaternion_unit_2);
-  const float cosine_x_scale = power_of_two_scale_f32(x7 + x8);
-  const float x9 = (cosine_x_scale*cosine_x_scale);
-  const float x10 = (quaternion_unit_1*quaternion_unit_1);
-  const float x11 = (quaternion_unit_2*quaternion_unit_2);
-  const float cosine_x = sqrtf(x10*x9 + x11*x9)/cosine_x_scale;
-  const float sine_y_scale = power_of_two_scale_f32(x3 + x8);
-  const float x12 = (sine_y_scale*sine_y_scale);
-  const float sine_y = sqrtf(x11*x12 + x12*x6)/sine_y_scale;
-  const float cosine_y_scale = power_of_two_scale_f32(x2 + x7);
-  const float x13 = (cosine_y_scale*cosine_y_scale);
-  const float cosine_y = sqrtf(x10*x13 + x13*x4)/cosine_y_scale;
-  const float sine_z_scale = power_of_two_scale_f32(x2 + x8);
-  const float x14 = (sine_z_scale*sine_z_scale);
-  const float sine_z = sqrtf(x11*x14 + x14*x4)/sine_z_scale;
-  const float cosine_z_scale = power_of_two_scale_f32(x3 + x7);
-  const float x15 = (cosine_z_scale*cosine_z_scale);
-  const float cosine_z = sqrtf(x10*x15 + x15*x6)/cosine_z_scale;
+  const float sine_x_scaled_1 = quaternion_unit_3*sine_x_scale;
+  const float sine_x_scaled_2 = quaternion_unit_4*sine_x_scale;
+  const float sine_x = sqrtf((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale;
+  const float x4 = fabsf(quaternion_unit_1);
+  const float x5 = fabsf(quaternion_unit_2);
+  const float cosine_x_scale = power_of_two_scale_f32(x4 + x5);
+  const float cosine_x_scaled_1 = cosine_x_scale*quaternion_unit_1;
+  const float cosine_x_scaled_2 = cosine_x_scale*quaternion_unit_2;
+  const float cosine_x = sqrtf((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale;
+  const float sine_y_scale = power_of_two_scale_f32(x3 + x5);
+  const float sine_y_scaled_1 = quaternion_unit_4*sine_y_scale;
+  const float sine_y_scaled_2 = quaternion_unit_2*sine_y_scale;
+  const float sine_y = sqrtf((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale;
+  const float cosine_y_scale = power_of_two_scale_f32(x2 + x4);
+  const float cosine_y_scaled_1 = cosine_y_scale*quaternion_unit_1;
+  const float cosine_y_scaled_2 = cosine_y_scale*quaternion_unit_3;
+  const float cosine_y = sqrtf((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
+  const float sine_z_scale = power_of_two_scale_f32(x2 + x5);
+  const float sine_z_scaled_1 = quaternion_unit_2*sine_z_scale;
+  const float sine_z_scaled_2 = quaternion_unit_3*sine_z_scale;
+  const float sine_z = sqrtf((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale;
+  const float cosine_z_scale = power_of_two_scale_f32(x3 + x4);
+  const float cosine_z_scaled_1 = cosine_z_scale*quaternion_unit_1;
+  const float cosine_z_scaled_2 = cosine_z_scale*quaternion_unit_4;
+  const float cosine_z = sqrtf((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale;
   const float status_value = ((!(good)) ? 4.0f : ((quaternion_deviation > 16.0f*FLT_EPSILON) ? 3.0f : (((sine_x == 0.0f) && (sine_y == 0.0f) && (sine_z == 0.0f)) ? 2.0f : (((cosine_x <= FLT_EPSILON) || (cosine_y <= FLT_EPSILON) || (cosine_z <= FLT_EPSILON) || (sine_x <= FLT_EPSILON) || (sine_y <= FLT_EPSILON) || (sine_z <= FLT_EPSILON)) ? 1.0f : 0.0f))));
   /* outputs */
   chi[0] = ((good) ? 2.0f*atan2f(sine_x, cosine_x) : (float)NAN);
@@ -156,7 +160,7 @@ void instantaneous_euler_chi_from_quaternion_batch_f32(size_t count, const float
     instantaneous_euler_chi_from_quaternion_f32(quaternion + 4 * i, chi + 3 * i, status + i);
 }
 
-/* chi_from_matrix: 56 add, 64 mul, 7 div, 7 sqrt, 21 select, 26 compare, 10 abs, 3 atan2, 6 power_of_two_scale */
+/* chi_from_matrix: 56 add, 66 mul, 7 div, 7 sqrt, 21 select, 26 compare, 10 abs, 3 atan2, 6 power_of_two_scale */
 void instantaneous_euler_chi_from_matrix_f64(const double matrix[9], double chi[3], int8_t *status) {
   /* inputs */
   const double matrix_1_1 = matrix[0];
@@ -219,29 +223,31 @@ void instantaneous_euler_chi_from_matrix_f64(const double matrix[9], double chi[
   const double x11 = fabs(unit_3);
   const double x12 = fabs(unit_4);
   const double sine_x_scale = power_of_two_scale_f64(x11 + x12);
-  const double x13 = (sine_x_scale*sine_x_scale);
-  const double x14 = (unit_3*unit_3);
-  const double x15 = (unit_4*unit_4);
-  const double sine_x = sqrt(x13*x14 + x13*x15)/sine_x_scale;
-  const double x16 = fabs(unit_1);
-  const double x17 = fabs(unit_2);
-  const double cosine_x_scale = power_of_two_scale_f64(x16 + x17);
-  const double x18 = (cosine_x_scale*cosine_x_scale);
-  const double x19 = (unit_1*unit_1);
-  const double x20 = (unit_2*unit_2);
-  const double cosine_x = sqrt(x18*x19 + x18*x20)/cosine_x_scale;
-  const double sine_y_scale = power_of_two_scale_f64(x12 + x17);
-  const double x21 = (sine_y_scale*sine_y_scale);
-  const double sine_y = sqrt(x15*x21 + x20*x21)/sine_y_scale;
-  const double cosine_y_scale = power_of_two_scale_f64(x11 + x16);
-  const double x22 = (cosine_y_scale*cosine_y_scale);
-  const double cosine_y = sqrt(x14*x22 + x19*x22)/cosine_y_scale;
-  const double sine_z_scale = power_of_two_scale_f64(x11 + x17);
-  const double x23 = (sine_z_scale*sine_z_scale);
-  const double sine_z = sqrt(x14*x23 + x20*x23)/sine_z_scale;
-  const double cosine_z_scale = power_of_two_scale_f64(x12 + x16);
-  const double x24 = (cosine_z_scale*cosine_z_scale);
-  const double cosine_z = sqrt(x15*x24 + x19*x24)/cosine_z_scale;
+  const double sine_x_scaled_1 = sine_x_scale*unit_3;
+  const double sine_x_scaled_2 = sine_x_scale*unit_4;
+  const double sine_x = sqrt((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale;
+  const double x13 = fabs(unit_1);
+  const double x14 = fabs(unit_2);
+  const double cosine_x_scale = power_of_two_scale_f64(x13 + x14);
+  const double cosine_x_scaled_1 = cosine_x_scale*unit_1;
+  const double cosine_x_scaled_2 = cosine_x_scale*unit_2;
+  const double cosine_x = sqrt((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale;
+  const double sine_y_scale = power_of_two_scale_f64(x12 + x14);
+  const double sine_y_scaled_1 = sine_y_scale*unit_4;
+  const double sine_y_scaled_2 = sine_y_scale*unit_2;
+  const double sine_y = sqrt((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale;
+  const double cosine_y_scale = power_of_two_scale_f64(x11 + x13);
+  const double cosine_y_scaled_1 = cosine_y_scale*unit_1;
+  const double cosine_y_scaled_2 = cosine_y_scale*unit_3;
+  const double cosine_y = sqrt((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
+  const double sine_z_scale = power_of_two_scale_f64(x11 + x14);
+  const double sine_z_scaled_1 = sine_z_scale*unit_2;
+  const double sine_z_scaled_2 = sine_z_scale*unit_3;
+  const double sine_z = sqrt((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale;
+  const double cosine_z_scale = power_of_two_scale_f64(x12 + x13);
+  const double cosine_z_scaled_1 = cosine_z_scale*unit_1;
+  const double cosine_z_scaled_2 = cosine_z_scale*unit_4;
+  const double cosine_z = sqrt((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale;
   const double status_value = ((!(good)) ? 4.0 : ((deviation > 64.0*DBL_EPSILON) ? 3.0 : (((sine_x == 0.0) && (sine_y == 0.0) && (sine_z == 0.0)) ? 2.0 : (((cosine_x <= DBL_EPSILON) || (cosine_y <= DBL_EPSILON) || (cosine_z <= DBL_EPSILON) || (sine_x <= DBL_EPSILON) || (sine_y <= DBL_EPSILON) || (sine_z <= DBL_EPSILON)) ? 1.0 : 0.0))));
   /* outputs */
   chi[0] = ((good) ? 2.0*atan2(sine_x, cosine_x) : (double)NAN);
@@ -255,7 +261,7 @@ void instantaneous_euler_chi_from_matrix_batch_f64(size_t count, const double *m
     instantaneous_euler_chi_from_matrix_f64(matrix + 9 * i, chi + 3 * i, status + i);
 }
 
-/* chi_from_matrix: 56 add, 64 mul, 7 div, 7 sqrt, 21 select, 26 compare, 10 abs, 3 atan2, 6 power_of_two_scale */
+/* chi_from_matrix: 56 add, 66 mul, 7 div, 7 sqrt, 21 select, 26 compare, 10 abs, 3 atan2, 6 power_of_two_scale */
 void instantaneous_euler_chi_from_matrix_f32(const float matrix[9], float chi[3], int8_t *status) {
   /* inputs */
   const float matrix_1_1 = matrix[0];
@@ -318,29 +324,31 @@ void instantaneous_euler_chi_from_matrix_f32(const float matrix[9], float chi[3]
   const float x11 = fabsf(unit_3);
   const float x12 = fabsf(unit_4);
   const float sine_x_scale = power_of_two_scale_f32(x11 + x12);
-  const float x13 = (sine_x_scale*sine_x_scale);
-  const float x14 = (unit_3*unit_3);
-  const float x15 = (unit_4*unit_4);
-  const float sine_x = sqrtf(x13*x14 + x13*x15)/sine_x_scale;
-  const float x16 = fabsf(unit_1);
-  const float x17 = fabsf(unit_2);
-  const float cosine_x_scale = power_of_two_scale_f32(x16 + x17);
-  const float x18 = (cosine_x_scale*cosine_x_scale);
-  const float x19 = (unit_1*unit_1);
-  const float x20 = (unit_2*unit_2);
-  const float cosine_x = sqrtf(x18*x19 + x18*x20)/cosine_x_scale;
-  const float sine_y_scale = power_of_two_scale_f32(x12 + x17);
-  const float x21 = (sine_y_scale*sine_y_scale);
-  const float sine_y = sqrtf(x15*x21 + x20*x21)/sine_y_scale;
-  const float cosine_y_scale = power_of_two_scale_f32(x11 + x16);
-  const float x22 = (cosine_y_scale*cosine_y_scale);
-  const float cosine_y = sqrtf(x14*x22 + x19*x22)/cosine_y_scale;
-  const float sine_z_scale = power_of_two_scale_f32(x11 + x17);
-  const float x23 = (sine_z_scale*sine_z_scale);
-  const float sine_z = sqrtf(x14*x23 + x20*x23)/sine_z_scale;
-  const float cosine_z_scale = power_of_two_scale_f32(x12 + x16);
-  const float x24 = (cosine_z_scale*cosine_z_scale);
-  const float cosine_z = sqrtf(x15*x24 + x19*x24)/cosine_z_scale;
+  const float sine_x_scaled_1 = sine_x_scale*unit_3;
+  const float sine_x_scaled_2 = sine_x_scale*unit_4;
+  const float sine_x = sqrtf((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale;
+  const float x13 = fabsf(unit_1);
+  const float x14 = fabsf(unit_2);
+  const float cosine_x_scale = power_of_two_scale_f32(x13 + x14);
+  const float cosine_x_scaled_1 = cosine_x_scale*unit_1;
+  const float cosine_x_scaled_2 = cosine_x_scale*unit_2;
+  const float cosine_x = sqrtf((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale;
+  const float sine_y_scale = power_of_two_scale_f32(x12 + x14);
+  const float sine_y_scaled_1 = sine_y_scale*unit_4;
+  const float sine_y_scaled_2 = sine_y_scale*unit_2;
+  const float sine_y = sqrtf((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale;
+  const float cosine_y_scale = power_of_two_scale_f32(x11 + x13);
+  const float cosine_y_scaled_1 = cosine_y_scale*unit_1;
+  const float cosine_y_scaled_2 = cosine_y_scale*unit_3;
+  const float cosine_y = sqrtf((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
+  const float sine_z_scale = power_of_two_scale_f32(x11 + x14);
+  const float sine_z_scaled_1 = sine_z_scale*unit_2;
+  const float sine_z_scaled_2 = sine_z_scale*unit_3;
+  const float sine_z = sqrtf((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale;
+  const float cosine_z_scale = power_of_two_scale_f32(x12 + x13);
+  const float cosine_z_scaled_1 = cosine_z_scale*unit_1;
+  const float cosine_z_scaled_2 = cosine_z_scale*unit_4;
+  const float cosine_z = sqrtf((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale;
   const float status_value = ((!(good)) ? 4.0f : ((deviation > 64.0f*FLT_EPSILON) ? 3.0f : (((sine_x == 0.0f) && (sine_y == 0.0f) && (sine_z == 0.0f)) ? 2.0f : (((cosine_x <= FLT_EPSILON) || (cosine_y <= FLT_EPSILON) || (cosine_z <= FLT_EPSILON) || (sine_x <= FLT_EPSILON) || (sine_y <= FLT_EPSILON) || (sine_z <= FLT_EPSILON)) ? 1.0f : 0.0f))));
   /* outputs */
   chi[0] = ((good) ? 2.0f*atan2f(sine_x, cosine_x) : (float)NAN);
@@ -354,7 +362,7 @@ void instantaneous_euler_chi_from_matrix_batch_f32(size_t count, const float *ma
     instantaneous_euler_chi_from_matrix_f32(matrix + 9 * i, chi + 3 * i, status + i);
 }
 
-/* chi_from_zyx: 18 add, 62 mul, 6 div, 6 sqrt, 6 select, 10 compare, 15 abs, 3 atan2, 3 cos, 6 power_of_two_scale, 3 sin */
+/* chi_from_zyx: 18 add, 50 mul, 6 div, 6 sqrt, 6 select, 10 compare, 15 abs, 3 atan2, 3 cos, 6 power_of_two_scale, 3 sin */
 void instantaneous_euler_chi_from_zyx_f64(const double angles[3], double chi[3], int8_t *status) {
   /* inputs */
   const double angles_1 = angles[0];
@@ -382,29 +390,31 @@ void instantaneous_euler_chi_from_zyx_f64(const double angles[3], double chi[3],
   const double y = cos_3*x4 + sin_3*x5;
   const double z = cos_2*cos_3*sin_1 - sin_3*x4;
   const double sine_x_scale = power_of_two_scale_f64(fabs(x4) + fabs(x5));
-  const double x6 = (cos_1*cos_1);
-  const double x7 = (sin_2*sin_2);
-  const double x8 = (sine_x_scale*sine_x_scale);
-  const double x9 = (cos_2*cos_2);
-  const double x10 = (sin_1*sin_1);
-  const double sine_x = sqrt(x10*x8*x9 + x6*x7*x8)/sine_x_scale;
+  const double sine_x_scaled_1 = sine_x_scale*x5;
+  const double sine_x_scaled_2 = sine_x_scale*x4;
+  const double sine_x = sqrt((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale;
   const double sine_y_scale = power_of_two_scale_f64(fabs(x) + fabs(z));
-  const double x11 = (sine_y_scale*sine_y_scale);
-  const double sine_y = sqrt((x*x)*x11 + x11*(z*z))/sine_y_scale;
+  const double sine_y_scaled_1 = sine_y_scale*x;
+  const double sine_y_scaled_2 = sine_y_scale*z;
+  const double sine_y = sqrt((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale;
   const double sine_z_scale = power_of_two_scale_f64(fabs(x2) + fabs(x3));
-  const double x12 = (sin_3*sin_3);
-  const double x13 = (sine_z_scale*sine_z_scale);
-  const double x14 = (cos_3*cos_3);
-  const double sine_z = sqrt(x12*x13*x9 + x13*x14*x7)/sine_z_scale;
+  const double sine_z_scaled_1 = sine_z_scale*x3;
+  const double sine_z_scaled_2 = sine_z_scale*x2;
+  const double sine_z = sqrt((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale;
   const double cosine_x_scale = power_of_two_scale_f64(fabs(x0) + fabs(x1));
-  const double x15 = (cosine_x_scale*cosine_x_scale);
-  const double cosine_x = sqrt(x10*x15*x7 + x15*x6*x9)/cosine_x_scale;
+  const double cosine_x_scaled_1 = cosine_x_scale*x0;
+  const double cosine_x_scaled_2 = cosine_x_scale*x1;
+  const double cosine_x = sqrt((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale;
   const double cosine_y_scale = power_of_two_scale_f64(fabs(w) + fabs(y));
-  const double x16 = (cosine_y_scale*cosine_y_scale);
-  const double cosine_y = sqrt((w*w)*x16 + x16*(y*y))/cosine_y_scale;
-  const double cosine_z_scale = power_of_two_scale_f64(fabs(cos_2*cos_3) + fabs(sin_2*sin_3));
-  const double x17 = (cosine_z_scale*cosine_z_scale);
-  const double cosine_z = sqrt(x12*x17*x7 + x14*x17*x9)/cosine_z_scale;
+  const double cosine_y_scaled_1 = cosine_y_scale*w;
+  const double cosine_y_scaled_2 = cosine_y_scale*y;
+  const double cosine_y = sqrt((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
+  const double x6 = cos_2*cos_3;
+  const double x7 = sin_2*sin_3;
+  const double cosine_z_scale = power_of_two_scale_f64(fabs(x6) + fabs(x7));
+  const double cosine_z_scaled_1 = cosine_z_scale*x6;
+  const double cosine_z_scaled_2 = cosine_z_scale*x7;
+  const double cosine_z = sqrt((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale;
   const double status_value = ((!(good)) ? 4.0 : (((sine_x == 0.0) && (sine_y == 0.0) && (sine_z == 0.0)) ? 2.0 : (((cosine_x <= DBL_EPSILON) || (cosine_y <= DBL_EPSILON) || (cosine_z <= DBL_EPSILON) || (sine_x <= DBL_EPSILON) || (sine_y <= DBL_EPSILON) || (sine_z <= DBL_EPSILON)) ? 1.0 : 0.0)));
   /* outputs */
   chi[0] = ((good) ? 2.0*atan2(sine_x, cosine_x) : (double)NAN);
@@ -418,7 +428,7 @@ void instantaneous_euler_chi_from_zyx_batch_f64(size_t count, const double *angl
     instantaneous_euler_chi_from_zyx_f64(angles + 3 * i, chi + 3 * i, status + i);
 }
 
-/* chi_from_zyx: 18 add, 62 mul, 6 div, 6 sqrt, 6 select, 10 compare, 15 abs, 3 atan2, 3 cos, 6 power_of_two_scale, 3 sin */
+/* chi_from_zyx: 18 add, 50 mul, 6 div, 6 sqrt, 6 select, 10 compare, 15 abs, 3 atan2, 3 cos, 6 power_of_two_scale, 3 sin */
 void instantaneous_euler_chi_from_zyx_f32(const float angles[3], float chi[3], int8_t *status) {
   /* inputs */
   const float angles_1 = angles[0];
@@ -446,29 +456,31 @@ void instantaneous_euler_chi_from_zyx_f32(const float angles[3], float chi[3], i
   const float y = cos_3*x4 + sin_3*x5;
   const float z = cos_2*cos_3*sin_1 - sin_3*x4;
   const float sine_x_scale = power_of_two_scale_f32(fabsf(x4) + fabsf(x5));
-  const float x6 = (cos_1*cos_1);
-  const float x7 = (sin_2*sin_2);
-  const float x8 = (sine_x_scale*sine_x_scale);
-  const float x9 = (cos_2*cos_2);
-  const float x10 = (sin_1*sin_1);
-  const float sine_x = sqrtf(x10*x8*x9 + x6*x7*x8)/sine_x_scale;
+  const float sine_x_scaled_1 = sine_x_scale*x5;
+  const float sine_x_scaled_2 = sine_x_scale*x4;
+  const float sine_x = sqrtf((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale;
   const float sine_y_scale = power_of_two_scale_f32(fabsf(x) + fabsf(z));
-  const float x11 = (sine_y_scale*sine_y_scale);
-  const float sine_y = sqrtf((x*x)*x11 + x11*(z*z))/sine_y_scale;
+  const float sine_y_scaled_1 = sine_y_scale*x;
+  const float sine_y_scaled_2 = sine_y_scale*z;
+  const float sine_y = sqrtf((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale;
   const float sine_z_scale = power_of_two_scale_f32(fabsf(x2) + fabsf(x3));
-  const float x12 = (sin_3*sin_3);
-  const float x13 = (sine_z_scale*sine_z_scale);
-  const float x14 = (cos_3*cos_3);
-  const float sine_z = sqrtf(x12*x13*x9 + x13*x14*x7)/sine_z_scale;
+  const float sine_z_scaled_1 = sine_z_scale*x3;
+  const float sine_z_scaled_2 = sine_z_scale*x2;
+  const float sine_z = sqrtf((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale;
   const float cosine_x_scale = power_of_two_scale_f32(fabsf(x0) + fabsf(x1));
-  const float x15 = (cosine_x_scale*cosine_x_scale);
-  const float cosine_x = sqrtf(x10*x15*x7 + x15*x6*x9)/cosine_x_scale;
+  const float cosine_x_scaled_1 = cosine_x_scale*x0;
+  const float cosine_x_scaled_2 = cosine_x_scale*x1;
+  const float cosine_x = sqrtf((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale;
   const float cosine_y_scale = power_of_two_scale_f32(fabsf(w) + fabsf(y));
-  const float x16 = (cosine_y_scale*cosine_y_scale);
-  const float cosine_y = sqrtf((w*w)*x16 + x16*(y*y))/cosine_y_scale;
-  const float cosine_z_scale = power_of_two_scale_f32(fabsf(cos_2*cos_3) + fabsf(sin_2*sin_3));
-  const float x17 = (cosine_z_scale*cosine_z_scale);
-  const float cosine_z = sqrtf(x12*x17*x7 + x14*x17*x9)/cosine_z_scale;
+  const float cosine_y_scaled_1 = cosine_y_scale*w;
+  const float cosine_y_scaled_2 = cosine_y_scale*y;
+  const float cosine_y = sqrtf((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
+  const float x6 = cos_2*cos_3;
+  const float x7 = sin_2*sin_3;
+  const float cosine_z_scale = power_of_two_scale_f32(fabsf(x6) + fabsf(x7));
+  const float cosine_z_scaled_1 = cosine_z_scale*x6;
+  const float cosine_z_scaled_2 = cosine_z_scale*x7;
+  const float cosine_z = sqrtf((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale;
   const float status_value = ((!(good)) ? 4.0f : (((sine_x == 0.0f) && (sine_y == 0.0f) && (sine_z == 0.0f)) ? 2.0f : (((cosine_x <= FLT_EPSILON) || (cosine_y <= FLT_EPSILON) || (cosine_z <= FLT_EPSILON) || (sine_x <= FLT_EPSILON) || (sine_y <= FLT_EPSILON) || (sine_z <= FLT_EPSILON)) ? 1.0f : 0.0f)));
   /* outputs */
   chi[0] = ((good) ? 2.0f*atan2f(sine_x, cosine_x) : (float)NAN);
@@ -504,24 +516,24 @@ void instantaneous_euler_chi_from_zyz_f64(const double angles[3], double chi[3],
   const double x0 = fabs(y);
   const double x1 = fabs(z);
   const double sine_x_scale = power_of_two_scale_f64(x0 + x1);
-  const double x2 = (sine_x_scale*sine_x_scale);
-  const double x3 = (y*y);
-  const double x4 = (z*z);
-  const double sine_x = sqrt(x2*x3 + x2*x4)/sine_x_scale;
-  const double x5 = fabs(x);
-  const double sine_y_scale = power_of_two_scale_f64(x1 + x5);
-  const double x6 = (sine_y_scale*sine_y_scale);
-  const double x7 = (x*x);
-  const double sine_y = sqrt(x4*x6 + x6*x7)/sine_y_scale;
+  const double sine_x_scaled_1 = sine_x_scale*y;
+  const double sine_x_scaled_2 = sine_x_scale*z;
+  const double sine_x = sqrt((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale;
+  const double x2 = fabs(x);
+  const double sine_y_scale = power_of_two_scale_f64(x1 + x2);
+  const double sine_y_scaled_1 = sine_y_scale*x;
+  const double sine_y_scaled_2 = sine_y_scale*z;
+  const double sine_y = sqrt((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale;
   const double sine_z = fabs(sin_2);
-  const double x8 = fabs(w);
-  const double cosine_x_scale = power_of_two_scale_f64(x5 + x8);
-  const double x9 = (cosine_x_scale*cosine_x_scale);
-  const double x10 = (w*w);
-  const double cosine_x = sqrt(x10*x9 + x7*x9)/cosine_x_scale;
-  const double cosine_y_scale = power_of_two_scale_f64(x0 + x8);
-  const double x11 = (cosine_y_scale*cosine_y_scale);
-  const double cosine_y = sqrt(x10*x11 + x11*x3)/cosine_y_scale;
+  const double x3 = fabs(w);
+  const double cosine_x_scale = power_of_two_scale_f64(x2 + x3);
+  const double cosine_x_scaled_1 = cosine_x_scale*w;
+  const double cosine_x_scaled_2 = cosine_x_scale*x;
+  const double cosine_x = sqrt((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale;
+  const double cosine_y_scale = power_of_two_scale_f64(x0 + x3);
+  const double cosine_y_scaled_1 = cosine_y_scale*w;
+  const double cosine_y_scaled_2 = cosine_y_scale*y;
+  const double cosine_y = sqrt((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
   const double cosine_z = fabs(cos_2);
   const double status_value = ((!(good)) ? 4.0 : (((sine_x == 0.0) && (sine_y == 0.0) && (sine_z == 0.0)) ? 2.0 : (((cosine_x <= DBL_EPSILON) || (cosine_y <= DBL_EPSILON) || (cosine_z <= DBL_EPSILON) || (sine_x <= DBL_EPSILON) || (sine_y <= DBL_EPSILON) || (sine_z <= DBL_EPSILON)) ? 1.0 : 0.0)));
   /* outputs */
@@ -558,24 +570,24 @@ void instantaneous_euler_chi_from_zyz_f32(const float angles[3], float chi[3], i
   const float x0 = fabsf(y);
   const float x1 = fabsf(z);
   const float sine_x_scale = power_of_two_scale_f32(x0 + x1);
-  const float x2 = (sine_x_scale*sine_x_scale);
-  const float x3 = (y*y);
-  const float x4 = (z*z);
-  const float sine_x = sqrtf(x2*x3 + x2*x4)/sine_x_scale;
-  const float x5 = fabsf(x);
-  const float sine_y_scale = power_of_two_scale_f32(x1 + x5);
-  const float x6 = (sine_y_scale*sine_y_scale);
-  const float x7 = (x*x);
-  const float sine_y = sqrtf(x4*x6 + x6*x7)/sine_y_scale;
+  const float sine_x_scaled_1 = sine_x_scale*y;
+  const float sine_x_scaled_2 = sine_x_scale*z;
+  const float sine_x = sqrtf((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale;
+  const float x2 = fabsf(x);
+  const float sine_y_scale = power_of_two_scale_f32(x1 + x2);
+  const float sine_y_scaled_1 = sine_y_scale*x;
+  const float sine_y_scaled_2 = sine_y_scale*z;
+  const float sine_y = sqrtf((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale;
   const float sine_z = fabsf(sin_2);
-  const float x8 = fabsf(w);
-  const float cosine_x_scale = power_of_two_scale_f32(x5 + x8);
-  const float x9 = (cosine_x_scale*cosine_x_scale);
-  const float x10 = (w*w);
-  const float cosine_x = sqrtf(x10*x9 + x7*x9)/cosine_x_scale;
-  const float cosine_y_scale = power_of_two_scale_f32(x0 + x8);
-  const float x11 = (cosine_y_scale*cosine_y_scale);
-  const float cosine_y = sqrtf(x10*x11 + x11*x3)/cosine_y_scale;
+  const float x3 = fabsf(w);
+  const float cosine_x_scale = power_of_two_scale_f32(x2 + x3);
+  const float cosine_x_scaled_1 = cosine_x_scale*w;
+  const float cosine_x_scaled_2 = cosine_x_scale*x;
+  const float cosine_x = sqrtf((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale;
+  const float cosine_y_scale = power_of_two_scale_f32(x0 + x3);
+  const float cosine_y_scaled_1 = cosine_y_scale*w;
+  const float cosine_y_scaled_2 = cosine_y_scale*y;
+  const float cosine_y = sqrtf((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
   const float cosine_z = fabsf(cos_2);
   const float status_value = ((!(good)) ? 4.0f : (((sine_x == 0.0f) && (sine_y == 0.0f) && (sine_z == 0.0f)) ? 2.0f : (((cosine_x <= FLT_EPSILON) || (cosine_y <= FLT_EPSILON) || (cosine_z <= FLT_EPSILON) || (sine_x <= FLT_EPSILON) || (sine_y <= FLT_EPSILON) || (sine_z <= FLT_EPSILON)) ? 1.0f : 0.0f)));
   /* outputs */

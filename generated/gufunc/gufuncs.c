@@ -60,6 +60,16 @@ DECLARE_ALL(rotations_quaternion_from_matrix)
 DECLARE_ALL(rotations_axis_angle_from_quaternion)
 DECLARE_ALL(rotations_rodrigues_vector_from_quaternion)
 DECLARE_ALL(rotations_matrix_from_quaternion)
+DECLARE_ALL(three_sps_s_sps_legs)
+DECLARE_ALL(three_sps_s_sps_legs_from_quaternion)
+DECLARE_ALL(three_sps_s_sps_jacobian)
+DECLARE_ALL(three_sps_s_sps_singularity)
+DECLARE_ALL(three_sps_s_sps_singularity_tilt_torsion)
+DECLARE_ALL(three_sps_s_sps_invariants)
+DECLARE_ALL(three_sps_s_sps_octic)
+DECLARE_ALL(three_sps_s_sps_octic_scaled)
+DECLARE_ALL(three_sps_s_sps_mode)
+DECLARE_ALL(three_sps_s_sps_polish)
 DECLARE_ALL(tricept_tricept_point)
 DECLARE_ALL(tricept_tricept_legs)
 DECLARE_ALL(tricept_tricept_inverse)
@@ -68,6 +78,9 @@ DECLARE_ALL(tricept_tricept_matrices)
 DECLARE_ALL(tricept_tricept_sensitivity)
 DECLARE_ALL(tricept_tricept_propagate)
 DECLARE_ALL(tricept_tricept_singularity)
+DECLARE_ALL(tricept_uncertainty_tricept_parameter_sensitivity)
+DECLARE_ALL(tricept_uncertainty_tricept_closure)
+DECLARE_ALL(tricept_uncertainty_tricept_beam)
 
 enum { BASELINE, AVX2, AVX512, LEVELS };
 static const char *const level_names[LEVELS] = {"baseline", "avx2", "avx512"};
@@ -185,6 +198,46 @@ static const char types_rotations_matrix_from_quaternion[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
 NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 };
+static const char types_three_sps_s_sps_legs[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_three_sps_s_sps_legs_from_quaternion[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_three_sps_s_sps_jacobian[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_three_sps_s_sps_singularity[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_three_sps_s_sps_singularity_tilt_torsion[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_three_sps_s_sps_invariants[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_three_sps_s_sps_octic[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_three_sps_s_sps_octic_scaled[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_three_sps_s_sps_mode[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_three_sps_s_sps_polish[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
 static const char types_tricept_tricept_point[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
@@ -216,6 +269,18 @@ NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUB
 static const char types_tricept_tricept_singularity[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_tricept_uncertainty_tricept_parameter_sensitivity[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_tricept_uncertainty_tricept_closure[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_tricept_uncertainty_tricept_beam[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 };
 
 static const struct definition definitions[] = {
@@ -271,6 +336,26 @@ static const struct definition definitions[] = {
    ALL_LOOPS(rotations_rodrigues_vector_from_quaternion), types_rotations_rodrigues_vector_from_quaternion},
   {"matrix_from_quaternion", "(4)->(3,3),()", "Convert a rotation from quaternion to matrix.", 1, 2, 3,
    ALL_LOOPS(rotations_matrix_from_quaternion), types_rotations_matrix_from_quaternion},
+  {"sps_legs", "(3,3),(),(),()->(3)", "Lengths of the three legs of a 3-SPS-S machine.", 4, 1, 5,
+   ALL_LOOPS(three_sps_s_sps_legs), types_three_sps_s_sps_legs},
+  {"sps_legs_from_quaternion", "(4),(),(),()->(3)", "Lengths of the three legs of a 3-SPS-S machine, from a quaternion.", 4, 1, 5,
+   ALL_LOOPS(three_sps_s_sps_legs_from_quaternion), types_three_sps_s_sps_legs_from_quaternion},
+  {"sps_jacobian", "(3,3),(),(),()->(3,3)", "Leg rates of a 3-SPS-S machine by the platform's angular velocity.", 4, 1, 5,
+   ALL_LOOPS(three_sps_s_sps_jacobian), types_three_sps_s_sps_jacobian},
+  {"sps_singularity", "(3,3),(),()->()", "How well three legs hold the platform of a 3-SPS-S machine: determinant of normed leg moments.", 3, 1, 4,
+   ALL_LOOPS(three_sps_s_sps_singularity), types_three_sps_s_sps_singularity},
+  {"sps_singularity_tilt_torsion", "(),(),(),(),()->()", "The normed determinant of a 3-SPS-S machine, from azimuth, tilt and torsion.", 5, 1, 6,
+   ALL_LOOPS(three_sps_s_sps_singularity_tilt_torsion), types_three_sps_s_sps_singularity_tilt_torsion},
+  {"sps_invariants", "(3),(),(),()->(),(2)", "What the legs of a 3-SPS-S machine say about the rotation: A = r11 + r22, and Z.", 4, 2, 6,
+   ALL_LOOPS(three_sps_s_sps_invariants), types_three_sps_s_sps_invariants},
+  {"sps_octic", "(3),(),(),()->(9)", "Coefficients of the octic whose roots are ρ = sin²(χz/2) of every assembly mode.", 4, 1, 5,
+   ALL_LOOPS(three_sps_s_sps_octic), types_three_sps_s_sps_octic},
+  {"sps_octic_scaled", "(3),(),(),()->(9),(5),(),()", "Coefficients of the octic of a 3-SPS-S machine, scaled so that equal legs are no special case.", 4, 4, 8,
+   ALL_LOOPS(three_sps_s_sps_octic_scaled), types_three_sps_s_sps_octic_scaled},
+  {"sps_mode", "(3),(),(),(),(),()->(4)", "Rotation of a 3-SPS-S machine from its legs and a root x of the scaled octic.", 6, 1, 7,
+   ALL_LOOPS(three_sps_s_sps_mode), types_three_sps_s_sps_mode},
+  {"sps_polish", "(4),(),(3),(),(),()->(4),(),()", "Four steps of Newton's method from a rotation of a 3-SPS-S machine towards one with the legs given.", 6, 3, 9,
+   ALL_LOOPS(three_sps_s_sps_polish), types_three_sps_s_sps_polish},
   {"tricept_point", "(3),(),(),()->(3),(3,3)", "Point and orientation of the platform in a pose.", 4, 2, 6,
    ALL_LOOPS(tricept_tricept_point), types_tricept_tricept_point},
   {"tricept_legs", "(3),(),()->(3)", "Lengths of the three rods in a pose.", 3, 1, 4,
@@ -287,6 +372,12 @@ static const struct definition definitions[] = {
    ALL_LOOPS(tricept_tricept_propagate), types_tricept_tricept_propagate},
   {"tricept_singularity", "(3),(),(),(),(),()->(),(),()", "Determinants that vanish in singular poses.", 6, 3, 9,
    ALL_LOOPS(tricept_tricept_singularity), types_tricept_tricept_singularity},
+  {"tricept_parameter_sensitivity", "(3),(3,3),(3,3),(3)->(3),(3),(3,43),()", "Sensitivity of a Tricept's tool to every geometrical parameter.", 4, 4, 8,
+   ALL_LOOPS(tricept_uncertainty_tricept_parameter_sensitivity), types_tricept_uncertainty_tricept_parameter_sensitivity},
+  {"tricept_closure", "(3),(3),(3,3),(3,3),(3),(14)->(3),(3),(3,3),(3,3)", "Derivatives of tricept_closure_values.", 6, 4, 10,
+   ALL_LOOPS(tricept_uncertainty_tricept_closure), types_tricept_uncertainty_tricept_closure},
+  {"tricept_beam", "(),(),(),(),(3)->(3,5,5),(4),(3,3)", "The polynomials in z of which the elements of U_y are made along a beam.", 5, 3, 8,
+   ALL_LOOPS(tricept_uncertainty_tricept_beam), types_tricept_uncertainty_tricept_beam},
 };
 enum { DEFINITIONS = sizeof definitions / sizeof definitions[0] };
 

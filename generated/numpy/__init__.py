@@ -11,7 +11,9 @@ from . import instantaneous_euler
 from . import machine_model
 from . import rodrigues
 from . import rotations
+from . import three_sps_s
 from . import tricept
+from . import tricept_uncertainty
 
 ALL = SimpleNamespace(
     solve_axis=axis.solve_axis,
@@ -40,6 +42,16 @@ ALL = SimpleNamespace(
     axis_angle_from_quaternion=rotations.axis_angle_from_quaternion,
     rodrigues_vector_from_quaternion=rotations.rodrigues_vector_from_quaternion,
     matrix_from_quaternion=rotations.matrix_from_quaternion,
+    sps_legs=three_sps_s.sps_legs,
+    sps_legs_from_quaternion=three_sps_s.sps_legs_from_quaternion,
+    sps_jacobian=three_sps_s.sps_jacobian,
+    sps_singularity=three_sps_s.sps_singularity,
+    sps_singularity_tilt_torsion=three_sps_s.sps_singularity_tilt_torsion,
+    sps_invariants=three_sps_s.sps_invariants,
+    sps_octic=three_sps_s.sps_octic,
+    sps_octic_scaled=three_sps_s.sps_octic_scaled,
+    sps_mode=three_sps_s.sps_mode,
+    sps_polish=three_sps_s.sps_polish,
     tricept_point=tricept.tricept_point,
     tricept_legs=tricept.tricept_legs,
     tricept_inverse=tricept.tricept_inverse,
@@ -48,4 +60,7 @@ ALL = SimpleNamespace(
     tricept_sensitivity=tricept.tricept_sensitivity,
     tricept_propagate=tricept.tricept_propagate,
     tricept_singularity=tricept.tricept_singularity,
+    tricept_parameter_sensitivity=tricept_uncertainty.tricept_parameter_sensitivity,
+    tricept_closure=tricept_uncertainty.tricept_closure,
+    tricept_beam=tricept_uncertainty.tricept_beam,
 )

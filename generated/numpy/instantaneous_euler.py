@@ -66,7 +66,7 @@ chi_from_quaternion.types = ["d->db", "f->fb"]
 
 
 def _chi_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quaternion_4, eps, largest):
-    # 22 add, 46 mul, 7 div, 7 sqrt, 8 select, 13 compare, 9 abs, 3 atan2, 7 power_of_two_scale
+    # 22 add, 48 mul, 7 div, 7 sqrt, 8 select, 13 compare, 9 abs, 3 atan2, 7 power_of_two_scale
     quaternion_size = 0.25*np.abs(quaternion_1) + 0.25*np.abs(quaternion_2) + 0.25*np.abs(quaternion_3) + 0.25*np.abs(quaternion_4)
     x0 = _power_of_two_scale(quaternion_size)
     quaternion_scaled_1 = quaternion_1*x0
@@ -91,41 +91,43 @@ def _chi_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quaternion_4,
     x2 = np.abs(quaternion_unit_3)
     x3 = np.abs(quaternion_unit_4)
     sine_x_scale = _power_of_two_scale(x2 + x3)
-    x4 = (quaternion_unit_3*quaternion_unit_3)
-    del quaternion_unit_3
-    x5 = (sine_x_scale*sine_x_scale)
-    x6 = (quaternion_unit_4*quaternion_unit_4)
-    del quaternion_unit_4
-    sine_x = np.sqrt(x4*x5 + x5*x6)/sine_x_scale
-    del sine_x_scale, x5
-    x7 = np.abs(quaternion_unit_1)
-    x8 = np.abs(quaternion_unit_2)
-    cosine_x_scale = _power_of_two_scale(x7 + x8)
-    x9 = (cosine_x_scale*cosine_x_scale)
-    x10 = (quaternion_unit_1*quaternion_unit_1)
-    del quaternion_unit_1
-    x11 = (quaternion_unit_2*quaternion_unit_2)
+    sine_x_scaled_1 = quaternion_unit_3*sine_x_scale
+    sine_x_scaled_2 = quaternion_unit_4*sine_x_scale
+    sine_x = np.sqrt((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale
+    del sine_x_scale, sine_x_scaled_1, sine_x_scaled_2
+    x4 = np.abs(quaternion_unit_1)
+    x5 = np.abs(quaternion_unit_2)
+    cosine_x_scale = _power_of_two_scale(x4 + x5)
+    cosine_x_scaled_1 = cosine_x_scale*quaternion_unit_1
+    cosine_x_scaled_2 = cosine_x_scale*quaternion_unit_2
+    cosine_x = np.sqrt((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale
+    del cosine_x_scale, cosine_x_scaled_1, cosine_x_scaled_2
+    sine_y_scale = _power_of_two_scale(x3 + x5)
+    sine_y_scaled_1 = quaternion_unit_4*sine_y_scale
+    sine_y_scaled_2 = quaternion_unit_2*sine_y_scale
+    sine_y = np.sqrt((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale
+    del sine_y_scale, sine_y_scaled_1, sine_y_scaled_2
+    cosine_y_scale = _power_of_two_scale(x2 + x4)
+    cosine_y_scaled_1 = cosine_y_scale*quaternion_unit_1
+    cosine_y_scaled_2 = cosine_y_scale*quaternion_unit_3
+    cosine_y = np.sqrt((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale
+    del cosine_y_scale, cosine_y_scaled_1, cosine_y_scaled_2
+    sine_z_scale = _power_of_two_scale(x2 + x5)
+    del x2, x5
+    sine_z_scaled_1 = quaternion_unit_2*sine_z_scale
     del quaternion_unit_2
-    cosine_x = np.sqrt(x10*x9 + x11*x9)/cosine_x_scale
-    del cosine_x_scale, x9
-    sine_y_scale = _power_of_two_scale(x3 + x8)
-    x12 = (sine_y_scale*sine_y_scale)
-    sine_y = np.sqrt(x11*x12 + x12*x6)/sine_y_scale
-    del sine_y_scale, x12
-    cosine_y_scale = _power_of_two_scale(x2 + x7)
-    x13 = (cosine_y_scale*cosine_y_scale)
-    cosine_y = np.sqrt(x10*x13 + x13*x4)/cosine_y_scale
-    del cosine_y_scale, x13
-    sine_z_scale = _power_of_two_scale(x2 + x8)
-    del x2, x8
-    x14 = (sine_z_scale*sine_z_scale)
-    sine_z = np.sqrt(x11*x14 + x14*x4)/sine_z_scale
-    del sine_z_scale, x11, x14, x4
-    cosine_z_scale = _power_of_two_scale(x3 + x7)
-    del x3, x7
-    x15 = (cosine_z_scale*cosine_z_scale)
-    cosine_z = np.sqrt(x10*x15 + x15*x6)/cosine_z_scale
-    del cosine_z_scale, x10, x15, x6
+    sine_z_scaled_2 = quaternion_unit_3*sine_z_scale
+    del quaternion_unit_3
+    sine_z = np.sqrt((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale
+    del sine_z_scale, sine_z_scaled_1, sine_z_scaled_2
+    cosine_z_scale = _power_of_two_scale(x3 + x4)
+    del x3, x4
+    cosine_z_scaled_1 = cosine_z_scale*quaternion_unit_1
+    del quaternion_unit_1
+    cosine_z_scaled_2 = cosine_z_scale*quaternion_unit_4
+    del quaternion_unit_4
+    cosine_z = np.sqrt((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale
+    del cosine_z_scale, cosine_z_scaled_1, cosine_z_scaled_2
     chi_1 = np.where(good, 2.0*np.arctan2(sine_x, cosine_x), np.nan)
     chi_2 = np.where(good, 2.0*np.arctan2(sine_y, cosine_y), np.nan)
     chi_3 = np.where(good, 2.0*np.arctan2(sine_z, cosine_z), np.nan)
@@ -166,7 +168,7 @@ chi_from_matrix.types = ["d->db", "f->fb"]
 
 
 def _chi_from_matrix(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, eps, largest):
-    # 56 add, 64 mul, 7 div, 7 sqrt, 21 select, 26 compare, 10 abs, 3 atan2, 6 power_of_two_scale
+    # 56 add, 66 mul, 7 div, 7 sqrt, 21 select, 26 compare, 10 abs, 3 atan2, 6 power_of_two_scale
     x0 = matrix_1_1 + 1.0
     products_1_1 = matrix_2_2 + matrix_3_3 + x0
     x1 = matrix_3_2 - matrix_2_3
@@ -245,41 +247,43 @@ def _chi_from_matrix(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2,
     x11 = np.abs(unit_3)
     x12 = np.abs(unit_4)
     sine_x_scale = _power_of_two_scale(x11 + x12)
-    x13 = (sine_x_scale*sine_x_scale)
-    x14 = (unit_3*unit_3)
-    del unit_3
-    x15 = (unit_4*unit_4)
-    del unit_4
-    sine_x = np.sqrt(x13*x14 + x13*x15)/sine_x_scale
-    del sine_x_scale, x13
-    x16 = np.abs(unit_1)
-    x17 = np.abs(unit_2)
-    cosine_x_scale = _power_of_two_scale(x16 + x17)
-    x18 = (cosine_x_scale*cosine_x_scale)
-    x19 = (unit_1*unit_1)
-    del unit_1
-    x20 = (unit_2*unit_2)
+    sine_x_scaled_1 = sine_x_scale*unit_3
+    sine_x_scaled_2 = sine_x_scale*unit_4
+    sine_x = np.sqrt((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale
+    del sine_x_scale, sine_x_scaled_1, sine_x_scaled_2
+    x13 = np.abs(unit_1)
+    x14 = np.abs(unit_2)
+    cosine_x_scale = _power_of_two_scale(x13 + x14)
+    cosine_x_scaled_1 = cosine_x_scale*unit_1
+    cosine_x_scaled_2 = cosine_x_scale*unit_2
+    cosine_x = np.sqrt((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale
+    del cosine_x_scale, cosine_x_scaled_1, cosine_x_scaled_2
+    sine_y_scale = _power_of_two_scale(x12 + x14)
+    sine_y_scaled_1 = sine_y_scale*unit_4
+    sine_y_scaled_2 = sine_y_scale*unit_2
+    sine_y = np.sqrt((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale
+    del sine_y_scale, sine_y_scaled_1, sine_y_scaled_2
+    cosine_y_scale = _power_of_two_scale(x11 + x13)
+    cosine_y_scaled_1 = cosine_y_scale*unit_1
+    cosine_y_scaled_2 = cosine_y_scale*unit_3
+    cosine_y = np.sqrt((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale
+    del cosine_y_scale, cosine_y_scaled_1, cosine_y_scaled_2
+    sine_z_scale = _power_of_two_scale(x11 + x14)
+    del x11, x14
+    sine_z_scaled_1 = sine_z_scale*unit_2
     del unit_2
-    cosine_x = np.sqrt(x18*x19 + x18*x20)/cosine_x_scale
-    del cosine_x_scale, x18
-    sine_y_scale = _power_of_two_scale(x12 + x17)
-    x21 = (sine_y_scale*sine_y_scale)
-    sine_y = np.sqrt(x15*x21 + x20*x21)/sine_y_scale
-    del sine_y_scale, x21
-    cosine_y_scale = _power_of_two_scale(x11 + x16)
-    x22 = (cosine_y_scale*cosine_y_scale)
-    cosine_y = np.sqrt(x14*x22 + x19*x22)/cosine_y_scale
-    del cosine_y_scale, x22
-    sine_z_scale = _power_of_two_scale(x11 + x17)
-    del x11, x17
-    x23 = (sine_z_scale*sine_z_scale)
-    sine_z = np.sqrt(x14*x23 + x20*x23)/sine_z_scale
-    del sine_z_scale, x14, x20, x23
-    cosine_z_scale = _power_of_two_scale(x12 + x16)
-    del x12, x16
-    x24 = (cosine_z_scale*cosine_z_scale)
-    cosine_z = np.sqrt(x15*x24 + x19*x24)/cosine_z_scale
-    del cosine_z_scale, x15, x19, x24
+    sine_z_scaled_2 = sine_z_scale*unit_3
+    del unit_3
+    sine_z = np.sqrt((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale
+    del sine_z_scale, sine_z_scaled_1, sine_z_scaled_2
+    cosine_z_scale = _power_of_two_scale(x12 + x13)
+    del x12, x13
+    cosine_z_scaled_1 = cosine_z_scale*unit_1
+    del unit_1
+    cosine_z_scaled_2 = cosine_z_scale*unit_4
+    del unit_4
+    cosine_z = np.sqrt((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale
+    del cosine_z_scale, cosine_z_scaled_1, cosine_z_scaled_2
     chi_1 = np.where(good, 2.0*np.arctan2(sine_x, cosine_x), np.nan)
     chi_2 = np.where(good, 2.0*np.arctan2(sine_y, cosine_y), np.nan)
     chi_3 = np.where(good, 2.0*np.arctan2(sine_z, cosine_z), np.nan)
@@ -320,7 +324,7 @@ chi_from_zyx.types = ["d->db", "f->fb"]
 
 
 def _chi_from_zyx(angles_1, angles_2, angles_3, eps, largest):
-    # 18 add, 62 mul, 6 div, 6 sqrt, 6 select, 10 compare, 15 abs, 3 atan2, 3 cos, 6 power_of_two_scale, 3 sin
+    # 18 add, 50 mul, 6 div, 6 sqrt, 6 select, 10 compare, 15 abs, 3 atan2, 3 cos, 6 power_of_two_scale, 3 sin
     half_1 = 0.5*angles_1
     half_2 = 0.5*angles_2
     half_3 = 0.5*angles_3
@@ -341,45 +345,57 @@ def _chi_from_zyx(angles_1, angles_2, angles_3, eps, largest):
     x3 = cos_3*sin_2
     x = cos_1*x2 - sin_1*x3
     x4 = cos_1*sin_2
+    del cos_1
     x5 = cos_2*sin_1
     y = cos_3*x4 + sin_3*x5
     z = cos_2*cos_3*sin_1 - sin_3*x4
-    sine_x_scale = _power_of_two_scale(np.abs(x4) + np.abs(x5))
-    del x4, x5
-    x6 = (cos_1*cos_1)
-    del cos_1
-    x7 = (sin_2*sin_2)
-    x8 = (sine_x_scale*sine_x_scale)
-    x9 = (cos_2*cos_2)
-    x10 = (sin_1*sin_1)
     del sin_1
-    sine_x = np.sqrt(x10*x8*x9 + x6*x7*x8)/sine_x_scale
-    del sine_x_scale, x8
+    sine_x_scale = _power_of_two_scale(np.abs(x4) + np.abs(x5))
+    sine_x_scaled_1 = sine_x_scale*x5
+    del x5
+    sine_x_scaled_2 = sine_x_scale*x4
+    del x4
+    sine_x = np.sqrt((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale
+    del sine_x_scale, sine_x_scaled_1, sine_x_scaled_2
     sine_y_scale = _power_of_two_scale(np.abs(x) + np.abs(z))
-    x11 = (sine_y_scale*sine_y_scale)
-    sine_y = np.sqrt((x*x)*x11 + x11*(z*z))/sine_y_scale
-    del sine_y_scale, x, x11, z
+    sine_y_scaled_1 = sine_y_scale*x
+    del x
+    sine_y_scaled_2 = sine_y_scale*z
+    del z
+    sine_y = np.sqrt((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale
+    del sine_y_scale, sine_y_scaled_1, sine_y_scaled_2
     sine_z_scale = _power_of_two_scale(np.abs(x2) + np.abs(x3))
-    del x2, x3
-    x12 = (sin_3*sin_3)
-    x13 = (sine_z_scale*sine_z_scale)
-    x14 = (cos_3*cos_3)
-    sine_z = np.sqrt(x12*x13*x9 + x13*x14*x7)/sine_z_scale
-    del sine_z_scale, x13
+    sine_z_scaled_1 = sine_z_scale*x3
+    del x3
+    sine_z_scaled_2 = sine_z_scale*x2
+    del x2
+    sine_z = np.sqrt((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale
+    del sine_z_scale, sine_z_scaled_1, sine_z_scaled_2
     cosine_x_scale = _power_of_two_scale(np.abs(x0) + np.abs(x1))
-    del x0, x1
-    x15 = (cosine_x_scale*cosine_x_scale)
-    cosine_x = np.sqrt(x10*x15*x7 + x15*x6*x9)/cosine_x_scale
-    del cosine_x_scale, x10, x15, x6
+    cosine_x_scaled_1 = cosine_x_scale*x0
+    del x0
+    cosine_x_scaled_2 = cosine_x_scale*x1
+    del x1
+    cosine_x = np.sqrt((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale
+    del cosine_x_scale, cosine_x_scaled_1, cosine_x_scaled_2
     cosine_y_scale = _power_of_two_scale(np.abs(w) + np.abs(y))
-    x16 = (cosine_y_scale*cosine_y_scale)
-    cosine_y = np.sqrt((w*w)*x16 + x16*(y*y))/cosine_y_scale
-    del cosine_y_scale, w, x16, y
-    cosine_z_scale = _power_of_two_scale(np.abs(cos_2*cos_3) + np.abs(sin_2*sin_3))
-    del cos_2, cos_3, sin_2, sin_3
-    x17 = (cosine_z_scale*cosine_z_scale)
-    cosine_z = np.sqrt(x12*x17*x7 + x14*x17*x9)/cosine_z_scale
-    del cosine_z_scale, x12, x14, x17, x7, x9
+    cosine_y_scaled_1 = cosine_y_scale*w
+    del w
+    cosine_y_scaled_2 = cosine_y_scale*y
+    del y
+    cosine_y = np.sqrt((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale
+    del cosine_y_scale, cosine_y_scaled_1, cosine_y_scaled_2
+    x6 = cos_2*cos_3
+    del cos_2, cos_3
+    x7 = sin_2*sin_3
+    del sin_2, sin_3
+    cosine_z_scale = _power_of_two_scale(np.abs(x6) + np.abs(x7))
+    cosine_z_scaled_1 = cosine_z_scale*x6
+    del x6
+    cosine_z_scaled_2 = cosine_z_scale*x7
+    del x7
+    cosine_z = np.sqrt((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale
+    del cosine_z_scale, cosine_z_scaled_1, cosine_z_scaled_2
     chi_1 = np.where(good, 2.0*np.arctan2(sine_x, cosine_x), np.nan)
     chi_2 = np.where(good, 2.0*np.arctan2(sine_y, cosine_y), np.nan)
     chi_3 = np.where(good, 2.0*np.arctan2(sine_z, cosine_z), np.nan)
@@ -440,36 +456,36 @@ def _chi_from_zyz(angles_1, angles_2, angles_3, eps, largest):
     x0 = np.abs(y)
     x1 = np.abs(z)
     sine_x_scale = _power_of_two_scale(x0 + x1)
-    x2 = (sine_x_scale*sine_x_scale)
-    x3 = (y*y)
-    del y
-    x4 = (z*z)
-    del z
-    sine_x = np.sqrt(x2*x3 + x2*x4)/sine_x_scale
-    del sine_x_scale, x2
-    x5 = np.abs(x)
-    sine_y_scale = _power_of_two_scale(x1 + x5)
+    sine_x_scaled_1 = sine_x_scale*y
+    sine_x_scaled_2 = sine_x_scale*z
+    sine_x = np.sqrt((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale
+    del sine_x_scale, sine_x_scaled_1, sine_x_scaled_2
+    x2 = np.abs(x)
+    sine_y_scale = _power_of_two_scale(x1 + x2)
     del x1
-    x6 = (sine_y_scale*sine_y_scale)
-    x7 = (x*x)
-    del x
-    sine_y = np.sqrt(x4*x6 + x6*x7)/sine_y_scale
-    del sine_y_scale, x4, x6
+    sine_y_scaled_1 = sine_y_scale*x
+    sine_y_scaled_2 = sine_y_scale*z
+    del z
+    sine_y = np.sqrt((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale
+    del sine_y_scale, sine_y_scaled_1, sine_y_scaled_2
     sine_z = np.abs(sin_2)
     del sin_2
-    x8 = np.abs(w)
-    cosine_x_scale = _power_of_two_scale(x5 + x8)
-    del x5
-    x9 = (cosine_x_scale*cosine_x_scale)
-    x10 = (w*w)
+    x3 = np.abs(w)
+    cosine_x_scale = _power_of_two_scale(x2 + x3)
+    del x2
+    cosine_x_scaled_1 = cosine_x_scale*w
+    cosine_x_scaled_2 = cosine_x_scale*x
+    del x
+    cosine_x = np.sqrt((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale
+    del cosine_x_scale, cosine_x_scaled_1, cosine_x_scaled_2
+    cosine_y_scale = _power_of_two_scale(x0 + x3)
+    del x0, x3
+    cosine_y_scaled_1 = cosine_y_scale*w
     del w
-    cosine_x = np.sqrt(x10*x9 + x7*x9)/cosine_x_scale
-    del cosine_x_scale, x7, x9
-    cosine_y_scale = _power_of_two_scale(x0 + x8)
-    del x0, x8
-    x11 = (cosine_y_scale*cosine_y_scale)
-    cosine_y = np.sqrt(x10*x11 + x11*x3)/cosine_y_scale
-    del cosine_y_scale, x10, x11, x3
+    cosine_y_scaled_2 = cosine_y_scale*y
+    del y
+    cosine_y = np.sqrt((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale
+    del cosine_y_scale, cosine_y_scaled_1, cosine_y_scaled_2
     cosine_z = np.abs(cos_2)
     del cos_2
     chi_1 = np.where(good, 2.0*np.arctan2(sine_x, cosine_x), np.nan)
