@@ -13,7 +13,7 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 from rodgen.errors import InputFileError, UnexpectedError, shown
 
@@ -35,7 +35,16 @@ _FACTOR = r"(?:°?[^\W\d_]\w*|°|%)(?:\s*(?:\*\*|\^)\s*-?\d)?"
 _UNIT_TEXT = re.compile(rf"{_FACTOR}(?:\s*[*/]\s*{_FACTOR})*")
 _LONGEST_UNIT = 60
 
-_EXAMPLES = {"length": "mm, um, m or inch", "angle": "deg, rad, arcsec or mrad"}
+_EXAMPLES = {
+    "length": "mm, um, m or inch",
+    "angle": "deg, rad, arcsec or mrad",
+    "rate": "deg/s, rad/s or deg/min",
+}
+_UNITS = {"length": " [mm]", "angle": " [deg]", "rate": " [deg/s]", "number": ""}
+"""What stands behind a name in an example."""
+_TARGETS = {"angle": "rad", "rate": "rad/s"}
+
+Quantity: TypeAlias = Literal["length", "angle", "rate", "number"]
 
 
 @dataclass(frozen=True)
@@ -46,13 +55,13 @@ class Column:
     ----------
     name : str
         Its name, without the unit.
-    quantity : {"length", "angle"}
+    quantity : {"length", "angle", "rate", "number"}
         What its numbers measure. A length is read in the unit of the table's first length column, an
-        angle in radians.
+        angle in radians, its rate of change in radians a second; a plain number has no unit.
     """
 
     name: str
-    quantity: Literal["length", "angle"]
+    quantity: Quantity
 
 
 @dataclass(frozen=True)
@@ -93,16 +102,16 @@ class UnitError(UnexpectedError):
     """A unit that cannot be used: what was found, and what was expected."""
 
 
-def conversion_factor(unit: str, quantity: Literal["length", "angle"], target: str) -> float:
+def conversion_factor(unit: str, quantity: Quantity, target: str) -> float:
     """Return what a number in `unit` is multiplied by to be a number in `target`.
 
     Parameters
     ----------
     unit, target : str
         Units as Pint writes them.
-    quantity : {"length", "angle"}
-        What both must measure. Pint calls degrees and per cent both dimensionless; here an angle is what
-        reduces to radians, so that ``angle [%]`` is an error.
+    quantity : {"length", "angle", "rate"}
+        What both must measure; a rate is an angle per time. Pint calls degrees and per cent both dimensionless; here an
+        angle is what reduces to radians, so that ``angle [%]`` is an error.
 
     Returns
     -------
@@ -138,8 +147,8 @@ def _unit_registry() -> Any:
 
 
 @functools.cache
-def _parsed(unit: str, quantity: Literal["length", "angle"]) -> Any:
-    kind = f"a unit of {quantity}" if quantity == "length" else "a unit of angle"
+def _parsed(unit: str, quantity: Quantity) -> Any:
+    kind = f"a unit of {quantity}" if quantity != "rate" else "a unit of angle per time"
     wanted = f"{kind}, such as {_EXAMPLES[quantity]}"
     parsed = _parse(unit)
     if parsed is None:
@@ -168,7 +177,8 @@ def _measures(unit: Any, quantity: str) -> bool:
     registry = _unit_registry()
     if quantity == "length":
         return bool(unit.dimensionality == registry.meter.dimensionality)
-    return bool(registry.get_root_units(unit)[1] == registry.radian)
+    wanted = registry.radian if quantity == "angle" else registry.radian / registry.second
+    return bool(registry.get_root_units(unit)[1] == wanted)
 
 
 def match_columns(
@@ -211,12 +221,19 @@ def match_columns(
             raise _twice(column.name, [texts[i] for i, _ in found[:2]], file, place)
         index, unit = found[0]
         where = f"{place}, column {shown(texts[index])}"
-        example = f"{column.name} [{'mm' if column.quantity == 'length' else 'deg'}]"
+        example = f"{column.name}{_UNITS[column.quantity]}"
+        if column.quantity == "number":
+            if unit not in (None, "", "1"):
+                raise InputFileError(
+                    file, where, f"the unit {shown(unit)}", f"{example!r}, which has no unit"
+                )
+            matches.append(Match(column.name, index, texts[index], "", 1.0))
+            continue
         if not unit:
             raise InputFileError(file, where, "no unit", f"one in brackets, such as '{example}'")
         try:
-            if column.quantity == "angle":
-                factor = conversion_factor(unit, "angle", "rad")
+            if column.quantity in _TARGETS:
+                factor = conversion_factor(unit, column.quantity, _TARGETS[column.quantity])
             else:
                 if reference is None:
                     _parsed(unit, "length")
@@ -313,7 +330,7 @@ def _missing(
     *,
     numbered: bool,
 ) -> InputFileError:
-    example = f"{column.name} [{'mm' if column.quantity == 'length' else 'deg'}]"
+    example = f"{column.name}{_UNITS[column.quantity]}"
     for number, text in enumerate(texts, start=1):
         where = f"{place}, column {number}" if numbered else place
         bare, _, rest = re.sub(r"[(\[{]", "[", text, count=1).partition("[")
@@ -354,7 +371,7 @@ def nearest(name: str, others: Mapping[str, str]) -> str:
 
 
 def _header_example(columns: Sequence[Column]) -> str:
-    return ",".join(f"{c.name} [{'mm' if c.quantity == 'length' else 'deg'}]" for c in columns)
+    return ",".join(f"{c.name}{_UNITS[c.quantity]}" for c in columns)
 
 
 def _is_number(text: str) -> bool:

@@ -1,7 +1,8 @@
 """A table in, the same table with result columns out: what every command of one row, one answer does.
 
 The rows pass in blocks, so that a file of any length needs bounded memory. Lengths are computed and written in the unit
-of the table's first length column, angles in radians and written in the unit of its first angle column, or in degrees.
+of the table's first length column. Angles are computed in radians and written in the unit of its first angle column, or
+in degrees; so are their rates of change.
 """
 
 from __future__ import annotations
@@ -37,13 +38,13 @@ class Result:
     ----------
     name : str
         Its name; the unit is added.
-    quantity : {"length", "area", "angle", "number", "count"} or IntEnum class
-        What it holds: numbers with the table's unit of length or its square, angles in radians, plain numbers, whole
-        ones, or codes that are written as the names of the enumeration in lower case.
+    quantity : {"length", "area", "angle", "rate", "number", "count"} or IntEnum class
+        What it holds: numbers with the table's unit of length or its square, angles in radians, their rates in radians
+        a second, plain numbers, whole ones, or codes that are written as the names of the enumeration in lower case.
     """
 
     name: str
-    quantity: Literal["length", "area", "angle", "number", "count"] | type[IntEnum]
+    quantity: Literal["length", "area", "angle", "rate", "number", "count"] | type[IntEnum]
 
 
 @dataclass
@@ -101,8 +102,9 @@ def map_table(
         units = table.units()
         length = next((units[c.name] for c in columns if c.quantity == "length"), "")
         angle = next((units[c.name] for c in columns if c.quantity == "angle"), "deg")
+        rate = next((units[c.name] for c in columns if c.quantity == "rate"), "deg/s")
         results, function = prepare(length)
-        writers = [_Writer(result, length, angle) for result in results]
+        writers = [_Writer(result, {"length": length, "angle": angle, "rate": rate}) for result in results]
         for writer in writers:
             if writer.text in table.schema.names:
                 where = f"column {shown(writer.text)}"
@@ -137,14 +139,14 @@ def map_table(
 class _Writer:
     """How one result column is named and written."""
 
-    def __init__(self, result: Result, length: str, angle: str) -> None:
+    def __init__(self, result: Result, units: dict[str, str]) -> None:
         quantity = result.quantity
         self.names: list[str] = []
         self._factor = 1.0
-        unit = {"length": length, "area": f"{length}**2", "angle": angle}.get(str(quantity), "")
+        unit = {**units, "area": f"{units['length']}**2"}.get(str(quantity), "")
         self.text = f"{result.name} [{unit}]" if unit else result.name
-        if quantity == "angle":
-            self._factor = 1.0 / conversion_factor(angle, "angle", "rad")
+        if quantity == "angle" or quantity == "rate":
+            self._factor = 1.0 / conversion_factor(unit, quantity, "rad" if quantity == "angle" else "rad/s")
         self.kind = pa.int64() if quantity == "count" else pa.float64()
         if isinstance(quantity, type):
             codes = [int(code) for code in quantity]
