@@ -7,17 +7,23 @@ be off by `UNITS` times what that changes, and may take the other side of a case
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cache
 
 import mpmath
 import numpy as np
 from scipy.spatial.transform import Rotation
+from sps_inputs import sps_inputs
+from tricept_cases import inputs as tricept_inputs
 
 from rodgen.codegen import Kernel
-from rodgen.derivation import axis, machine_model, rodrigues, rotations
+from rodgen.derivation import axis, machine_model, rodrigues, rotations, three_sps_s, tricept
 
-MODULES = {d.name: d for d in (m.derivation for m in (axis, machine_model, rodrigues, rotations))}
+MODULES = {
+    d.name: d
+    for d in (m.derivation for m in (axis, machine_model, rodrigues, rotations, three_sps_s, tricept))
+}
 KERNELS: dict[str, Kernel] = {k.name: k for d in MODULES.values() for k in d.kernels.values()}
 MODULE_OF = {name: module for module, d in MODULES.items() for name in d.kernels}
 
@@ -111,7 +117,11 @@ def inputs_of(kernel: Kernel) -> dict[str, np.ndarray]:
     """Arrays (n, ...) for every input."""
     names = {p.name for p in kernel.inputs}
     rng = np.random.default_rng(3)
-    if "rho_prime" in names:
+    if kernel.name.startswith("sps_"):
+        values = sps_inputs(kernel.name)
+    elif kernel.name.startswith("tricept_"):
+        values = tricept_inputs(names)
+    elif "rho_prime" in names:
         values = pairs()
         if (
             kernel.name == "solve_axis_paper"
@@ -179,7 +189,7 @@ class Expected:
     inputs: tuple[np.ndarray, ...]
     values: tuple[np.ndarray, ...]
     tolerances: tuple[np.ndarray, ...]
-    codes: tuple[tuple[frozenset[int], ...], ...]
+    codes: tuple[tuple[tuple[frozenset[int], ...], ...], ...]
 
     def check(self, results: tuple[np.ndarray, ...], rows: object = None) -> None:
         """Assert that `results` are right; `rows` tells of which input each element is."""
@@ -191,9 +201,11 @@ class Expected:
             assert result.shape == rows.shape + value.shape[1:]
             if result.dtype == np.int8:
                 wrong = [
-                    (int(r), int(c))
-                    for r, c in zip(rows.ravel(), result.ravel(), strict=True)
-                    if c not in codes[r]
+                    (int(r), found.tolist())
+                    for r, found in zip(
+                        rows.ravel(), result.reshape(rows.size, math.prod(value.shape[1:])), strict=True
+                    )
+                    if not all(c in allowed for c, allowed in zip(found, codes[r], strict=True))
                 ]
                 assert wrong == []
                 continue
@@ -224,7 +236,7 @@ def expected(name: str, bits: int) -> Expected:
 
     values: list[list[np.ndarray]] = [[] for _ in kernel.outputs]
     tolerances: list[list[float]] = [[] for _ in kernel.outputs]
-    codes: list[list[frozenset[int]]] = [[] for _ in kernel.outputs]
+    codes: list[list[tuple[frozenset[int], ...]]] = [[] for _ in kernel.outputs]
 
     def moved(row: tuple[np.ndarray, ...], units: int) -> list[list[np.ndarray]]:
         step = units * float(limits.eps)
@@ -239,11 +251,12 @@ def expected(name: str, bits: int) -> Expected:
             if port.is_status:
                 values[n].append(exact[n].astype(np.int8))
                 tolerances[n].append(0.0)
-                codes[n].append(frozenset(int(x) for x in (exact[n], *near)))
+                found = zip(*(np.ravel(x) for x in (exact[n], *near)), strict=True)
+                codes[n].append(tuple(frozenset(map(int, each)) for each in found))
                 continue
             value = exact[n].astype(float)
             values[n].append(value)
-            codes[n].append(frozenset())
+            codes[n].append(())
             tolerances[n].append(_allowed(exact[n], near, [m[n] for m in by_all], limits))
     return Expected(
         inputs, tuple(map(np.array, values)), tuple(map(np.array, tolerances)), tuple(map(tuple, codes))

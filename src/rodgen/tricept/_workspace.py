@@ -169,7 +169,7 @@ def beams(
     >>> found = tricept.beams(0.0, 0.0, tricept.PAPER, tricept.LEG_LIMITS)
     >>> part = found.inside.argmax()  # the first part that is inside
     >>> found.ends[part : part + 2].round(3)
-    array([535.283, 836.698])
+    array([535.279, 836.698])
     """
     low, high = kernel_limits(limits)
     a, b = np.broadcast_arrays(np.asarray(alpha, float), np.asarray(beta, float))
