@@ -1008,12 +1008,6 @@ def sps_polish():
         trust = k.let(f"trust_{step}", select(better, 2 * trust, select(done, trust, shorter)))
     k.output("polished", now, unit="1", doc="unit quaternion")
     k.output("radius", trust, unit="rad", doc="radius of trust to go on with")
-    k.output(
-        "miss",
-        R * sp.sqrt(merit),
-        unit="length",
-        doc="length of half the misses of the squares, over the radius R",
-    )
     return k.build()
 
 

@@ -4,8 +4,8 @@ Problem: which rotations have three given legs? The octic of the derivation ``th
 them, and from a root the rotation follows by square roots. Its roots, as eigenvalues of a companion matrix, are rough
 where some of them crowd together, so each is only a start for Newton's method on the legs themselves, and what counts
 in the end is whether the legs are right to rounding. Three kinds of legs need starts of their own: nearly equal ones
-(two modes are nearly pure torsions), a pivot in the plane of the base (the octic is a fourth power), and legs with Im Z³
-near zero, of which symmetric ones (L1 = L3) are the usual case (the octic is nearly a square, of a quartic).
+(two modes are nearly pure torsions), a pivot in the plane of the base (the octic is a fourth power), and legs with
+Im Z³ near zero, of which symmetric ones (L1 = L3) are the usual case (the octic is nearly a square, of a quartic).
 
 There is an independent test: legs are a map from all rotations, which have no boundary, to lengths, so each length that
 no singular pose has is reached as often with one sign of the Jacobian's determinant as with the other. Where the signs
@@ -226,10 +226,12 @@ def _modes(legs: Any, geometry: Geometry) -> tuple[Any, Any, Any]:
     return modes, count, status
 
 
-def _scale(legs: Any, geometry: Geometry) -> Any:
-    """Return what rounding errors of the squares are measured by, as the kernel's miss: length² over R."""
+def _miss(quaternions: Any, legs: Any, geometry: Geometry) -> Any:
+    """Return by how much half the squares of the legs are wrong, over the squares of the machine's dimensions."""
     R, r, h = geometry.lengths
-    return (R * R + r * r + h * h + np.square(legs).max(axis=-1)) / R
+    found = kernels.sps_legs_from_quaternion(quaternions, R, r, h)
+    wrong = np.linalg.norm((found - legs) * (found + legs), axis=-1) / 2
+    return wrong / (R * R + r * r + h * h + np.square(legs).max(axis=-1))
 
 
 def _polished(quaternions: Any, legs: Any, geometry: Geometry) -> tuple[Any, Any]:
@@ -237,20 +239,20 @@ def _polished(quaternions: Any, legs: Any, geometry: Geometry) -> tuple[Any, Any
     n, m, _ = quaternions.shape
     flat = quaternions.reshape(-1, 4)
     miss = np.full(n * m, np.inf)
-    scale = np.repeat(_scale(legs, geometry), m)
     active = np.flatnonzero(np.isfinite(flat[:, 0]))
     radius = np.full(len(active), 0.5)
     for _ in range(CALLS):
         if not len(active):
             break
-        before = miss[active]
-        now, radius, missed = kernels.sps_polish(flat[active], radius, legs[active // m], *geometry.lengths)
+        before, wanted = miss[active], legs[active // m]
+        now, radius = kernels.sps_polish(flat[active], radius, wanted, *geometry.lengths)
+        missed = _miss(now, wanted, geometry)
         flat[active], miss[active] = now, missed
         # done, or stuck: no better in four steps, and the steps are mere rounding
-        going = (missed > SETTLED * scale[active]) & ((missed < before) | (radius > EPS))
+        going = (missed > SETTLED) & ((missed < before) | (radius > EPS))
         active, radius = active[going], radius[going]
     with np.errstate(invalid="ignore"):
-        right = miss <= ROUNDING * scale
+        right = miss <= ROUNDING
     return np.where(right[:, None], flat, np.nan).reshape(n, m, 4), np.where(right, miss, np.inf).reshape(
         n, m
     )
@@ -276,9 +278,7 @@ def _distinct(quaternions: Any, miss: Any, legs: Any, geometry: Geometry) -> tup
             rows = np.flatnonzero(alike & (apart > SAME))
             if len(rows):
                 half_way = safe[rows, i] + sign[rows] * safe[rows, j]
-                between = kernels.sps_legs_from_quaternion(half_way, *geometry.lengths)
-                wrong = np.linalg.norm(np.square(between) - np.square(legs[rows]), axis=-1) / (2 * geometry.R)
-                alike[rows] = wrong <= ROUNDING * _scale(legs[rows], geometry)
+                alike[rows] = _miss(half_way, legs[rows], geometry) <= ROUNDING
             same |= alike
         kept[:, i] = there[:, i] & ~same
     w, x, y, z = np.moveaxis(safe, -1, 0)
