@@ -23,6 +23,7 @@ from rodgen._commands import (
     diagnose,
     effects,
     emit,
+    euler,
     fit,
     plan,
     predict,
@@ -59,6 +60,7 @@ _COMMANDS = (
     effects,
     axis,
     tricept,
+    euler,
     derivations,
 )
 

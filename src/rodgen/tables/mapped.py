@@ -70,6 +70,7 @@ def map_table(
     prepare: Callable[[str], tuple[Sequence[Result], Callable[[Sequence[NDArray[np.float64]]], Answer]]],
     *,
     progress: Progress | None = None,
+    whole: bool = False,
 ) -> MapSummary:
     """Add result columns to a table.
 
@@ -87,6 +88,9 @@ def map_table(
         from the values of `columns`, one array each, to their arrays. It is called in threads.
     progress : callable, optional
         Called once with the total (or None) and its unit, returns what is called with every advance.
+    whole : bool, optional
+        Whether the function gets all rows at once, because an answer depends on the rows before; the table must fit
+        into memory then.
 
     Returns
     -------
@@ -126,14 +130,32 @@ def map_table(
                 return sink.encode(batch), np.bincount(codes, minlength=len(counts))
 
             advance = progress(table.total, table.amount_unit) if progress else None
-            for (encoded, found), amount in table.map(work):
-                sink.write(encoded)
-                counts += found
-                if advance:
-                    advance(amount)
+
+            def write(block: tuple[Any, NDArray[np.int64]]) -> None:
+                sink.write(block[0])
+                np.add(counts, block[1], out=counts)
+
+            if whole:
+                read = []
+                for rows, amount in table.map(lambda rows: rows):
+                    read.append(rows)
+                    if advance:
+                        advance(amount)
+                write(work(_joined(read)))
+            else:
+                for block, amount in table.map(work):
+                    write(block)
+                    if advance:
+                        advance(amount)
     names = writers[status].names if status is not None else []
     found_names = {name: int(count) for name, count in zip(names, counts, strict=False) if count}
     return MapSummary(int(counts.sum()), found_names)
+
+
+def _joined(parts: Sequence[Rows]) -> Rows:
+    batch = pa.Table.from_batches([part.batch for part in parts]).combine_chunks().to_batches()[0]
+    values = tuple(np.concatenate(columns) for columns in zip(*(part.values for part in parts), strict=True))
+    return Rows(values, (), np.concatenate([part.numbers for part in parts]), batch)
 
 
 class _Writer:
