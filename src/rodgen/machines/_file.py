@@ -357,6 +357,8 @@ def _estimate(top: Table, machine: Machine) -> tuple[str, ...]:
             raise table.error("parameters", *fault)
         if entries.count(entry) > 1:
             raise table.error("parameters", f"{shown(entry)} twice", "it once")
+        if machine.geometry is not None and "geometry" in entries and entry in machine.geometry.of.numbers:
+            raise table.error("parameters", f"{shown(entry)}, which is part of 'geometry'", "one of the two")
     return entries
 
 

@@ -20,7 +20,7 @@ from rodgen.discrepancy._problem import Problem
 from rodgen.discrepancy.diagnose._candidates import Candidate
 from rodgen.discrepancy.diagnose._carriers import Carriers
 from rodgen.discrepancy.diagnose._diagnosis import Alias
-from rodgen.discrepancy.diagnose._selection import Selection, a_parameter
+from rodgen.discrepancy.diagnose._selection import Selection, a_parameter, of_one_leg
 from rodgen.discrepancy.fit import Fit
 from rodgen.machines._model import Model
 
@@ -101,13 +101,27 @@ def _rivals(
     for score in space.scores(residual, without, others):
         if score.candidate.key in keys or not score.freedoms:
             continue
-        if score.fall < HALF * (without - best):
+        left = min(score.left, _left_alone(selection, residual, total, others, score.candidate))
+        if without - left < HALF * (without - best):
             continue
-        difference = (score.left - best) / variance
+        difference = (left - best) / variance
         limit = a_parameter(selection.rows) * max(abs(score.parameters - freedoms), 1)
         if difference < NEAR * limit + BENT * (without - best) / variance:
             found.append(_Rival(score.candidate, score.parameters, difference))
     return sorted(found, key=lambda rival: rival.linear)[:MOST], freedoms
+
+
+def _left_alone(
+    selection: Selection, residual: Array, total: float, others: Sequence[Candidate], rival: Candidate
+) -> float:
+    """Return what a leg's effect leaves in the place of all others of that leg.
+
+    Beside them, which are nearly the same, little is seen of it, and too little would be laid to it.
+    """
+    elsewhere = [c for c in others if not of_one_leg([c, rival])]
+    if len(elsewhere) == len(others):
+        return np.inf
+    return selection.left(residual, total, [*elsewhere, rival])
 
 
 def _full(carriers: Carriers, final: Fit, own: Candidate, rivals: Sequence[_Rival]) -> list[float]:

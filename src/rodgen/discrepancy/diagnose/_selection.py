@@ -22,7 +22,7 @@ from rodgen.discrepancy.diagnose._candidates import Candidate
 from rodgen.discrepancy.diagnose._clusters import Clusters
 from rodgen.discrepancy.diagnose._space import Score, Space, log_p
 
-__all__ = ["FAMILY_WISE", "Selection", "a_parameter"]
+__all__ = ["FAMILY_WISE", "Selection", "a_parameter", "of_one_leg"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -90,6 +90,7 @@ class Selection:
             if [c.key for c in more] == [c.key for c in included]:
                 break
             included = more
+        included = self._of_one_cause(residual, total, included)
         return self.pruned(residual, total, self._ordered(residual, total, included))
 
     def pruned(self, residual: Array, total: float, included: Sequence[Candidate]) -> list[Candidate]:
@@ -230,6 +231,23 @@ class Selection:
             best = found
         return best
 
+    def _of_one_cause(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
+        """Put one effect of a leg in the place of two that only make up for it.
+
+        What displaces a leg's end or changes its length does nearly the same all over a small workspace, so that two of
+        these imitate a third. One cause is likelier than two: it may have a parameter more.
+        """
+        for gone in combinations(included, 2):
+            if not of_one_leg(gone):
+                continue
+            kept = [c for c in included if c not in gone]
+            most = self.cost(residual, total, included, included) + a_parameter(self.rows)
+            alone = [c for c in self.space.candidates if of_one_leg([*gone, c]) and c not in gone]
+            costs = [self.cost(residual, total, [*kept, c], included) for c in alone]
+            if costs and min(costs) < most:
+                return self._of_one_cause(residual, total, [*kept, alone[int(np.argmin(costs))]])
+        return included
+
     def cost(
         self, residual: Array, total: float, included: Sequence[Candidate], best: Sequence[Candidate]
     ) -> float:
@@ -258,6 +276,12 @@ def _related(one: Candidate, other: Candidate) -> bool:
     if one.effect.place == other.effect.place:
         return True
     return _is_thermal(one) and _is_thermal(other)
+
+
+def of_one_leg(candidates: Sequence[Candidate]) -> bool:
+    """Tell whether all of them stand at the same leg of a closed chain."""
+    places = {c.effect.place for c in candidates}
+    return len(places) == 1 and all("leg" in c.effect.definition.at for c in candidates)
 
 
 def _follows_time(candidate: Candidate) -> bool:
