@@ -650,7 +650,9 @@ class AngleStatus(IntEnum):
 def length_of_two(k, name, a, b):
     """√(a² + b²), scaled because the square of a small number vanishes below 1e-154."""
     scale = k.let(f"{name}_scale", power_of_two_scale(abs(a) + abs(b)))
-    scaled = k.let(f"{name}_scaled", sp.Matrix([scale * a, scale * b]))  # named, so that it is squared as it is
+    scaled = k.let(
+        f"{name}_scaled", sp.Matrix([scale * a, scale * b])
+    )  # named, so that it is squared as it is
     return k.let(name, sp.sqrt(scaled.dot(scaled)) / scale)
 
 

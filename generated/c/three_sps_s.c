@@ -924,8 +924,8 @@ void three_sps_s_sps_mode_batch_f32(size_t count, const float *legs, const float
     three_sps_s_sps_mode_f32(legs + 3 * i, base_radius[i], platform_radius[i], height[i], root[i], sign[i], quaternion + 4 * i);
 }
 
-/* sps_polish: 350 add, 590 mul, 15 div, 15 sqrt, 88 select, 28 compare, 4 abs */
-void three_sps_s_sps_polish_f64(const double quaternion[4], double trust, const double legs[3], double base_radius, double platform_radius, double height, double polished[4], double *radius, double *miss) {
+/* sps_polish: 350 add, 589 mul, 15 div, 14 sqrt, 87 select, 28 compare, 4 abs */
+void three_sps_s_sps_polish_f64(const double quaternion[4], double trust, const double legs[3], double base_radius, double platform_radius, double height, double polished[4], double *radius) {
   /* inputs */
   const double quaternion_1 = quaternion[0];
   const double quaternion_2 = quaternion[1];
@@ -1403,7 +1403,6 @@ void three_sps_s_sps_polish_f64(const double quaternion[4], double trust, const 
   const double now_4_2 = ((better_4) ? unit_4_2 : now_3_2);
   const double now_4_3 = ((better_4) ? unit_4_3 : now_3_3);
   const double now_4_4 = ((better_4) ? unit_4_4 : now_3_4);
-  const double merit_taken_4 = ((better_4) ? merit_4 : merit_taken_3);
   const double turned_by_4 = sqrt((turn_4_1*turn_4_1) + (turn_4_2*turn_4_2) + (turn_4_3*turn_4_3));
   const double trust_4 = ((better_4) ? 2.0*trust_3 : ((done_4) ? trust_3 : 0.25*((trust_3 > turned_by_4) ? turned_by_4 : trust_3)));
   /* outputs */
@@ -1412,16 +1411,15 @@ void three_sps_s_sps_polish_f64(const double quaternion[4], double trust, const 
   polished[2] = now_4_3;
   polished[3] = now_4_4;
   *radius = trust_4;
-  *miss = base_radius*sqrt(merit_taken_4);
 }
 
-void three_sps_s_sps_polish_batch_f64(size_t count, const double *quaternion, const double *trust, const double *legs, const double *base_radius, const double *platform_radius, const double *height, double *polished, double *radius, double *miss) {
+void three_sps_s_sps_polish_batch_f64(size_t count, const double *quaternion, const double *trust, const double *legs, const double *base_radius, const double *platform_radius, const double *height, double *polished, double *radius) {
   for (size_t i = 0; i < count; ++i)
-    three_sps_s_sps_polish_f64(quaternion + 4 * i, trust[i], legs + 3 * i, base_radius[i], platform_radius[i], height[i], polished + 4 * i, radius + i, miss + i);
+    three_sps_s_sps_polish_f64(quaternion + 4 * i, trust[i], legs + 3 * i, base_radius[i], platform_radius[i], height[i], polished + 4 * i, radius + i);
 }
 
-/* sps_polish: 350 add, 590 mul, 15 div, 15 sqrt, 88 select, 28 compare, 4 abs */
-void three_sps_s_sps_polish_f32(const float quaternion[4], float trust, const float legs[3], float base_radius, float platform_radius, float height, float polished[4], float *radius, float *miss) {
+/* sps_polish: 350 add, 589 mul, 15 div, 14 sqrt, 87 select, 28 compare, 4 abs */
+void three_sps_s_sps_polish_f32(const float quaternion[4], float trust, const float legs[3], float base_radius, float platform_radius, float height, float polished[4], float *radius) {
   /* inputs */
   const float quaternion_1 = quaternion[0];
   const float quaternion_2 = quaternion[1];
@@ -1899,7 +1897,6 @@ void three_sps_s_sps_polish_f32(const float quaternion[4], float trust, const fl
   const float now_4_2 = ((better_4) ? unit_4_2 : now_3_2);
   const float now_4_3 = ((better_4) ? unit_4_3 : now_3_3);
   const float now_4_4 = ((better_4) ? unit_4_4 : now_3_4);
-  const float merit_taken_4 = ((better_4) ? merit_4 : merit_taken_3);
   const float turned_by_4 = sqrtf((turn_4_1*turn_4_1) + (turn_4_2*turn_4_2) + (turn_4_3*turn_4_3));
   const float trust_4 = ((better_4) ? 2.0f*trust_3 : ((done_4) ? trust_3 : 0.25f*((trust_3 > turned_by_4) ? turned_by_4 : trust_3)));
   /* outputs */
@@ -1908,10 +1905,9 @@ void three_sps_s_sps_polish_f32(const float quaternion[4], float trust, const fl
   polished[2] = now_4_3;
   polished[3] = now_4_4;
   *radius = trust_4;
-  *miss = base_radius*sqrtf(merit_taken_4);
 }
 
-void three_sps_s_sps_polish_batch_f32(size_t count, const float *quaternion, const float *trust, const float *legs, const float *base_radius, const float *platform_radius, const float *height, float *polished, float *radius, float *miss) {
+void three_sps_s_sps_polish_batch_f32(size_t count, const float *quaternion, const float *trust, const float *legs, const float *base_radius, const float *platform_radius, const float *height, float *polished, float *radius) {
   for (size_t i = 0; i < count; ++i)
-    three_sps_s_sps_polish_f32(quaternion + 4 * i, trust[i], legs + 3 * i, base_radius[i], platform_radius[i], height[i], polished + 4 * i, radius + i, miss + i);
+    three_sps_s_sps_polish_f32(quaternion + 4 * i, trust[i], legs + 3 * i, base_radius[i], platform_radius[i], height[i], polished + 4 * i, radius + i);
 }

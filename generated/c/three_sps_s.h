@@ -150,7 +150,7 @@ void three_sps_s_sps_mode_batch_f32(size_t count, const float *legs, const float
 
 /* Four steps of Newton's method from a rotation of a 3-SPS-S machine towards one with the legs given.
  * Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)
- * Operations: 350 add, 590 mul, 15 div, 15 sqrt, 88 select, 28 compare, 4 abs
+ * Operations: 350 add, 589 mul, 15 div, 14 sqrt, 87 select, 28 compare, 4 abs
  * quaternion : array (4), 1 where to start, of any length, scalar first
  * trust : array (), rad longest step
  * legs : array (3), length lengths of the legs
@@ -159,12 +159,11 @@ void three_sps_s_sps_mode_batch_f32(size_t count, const float *legs, const float
  * height : array (), length height of the pivot over the base
  * polished : array (4), 1 unit quaternion
  * radius : array (), rad radius of trust to go on with
- * miss : array (), length length of half the misses of the squares, over the radius R
  */
-void three_sps_s_sps_polish_f64(const double quaternion[4], double trust, const double legs[3], double base_radius, double platform_radius, double height, double polished[4], double *radius, double *miss);
-void three_sps_s_sps_polish_batch_f64(size_t count, const double *quaternion, const double *trust, const double *legs, const double *base_radius, const double *platform_radius, const double *height, double *polished, double *radius, double *miss);
-void three_sps_s_sps_polish_f32(const float quaternion[4], float trust, const float legs[3], float base_radius, float platform_radius, float height, float polished[4], float *radius, float *miss);
-void three_sps_s_sps_polish_batch_f32(size_t count, const float *quaternion, const float *trust, const float *legs, const float *base_radius, const float *platform_radius, const float *height, float *polished, float *radius, float *miss);
+void three_sps_s_sps_polish_f64(const double quaternion[4], double trust, const double legs[3], double base_radius, double platform_radius, double height, double polished[4], double *radius);
+void three_sps_s_sps_polish_batch_f64(size_t count, const double *quaternion, const double *trust, const double *legs, const double *base_radius, const double *platform_radius, const double *height, double *polished, double *radius);
+void three_sps_s_sps_polish_f32(const float quaternion[4], float trust, const float legs[3], float base_radius, float platform_radius, float height, float polished[4], float *radius);
+void three_sps_s_sps_polish_batch_f32(size_t count, const float *quaternion, const float *trust, const float *legs, const float *base_radius, const float *platform_radius, const float *height, float *polished, float *radius);
 
 #ifdef __cplusplus
 }

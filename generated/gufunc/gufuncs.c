@@ -44,6 +44,15 @@ DECLARE_ALL(instantaneous_euler_chi_from_quaternion)
 DECLARE_ALL(instantaneous_euler_chi_from_matrix)
 DECLARE_ALL(instantaneous_euler_chi_from_zyx)
 DECLARE_ALL(instantaneous_euler_chi_from_zyz)
+DECLARE_ALL(instantaneous_euler_arm_chi_arm_pose)
+DECLARE_ALL(instantaneous_euler_inverse_chi_rotations)
+DECLARE_ALL(instantaneous_euler_motion_chi_rates)
+DECLARE_ALL(instantaneous_euler_motion_chi_angular_velocity)
+DECLARE_ALL(instantaneous_euler_motion_chi_motion_from_zyx)
+DECLARE_ALL(instantaneous_euler_motion_chi_motion_from_zyz)
+DECLARE_ALL(instantaneous_euler_motion_chi_zyx_from_quaternion)
+DECLARE_ALL(instantaneous_euler_motion_chi_zyz_from_quaternion)
+DECLARE_ALL(instantaneous_euler_ridges_chi_ridge_lines)
 DECLARE_ALL(machine_model_rotation_from_vector)
 DECLARE_ALL(machine_model_tilted_axis)
 DECLARE_ALL(rodrigues_solve_axis_paper)
@@ -133,6 +142,42 @@ NPY_DOUBLE, NPY_DOUBLE, NPY_INT8,
 static const char types_instantaneous_euler_chi_from_zyz[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
 NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
+};
+static const char types_instantaneous_euler_arm_chi_arm_pose[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_instantaneous_euler_inverse_chi_rotations[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
+};
+static const char types_instantaneous_euler_motion_chi_rates[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
+};
+static const char types_instantaneous_euler_motion_chi_angular_velocity[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
+};
+static const char types_instantaneous_euler_motion_chi_motion_from_zyx[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_instantaneous_euler_motion_chi_motion_from_zyz[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_instantaneous_euler_motion_chi_zyx_from_quaternion[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
+};
+static const char types_instantaneous_euler_motion_chi_zyz_from_quaternion[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
+};
+static const char types_instantaneous_euler_ridges_chi_ridge_lines[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, NPY_INT8, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, NPY_INT8, NPY_INT8, 
 };
 static const char types_machine_model_rotation_from_vector[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
@@ -235,8 +280,8 @@ NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT,
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 };
 static const char types_three_sps_s_sps_polish[] = {
-NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
-NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 };
 static const char types_tricept_tricept_point[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
@@ -304,6 +349,24 @@ static const struct definition definitions[] = {
    ALL_LOOPS(instantaneous_euler_chi_from_zyx), types_instantaneous_euler_chi_from_zyx},
   {"chi_from_zyz", "(3)->(3),()", "Instantaneous Euler angles of intrinsic Z-Y-Z angles.", 1, 2, 3,
    ALL_LOOPS(instantaneous_euler_chi_from_zyz), types_instantaneous_euler_chi_from_zyz},
+  {"chi_arm_pose", "(6),(4)->(3,3),(3),(3)", "Pose of an arm with six joints and a Z-Y-X wrist.", 2, 3, 5,
+   ALL_LOOPS(instantaneous_euler_arm_chi_arm_pose), types_instantaneous_euler_arm_chi_arm_pose},
+  {"chi_rotations", "(3),()->(8,4),(),(3),()", "All rotations with three given instantaneous Euler angles.", 2, 4, 6,
+   ALL_LOOPS(instantaneous_euler_inverse_chi_rotations), types_instantaneous_euler_inverse_chi_rotations},
+  {"chi_rates", "(3,3),(3)->(3),(),()", "Rates of the instantaneous Euler angles of a turning body.", 2, 3, 5,
+   ALL_LOOPS(instantaneous_euler_motion_chi_rates), types_instantaneous_euler_motion_chi_rates},
+  {"chi_angular_velocity", "(3,3),(3)->(3),()", "Angular velocity of a body whose instantaneous Euler angles change at given rates.", 2, 2, 4,
+   ALL_LOOPS(instantaneous_euler_motion_chi_angular_velocity), types_instantaneous_euler_motion_chi_angular_velocity},
+  {"chi_motion_from_zyx", "(3),(3)->(3,3),(3)", "Rotation matrix and angular velocity of intrinsic Z-Y-X angles and their rates.", 2, 2, 4,
+   ALL_LOOPS(instantaneous_euler_motion_chi_motion_from_zyx), types_instantaneous_euler_motion_chi_motion_from_zyx},
+  {"chi_motion_from_zyz", "(3),(3)->(3,3),(3)", "Rotation matrix and angular velocity of intrinsic Z-Y-Z angles and their rates.", 2, 2, 4,
+   ALL_LOOPS(instantaneous_euler_motion_chi_motion_from_zyz), types_instantaneous_euler_motion_chi_motion_from_zyz},
+  {"chi_zyx_from_quaternion", "(4)->(3),()", "Intrinsic Z-Y-X angles of a unit quaternion.", 1, 2, 3,
+   ALL_LOOPS(instantaneous_euler_motion_chi_zyx_from_quaternion), types_instantaneous_euler_motion_chi_zyx_from_quaternion},
+  {"chi_zyz_from_quaternion", "(4)->(3),()", "Intrinsic Z-Y-Z angles of a unit quaternion.", 1, 2, 3,
+   ALL_LOOPS(instantaneous_euler_motion_chi_zyz_from_quaternion), types_instantaneous_euler_motion_chi_zyz_from_quaternion},
+  {"chi_ridge_lines", "(3,3),(3)->(3,6),(),(),()", "Lines in which the coordinate planes meet their images.", 2, 4, 6,
+   ALL_LOOPS(instantaneous_euler_ridges_chi_ridge_lines), types_instantaneous_euler_ridges_chi_ridge_lines},
   {"rotation_from_vector", "(3)->(3,3),(3,3)", "Matrix of the rotation by a rotation vector, and its left Jacobian.", 1, 2, 3,
    ALL_LOOPS(machine_model_rotation_from_vector), types_machine_model_rotation_from_vector},
   {"tilted_axis", "(3),(3),(3),(2)->(3),(3,2)", "An axis, turned by the rotation vector a u + b v, and its derivatives by a and b.", 4, 2, 6,
@@ -354,7 +417,7 @@ static const struct definition definitions[] = {
    ALL_LOOPS(three_sps_s_sps_octic_scaled), types_three_sps_s_sps_octic_scaled},
   {"sps_mode", "(3),(),(),(),(),()->(4)", "Rotation of a 3-SPS-S machine from its legs and a root x of the scaled octic.", 6, 1, 7,
    ALL_LOOPS(three_sps_s_sps_mode), types_three_sps_s_sps_mode},
-  {"sps_polish", "(4),(),(3),(),(),()->(4),(),()", "Four steps of Newton's method from a rotation of a 3-SPS-S machine towards one with the legs given.", 6, 3, 9,
+  {"sps_polish", "(4),(),(3),(),(),()->(4),()", "Four steps of Newton's method from a rotation of a 3-SPS-S machine towards one with the legs given.", 6, 2, 8,
    ALL_LOOPS(three_sps_s_sps_polish), types_three_sps_s_sps_polish},
   {"tricept_point", "(3),(),(),()->(3),(3,3)", "Point and orientation of the platform in a pose.", 4, 2, 6,
    ALL_LOOPS(tricept_tricept_point), types_tricept_tricept_point},

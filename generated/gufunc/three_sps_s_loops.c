@@ -2590,8 +2590,8 @@ void LOOP(three_sps_s_sps_mode_loop_f32)(char **args, const ptrdiff_t *dimension
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* sps_polish: 350 add, 590 mul, 15 div, 15 sqrt, 88 select, 28 compare, 4 abs */
-/* 350 add, 590 mul, 15 div, 15 sqrt, 88 select, 28 compare, 4 abs */
+/* sps_polish: 350 add, 589 mul, 15 div, 14 sqrt, 87 select, 28 compare, 4 abs */
+/* 350 add, 589 mul, 15 div, 14 sqrt, 87 select, 28 compare, 4 abs */
 static inline void sps_polish_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -3074,7 +3074,6 @@ static inline void sps_polish_f64(double (*restrict input)[BLOCK], double (*rest
     const double now_4_2 = blend_f64(better_4, unit_4_2, now_3_2);
     const double now_4_3 = blend_f64(better_4, unit_4_3, now_3_3);
     const double now_4_4 = blend_f64(better_4, unit_4_4, now_3_4);
-    const double merit_taken_4 = blend_f64(better_4, merit_4, merit_taken_3);
     const double turned_by_4 = sqrt((turn_4_1*turn_4_1) + (turn_4_2*turn_4_2) + (turn_4_3*turn_4_3));
     const double trust_4 = blend_f64(better_4, 2.0*trust_3, blend_f64(done_4, trust_3, 0.25*blend_f64(mask_f64(trust_3 > turned_by_4), turned_by_4, trust_3)));
     const double polished_1 = now_4_1;
@@ -3082,13 +3081,11 @@ static inline void sps_polish_f64(double (*restrict input)[BLOCK], double (*rest
     const double polished_3 = now_4_3;
     const double polished_4 = now_4_4;
     const double radius = trust_4;
-    const double miss = base_radius*sqrt(merit_taken_4);
     output[0][i] = polished_1;
     output[1][i] = polished_2;
     output[2][i] = polished_3;
     output[3][i] = polished_4;
     output[4][i] = radius;
-    output[5][i] = miss;
   }
 }
 
@@ -3098,7 +3095,7 @@ static inline void sps_polish_block_f64(double (*restrict input)[BLOCK], double 
 
 void LOOP(three_sps_s_sps_polish_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
-  const ptrdiff_t *core = steps + 9;
+  const ptrdiff_t *core = steps + 8;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[4];
   for (int k = 0; k < 4; ++k)
@@ -3124,10 +3121,7 @@ void LOOP(three_sps_s_sps_polish_loop_f64)(char **args, const ptrdiff_t *dimensi
   ptrdiff_t offsets_7[1];
   for (int k = 0; k < 1; ++k)
     offsets_7[k] = 0;
-  ptrdiff_t offsets_8[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_8[k] = 0;
-  double input[11][BLOCK], output[6][BLOCK];
+  double input[11][BLOCK], output[5][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -3140,14 +3134,11 @@ void LOOP(three_sps_s_sps_polish_loop_f64)(char **args, const ptrdiff_t *dimensi
   packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
   packed &= (is_packed(offsets_6, 4, steps[6], width) & is_aligned(args[6], width));
   packed &= (is_packed(offsets_7, 1, steps[7], width) & is_aligned(args[7], width));
-  packed &= (is_packed(offsets_8, 1, steps[8], width) & is_aligned(args[8], width));
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[6], total * 4 * width);
     struct writer writer_1;
     open_writer(&writer_1, args[7], total * 1 * width);
-    struct writer writer_2;
-    open_writer(&writer_2, args[8], total * 1 * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
       if (steps[1] == 0)
@@ -3178,15 +3169,9 @@ void LOOP(three_sps_s_sps_polish_loop_f64)(char **args, const ptrdiff_t *dimensi
         interleave_f64(rows, output[4], BLOCK, 1, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
-      {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[5], BLOCK, 1, scratch);
-        write_block(&writer_2, rows, sizeof rows);
-      }
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
-    close_writer(&writer_2);
   }
 
   /* any layout, and the elements that do not fill a block */
@@ -3205,15 +3190,12 @@ void LOOP(three_sps_s_sps_polish_loop_f64)(char **args, const ptrdiff_t *dimensi
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
         put_f64(args[7] + (start + i) * steps[7] + offsets_7[k], output[4 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f64(args[8] + (start + i) * steps[8] + offsets_8[k], output[5 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* sps_polish: 350 add, 590 mul, 15 div, 15 sqrt, 88 select, 28 compare, 4 abs */
-/* 350 add, 590 mul, 15 div, 15 sqrt, 88 select, 28 compare, 4 abs */
+/* sps_polish: 350 add, 589 mul, 15 div, 14 sqrt, 87 select, 28 compare, 4 abs */
+/* 350 add, 589 mul, 15 div, 14 sqrt, 87 select, 28 compare, 4 abs */
 static inline void sps_polish_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -3696,7 +3678,6 @@ static inline void sps_polish_f32(float (*restrict input)[BLOCK], float (*restri
     const float now_4_2 = blend_f32(better_4, unit_4_2, now_3_2);
     const float now_4_3 = blend_f32(better_4, unit_4_3, now_3_3);
     const float now_4_4 = blend_f32(better_4, unit_4_4, now_3_4);
-    const float merit_taken_4 = blend_f32(better_4, merit_4, merit_taken_3);
     const float turned_by_4 = sqrtf((turn_4_1*turn_4_1) + (turn_4_2*turn_4_2) + (turn_4_3*turn_4_3));
     const float trust_4 = blend_f32(better_4, 2.0f*trust_3, blend_f32(done_4, trust_3, 0.25f*blend_f32(mask_f32(trust_3 > turned_by_4), turned_by_4, trust_3)));
     const float polished_1 = now_4_1;
@@ -3704,13 +3685,11 @@ static inline void sps_polish_f32(float (*restrict input)[BLOCK], float (*restri
     const float polished_3 = now_4_3;
     const float polished_4 = now_4_4;
     const float radius = trust_4;
-    const float miss = base_radius*sqrtf(merit_taken_4);
     output[0][i] = polished_1;
     output[1][i] = polished_2;
     output[2][i] = polished_3;
     output[3][i] = polished_4;
     output[4][i] = radius;
-    output[5][i] = miss;
   }
 }
 
@@ -3720,7 +3699,7 @@ static inline void sps_polish_block_f32(float (*restrict input)[BLOCK], float (*
 
 void LOOP(three_sps_s_sps_polish_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 9;
+  const ptrdiff_t *core = steps + 8;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[4];
   for (int k = 0; k < 4; ++k)
@@ -3746,10 +3725,7 @@ void LOOP(three_sps_s_sps_polish_loop_f32)(char **args, const ptrdiff_t *dimensi
   ptrdiff_t offsets_7[1];
   for (int k = 0; k < 1; ++k)
     offsets_7[k] = 0;
-  ptrdiff_t offsets_8[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_8[k] = 0;
-  float input[11][BLOCK], output[6][BLOCK];
+  float input[11][BLOCK], output[5][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -3762,14 +3738,11 @@ void LOOP(three_sps_s_sps_polish_loop_f32)(char **args, const ptrdiff_t *dimensi
   packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
   packed &= (is_packed(offsets_6, 4, steps[6], width) & is_aligned(args[6], width));
   packed &= (is_packed(offsets_7, 1, steps[7], width) & is_aligned(args[7], width));
-  packed &= (is_packed(offsets_8, 1, steps[8], width) & is_aligned(args[8], width));
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[6], total * 4 * width);
     struct writer writer_1;
     open_writer(&writer_1, args[7], total * 1 * width);
-    struct writer writer_2;
-    open_writer(&writer_2, args[8], total * 1 * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
       if (steps[1] == 0)
@@ -3800,15 +3773,9 @@ void LOOP(three_sps_s_sps_polish_loop_f32)(char **args, const ptrdiff_t *dimensi
         interleave_f32(rows, output[4], BLOCK, 1, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[5], BLOCK, 1, scratch);
-        write_block(&writer_2, rows, sizeof rows);
-      }
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
-    close_writer(&writer_2);
   }
 
   /* any layout, and the elements that do not fill a block */
@@ -3827,9 +3794,6 @@ void LOOP(three_sps_s_sps_polish_loop_f32)(char **args, const ptrdiff_t *dimensi
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
         put_f32(args[7] + (start + i) * steps[7] + offsets_7[k], output[4 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f32(args[8] + (start + i) * steps[8] + offsets_8[k], output[5 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }

@@ -8,6 +8,10 @@ from types import SimpleNamespace
 
 from . import axis
 from . import instantaneous_euler
+from . import instantaneous_euler_arm
+from . import instantaneous_euler_inverse
+from . import instantaneous_euler_motion
+from . import instantaneous_euler_ridges
 from . import machine_model
 from . import rodrigues
 from . import rotations
@@ -26,6 +30,15 @@ ALL = SimpleNamespace(
     chi_from_matrix=instantaneous_euler.chi_from_matrix,
     chi_from_zyx=instantaneous_euler.chi_from_zyx,
     chi_from_zyz=instantaneous_euler.chi_from_zyz,
+    chi_arm_pose=instantaneous_euler_arm.chi_arm_pose,
+    chi_rotations=instantaneous_euler_inverse.chi_rotations,
+    chi_rates=instantaneous_euler_motion.chi_rates,
+    chi_angular_velocity=instantaneous_euler_motion.chi_angular_velocity,
+    chi_motion_from_zyx=instantaneous_euler_motion.chi_motion_from_zyx,
+    chi_motion_from_zyz=instantaneous_euler_motion.chi_motion_from_zyz,
+    chi_zyx_from_quaternion=instantaneous_euler_motion.chi_zyx_from_quaternion,
+    chi_zyz_from_quaternion=instantaneous_euler_motion.chi_zyz_from_quaternion,
+    chi_ridge_lines=instantaneous_euler_ridges.chi_ridge_lines,
     rotation_from_vector=machine_model.rotation_from_vector,
     tilted_axis=machine_model.tilted_axis,
     solve_axis_paper=rodrigues.solve_axis_paper,

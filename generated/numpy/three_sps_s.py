@@ -910,25 +910,23 @@ def sps_polish(quaternion, trust, legs, base_radius, platform_radius, height, *,
         unit quaternion
     radius : array (...), rad
         radius of trust to go on with
-    miss : array (...), length
-        length of half the misses of the squares, over the radius R
     """
     return _evaluate(
         _sps_polish, None,
         "sps_polish",
         (quaternion, trust, legs, base_radius, platform_radius, height),
         (("quaternion", (4,)), ("trust", ()), ("legs", (3,)), ("base_radius", ()), ("platform_radius", ()), ("height", ())),
-        (("polished", (4,), False), ("radius", (), False), ("miss", (), False)),
+        (("polished", (4,), False), ("radius", (), False)),
         out,
     )
 
 
-sps_polish.signature = "(4),(),(3),(),(),()->(4),(),()"
-sps_polish.types = ["dddddd->ddd", "ffffff->fff"]
+sps_polish.signature = "(4),(),(3),(),(),()->(4),()"
+sps_polish.types = ["dddddd->dd", "ffffff->ff"]
 
 
 def _sps_polish(quaternion_1, quaternion_2, quaternion_3, quaternion_4, trust, legs_1, legs_2, legs_3, base_radius, platform_radius, height, eps, largest):
-    # 350 add, 590 mul, 15 div, 15 sqrt, 88 select, 28 compare, 4 abs
+    # 350 add, 589 mul, 15 div, 14 sqrt, 87 select, 28 compare, 4 abs
     x0 = 1.0/base_radius
     ratio = platform_radius*x0
     eta = height*x0
@@ -1641,6 +1639,7 @@ def _sps_polish(quaternion_1, quaternion_2, quaternion_3, quaternion_4, trust, l
     done_4 = merit_taken_3 <= settled
     del settled
     better_4 = (~(done_4)) & (merit_4 < merit_taken_3)
+    del merit_4, merit_taken_3
     now_4_1 = np.where(better_4, unit_4_1, now_3_1)
     del now_3_1, unit_4_1
     now_4_2 = np.where(better_4, unit_4_2, now_3_2)
@@ -1649,8 +1648,6 @@ def _sps_polish(quaternion_1, quaternion_2, quaternion_3, quaternion_4, trust, l
     del now_3_3, unit_4_3
     now_4_4 = np.where(better_4, unit_4_4, now_3_4)
     del now_3_4, unit_4_4
-    merit_taken_4 = np.where(better_4, merit_4, merit_taken_3)
-    del merit_4, merit_taken_3
     turned_by_4 = np.sqrt((turn_4_1*turn_4_1) + (turn_4_2*turn_4_2) + (turn_4_3*turn_4_3))
     del turn_4_1, turn_4_2, turn_4_3
     trust_4 = np.where(better_4, 2.0*trust_3, np.where(done_4, trust_3, 0.25*np.where(trust_3 > turned_by_4, turned_by_4, trust_3)))
@@ -1665,9 +1662,7 @@ def _sps_polish(quaternion_1, quaternion_2, quaternion_3, quaternion_4, trust, l
     del now_4_4
     radius = trust_4
     del trust_4
-    miss = base_radius*np.sqrt(merit_taken_4)
-    del merit_taken_4
-    return (polished_1, polished_2, polished_3, polished_4, radius, miss)
+    return (polished_1, polished_2, polished_3, polished_4, radius)
 
 
 def _power_of_two_scale(x):

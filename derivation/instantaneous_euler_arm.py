@@ -1,0 +1,495 @@
+# ---
+# jupyter:
+#   jupytext:
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+#   kernelspec:
+#     display_name: Python 3
+#     language: python
+#     name: python3
+# ---
+
+# %% [markdown]
+# # The robotic arm of section 5.2, and what is said about figures 6, 8 and 9
+#
+# Zhou and Zhu plot instantaneous beside conventional Euler angles: for a 3-SPS-S mechanism all of whose angles go
+# from 0° to 360° (figure 6), and for an arm with six joints whose wrist turns along two curves (figures 8 and 9).
+# Here the figures are drawn anew, and each thing that is said about them is proved or refuted.
+#
+# The paper gives no dimensions of its arm, no table of joint parameters and no number from the figures, only "rotates
+# in the sequence Z-Y-X", with the reference frame "at the center of the joint". That is enough: with a wrist of that
+# sequence the angles depend on the wrist alone. The arm here is one of that kind with free lengths.
+
+# %%
+import sympy as sp
+
+from rodgen.codegen import KernelBuilder
+from rodgen.derivation.instantaneous_euler import PAPER, UNIT, turn, turns, zyx
+from rodgen.symbolic import Derivation, Letter, equal, in_notebook
+
+derivation = Derivation(
+    "instantaneous_euler_arm",
+    title="The robotic arm of section 5.2, and what is said about figures 6, 8 and 9",
+    source=PAPER,
+)
+d = derivation
+sin, cos, acos = sp.sin, sp.cos, sp.acos
+
+# %%
+alpha = d.symbol("alpha", r"\alpha", "first Z-Y-X angle, about z0", "rad")
+beta = d.symbol("beta", r"\beta", "second Z-Y-X angle, about y1", "rad")
+gamma = d.symbol("gamma", r"\gamma", "third Z-Y-X angle, about x2; λ in the paper's curves", "rad")
+t = d.symbol("t", "t", "what all three angles of figure 6 are", "rad")
+x = d.symbol("x", "x", "parameter of the curves 1 and 2", "rad")
+R = d.matrix("r", r"R", "rotation; its columns are the moved axes", "1", value=Letter("r", 3, 3).components)
+chi_x, chi_y, chi_z = CHI = tuple(
+    d.symbol(
+        f"chi_{axis}",
+        rf"\chi_{axis}",
+        f"instantaneous Euler angle {axis}",
+        "rad",
+        value=acos(R.components[i, i]),
+    )
+    for i, axis in enumerate("xyz")
+)
+sa, ca, sb, cb, sg, cg = (f(a) for a in (alpha, beta, gamma) for f in (sin, cos))
+d
+
+
+# %%
+def along(*angles):
+    """The rotation by Z-Y-X angles."""
+    return {R: turns("zyx", [sp.sympify(a) for a in angles])}
+
+
+IN_RANGE = "an angle between 0 and π is known by its cosine"
+
+# %% [markdown]
+# ## Figure 6: all angles from 0° to 360°
+#
+# How the three angles vary together is not said. The numbers of zeros that are said do fit $\alpha=\beta=\gamma=t$,
+# and do not fit one angle at a time, for which two of the three curves would be alike and one flat. With $t$ in all
+# three
+#
+# $$ \chi_x = \chi_z = \arccos\cos^2t, \qquad \chi_y = \arccos(\sin^3t + \cos^2t). $$
+#
+# Neither the sizes of the mechanism nor the exchanged labels of (20) matter here.
+
+# %%
+by_t = along(t, t, t)
+d.check(
+    "figure-6-curves",
+    equal(cos(chi_x), cos(t) ** 2),
+    equal(cos(chi_y), sin(t) ** 3 + cos(t) ** 2),
+    equal(cos(chi_z), cos(t) ** 2),
+    text="The three curves.",
+).prove(given=by_t)
+d.state(
+    "figure-6-do-not-follow",
+    *(sp.Ne(c, sp.pi) for c in CHI),
+    said="the corresponding instantaneous Euler angles do not follow the conventional Euler angles",
+    text="For example where the latter are 180°.",
+    place="sec. 5.1, figure 6",
+).prove(*(equal(cos(c), 1) for c in CHI), given=along(sp.pi, sp.pi, sp.pi), because="There all three are 0.")
+d.state(
+    "figure-6-peaks",
+    sp.Le(chi_x, sp.pi / 2),
+    sp.Le(chi_y, sp.pi),
+    sp.Le(chi_z, sp.pi / 2),
+    said="the peaks of the instantaneous Euler angles are smaller than the conventional Euler angles",
+    place="sec. 5.1, figure 6",
+).prove(
+    equal(cos(chi_x), cos(t) ** 2),
+    equal(cos(chi_y) + 1, (sin(t) + 1) * ((sin(t) - 1) ** 2 + 1)),
+    equal(cos(chi_z), cos(t) ** 2),
+    given=by_t,
+    because="The peaks are 90°, 180° and 90°, those of the others 360°: no cosine is below 0, −1 and 0.",
+)
+d.state(
+    "figure-6-smaller-everywhere",
+    sp.Lt(chi_x, t),
+    said="the peaks of the instantaneous Euler angles are smaller than the conventional Euler angles",
+    text="Read of each instant instead of the peaks.",
+    place="sec. 5.1, figure 6",
+    assumptions=[sp.Gt(t, 0), sp.Lt(t, 2 * sp.pi)],
+).refute(
+    {t: sp.pi / 4},
+    equal(cos(t) - cos(chi_x), cos(t) * (1 - cos(t))),
+    given=by_t,
+    label="Z42",
+    because="At 45° χ_x is 60°. Up to 90° it is always greater than α, because β adds to it.",
+)
+d.state(
+    "figure-6-tend-to-zero",
+    *(equal(cos(c), 1) for c in CHI),
+    said="for a periodic variation in the Euler angles, the corresponding instantaneous Euler angles tend to be zero",
+    text="At the end of the period, 360°.",
+    place="sec. 5.1, figure 6",
+).prove(given=along(2 * sp.pi, 2 * sp.pi, 2 * sp.pi), because="The body is back where it was.")
+d.state(
+    "figure-6-zeros",
+    equal(1 - cos(chi_x), sin(t) ** 2),
+    equal(1 - cos(chi_z), sin(t) ** 2),
+    equal(1 - cos(chi_y), sin(t) ** 2 * (1 - sin(t))),
+    said="The instantaneous Euler angles correspond to the Euler angles α and γ passing through the origin twice in "
+    "the cycle, and the instantaneous Euler angle β passing through the origin three times in the cycle",
+    place="sec. 5.1, figure 6",
+).prove(
+    given=by_t,
+    because="χ_x and χ_z vanish where sin t = 0, at 0° and 180°; χ_y where also sin t = 1, at 0°, 90° and 180°. With "
+    "both ends of the cycle each is one more.",
+)
+d.state(
+    "independent-of-others",
+    equal(chi_x, acos(cos(alpha))),
+    equal(chi_y, acos(cos(beta))),
+    equal(chi_z, acos(cos(gamma))),
+    said="the angle between the current rotation plane and the initial rotation plane, which is independent of the "
+    "rotation in other directions at any time",
+    text="The angles are said to correspond to α, β and γ.",
+    place="sec. 5.1, and “without considering the coupling of rotation angles in other directions”",
+).refute(
+    {alpha: 0, beta: sp.pi / 3, gamma: 0},
+    [equal(cos(chi_x), ca * cb), equal(cos(chi_y), sa * sb * sg + ca * cg), equal(cos(chi_z), cb * cg)],
+    given={R: zyx},
+    label="Z43",
+    because="Each depends on two or three of the angles: a rotation about y0 alone turns the yz and the xy plane.",
+)
+
+
+# %%
+def marked(*ids):
+    """What is said, and whether it is true."""
+    lines = ["| what is said | true? | why |", "| --- | --- | --- |"]
+    for id in ids:
+        entry = d.entries[id]
+        wrong = entry.refutation
+        why = (wrong.because if wrong else entry.because).replace("|", "&#124;")
+        words = entry.words + (f" ({entry.text})" if entry.text else "")
+        lines.append(f"| “{words}” | **{'false' if wrong else 'true'}** | {why} |")
+    return "\n".join(lines)
+
+
+# %%
+if in_notebook():
+    import matplotlib.pyplot as plt
+    import numpy as np
+    from IPython.display import Markdown, display
+
+    def draw(parameter, name, conventional, instantaneous, colour, title):
+        """Conventional angles in blue, instantaneous ones in the paper's colour."""
+        figure, panels = plt.subplots(1, 3, figsize=(11, 3), layout="constrained", sharey=True)
+        pairs = zip(panels, conventional, instantaneous, (r"\alpha", r"\beta", r"\gamma"), "xyz", strict=True)
+        for panel, angle, chi, letter, axis in pairs:
+            panel.plot(parameter, np.degrees(angle), "tab:blue", label=f"${letter}$")
+            panel.plot(parameter, np.degrees(chi), colour, label=rf"$\chi_{axis}$")
+            panel.set(xlabel=name)
+            panel.legend(loc="upper right")
+        panels[0].set_ylabel("degrees")
+        figure.suptitle(title)
+        plt.show()
+
+    def numbers(angles, values, letter):
+        """Instantaneous angles of Z-Y-X angles along a curve."""
+        matrix = turns("zyx", [sp.sympify(a) for a in angles])
+        return [
+            np.broadcast_to(
+                np.arccos(np.clip(sp.lambdify(letter, matrix[i, i], "numpy")(values), -1, 1)), values.shape
+            )
+            for i in range(3)
+        ]
+
+    full = np.linspace(0, 2 * np.pi, 721)
+    draw(
+        np.degrees(full),
+        "t (degrees)",
+        [full] * 3,
+        numbers((t, t, t), full, t),
+        "tab:red",
+        "Figure 6, α = β = γ = t",
+    )
+    display(
+        Markdown(
+            marked(
+                "figure-6-do-not-follow",
+                "figure-6-peaks",
+                "figure-6-smaller-everywhere",
+                "figure-6-tend-to-zero",
+                "figure-6-zeros",
+                "independent-of-others",
+            )
+        )
+    )
+
+# %% [markdown]
+# ## Figure 8: curve 1, α = sin x
+
+# %%
+by_curve_1 = along(sin(x), 0, 0)
+d.state(
+    "figure-8-x",
+    equal(cos(chi_x), cos(sin(x))),
+    said="the instantaneous Euler angle corresponding to the x axis is equal to the absolute value of α",
+    place="sec. 5.2, figure 8",
+).prove(
+    given=by_curve_1,
+    because=f"χ_x = |α|: |α| ≤ 1, the cosines are equal, and {IN_RANGE}. (By (20) as printed it would be 0.)",
+)
+d.state(
+    "figure-8-y",
+    equal(chi_y, chi_x),
+    said="the instantaneous Euler angle corresponding to the y axis is consistent with the instantaneous Euler angle "
+    "corresponding to the x axis",
+    place="sec. 5.2, figure 8",
+).prove(given=by_curve_1, because="Both planes turn about z0.")
+d.state(
+    "figure-8-z",
+    equal(chi_z, 0),
+    said="the instantaneous Euler angle corresponding to the z axis is 0",
+    place="sec. 5.2, figure 8",
+).prove(given=by_curve_1, because="The xy plane stays. (By (20) as printed it would be |α|.)")
+d.state(
+    "figure-8-coupling",
+    equal(cos(chi_y), cos(alpha)),
+    said="when a certain rotation angle changes, other rotation planes will also produce a corresponding coupling "
+    "rotation angle",
+    text="The first angle turns two planes.",
+    place="sec. 5.2, figure 8",
+).prove(given=along(alpha, 0, 0), because="χ_x and χ_y are both |α|.")
+if in_notebook():
+    display(Markdown("Curve 1"))
+    draw(
+        full,
+        "x",
+        [np.sin(full), 0 * full, 0 * full],
+        numbers((sin(x), 0, 0), full, x),
+        "tab:green",
+        "Figure 8, curve 1: α = sin x",
+    )
+    display(Markdown(marked("figure-8-x", "figure-8-y", "figure-8-z", "figure-8-coupling")))
+
+# %% [markdown]
+# ## Figure 9: curve 2, α = sin x, β = cos x
+#
+# Both are angles in radians, so that neither is above 57.3°. Along the curve $\chi_x=\arccos(\cos\alpha\cos\beta)$
+# stays between 54.69° and 57.30°.
+
+# %%
+by_curve_2 = along(sin(x), cos(x), 0)
+curve_alpha = d.symbol("curve_alpha", r"\alpha_2", "α along curve 2", "rad", value=sin(x))
+d.state(
+    "figure-9-x",
+    sp.Gt(chi_x, curve_alpha),
+    said="the instantaneous Euler angle corresponding to the x axis is greater than the value of α",
+    place="sec. 5.2, figure 9",
+).refute(
+    {x: sp.pi / 2},
+    equal(cos(curve_alpha) - cos(chi_x), cos(sin(x)) * (1 - cos(cos(x)))),
+    given=by_curve_2,
+    label="Z44",
+    because="Not smaller is right: where cos x = 0 both are equal, everywhere else it is greater than |α|.",
+)
+d.state(
+    "figure-9-y",
+    equal(chi_y, curve_alpha),
+    said="the instantaneous Euler angle corresponding to the y axis varies in sinusoidal waveform",
+    place="sec. 5.2, figure 9",
+).refute(
+    {x: -sp.pi / 2},
+    equal(cos(chi_y), cos(sin(x))),
+    given=by_curve_2,
+    label="Z45",
+    because="It is |α| = |sin x|, a rectified sine with kinks and half the period.",
+)
+d.state(
+    "figure-9-z",
+    equal(chi_z, sp.Abs(curve_alpha)),
+    said="the instantaneous Euler angle corresponding to the z axis is equal to the absolute value of the angle α",
+    place="sec. 5.2, figure 9",
+).refute(
+    {x: 0},
+    equal(cos(chi_z), cos(cos(x))),
+    given=by_curve_2,
+    label="Z46",
+    because="It is |β| = |cos x|: at x = 0 there is no α, and χ_z is 57.3°. What is |α| is χ_y.",
+)
+without_gamma = d.symbol(
+    "chi_x_0",
+    r"\chi_x|_{\gamma=0}",
+    "χ_x with γ = 0",
+    "rad",
+    value=acos(turns("zyx", (alpha, beta, 0))[0, 0]),
+)
+d.state(
+    "figure-9-jointly",
+    sp.Ne(chi_x, without_gamma),
+    said="the variation in any instantaneous Euler angle is jointly determined by the other three Euler angles",
+    text="χ_x would depend on γ.",
+    place="sec. 5.2, figure 9",
+    assumptions=[sp.Ne(gamma, 0)],
+).refute(
+    {alpha: sp.pi / 3, beta: 0, gamma: sp.pi / 3},
+    equal(cos(chi_x), cos(alpha) * cos(beta)),
+    given={R: zyx},
+    label="Z47",
+    because="Only χ_y depends on all three: χ_x does not on γ, nor χ_z on α.",
+)
+d.state(
+    "state-quantity",
+    *(equal(cos(c), R.components[i, i]) for i, c in enumerate(CHI)),
+    said="the instantaneous Euler angle is a state quantity",
+    place="sec. 5.2",
+).prove(because="It is a function of the attitude.")
+if in_notebook():
+    display(Markdown("Curve 2"))
+    draw(
+        full,
+        "x",
+        [np.sin(full), np.cos(full), 0 * full],
+        numbers((sin(x), cos(x), 0), full, x),
+        "tab:green",
+        "Figure 9, curve 2: α = sin x, β = cos x",
+    )
+    display(Markdown(marked("figure-9-x", "figure-9-y", "figure-9-z", "figure-9-jointly", "state-quantity")))
+
+# %% [markdown]
+# ## An arm with six joints
+#
+# Of free lengths: a column $d_1$ with a joint about z, an upper arm $a_2$ and a forearm $a_3$ with joints about y,
+# and at the forearm's end a wrist whose joints turn about z, y and x through one point, the sequence of the paper;
+# the tool point is $d_6$ before it. At zero the upper arm stands upright and the forearm points along x.
+
+# %%
+joints = sp.Matrix([d.symbol(f"q{n}", f"q_{n}", f"joint {n}", "rad") for n in range(1, 7)])
+d1, a2, a3, d6 = lengths = tuple(
+    d.symbol(name, letter, quantity, "length")
+    for name, letter, quantity in (
+        ("d1", "d_1", "height of the shoulder"),
+        ("a2", "a_2", "upper arm"),
+        ("a3", "a_3", "forearm, to the wrist's centre"),
+        ("d6", "d_6", "from the wrist's centre to the tool point"),
+    )
+)
+
+
+def pose(joints, lengths):
+    """Rotation of the tool, its point and the wrist's centre, in axes of the base."""
+    d1, a2, a3, d6 = lengths
+    ex, ez = UNIT["x"], UNIT["z"]
+    base, upper = turn("z", joints[0]), turn("y", joints[1])
+    forearm = turn("y", joints[2])
+    arm = base * upper * forearm
+    wrist = base * (d1 * ez + upper * (a2 * ez + forearm * a3 * ex))
+    rotation = arm * sp.Matrix(turns("zyx", joints[3:]))
+    return rotation, wrist + rotation * d6 * ex, wrist
+
+
+def about(axis, point, angle):
+    """Displacement: a rotation about a line along a coordinate axis."""
+    rotation = turn(axis, angle)
+    return sp.Matrix(
+        sp.BlockMatrix([[rotation, point - rotation * point], [sp.zeros(1, 3), sp.ones(1, 1)]]).as_explicit()
+    )
+
+
+ez, ex = UNIT["z"], UNIT["x"]
+elbow, centre = (d1 + a2) * ez, (d1 + a2) * ez + a3 * ex
+screws = [("z", 0 * ez), ("y", d1 * ez), ("y", elbow), ("z", centre), ("y", centre), ("x", centre)]
+product = sp.eye(4)
+for (axis, point), joint in zip(screws, joints, strict=True):
+    product = product * about(axis, point, joint)
+rotation, tool, wrist = pose(joints, lengths)
+d.check(
+    "arm",
+    equal(sp.ImmutableMatrix(product[:3, :3]), sp.ImmutableMatrix(rotation)),
+    equal(
+        sp.ImmutableMatrix((product * sp.Matrix([*(centre + d6 * ex), 1]))[:3]),
+        sp.ImmutableMatrix(tool),
+    ),
+    equal(sp.ImmutableMatrix((product * sp.Matrix([*centre, 1]))[:3]), sp.ImmutableMatrix(wrist)),
+    text="The pose is the product of the six rotations about the joint axes at zero.",
+).prove()
+held = [joints[0], joints[1], joints[2]]
+start = pose([*held, 0, 0, 0], lengths)[0]
+by_wrist = dict(zip((alpha, beta, gamma), joints[3:], strict=True))
+d.check(
+    "wrist-alone",
+    equal(
+        sp.ImmutableMatrix(start.T * rotation),
+        sp.ImmutableMatrix(zyx.xreplace(by_wrist)),
+    ),
+    text="In the axes of the forearm, where the paper has its reference frame, the rotation is that of the wrist: the "
+    "figures do not depend on the lengths of the arm, nor on its first three joints.",
+).prove()
+
+# %% [markdown]
+# In other axes the three angles are others. A reference frame that is fixed in the base sees a first wrist joint that
+# turns about its x axis when the forearm points down by a right angle.
+
+# %%
+tilted = {joints[0]: 0, joints[1]: sp.pi / 2, joints[2]: 0, joints[3]: alpha, joints[4]: 0, joints[5]: 0}
+in_base = (rotation * start.T).xreplace(tilted)
+d.check(
+    "frame-matters",
+    equal(sp.ImmutableMatrix(in_base), sp.ImmutableMatrix(turn("x", alpha))),
+    text="Curve 1 with the second joint at 90°, in axes of the base: χ = (0, |α|, |α|) instead of (|α|, |α|, 0).",
+).prove()
+
+
+# %%
+def chi_arm_pose():
+    k = KernelBuilder(
+        "chi_arm_pose",
+        summary="Pose of an arm with six joints and a Z-Y-X wrist.",
+        source="Zhou and Zhu, sec. 5.2; derivation instantaneous_euler_arm, entry arm",
+    )
+    joints = k.input("joints", 6, unit="rad", doc="joint angles, the base's first")
+    lengths = k.input(
+        "lengths",
+        4,
+        unit="length",
+        doc="height of the shoulder, upper arm, forearm, wrist's centre to tool point",
+    )
+    rotation, tool, wrist = pose(list(joints), list(lengths))
+    k.output("matrix", sp.Matrix(rotation), unit="1", doc="rotation of the tool, in axes of the base")
+    k.output("point", tool, unit="length", doc="tool point")
+    k.output("wrist", wrist, unit="length", doc="centre of the wrist")
+    return k.build()
+
+
+derivation.kernel(chi_arm_pose())
+
+# %% [markdown]
+# The arm along curve 2, with the ridge lines' directions at the tool point in the four attitudes drawn.
+
+# %%
+if in_notebook():
+    sizes = (0.4, 0.5, 0.45, 0.15)
+    where = sp.lambdify(
+        [list(joints)],
+        [
+            rotation.subs(dict(zip(lengths, sizes, strict=True))),
+            tool.subs(dict(zip(lengths, sizes, strict=True))),
+            wrist.subs(dict(zip(lengths, sizes, strict=True))),
+        ],
+        "numpy",
+    )
+    figure = plt.figure(figsize=(11, 3.4), layout="constrained")
+    for n, value in enumerate((0.0, np.pi / 3, np.pi / 2, np.pi)):
+        posture = [0.2, 0.3, -0.1, np.sin(value), np.cos(value), 0.0]
+        turned, point, middle = (np.array(part, float).squeeze() for part in where(posture))
+        first = np.array(where([*posture[:3], 0, 0, 0])[0], float)
+        at_elbow = np.array([np.cos(0.2) * np.sin(0.3), np.sin(0.2) * np.sin(0.3), np.cos(0.3)]) * sizes[1]
+        chain = np.array([[0, 0, 0], [0, 0, sizes[0]], np.add(at_elbow, [0, 0, sizes[0]]), middle, point])
+        panel = figure.add_subplot(1, 4, n + 1, projection="3d")
+        panel.plot(*chain.T, "0.3", linewidth=3, marker="o", markersize=3)
+        for i, colour in enumerate(("tab:red", "tab:green", "tab:blue")):
+            panel.quiver(*point, *(0.25 * turned[:, i]), color=colour)
+            ridge = np.cross(first[:, i], turned[:, i])
+            if np.linalg.norm(ridge) > 1e-9:
+                ridge = 0.3 * ridge / np.linalg.norm(ridge)
+                panel.plot(*np.array([point - ridge, point + ridge]).T, color=colour, linestyle=":")
+        panel.set(title=f"x = {value:.2f}", xlim=(-0.1, 0.9), ylim=(-0.5, 0.5), zlim=(0, 1))
+        panel.set_box_aspect((1, 1, 1))
+    plt.show()

@@ -1,0 +1,797 @@
+# ---
+# jupyter:
+#   jupytext:
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+#   kernelspec:
+#     display_name: Python 3
+#     language: python
+#     name: python3
+# ---
+
+# %% [markdown]
+# # Ridge lines: where the coordinate planes meet their images
+#
+# A body goes from the frame $O_i$, $e_x, e_y, e_z$ to the frame $O_f$, $x_3, y_3, z_3$, the columns of $R$; its
+# origin moves by $p$. The ridge line $Z_r$ is that in which the planes $O_ixy$ and $O_fxy$ meet, and so on. Zhou and
+# Zhu look for it with the reciprocal product of screws, in equations (2) to (9), (11), (12), (14) and (15). Planes
+# meet in
+#
+# $$ Z_r = (e_z\times z_3;\ (z_3\cdot p)\,e_z), $$
+#
+# and here is what of the paper's way leads there. The angles are in `instantaneous_euler`.
+
+# %%
+from enum import IntEnum
+
+import sympy as sp
+
+from rodgen.codegen import KernelBuilder
+from rodgen.derivation.instantaneous_euler import (
+    PAPER,
+    TABLE_41,
+    TABLE_42,
+    UNIT,
+    of_quaternion,
+    q,
+    turns,
+    written,
+    zyx,
+    zyz,
+)
+from rodgen.symbolic import (
+    DELTA,
+    EPS,
+    LARGEST,
+    Derivation,
+    Letter,
+    couple,
+    cross,
+    dot,
+    equal,
+    in_notebook,
+    line_along,
+    line_of_planes,
+    norm,
+    reciprocal_product,
+    reciprocal_system,
+    screw_transform,
+    select,
+    self_product,
+    skew,
+)
+
+derivation = Derivation(
+    "instantaneous_euler_ridges",
+    title="Ridge lines: where the coordinate planes meet their images",
+    source=PAPER,
+)
+d = derivation
+sin, cos = sp.sin, sp.cos
+
+# %%
+alpha = d.symbol("alpha", r"\alpha", "first Z-Y-X angle, about z0", "rad")
+beta = d.symbol("beta", r"\beta", "second Z-Y-X angle, about y1", "rad")
+gamma = d.symbol("gamma", r"\gamma", "third Z-Y-X angle, about x2", "rad")
+phi = d.symbol("phi", r"\phi", "first Z-Y-Z angle, about z0", "rad")
+theta = d.symbol("theta", r"\theta", "second Z-Y-Z angle, about y1", "rad")
+psi = d.symbol("psi", r"\varphi", "third Z-Y-Z angle, about z2", "rad")
+R = d.matrix("r", r"R", "rotation; its columns are the moved axes", "1", value=Letter("r", 3, 3).components)
+p = d.vector("p", r"\vec p", "from Oi to Of", "length")
+Q = d.vector("Q", r"\vec Q", "the point Q of the paper", "length")
+ex, ey, ez = UNIT["x"], UNIT["y"], UNIT["z"]
+x3, y3, z3 = (R.components[:, i] for i in range(3))
+pc, Qc = sp.Matrix(list(p)), sp.Matrix(list(Q))
+N = {
+    axis: d.vector(
+        f"N_{axis}",
+        rf"\vec N_{axis}",
+        f"direction of the ridge {axis.upper()}r: e_{axis} × R e_{axis}, as long as sin χ_{axis}",
+        "1",
+        value=cross(UNIT[axis], R.components[:, i]),
+    )
+    for i, axis in enumerate("xyz")
+}
+Nx, Ny, Nz = N.values()
+d
+
+
+# %%
+def column(*entries):
+    return sp.ImmutableMatrix(entries)
+
+
+def six(screw):
+    return sp.ImmutableMatrix(screw)
+
+
+# %% [markdown]
+# ## Screws: equations (2) to (5)
+#
+# A line has a direction and a moment. The reciprocal product of two lines vanishes where they meet or are parallel,
+# and only there. The paper says the contrary.
+
+# %%
+l_, m, n, O_, P, q_ = unknown = sp.symbols("l m n O P Q0", real=True)
+known = [sp.symbols(f"l{i} m{i} n{i} O{i} P{i} Q0{i}", real=True) for i in (1, 2, 3)]
+ridge = column(*unknown)
+for letter in (*unknown, *(x for row in known for x in row)):
+    d.symbol(letter.name, letter.name.replace("Q0", "Q_"), "component of a screw, eqs. (2) and (3)", "1")
+d.state(
+    "eq-3",
+    *(
+        equal(
+            reciprocal_product(ridge, column(*row)),
+            l_ * row[3] + m * row[4] + n * row[5] + row[0] * O_ + row[1] * P + row[2] * q_,
+        )
+        for row in known
+    ),
+    text="The reciprocal products of the sought screw with the three of (2).",
+    place="eqs. (2) and (3)",
+).prove()
+a, b, u, v = (
+    d.vector(name, rf"\vec {name}", quantity, unit)
+    for name, quantity, unit in (
+        ("a", "point of a line", "length"),
+        ("b", "point of another", "length"),
+        ("u", "direction of the line", "1"),
+        ("v", "direction of the other", "1"),
+    )
+)
+ac, bc, uc, vc = (sp.Matrix(list(letter)) for letter in (a, b, u, v))
+product = d.symbol(
+    "product",
+    r"\$_a\circ\$_b",
+    "reciprocal product of two lines",
+    "length",
+    value=reciprocal_product(line_along(ac, uc), line_along(bc, vc)),
+)
+d.state(
+    "lines-that-do-not-meet",
+    sp.Implies(sp.Ne(dot(b - a, cross(u, v)), 0), sp.Eq(product, 0)),
+    said="if there exists a ridge line with intersection lines that do not intersect with the other three lines, the "
+    "screw of the ridge line must be reciprocal to the other three-line vectors",
+    place="sec. 2.2, before eq. (3)",
+).refute(
+    {a: (0, 0, 0), u: (1, 0, 0), b: (0, 0, 1), v: (0, 1, 0)},
+    equal(product, -dot(b - a, cross(u, v))),
+    label="Z21",
+    because="Two lines are reciprocal where they lie in one plane: where they do intersect, or are parallel.",
+)
+
+# %% [markdown]
+# Three independent lines leave three dimensions. That they are independent is taken for granted; three lines through
+# one point in one plane are not.
+
+# %%
+rank = d.symbol("rank", r"\operatorname{rank}", "rank of three given lines", "1")
+generic = reciprocal_system([column(*row) for row in known])
+assert (generic.rank, len(generic.basis)) == (3, 3)
+flat = reciprocal_system(
+    [line_along(sp.zeros(3, 1), ex), line_along(sp.zeros(3, 1), ey), line_along(sp.zeros(3, 1), ex + ey)]
+)
+d.state(
+    "three-solutions",
+    equal(6 - rank, 3),
+    said="three of the basic solution systems are linearly independent of the vectors",
+    text="The screws reciprocal to three given lines have three dimensions.",
+    place="sec. 2.2, after eq. (3)",
+).refute(
+    {rank: flat.rank},
+    equal(6 - sp.Integer(generic.rank), 3),
+    label="Z22",
+    because="So it is for three independent lines. The lines along x, along y and halfway between them, through one "
+    "point, have rank 2.",
+)
+T = screw_transform(R.components, pc)
+axes = [column(*UNIT[axis], 0, 0, 0) for axis in "xyz"]
+d.state(
+    "eq-4",
+    *(equal(six(line_along(sp.zeros(3, 1), UNIT[axis])), axes[i]) for i, axis in enumerate("xyz")),
+    text="The axes of the moved frame, in that frame.",
+    place="eq. (4)",
+).prove()
+block = sp.BlockMatrix([[R.components, sp.zeros(3)], [skew(pc) * R.components, R.components]])
+d.state(
+    "eq-5",
+    equal(sp.ImmutableMatrix(T), sp.ImmutableMatrix(block.as_explicit())),
+    *(
+        equal(six(line_along(pc, R.components[:, i])), sp.ImmutableMatrix(block.as_explicit() * axes[i]))
+        for i in range(3)
+    ),
+    text="The transform in blocks brings the axes of the moved frame, as lines, into the fixed one.",
+    place="eq. (5), and the matrix in blocks under it",
+).prove()
+theta_vector = sp.Matrix(sp.symbols("t_1:4", real=True))
+quaternion_T = screw_transform(of_quaternion, pc)
+d.check(
+    "reciprocal-product-stays",
+    equal(sp.ImmutableMatrix(quaternion_T.T * DELTA * quaternion_T), sp.ImmutableMatrix(DELTA)),
+    text="The transform leaves every reciprocal product as it is: R is written by a quaternion of any length.",
+).prove()
+
+# %% [markdown]
+# Written out, the lower right block holds $\hat p$ where the blocks have $R$. The axes do not notice, because they
+# have no moment in their own frame; a screw with a moment would be lost: the printed matrix has no inverse.
+
+# %%
+explicit_T = sp.Matrix(
+    sp.BlockMatrix([[R.components, sp.zeros(3)], [skew(pc) * R.components, skew(pc)]]).as_explicit()
+)
+by_zyx, by_zyz = {R: zyx}, {R: zyz}
+d.state(
+    "eq-5-written-out",
+    equal(sp.ImmutableMatrix(T), sp.ImmutableMatrix(explicit_T)),
+    place="under eq. (5), the matrix written out",
+).refute(
+    {alpha: 0, beta: 0, gamma: 0, p: (0, 0, 0)},
+    [
+        equal(sp.ImmutableMatrix(T[3:, 3:]), sp.ImmutableMatrix(R.components)),
+        equal(sp.ImmutableMatrix(T[3:, :3]), sp.ImmutableMatrix(explicit_T[3:, :3])),
+    ],
+    given=by_zyx,
+    label="Z23",
+    because="The lower right block is R, as the matrix in blocks has it, and not the cross product with p. The printed "
+    "one is singular.",
+)
+d.check("printed-transform-is-singular", equal(sp.det(skew(pc)), 0)).prove()
+d.state(
+    "eq-7",
+    *(
+        equal(
+            six(line_along(pc, c)),
+            column(
+                *c,
+                -p.components[2] * c[1] + p.components[1] * c[2],
+                p.components[2] * c[0] - p.components[0] * c[2],
+                -p.components[1] * c[0] + p.components[0] * c[1],
+            ),
+        )
+        for c in (x3, y3, z3)
+    ),
+    text="The axes of the moved frame as lines of the fixed one.",
+    place="eq. (7)",
+).prove()
+
+# %% [markdown]
+# ## What equations (8) and (9) determine
+#
+# The paper takes $p = 0$, the axis $y_3$, the axis $y_0$ and a line $\$_3$ parallel to $z_0$ through a point $Q$ of
+# the fixed plane, looks for the screw that is reciprocal to the three, and gives the line through $O$ and $Q$.
+
+# %%
+qx, qy, qz = Q
+w_y3, w_y0, w_Qz = column(*y3, 0, 0, 0), column(0, 1, 0, 0, 0, 0), column(0, 0, 1, qy, -qx, 0)
+d.state(
+    "eq-8",
+    equal(six(line_along(sp.zeros(3, 1), zyx[:, 1])), column(*zyx[:, 1], 0, 0, 0)),
+    equal(six(line_along(sp.zeros(3, 1), ey)), w_y0),
+    equal(six(line_along(column(qx, qy, 0), ez)), w_Qz),
+    text="The axis y3 by its Z-Y-X angles, the axis y0, and the line through Q parallel to z0.",
+    place="eq. (8)",
+).prove()
+line_9 = column(qx, qy, 0, 0, 0, 0)
+d.state(
+    "eq-9-reciprocal",
+    *(equal(reciprocal_product(line_9, w), 0) for w in (w_y3, w_y0, w_Qz)),
+    said="According to the principle of reciprocal products",
+    text="The line (9) is reciprocal to the three lines of (8), whatever Q is.",
+    place="eq. (9)",
+).prove()
+ridge_z = column(*cross(ez, z3), 0, 0, 0)
+d.state(
+    "eq-9",
+    equal(dot(z3, sp.Matrix(line_9[:3])), 0),
+    said="where the point Q is an arbitrary point on the moving platform",
+    text="The line (9) lies in the plane Ofxy, too, so that it is the ridge line.",
+    place="eq. (9)",
+).refute(
+    {alpha: 0, beta: sp.pi / 3, gamma: sp.pi / 4, Q: (1, 0, 0)},
+    equal(dot(z3, cross(ez, z3)), 0),
+    given=by_zyx,
+    label="Z24",
+    because="Every line in the plane Oixy through O is reciprocal to the three. It lies in Ofxy only where Q does: Q "
+    "must be on the ridge line, along z0 × z3, which is what is sought.",
+)
+system = reciprocal_system([w_y3, w_y0, w_Qz])
+assert system.rank == 3
+assert system.contains(line_9)
+assert not system.contains(column(1, 0, 0, 0, 0, 0))
+
+# %% [markdown]
+# The whole of what is reciprocal to (8): with coefficients $c_1, c_2, c_3$ the members that are lines are the zeros
+# of a product of two linear forms. They are two families: the lines through $O$ in the plane of $O$ and $\$_3$, to
+# which (9) belongs for every $Q$, and the lines in the plane of $y_0$ and $y_3$ through the point where $\$_3$ meets
+# it.
+
+# %%
+coefficients = sp.symbols("c_1:4", real=True)
+for letter in coefficients:
+    d.symbol(letter.name, letter.name, "coefficient in the reciprocal system of (8)", "1")
+member = system.member(coefficients)
+condition = system.line_condition(coefficients)
+c1, c2, c3 = coefficients
+one, two = (f for f, _ in sp.factor_list(sp.numer(condition))[1] if f.free_symbols & set(coefficients))
+if one != c3:
+    one, two = two, one
+pencil, field = member.subs(c3, 0), member.subs(c2, sp.solve(two, c2)[0])
+foot = column(qx, qy, qx * R.components[2, 1] / R.components[0, 1])
+d.check(
+    "eq-8-lines",
+    *(equal(reciprocal_product(member, w), 0) for w in (w_y3, w_y0, w_Qz)),
+    equal(self_product(member), condition),
+    text="Its members are reciprocal to the three, and are lines where one of two linear forms vanishes.",
+    assumptions=[sp.Ne(R.components[0, 1], 0), sp.Ne(qy, 0)],
+).prove()
+d.check(
+    "eq-8-first-family",
+    equal(one, c3),
+    equal(column(*pencil[3:]), column(0, 0, 0)),
+    equal(dot(sp.Matrix(pencil[:3]), cross(column(qx, qy, 0), ez)), 0),
+    text="The first family: no moment, so through O, and in the plane of O and the third line.",
+).prove()
+plane = cross(ey, y3)
+d.check(
+    "eq-8-second-family",
+    equal(dot(sp.Matrix(field[:3]), plane), 0),
+    equal(sp.ImmutableMatrix(cross(sp.Matrix(field[3:]), plane)), sp.zeros(3, 1)),
+    equal(sp.ImmutableMatrix(cross(foot, sp.Matrix(field[:3]))), column(*field[3:])),
+    equal(dot(foot, plane), 0),
+    text="The second family: in the plane of y0 and y3, through its point on the third line.",
+    assumptions=[sp.Ne(R.components[0, 1], 0), sp.Ne(qy, 0)],
+).prove()
+if in_notebook():
+    from IPython.display import display
+
+    display(condition)
+
+# %% [markdown]
+# The lines of the paper's other two ridges, (11), (12) and (14), (15), repeat the matter, with slips.
+
+# %%
+w_x3, w_x0, w_Qy = column(*x3, 0, 0, 0), column(1, 0, 0, 0, 0, 0), column(0, 1, 0, -qz, 0, qx)
+printed_x3 = column(*zyx[:, 1], 0, 0, 0)
+d.state(
+    "eq-11-x3", equal(column(*x3, 0, 0, 0), printed_x3), text="The axis x3.", place="eq. (11), first line"
+).refute(
+    {alpha: 0, beta: 0, gamma: 0},
+    equal(column(*x3, 0, 0, 0), column(cos(alpha) * cos(beta), sin(alpha) * cos(beta), -sin(beta), 0, 0, 0)),
+    given=by_zyx,
+    label="Z25",
+    because="It is a copy of the axis y3 of (8).",
+)
+d.state(
+    "eq-11-x0", equal(w_x0, column(0, 1, 0, 0, 0, 0)), text="The axis x0.", place="eq. (11), second line"
+).refute({}, equal(six(line_along(sp.zeros(3, 1), ex)), w_x0), label="Z26", because="It is the axis y0.")
+d.state(
+    "eq-11-Qy",
+    equal(six(line_along(column(qx, 0, qz), ey)), column(0, 0, 1, qy, -qx, 0)),
+    text="The line through Q = (Qx, 0, Qz) parallel to y0.",
+    place="eq. (11), third line",
+).refute(
+    {Q: (1, 0, 1)},
+    equal(six(line_along(column(qx, 0, qz), ey)), w_Qy),
+    label="Z27",
+    because="It is the third line of (8), parallel to z0.",
+)
+line_12 = column(qx, 0, qz, 0, 0, 0)
+d.state(
+    "eq-12-reciprocal",
+    *(equal(reciprocal_product(line_12, w), 0) for w in (w_x3, w_x0, w_Qy)),
+    text="The line (12) is reciprocal to the lines of (11), put right.",
+    place="eq. (12)",
+).prove()
+d.state(
+    "eq-12",
+    equal(dot(y3, sp.Matrix(line_12[:3])), 0),
+    text="The line (12) lies in the plane Ofxz, for every Q of Oixz.",
+    place="eq. (12)",
+).refute(
+    {alpha: sp.pi / 3, beta: 0, gamma: 0, Q: (1, 0, 0)},
+    equal(dot(y3, cross(ey, y3)), 0),
+    given=by_zyx,
+    label="Z28",
+    because="As with (9): Q must be on the ridge line, along y0 × y3.",
+)
+w_z3, w_z0, w_Qx = column(*z3, 0, 0, 0), column(0, 0, 1, 0, 0, 0), column(1, 0, 0, 0, qz, -qy)
+d.state(
+    "eq-14-axes",
+    equal(six(line_along(sp.zeros(3, 1), zyx[:, 2])), column(*zyx[:, 2], 0, 0, 0)),
+    equal(six(line_along(sp.zeros(3, 1), ez)), w_z0),
+    place="eq. (14), first two lines",
+).prove()
+d.state(
+    "eq-14-Qx",
+    equal(six(line_along(column(0, qy, qz), ex)), column(1, 0, 0, 0, qz, qy)),
+    text="The line through Q = (0, Qy, Qz) parallel to x0, as far as its signs can be read.",
+    place="eq. (14), third line",
+).refute(
+    {Q: (0, 1, 1)},
+    equal(six(line_along(column(0, qy, qz), ex)), w_Qx),
+    label="Z29",
+    because="The last component is −Qy; its sign is wrong, or lost in the copy. With +Qy the line (15) would not "
+    "even be reciprocal to it.",
+)
+line_15 = column(0, qy, qz, 0, 0, 0)
+d.state(
+    "eq-15-reciprocal",
+    *(equal(reciprocal_product(line_15, w), 0) for w in (w_z3, w_z0, w_Qx)),
+    text="The line (15) is reciprocal to the lines of (14), put right.",
+    place="eq. (15)",
+).prove()
+d.state(
+    "eq-15",
+    equal(dot(x3, sp.Matrix(line_15[:3])), 0),
+    text="The line (15) lies in the plane Ofyz, for every Q of Oiyz.",
+    place="eq. (15)",
+).refute(
+    {alpha: sp.pi / 3, beta: 0, gamma: 0, Q: (0, 1, 0)},
+    equal(dot(x3, cross(ex, x3)), 0),
+    given=by_zyx,
+    label="Z30",
+    because="As with (9): Q must be on the ridge line, along x0 × x3.",
+)
+
+# %% [markdown]
+# ## The ridge lines
+#
+# The plane $e_i\cdot x = 0$ and its image $Re_i\cdot(x - p) = 0$ meet in a line along $e_i\times Re_i$ with the
+# moment $(Re_i\cdot p)\,e_i$. Its direction is as long as $\sin\chi_i$: at $\chi_i = 0$ or $\pi$ the planes are
+# parallel, and where also $Re_i\cdot p = 0$ they coincide.
+
+# %%
+planes = {
+    axis: line_of_planes(UNIT[axis], 0, R.components[:, i], dot(R.components[:, i], pc))
+    for i, axis in enumerate("xyz")
+}
+r = R.components
+d.check(
+    "ridge-lines",
+    equal(six(planes["x"]), column(0, -r[2, 0], r[1, 0], dot(x3, pc), 0, 0)),
+    equal(six(planes["y"]), column(r[2, 1], 0, -r[0, 1], 0, dot(y3, pc), 0)),
+    equal(six(planes["z"]), column(-r[1, 2], r[0, 2], 0, 0, 0, dot(z3, pc))),
+    *(equal(self_product(planes[axis]), 0) for axis in "xyz"),
+    text="The ridge lines as the lines of two planes.",
+).prove()
+of_q = {R: of_quaternion}
+square = sum(x**2 for x in q)
+d.check(
+    "ridge-length",
+    *(
+        equal(
+            norm(N[axis]) ** 2 + (UNIT[axis].T * R.components * UNIT[axis])[0] ** 2,
+            1,
+        )
+        for axis in "xyz"
+    ),
+    text="The direction is as long as the sine of the angle.",
+).prove(given=of_q)
+
+# %% [markdown]
+# In screws: the ridge is what is reciprocal to two axes of each plane and to the two couples about their normals, for
+# any $p$. These six have rank 5, and 3 where the planes coincide.
+
+# %%
+sample = {alpha: sp.pi / 6, beta: sp.pi / 4, gamma: sp.pi / 3}
+exact = sp.Matrix(zyx.subs(sample))
+at = sp.Matrix([1, 2, 3])
+both_planes = [
+    line_along(sp.zeros(3, 1), ex),
+    line_along(sp.zeros(3, 1), ey),
+    line_along(at, exact[:, 0]),
+    line_along(at, exact[:, 1]),
+    couple(ez),
+    couple(exact[:, 2]),
+]
+whole = reciprocal_system(both_planes)
+assert whole.rank == 5
+assert whole.contains(line_of_planes(ez, 0, exact[:, 2], dot(exact[:, 2], at)))
+turned = turns("zyx", (sp.pi / 6, 0, 0))
+same_plane = [
+    line_along(sp.zeros(3, 1), ex),
+    line_along(sp.zeros(3, 1), ey),
+    *(line_along(column(1, 2, 0), turned[:, i]) for i in (0, 1)),
+    couple(ez),
+    couple(turned[:, 2]),
+]
+assert reciprocal_system(same_plane).rank == 3
+d.check(
+    "ridge-by-screws",
+    *(
+        equal(reciprocal_product(planes["z"], screw), 0)
+        for screw in (
+            line_along(sp.zeros(3, 1), ex),
+            line_along(sp.zeros(3, 1), ey),
+            line_along(pc, x3),
+            line_along(pc, y3),
+            couple(ez),
+            couple(z3),
+        )
+    ),
+    text="The ridge Zr is reciprocal to the axes of both planes and to the couples about their normals.",
+).prove(given=of_q)
+
+# %% [markdown]
+# A point of the moving platform does not help: the ridge is one line for one attitude. But the second rotation's end
+# is not the end of it, as the introduction says.
+
+# %%
+d.state(
+    "third-rotation-zyx",
+    equal(cross(cross(ez, turns("zyx", (alpha, beta, 0))[:, 2]), Nz), sp.zeros(3, 1)),
+    said="the conventional ridge line appears at the completion of the second rotation, and the third rotation does "
+    "not affect the position of the ridge lines",
+    text="For Z-Y-X, of the xy planes.",
+    place="sec. 2.1",
+).refute(
+    {alpha: 0, beta: sp.pi / 3, gamma: sp.pi / 4},
+    equal(
+        Nz,
+        column(
+            -sin(alpha) * sin(beta) * cos(gamma) + cos(alpha) * sin(gamma),
+            cos(alpha) * sin(beta) * cos(gamma) + sin(alpha) * sin(gamma),
+            0,
+        ),
+    ),
+    given=by_zyx,
+    label="Z31",
+    because="The last rotation of Z-Y-X is about x2, and turns z with it. For Z-Y-Z it is true.",
+)
+d.state(
+    "third-rotation-zyz",
+    equal(Nz, sin(theta) * column(-sin(phi), cos(phi), 0)),
+    said="the conventional ridge line appears at the completion of the second rotation, and the third rotation does "
+    "not affect the position of the ridge lines",
+    text="For Z-Y-Z, of the xy planes: sin θ times y1, the line of nodes.",
+    place="sec. 2.1",
+).prove(given=by_zyz)
+
+# %% [markdown]
+# ## The remarks on ridge lines in the tables
+#
+# Each row of the tables of sections 4.1 and 4.2 names the ridge lines that there are, and says with which axis one of
+# them coincides. A ridge line is there where $N_i$ is not zero. Beside each remark stand the directions
+# $N_x, N_y, N_z$ as they are.
+
+
+# %%
+def there(*names):
+    return [sp.Ne(norm(N[axis]) ** 2, 0) for axis in names]
+
+
+def parallel(axis, to):
+    return equal(cross(N[axis], to), sp.zeros(3, 1))
+
+
+def off(axis, to):
+    return sp.Ne(norm(cross(N[axis], to)) ** 2, 0)
+
+
+def directions(angles, sequence):
+    """The three directions, row by row, as they are for these angles."""
+    M = turns(sequence, angles)
+    return [equal(N[axis], sp.ImmutableMatrix(cross(UNIT[axis], M[:, i]))) for i, axis in enumerate("xyz")]
+
+
+third = sp.pi / 3
+half = sp.pi / 2
+none, both, all_three = sp.zeros(3, 1), "Zr and Xr", "Zr, Yr and Xr"
+REMARKS = [
+    # row, sequence, said, claims, counterexample, label, why
+    (
+        "alpha",
+        "zyx",
+        "the ridge axes are expressed as Zr and Yr, the axis Zr coincides with the z0 axis",
+        [*there("z", "y")],
+        {alpha: half},
+        "Z32",
+        "The xy planes coincide, so that Zr is not determined; Xr and Yr are there, and both are z0.",
+    ),
+    (
+        "beta",
+        "zyx",
+        "the ridge axes are denoted as Zr and Xr, each axis is not coincident with the y0 axis",
+        [*there("z", "x"), off("z", ey), off("x", ey)],
+        {beta: half},
+        "Z33",
+        "Both are y0, about which the body turns.",
+    ),
+    (
+        "gamma",
+        "zyx",
+        "the ridge axes are denoted as Yr and Xr, the axis Xr coincides with the x0 axis",
+        [*there("y", "x")],
+        {gamma: half},
+        "Z34",
+        "The yz planes coincide, so that Xr is not determined; Yr and Zr are there, and both are x0.",
+    ),
+    (
+        "beta-gamma",
+        "zyx",
+        "the ridge axes are denoted as Zr and Yr",
+        [sp.Eq(norm(Nx) ** 2, 0)],
+        {beta: third, gamma: third},
+        "Z35",
+        "All three are there; Xr is y0.",
+    ),
+    ("alpha-beta", "zyx", "the ridge axes are denoted as Zr, Yr, and Xr", there("x", "y", "z"), None, "", ""),
+    (
+        "alpha-gamma",
+        "zyx",
+        "the ridge axes are denoted as Xr and Yr",
+        [sp.Eq(norm(Nz) ** 2, 0)],
+        {alpha: third, gamma: third},
+        "Z36",
+        "All three are there.",
+    ),
+    (
+        "phi",
+        "zyz",
+        "the ridge axis is expressed as Zr, the axis coincides with the z1 axis",
+        [*there("z")],
+        {phi: half},
+        "Z37",
+        "Zr is the one that is not there; Xr and Yr are, and both are z0, which is z1.",
+    ),
+    (
+        "theta",
+        "zyz",
+        "the ridge axes are represented as Zr and Xr, the axis Zr coincides with the y2 axis",
+        [*there("z", "x"), parallel("z", ey)],
+        None,
+        "",
+        "",
+    ),
+    (
+        "psi",
+        "zyz",
+        "the ridge axes are represented as Yr and Xr, the axis Xr coincides with the z3 axis",
+        [*there("y", "x"), parallel("x", ez)],
+        None,
+        "",
+        "",
+    ),
+    (
+        "theta-psi",
+        "zyz",
+        "the ridge axes are denoted as Zz, Yr, and Xr, the ridge axis Xr coincides with the original z3 axis",
+        [parallel("x", z3)],
+        {theta: third, psi: third},
+        "Z38",
+        "It is Yr that is z3, the axis of the last rotation; Zr is y0. (Zz is a slip for Zr.)",
+    ),
+    (
+        "phi-theta",
+        "zyz",
+        "the ridge axes are denoted as Zr, Yr, and Xr, the ridge axis Xr coincides with the original y3 axis",
+        [parallel("x", y3)],
+        {phi: third, theta: third},
+        "Z39",
+        "It is Zr that is y3, the axis of the last rotation; Yr is z0.",
+    ),
+    (
+        "phi-psi",
+        "zyz",
+        "the ridge axes are represented as Xr, Yr, and Zr, each axis is not coincident with the original axis",
+        [*there("z"), off("x", ez), off("y", ez)],
+        {phi: half, psi: 0},
+        "Z40",
+        "Both rotations are about z0: Xr and Yr are z0, and Zr is not determined.",
+    ),
+]
+TABLES = {
+    **{name: row[0] for name, row in TABLE_41.items()},
+    **{name: row[0] for name, row in TABLE_42.items()},
+}
+for name, sequence, words, what, point, label, why in REMARKS:
+    angles = TABLES[name]
+    section = "4.1" if sequence == "zyx" else "4.2"
+    entry = d.state(
+        f"ridges-{section}-{name}",
+        *what,
+        said=words,
+        text=f"{'-'.join(sequence.upper())} angles {written(angles)}.",
+        place=f"sec. {section}",
+    )
+    true, at_row = directions(angles, sequence), {R: turns(sequence, angles)}
+    if point is None:
+        entry.prove(
+            *true,
+            given=at_row,
+            because="The directions are "
+            + ", ".join(f"{a} {d.value(N[a], at_row).applyfunc(sp.factor).T.tolist()[0]}" for a in "xyz")
+            + ": there wherever their sines do not vanish.",
+        )
+    else:
+        entry.refute(point, true, given=at_row, label=label, because=why)
+
+# %% [markdown]
+# Of three rotations the paper says that all three ridges are there, and for Z-Y-Z that none coincides with an
+# original axis, but for "peculiar circumstances". For Z-Y-Z there is more to say: $Z_r$ is $y_1$ always.
+
+# %%
+node = column(-sin(phi), cos(phi), 0)
+d.check(
+    "line-of-nodes", parallel("z", node), text="For Z-Y-Z the ridge Zr is the axis y1 of the second rotation."
+).prove(given=by_zyz)
+
+
+# %% [markdown]
+# ## The kernel
+#
+# A line as a unit direction and its moment. Where two planes are parallel there is none, and the status says whether
+# they coincide. The direction is such that the rotation by $\chi_i$ about it, right-handed, brings the one plane to
+# the other.
+
+
+# %%
+class RidgeStatus(IntEnum):
+    """What a ridge line is.
+
+    LINE: the two planes meet in it.
+    PLANES_COINCIDE: the angle is 0 or pi, and the moved origin is in the plane: every line of it; the result is NaN.
+    PLANES_PARALLEL: the angle is 0 or pi, and the planes have a distance: no line; the result is NaN.
+    NOT_NORMAL: a line, of a matrix that is not orthogonal.
+    INVALID: not finite, or a reflection; the result is NaN.
+    """
+
+    LINE = 0
+    PLANES_COINCIDE = 1
+    PLANES_PARALLEL = 2
+    NOT_NORMAL = 3
+    INVALID = 4
+
+
+def chi_ridge_lines():
+    k = KernelBuilder(
+        "chi_ridge_lines",
+        summary="Lines in which the coordinate planes meet their images.",
+        source="Zhou and Zhu, eqs. (9), (12), (15) put right",
+        notes="The rows of `lines` are Xr, Yr, Zr: a unit direction and its moment about the fixed origin.",
+    )
+    matrix = k.input("matrix", (3, 3), unit="1", doc="rotation; its columns are the moved axes")
+    point = k.input("point", 3, unit="length", doc="the moved origin")
+    gram = matrix.T * matrix - sp.eye(3)
+    deviation = k.let("deviation", sum((abs(x) for x in gram), sp.S.Zero))
+    determinant = k.let("determinant", matrix[:, 0].dot(matrix[:, 1].cross(matrix[:, 2])))
+    size = k.let("size", sum((abs(x) for x in point), sp.S.Zero))
+    good = k.let("good", (determinant > 0) & (deviation <= LARGEST) & (size <= LARGEST))
+    abnormal = k.let("abnormal", sp.Not(deviation <= 64 * EPS))
+    rows, statuses = [], []
+    for i, axis in enumerate("xyz"):
+        moved = matrix[:, i]
+        direction = UNIT[axis].cross(moved)
+        sine = k.let(f"sine_{axis}", sp.sqrt(direction.dot(direction)))
+        height = k.let(f"height_{axis}", moved.dot(point))
+        flat = k.let(f"flat_{axis}", sp.Le(sine, 4 * EPS))
+        length = k.let(f"length_{axis}", select(flat, sp.nan, sine))
+        line = sp.Matrix([*(direction / length), *(UNIT[axis] * height / length)])
+        zero = [*(UNIT[axis] * 1), *(1 - x for x in UNIT[axis])]  # what is zero in a line that is there
+        entries = [
+            select(flat | sp.Not(good), sp.nan, 0 if z else x) for x, z in zip(line, zero, strict=True)
+        ]
+        rows.append(sp.Matrix([entries]))
+        statuses.append(
+            sp.Piecewise(
+                (RidgeStatus.INVALID, sp.Not(good)),
+                (RidgeStatus.PLANES_COINCIDE, flat & sp.Le(abs(height), 4 * EPS * size)),
+                (RidgeStatus.PLANES_PARALLEL, flat),
+                (RidgeStatus.NOT_NORMAL, abnormal),
+                (RidgeStatus.LINE, True),
+                evaluate=False,
+            )
+        )
+    k.output("lines", sp.Matrix.vstack(*rows), unit="1, length", doc="the ridge lines, one a row")
+    for axis, status in zip("xyz", statuses, strict=True):
+        k.status(f"status_{axis}", status, RidgeStatus, doc=f"what the ridge line {axis.upper()}r is")
+    return k.build()
+
+
+lines_kernel = chi_ridge_lines()
+
+# %%
+derivation.kernel(lines_kernel)
+if in_notebook():
+    for kernel in derivation.kernels.values():
+        print(f"{kernel.name:40} {sum(kernel.operations.values()):5d} operations")
