@@ -13,16 +13,36 @@ from functools import cache
 
 import mpmath
 import numpy as np
+from chi_inputs import chi_inputs
 from scipy.spatial.transform import Rotation
 from sps_inputs import sps_inputs
 from tricept_cases import inputs as tricept_inputs
 
 from rodgen.codegen import Kernel
-from rodgen.derivation import axis, machine_model, rodrigues, rotations, three_sps_s, tricept
+from rodgen.derivation import (
+    axis,
+    instantaneous_euler,
+    instantaneous_euler_arm,
+    instantaneous_euler_inverse,
+    instantaneous_euler_motion,
+    instantaneous_euler_ridges,
+    machine_model,
+    rodrigues,
+    rotations,
+    three_sps_s,
+    tricept,
+)
 
+CHI = (
+    instantaneous_euler,
+    instantaneous_euler_arm,
+    instantaneous_euler_inverse,
+    instantaneous_euler_motion,
+    instantaneous_euler_ridges,
+)
 MODULES = {
     d.name: d
-    for d in (m.derivation for m in (axis, machine_model, rodrigues, rotations, three_sps_s, tricept))
+    for d in (m.derivation for m in (axis, *CHI, machine_model, rodrigues, rotations, three_sps_s, tricept))
 }
 KERNELS: dict[str, Kernel] = {k.name: k for d in MODULES.values() for k in d.kernels.values()}
 MODULE_OF = {name: module for module, d in MODULES.items() for name in d.kernels}
@@ -117,7 +137,9 @@ def inputs_of(kernel: Kernel) -> dict[str, np.ndarray]:
     """Arrays (n, ...) for every input."""
     names = {p.name for p in kernel.inputs}
     rng = np.random.default_rng(3)
-    if kernel.name.startswith("sps_"):
+    if kernel.name.startswith("chi_"):
+        values = chi_inputs(names)
+    elif kernel.name.startswith("sps_"):
         values = sps_inputs(kernel.name)
     elif kernel.name.startswith("tricept_"):
         values = tricept_inputs(names)
