@@ -11,6 +11,10 @@ array([112.982,  75.326, 664.245])
 """
 
 from rodgen.generated.numpy.tricept import TriceptStatus
+from rodgen.tricept._bounds import ELEMENTS, Bounds, bounds, rod_bounds
+from rodgen.tricept._budget import Budget, BudgetLine, budget
+from rodgen.tricept._closure import disturbed_point
+from rodgen.tricept._covariance import check_covariance, covariance, is_covariance
 from rodgen.tricept._direct import direct_all
 from rodgen.tricept._geometry import LEG_LIMITS, PAPER, Geometry
 from rodgen.tricept._kinematics import direct, inverse, legs, point, rotation
@@ -21,6 +25,15 @@ from rodgen.tricept._matrices import (
     propagate,
     sensitivity,
     singularity,
+)
+from rodgen.tricept._monte_carlo import MonteCarlo, coverage_intervals, monte_carlo, numerical_tolerance
+from rodgen.tricept._parameters import ANGLES, GROUPS, GUIDE, PARAMETERS
+from rodgen.tricept._uncertainty import (
+    Ellipsoid,
+    coverage_factor,
+    ellipsoid,
+    parameter_sensitivity,
+    place_covariance,
 )
 from rodgen.tricept._workspace import (
     Beams,
@@ -33,24 +46,48 @@ from rodgen.tricept._workspace import (
 )
 
 __all__ = [
+    "ANGLES",
+    "ELEMENTS",
+    "GROUPS",
+    "GUIDE",
     "LEG_LIMITS",
     "PAPER",
+    "PARAMETERS",
     "Beams",
+    "Bounds",
+    "Budget",
+    "BudgetLine",
+    "Ellipsoid",
     "Geometry",
     "Matrices",
+    "MonteCarlo",
     "Singularity",
     "Slice",
     "TriceptStatus",
     "Workspace",
     "beams",
+    "bounds",
+    "budget",
+    "check_covariance",
+    "covariance",
+    "coverage_factor",
+    "coverage_intervals",
     "direct",
     "direct_all",
+    "disturbed_point",
+    "ellipsoid",
     "inverse",
+    "is_covariance",
     "legs",
     "matrices",
+    "monte_carlo",
+    "numerical_tolerance",
+    "parameter_sensitivity",
+    "place_covariance",
     "point",
     "propagate",
     "reachable",
+    "rod_bounds",
     "rotation",
     "sensitivity",
     "singularity",
