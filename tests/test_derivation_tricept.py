@@ -136,9 +136,9 @@ def test_a35_of_eq_20_is_the_derivative_of_the_point_by_differences(seed):
 
 
 def test_the_resultant_has_the_machines_exact_solutions():
-    """Each positive root of the exact resultant, isolated by exact arithmetic, is z² of a pose, and the other way round."""
+    """Each positive root, isolated by exact arithmetic, is z² of a pose, and the other way round."""
     isolated = paper.resultant.intervals(eps=sp.Rational(1, 10**8), inf=0)
-    roots = [float((low + high) / 2) for (low, high), multiplicity in isolated]
+    roots = [float((low + high) / 2) for (low, high), _ in isolated]
     poses, count = public.direct_all([650.0, 700.0, 760.0], public.PAPER)
     np.testing.assert_allclose(np.sort(poses[: count // 2, 2] ** 2), roots, rtol=1e-12)  # of 4e5, by 1e-8
 

@@ -1,0 +1,436 @@
+"""The Tricept's public functions, against vector geometry, SciPy's solvers and differences.
+
+Poses and rods of the reference are computed here from rotation matrices and distances of joints, without a formula of
+the paper.
+"""
+
+import numpy as np
+import pytest
+from scipy.optimize import root
+from scipy.spatial.transform import Rotation
+
+import rodgen
+from rodgen import tricept
+from rodgen.tricept import LEG_LIMITS, PAPER, Geometry, TriceptStatus
+
+WITH_Q = Geometry(330.0, 140.0, (20.0, -30.0, 50.0))
+OTHER = Geometry(250.0, 110.0, (-15.0, 5.0, 120.0))
+MACHINES = [PAPER, WITH_Q, OTHER]
+E = np.stack([[np.cos(t), np.sin(t), 0] for t in np.radians([0, 120, -120])])
+
+
+def turn(pose):
+    """Orientation by SciPy; the paper's α is the opposite of the right-handed angle."""
+    pose = np.asarray(pose, float).reshape(-1, 3)
+    about_x = Rotation.from_rotvec(-pose[:, :1] * [1, 0, 0])
+    about_y = Rotation.from_rotvec(pose[:, 1:2] * [0, 1, 0])
+    return (about_y * about_x).as_matrix()
+
+
+def reference_point(pose, geometry):
+    pose = np.asarray(pose, float).reshape(-1, 3)
+    shifted = np.array(geometry.q) + np.array([0, 0, 1]) * pose[:, 2:]
+    return np.einsum("nij,nj->ni", turn(pose), shifted)
+
+
+def reference_legs(pose, geometry):
+    pose = np.asarray(pose, float).reshape(-1, 3)
+    joints = geometry.r * E[None] + np.array([0, 0, 1]) * pose[:, None, 2:]
+    joints = np.einsum("nij,nkj->nki", turn(pose), joints)
+    return np.linalg.norm(joints - geometry.R * E, axis=-1)
+
+
+def random_poses(n, seed=0, tilt=0.5):
+    rng = np.random.default_rng(seed)
+    return np.column_stack([rng.uniform(-tilt, tilt, (n, 2)), rng.uniform(560, 800, n)])
+
+
+def workspace_poses(n, seed=0):
+    """Poses with rods within the paper's limits, uniform in the box of poses."""
+    rng = np.random.default_rng(seed)
+    found = np.zeros((0, 3))
+    while len(found) < n:
+        pose = np.column_stack(
+            [rng.uniform(-0.58, 0.58, n), rng.uniform(-0.68, 0.63, n), rng.uniform(535, 837, n)]
+        )
+        legs = reference_legs(pose, PAPER)
+        found = np.concatenate([found, pose[((legs >= 568) & (legs <= 858)).all(axis=1)]])
+    return found[:n]
+
+
+# point, rotation, legs ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("geometry", MACHINES)
+def test_point_rotation_and_legs_are_those_of_vector_geometry(geometry):
+    poses = random_poses(50, tilt=3.0)
+    np.testing.assert_allclose(tricept.rotation(poses), turn(poses), atol=1e-15)
+    # some ten roundings of lengths below 1000
+    np.testing.assert_allclose(tricept.point(poses, geometry), reference_point(poses, geometry), atol=2e-12)
+    np.testing.assert_allclose(tricept.legs(poses, geometry), reference_legs(poses, geometry), rtol=4e-15)
+
+
+def test_a_positive_alpha_moves_the_platform_towards_positive_y():
+    assert tricept.point([0.1, 0.0, 600.0], PAPER)[1] > 0
+    assert tricept.point([0.0, 0.1, 600.0], PAPER)[0] > 0
+
+
+def test_shapes_broadcast_and_single_poses_are_single():
+    poses = random_poses(24).reshape(2, 3, 4, 3)
+    assert tricept.point(poses, PAPER).shape == (2, 3, 4, 3)
+    assert tricept.legs(poses[0, 0, 0], PAPER).shape == (3,)
+    many, legs, status = tricept.inverse(tricept.point(poses, PAPER), PAPER)
+    assert (many.shape, legs.shape, status.shape) == ((2, 3, 4, 4, 3), (2, 3, 4, 4, 3), (2, 3, 4, 4))
+    one = tricept.inverse(tricept.point(poses[1, 2, 3], PAPER), PAPER)
+    np.testing.assert_array_equal(one[0], many[1, 2, 3])
+    assert tricept.direct(legs[..., 0, :], PAPER)[0].shape == (2, 3, 4, 3)
+    assert tricept.direct_all(legs[..., 0, :], PAPER)[0].shape == (2, 3, 4, 28, 3)
+    assert tricept.direct_all(legs[0, 0, 0, 0], PAPER)[0].shape == (28, 3)
+    assert tricept.sensitivity(poses, PAPER).shape == (2, 3, 4, 3, 5)
+
+
+def test_float32_in_float32_out():
+    poses = random_poses(5).astype(np.float32)
+    assert tricept.point(poses, PAPER).dtype == tricept.legs(poses, PAPER).dtype == np.float32
+    np.testing.assert_allclose(tricept.legs(poses, PAPER), reference_legs(poses, PAPER), rtol=1e-6)
+
+
+# inverse -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("geometry", MACHINES)
+def test_all_four_poses_reach_the_point_and_the_first_is_the_machines(geometry):
+    poses = random_poses(200)
+    points = reference_point(poses, geometry)
+    found, legs, status = tricept.inverse(points, geometry)
+    assert (status == TriceptStatus.REACHABLE).all()
+    for branch in range(4):
+        # 1e-15 of the point times a condition number below 10
+        np.testing.assert_allclose(reference_point(found[:, branch], geometry), points, atol=1e-11)
+        np.testing.assert_allclose(legs[:, branch], reference_legs(found[:, branch], geometry), rtol=1e-14)
+    np.testing.assert_allclose(found[:, 0], poses, atol=1e-11)
+    apart = np.abs(np.exp(1j * found[:, :, None, :2]) - np.exp(1j * found[:, None, :, :2])).max(axis=-1)
+    apart += np.abs(found[:, :, None, 2] - found[:, None, :, 2])
+    assert (apart[:, *np.triu_indices(4, 1)] > 0.1).all()
+
+
+@pytest.mark.parametrize("geometry", [PAPER, WITH_Q])
+def test_there_are_no_other_poses(geometry):
+    """SciPy's solver, from many starts, comes to nothing but the four."""
+    rng = np.random.default_rng(5)
+    point = reference_point([[0.2, -0.3, 650.0]], geometry)[0]
+    four = tricept.inverse(point, geometry)[0]
+    reached = set()
+    for _ in range(150):
+        start = [*rng.uniform(-np.pi, np.pi, 2), rng.uniform(-900, 900)]
+        done = root(lambda x: (reference_point(x, geometry)[0] - point) / 600, start)
+        if not done.success or np.abs(done.fun).max() > 1e-9:
+            continue
+        near = np.abs(np.exp(1j * four[:, :2]) - np.exp(1j * done.x[:2])).max(axis=1)
+        near += np.abs(four[:, 2] - done.x[2]) / 600
+        assert near.min() < 1e-6
+        reached.add(int(near.argmin()))
+    assert reached == {0, 1, 2, 3}
+
+
+def test_limits_are_inclusive_and_judged_rod_by_rod():
+    legs = tricept.inverse([30.0, 40.0, 650.0], PAPER)[1][0]
+    for limits, expected in (
+        ((legs.min(), legs.max()), TriceptStatus.REACHABLE),
+        ((np.nextafter(legs.min(), 1e9), legs.max()), TriceptStatus.OUT_OF_LIMITS),
+        ((legs.min(), np.nextafter(legs.max(), 0)), TriceptStatus.OUT_OF_LIMITS),
+    ):
+        assert tricept.inverse([30.0, 40.0, 650.0], PAPER, limits)[2][0] == expected
+
+
+@pytest.mark.parametrize("point", [(0, 0, 500), (0, 0, 850), (450, 0, 650)])
+def test_points_beyond_the_limits_of_the_papers_machine(point):
+    poses, legs, status = tricept.inverse(point, PAPER, LEG_LIMITS)
+    assert status[0] == TriceptStatus.OUT_OF_LIMITS
+    assert np.isfinite(poses[0]).all()
+    assert ((legs[0] < 568) | (legs[0] > 858)).any()
+
+
+def test_limits_alone_do_not_exclude_the_turned_platform():
+    """At home the rods of K = −1 are √((R + r)² + z²), within the limits."""
+    _, legs, status = tricept.inverse([0.0, 0.0, 600.0], PAPER, LEG_LIMITS)
+    np.testing.assert_allclose(legs[1], np.hypot(470.0, 600.0), rtol=1e-15)
+    assert status[1] == TriceptStatus.REACHABLE
+
+
+def test_a_point_that_beta_does_not_move_is_a_gimbal_lock():
+    poses, _, status = tricept.inverse([0.0, 700.0, 0.0], PAPER)
+    assert (status == TriceptStatus.GIMBAL_LOCK).all()
+    np.testing.assert_allclose(poses[0], [np.pi / 2, 0, 700])
+    np.testing.assert_allclose(reference_point(poses, PAPER), [[0, 700, 0]] * 4, atol=1e-12)
+    assert (tricept.inverse([0.0, 0.0, 0.0], PAPER)[2] == TriceptStatus.GIMBAL_LOCK).all()
+
+
+def test_where_a_root_vanishes_two_poses_meet_and_beyond_there_is_none():
+    geometry = Geometry(330, 140, (50.0, 0.0, 0.0))
+    poses, _, status = tricept.inverse([30.0, 100.0, 40.0], geometry)  # 30² + 40² = 50²
+    assert (status == TriceptStatus.DOUBLE_POSE).all()
+    np.testing.assert_allclose(poses[0], poses[1], atol=1e-7)
+    np.testing.assert_allclose(reference_point(poses, geometry), [[30, 100, 40]] * 4, atol=1e-6)
+    poses, legs, status = tricept.inverse([30.0, 100.0, 39.0], geometry)
+    assert (status == TriceptStatus.UNREACHABLE).all()
+    assert np.isnan(poses).all()
+    assert np.isnan(legs).all()
+    near = tricept.inverse([30.0, 100.0, 40.001], geometry)
+    assert (near[2] == TriceptStatus.REACHABLE).all()
+    np.testing.assert_allclose(reference_point(near[0], geometry), [[30, 100, 40.001]] * 4, atol=1e-9)
+    # the other root: |Q|² = q_y² with Q_x, Q_z nearly nothing
+    other = Geometry(330, 140, (0.0, 50.0, 10.0))
+    assert (tricept.inverse([0.0, 30.0, 40.0], other)[2] == TriceptStatus.DOUBLE_POSE).all()
+    assert (tricept.inverse([0.0, 30.0, 39.0], other)[2] == TriceptStatus.UNREACHABLE).all()
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_what_is_no_number_is_invalid_in_its_row_only(bad):
+    points = np.array([[10.0, 20.0, 600.0], [bad, 20.0, 600.0], [10.0, bad, 600.0]])
+    poses, _, status = tricept.inverse(points, PAPER)
+    assert (status[0] == TriceptStatus.REACHABLE).all()
+    assert (status[1:] == TriceptStatus.INVALID).all()
+    assert np.isnan(poses[1:]).all()
+    legs = np.array([[600.0, 600.0, 600.0], [bad, 600.0, 600.0]])
+    pose, status = tricept.direct(legs, PAPER)
+    assert status.tolist() == [TriceptStatus.REACHABLE, TriceptStatus.INVALID]
+    assert np.isnan(pose[1]).all()
+    assert tricept.direct_all(legs, PAPER)[1].tolist()[1] == 0
+
+
+def test_a_machine_that_is_none_is_refused():
+    for R, r, q in (
+        (-330, 140, (0, 0, 0)),
+        (330, 0, (0, 0, 0)),
+        (330, np.nan, (0, 0, 0)),
+        (330, 140, (0, 0)),
+    ):
+        with pytest.raises(rodgen.RodgenError):
+            Geometry(R, r, q)
+    with pytest.raises(rodgen.RodgenError, match="least and the greatest"):
+        tricept.inverse([0, 0, 600], PAPER, (858, 568))
+    with pytest.raises(rodgen.RodgenError, match="least and the greatest"):
+        tricept.inverse([0, 0, 600], PAPER, (np.nan, 568))
+    with pytest.raises(ValueError, match="3"):
+        tricept.inverse([0, 0], PAPER)
+
+
+# derivatives and uncertainty ---------------------------------------------------------------------------
+
+
+def differences(function, x, step=1e-3):
+    """Central differences with Richardson's extrapolation: the error is of the fourth order in the step."""
+
+    def central(h):
+        return np.stack(
+            [(function(x + h * e) - function(x - h * e)) / (2 * h) for e in np.eye(len(x))], axis=-1
+        )
+
+    return (4 * central(step / 2) - central(step)) / 3
+
+
+@pytest.mark.parametrize("geometry", MACHINES)
+def test_matrices_are_derivatives_of_pose_point_and_rods(geometry):
+    for pose in random_poses(4, seed=1):
+        found = tricept.matrices(pose, geometry)
+        M33 = differences(lambda x: reference_point(x, geometry)[0], pose)
+        # rounding: 1e-13 of a length of 700, over a step of 1e-3
+        np.testing.assert_allclose(found.M33, M33, atol=2e-9)
+        rods = differences(lambda x: reference_legs(x, geometry)[0], pose)
+        np.testing.assert_allclose(found.M35[:, :3], np.linalg.inv(rods), rtol=1e-6, atol=1e-11)
+        radii = differences(
+            lambda x, pose=pose: reference_legs(pose, Geometry(x[1], x[0], geometry.q))[0],
+            np.array([geometry.r, geometry.R]),
+        )
+        np.testing.assert_allclose(found.M35[:, 3:], -np.linalg.solve(rods, radii), rtol=1e-6, atol=1e-10)
+        np.testing.assert_allclose(found.A35, found.M33 @ found.M35, rtol=1e-11, atol=1e-13)
+        np.testing.assert_allclose(found.M35, -np.linalg.solve(found.W33, found.W35), rtol=1e-10, atol=1e-14)
+        np.testing.assert_allclose(tricept.sensitivity(pose, geometry), found.A35, rtol=1e-12, atol=1e-14)
+
+
+def test_at_home_a35_has_its_closed_form():
+    z, A = 700.0, np.hypot(190.0, 700.0)
+    a, b = A / (3 * 330), A / (np.sqrt(3) * 330)
+    expected = [
+        [-2 * a, a, a, 0, 0],
+        [0, -b, b, 0, 0],
+        [A / (3 * z)] * 3 + [190 / z, -190 / z],
+    ]
+    np.testing.assert_allclose(tricept.sensitivity([0, 0, z], PAPER), expected, atol=1e-15)
+
+
+def test_equal_radii_leave_the_machine_regular():
+    """R = r: the rods are parallel at home, and radii then do not move the point."""
+    geometry = Geometry(200.0, 200.0)
+    A = tricept.sensitivity([0.0, 0.0, 600.0], geometry)
+    np.testing.assert_allclose(A[:, 3:], 0, atol=1e-15)
+    assert np.isfinite(A).all()
+    pose = [0.2, -0.1, 600.0]
+    found, status = tricept.direct(tricept.legs(pose, geometry), geometry)
+    assert status == TriceptStatus.REACHABLE
+    np.testing.assert_allclose(found, pose, atol=1e-11)
+
+
+@pytest.mark.parametrize("geometry", MACHINES)
+def test_propagation_is_a_u_at(geometry):
+    rng = np.random.default_rng(3)
+    poses = random_poses(100, seed=2, tilt=0.4)
+    half = rng.normal(size=(100, 5, 5)) * 3e-3
+    U_x = half @ half.swapaxes(1, 2)
+    A = tricept.sensitivity(poses, geometry)
+    U_y, status = tricept.propagate(reference_point(poses, geometry), geometry, U_x)
+    assert (status == TriceptStatus.REACHABLE).all()
+    expected = A @ U_x @ A.swapaxes(1, 2)
+    np.testing.assert_allclose(U_y, expected, rtol=1e-10, atol=1e-15)
+    np.testing.assert_array_equal(U_y, U_y.swapaxes(1, 2))
+
+
+def test_one_covariance_for_all_points_and_one_point_for_all():
+    U_x = np.diag([0.005**2 / 3] * 3 + [0.01**2 / 3] * 2)
+    points = reference_point(random_poses(40), PAPER)
+    together, _ = tricept.propagate(points, PAPER, U_x)
+    apart = np.stack([tricept.propagate(x, PAPER, U_x)[0] for x in points])
+    np.testing.assert_allclose(together, apart, rtol=1e-12, atol=1e-22)
+    scaled, status = tricept.propagate(points[0], PAPER, U_x * np.arange(1, 4)[:, None, None])
+    np.testing.assert_allclose(scaled, apart[0] * np.arange(1, 4)[:, None, None], rtol=1e-12, atol=1e-22)
+    assert status.shape == (3,)
+
+
+def test_order_of_the_radii_matters():
+    """U_x is in the order A0, A1, A-1, r, R; with u(r) ≠ u(R) the wrong order is another answer."""
+    right = np.diag([0, 0, 0, 1.0, 4.0])
+    point = reference_point([[0.2, 0.1, 650.0]], PAPER)[0]
+    A = tricept.sensitivity([0.2, 0.1, 650.0], PAPER)
+    U_y, _ = tricept.propagate(point, PAPER, right)
+    np.testing.assert_allclose(U_y, np.outer(A[:, 3], A[:, 3]) + 4 * np.outer(A[:, 4], A[:, 4]), rtol=1e-10)
+    wrong, _ = tricept.propagate(point, PAPER, right[[0, 1, 2, 4, 3]][:, [0, 1, 2, 4, 3]])
+    assert np.abs(U_y - wrong).max() > 0.1
+
+
+def test_covariances_are_taken_and_others_refused():
+    rng = np.random.default_rng(0)
+    point = [30.0, 20.0, 650.0]
+    good = [np.zeros((5, 5)), np.diag([1, 0, 0, 0, 0.0]), np.ones((5, 5))]
+    for rank in range(
+        1, 6
+    ):  # products, as a fit makes them; singular ones rounded to slightly negative eigenvalues
+        for size in (1e-12, 1.0, 1e6):
+            half = size * rng.normal(size=(5, rank))
+            good.append(half @ half.T)
+            unequal = half * np.logspace(-6, 6, 5)[:, None]
+            good.append(unequal @ unequal.T)
+    status = tricept.propagate(point, PAPER, np.array(good))[1]
+    assert (status == TriceptStatus.REACHABLE).all()
+    bad = []
+    for _ in range(30):
+        turned = np.linalg.qr(rng.normal(size=(5, 5)))[0]
+        bad.append(turned @ np.diag([1, 1, 1, 1, -1e-3]) @ turned.T)
+    unsymmetric = np.eye(5)
+    unsymmetric[1, 3] = 1e-6
+    bad += [
+        unsymmetric,
+        -np.eye(5),
+        np.full((5, 5), np.nan),
+        np.diag([1, 1, 1, 1, -1e-300]),
+        np.eye(5) * np.inf,
+    ]
+    lone = np.zeros((5, 5))
+    lone[0, 1] = lone[1, 0] = 1e-9
+    bad.append(lone)
+    U_y, status = tricept.propagate(point, PAPER, np.array(bad))
+    assert (status == TriceptStatus.NOT_COVARIANCE).all()
+    assert np.isnan(U_y).all()
+
+
+def test_propagation_tells_unreachable_out_of_limits_and_invalid():
+    U_x = np.eye(5) * 1e-6
+    geometry = Geometry(330, 140, (50.0, 0.0, 0.0))
+    U_y, status = tricept.propagate([[30, 100, 39], [np.nan, 0, 600]], geometry, U_x)
+    assert status.tolist() == [TriceptStatus.UNREACHABLE, TriceptStatus.INVALID]
+    assert np.isnan(U_y).all()
+    U_y, status = tricept.propagate([0, 0, 500], PAPER, U_x, LEG_LIMITS)
+    assert status == TriceptStatus.OUT_OF_LIMITS
+    assert np.isfinite(U_y).all()
+
+
+# singularities -----------------------------------------------------------------------------------------
+
+
+def test_determinants_and_gains_are_those_of_the_matrices():
+    poses = random_poses(30)
+    found, matrices = tricept.singularity(poses, WITH_Q), tricept.matrices(poses, WITH_Q)
+    np.testing.assert_allclose(found.det_w33, np.linalg.det(matrices.W33), rtol=1e-11)
+    np.testing.assert_allclose(found.det_m33, np.linalg.det(matrices.M33), rtol=1e-12)
+    np.testing.assert_allclose(found.ratio, found.det_w33 / (8 * 330**2 * poses[:, 2] ** 3), rtol=1e-13)
+    np.testing.assert_allclose(found.condition, np.linalg.cond(matrices.A35[..., :3]), rtol=1e-10)
+
+
+def test_a_singular_pose_is_told():
+    """z = 0 at home: the rods lie in the base's plane."""
+    found = tricept.singularity([0.0, 0.0, 0.0], PAPER)
+    assert found.det_w33 == 0
+    assert np.isinf(found.condition)
+    assert np.isnan(tricept.sensitivity([0.0, 0.0, 0.0], PAPER)).all()
+    assert np.isnan(tricept.singularity([np.nan, 0, 600], PAPER).condition)
+
+
+def test_det_w33_changes_its_sign_where_an_assembly_is_left():
+    """Between the pose of the machine and the one turned by half a turn with the same rods it must vanish somewhere."""
+    poses, _ = tricept.direct_all([650.0, 700.0, 760.0], PAPER)
+    signs = np.sign(tricept.singularity(poses[:4], PAPER).det_w33)
+    assert signs[0] > 0
+    assert set(signs) == {-1.0, 1.0}
+
+
+# direct ------------------------------------------------------------------------------------------------
+
+
+def test_direct_finds_every_pose_of_the_workspace():
+    """20 000 poses within the limits, and the vertices of the rods' box: Newton's method never fails, to 1e-12."""
+    poses = workspace_poses(20_000)
+    found, status = rodgen._kernels.kernels.tricept_direct(reference_legs(poses, PAPER), PAPER.r, PAPER.R)
+    assert (status == TriceptStatus.REACHABLE).all()
+    np.testing.assert_allclose(found, poses, rtol=0, atol=2e-10)
+    np.testing.assert_allclose(found[:, :2], poses[:, :2], rtol=0, atol=1e-12)
+    grid = np.stack(np.meshgrid(*[np.linspace(568, 858, 21)] * 3), axis=-1).reshape(-1, 3)
+    found, status = rodgen._kernels.kernels.tricept_direct(grid, PAPER.r, PAPER.R)
+    assert (status == TriceptStatus.REACHABLE).all()
+    np.testing.assert_allclose(tricept.legs(found, PAPER), grid, rtol=1e-14)
+
+
+@pytest.mark.parametrize("geometry", MACHINES)
+def test_direct_turns_inverse_round(geometry):
+    poses = random_poses(300, seed=4, tilt=0.4)
+    points = reference_point(poses, geometry)
+    legs = tricept.inverse(points, geometry)[1][:, 0]
+    found, status = tricept.direct(legs, geometry)
+    assert (status == TriceptStatus.REACHABLE).all()
+    np.testing.assert_allclose(tricept.point(found, geometry), points, rtol=0, atol=1e-10)
+
+
+def test_direct_agrees_with_scipys_solver():
+    rng = np.random.default_rng(7)
+    for legs in rng.uniform(568, 858, (20, 3)):
+        done = root(
+            lambda x, legs=legs: reference_legs(x, PAPER)[0] - legs, [0, 0, legs.mean() - 60], tol=1e-13
+        )
+        np.testing.assert_allclose(tricept.direct(legs, PAPER)[0], done.x, rtol=0, atol=1e-8)
+
+
+def test_rods_that_meet_nowhere_are_unreachable():
+    _, status = tricept.direct([[100.0, 100.0, 100.0], [600.0, 600.0, 2000.0], [600.0, -600.0, 600.0]], PAPER)
+    assert status.tolist() == [
+        TriceptStatus.UNREACHABLE,
+        TriceptStatus.UNREACHABLE,
+        TriceptStatus.INVALID,
+    ]
+
+
+def test_dask_arrays_pass_through():
+    dask = pytest.importorskip("dask.array")
+    poses = random_poses(100)
+    legs = tricept.legs(dask.from_array(poses, chunks=(30, 3)), PAPER)
+    np.testing.assert_array_equal(np.asarray(legs.compute()), tricept.legs(poses, PAPER))
+    pose, _ = tricept.direct(legs, PAPER)
+    np.testing.assert_allclose(np.asarray(pose.compute()), poses, atol=1e-10)
