@@ -149,3 +149,4 @@ def three_sps_s(random: np.random.Generator, size: float = 1.0, frame: str = "ma
 
 
 BENCHES: dict[str, Callable[..., LeggedBench]] = {f.__name__: f for f in (tricept, three_sps_s)}
+FAMILY = {"tricept": "tricept", "three_sps_s": "3-sps-s"}

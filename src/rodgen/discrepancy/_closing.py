@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rodgen.machines.closed_chain import ClosedChain
     from rodgen.machines.machine import Machine
 
-__all__ = ["closed", "closes", "in_its_mode", "pose_start", "with_commands", "within_reach"]
+__all__ = ["attainable", "closed", "in_its_mode", "pose_start", "with_commands", "within_reach"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -29,6 +29,8 @@ TURNS = 20
 """Times that the frame and the modes nearest the readings in it are found in turn; usually it stays after two."""
 SINGULAR = 1e-5
 """Volume of the legs' wrenches below which an error of a micrometre would be one of a hundred millimetres."""
+SLACK = 0.02
+"""Part of its way by which a freedom may be moved farther than in the data: legs are commanded in round numbers."""
 HALVINGS = 6
 """Times that a command out of reach is brought half way nearer to one in reach."""
 
@@ -90,11 +92,32 @@ def with_commands(o: Observations, like: Observations) -> Observations:
     return replace(o, pose_start=pose_start(in_mode))
 
 
-def closes(o: Observations, q: Array) -> NDArray[np.bool_]:
-    """Tell which commands, (n, 3), close on the nominal machine of `o`, in its assembly mode."""
+def attainable(o: Observations, q: Array) -> NDArray[np.bool_]:
+    """Tell which commands, (n, 3), the machine of `o` can take: the legs close, and the platform turns no farther.
+
+    What the joints of platform and passive leg allow stands in no file. Where the platform was, it can go again: in
+    each of its three freedoms no farther than in the data.
+    """
     machine = in_its_mode(o.machine, o)
     rows = o.take(np.zeros(len(q), int))
-    return np.asarray(np.isfinite(pose_start(replace(rows, machine=machine, q=q))).all(axis=1))
+    poses = _freedoms(machine, pose_start(replace(rows, machine=machine, q=q)))
+    taken = _freedoms(machine, np.asarray(o.pose_start))
+    low, high = taken.min(axis=0), taken.max(axis=0)
+    slack = SLACK * (high - low) + 1e-12
+    with np.errstate(invalid="ignore"):
+        return np.asarray(((poses >= low - slack) & (poses <= high + slack)).all(axis=1))
+
+
+def _freedoms(machine: Machine, starts: Array) -> Array:
+    """Return alpha, beta and z, or the rotation vector from the middle of the assembly mode, (n, 3)."""
+    geometry = machine.geometry
+    if geometry is None or geometry.start is None:
+        return starts
+    turns = starts.reshape(-1, 3, 3) @ rotation_matrix(geometry.start).T
+    found = np.full((len(turns), 3), np.nan)
+    closing = np.isfinite(turns).all(axis=(1, 2))
+    found[closing] = rotation_vector(turns[closing])
+    return found
 
 
 def pose_start(o: Observations) -> Array:

@@ -11,7 +11,7 @@ in rad.
 4
 """
 
-from rodgen.three_sps_s._direct import DirectStatus, direct, direct_all
+from rodgen.three_sps_s._direct import DirectStatus, direct, direct_all, follow
 from rodgen.three_sps_s._geometry import Geometry
 from rodgen.three_sps_s._legs import (
     Singularity,
@@ -23,18 +23,27 @@ from rodgen.three_sps_s._legs import (
     singularity,
     tilt_torsion,
 )
+from rodgen.three_sps_s._plot import draw_workspace, save_workspace_plot
+from rodgen.three_sps_s._workspace import OrientationStatus, Workspace, orientation_status, workspace
 
 __all__ = [
     "DirectStatus",
     "Geometry",
+    "OrientationStatus",
     "Singularity",
+    "Workspace",
     "direct",
     "direct_all",
+    "draw_workspace",
+    "follow",
     "jacobian",
     "leg_rates",
     "legs",
     "legs_from_quaternion",
+    "orientation_status",
     "rotation_from_tilt_torsion",
+    "save_workspace_plot",
     "singularity",
     "tilt_torsion",
+    "workspace",
 ]

@@ -25,7 +25,7 @@ from rodgen.three_sps_s._geometry import Geometry
 from rodgen.three_sps_s._legs import SINGULAR
 from rodgen.three_sps_s._starts import spread, starts
 
-__all__ = ["DirectStatus", "direct", "direct_all"]
+__all__ = ["DirectStatus", "direct", "direct_all", "follow"]
 
 EPS = float(np.finfo(float).eps)
 CHUNK = 1024
@@ -169,20 +169,72 @@ def direct(legs: ArrayLike, geometry: Geometry, *, near: ArrayLike) -> tuple[Any
     rotations, count, status = direct_all(legs, geometry)
     shape = np.broadcast_shapes(np.shape(count), start.shape[:-2])
     rotations = np.broadcast_to(rotations, (*shape, MODES, 3, 3))
-    status = np.array(np.broadcast_to(status, shape))
+    return _nearest(rotations, np.broadcast_to(status, shape), start, geometry)
+
+
+def follow(legs: ArrayLike, geometry: Geometry, *, start: ArrayLike) -> tuple[Any, Any]:
+    """Find the orientations along a motion: each is the mode nearest the one before.
+
+    Parameters
+    ----------
+    legs : array_like (n, 3)
+        Lengths of the legs, one row after the other.
+    geometry : Geometry
+        The machine.
+    start : array_like (3, 3)
+        Rotation matrix near the first orientation.
+
+    Returns
+    -------
+    rotations : array (n, 3, 3)
+        Rotation matrices; NaN where there is none. The row after such a one is compared with the last that there was.
+    status : array (n,) of int8
+        Codes of :class:`DirectStatus`, as of :func:`direct`.
+
+    Notes
+    -----
+    Where the motion passes a singular pose, two modes are equally near, and which one a machine takes the legs do not
+    say: AMBIGUOUS or SINGULAR tells where that is.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen import three_sps_s
+    >>> machine = three_sps_s.Geometry(2, 1, 1.5)
+    >>> motion = three_sps_s.rotation_from_tilt_torsion(np.linspace(0, 3, 9), 0.3, 0.6)
+    >>> found, status = three_sps_s.follow(three_sps_s.legs(motion, machine), machine, start=motion[0])
+    >>> bool(abs(found - motion).max() < 1e-12), int(status.max())
+    (True, 0)
+    """
+    now = np.asarray(start, float)
+    if now.shape != (3, 3):
+        raise ValueError(f"start has the shape {now.shape}; expected (3, 3)")
+    rotations, _, known = direct_all(legs, geometry)
+    if rotations.ndim != 4:
+        raise ValueError(f"legs has the shape {np.shape(legs)}; expected (n, 3)")
+    found, status = np.empty((len(rotations), 3, 3)), np.empty(len(rotations), np.int8)
+    for n, modes in enumerate(rotations):
+        found[n], status[n] = _nearest(modes, known[n], now, geometry)
+        if np.isfinite(found[n, 0, 0]):
+            now = found[n]
+    return found, status
+
+
+def _nearest(rotations: Any, status: Any, start: Any, geometry: Geometry) -> tuple[Any, Any]:
+    """Take of modes (..., 8, 3, 3) the one nearest the start (..., 3, 3)."""
     # |A - B|² = 4 (1 - cos angle) = 8 sin²(angle/2): good for small angles, which the trace is not
     apart = np.square(rotations - start[..., None, :, :]).sum(axis=(-2, -1))
-    angle = 2 * np.arcsin(np.sqrt(np.clip(np.where(np.isnan(apart), np.inf, apart) / 8, 0, 1)))
-    angle = np.where(np.isnan(apart), np.inf, angle)
+    missing = np.isnan(apart)
+    angle = 2 * np.arcsin(np.sqrt(np.clip(np.where(missing, 0.0, apart) / 8, 0, 1)))
+    angle = np.where(missing, np.inf, angle)
     order = np.argsort(angle, axis=-1, kind="stable")
     chosen = np.take_along_axis(rotations, order[..., :1, None, None], axis=-3)[..., 0, :, :]
     nearest = np.take_along_axis(angle, order[..., :2], axis=-1)
     found = np.isfinite(nearest[..., 0])
     with np.errstate(invalid="ignore"):
         tie = found & (nearest[..., 1] - nearest[..., 0] <= SAME)
-    determinant = kernels.sps_singularity(
-        np.where(found[..., None, None], chosen, np.eye(3)), geometry.R, geometry.h
-    )
+    safe = np.where(found[..., None, None], chosen, np.eye(3))
+    determinant = kernels.sps_singularity(safe, geometry.R, geometry.h)
     known = found & (status != DirectStatus.INCOMPLETE)
     status = np.where(known, DirectStatus.CONVERGED, status)
     status = np.where(known & tie, DirectStatus.AMBIGUOUS, status)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.discrepancy._closing import closes
+from rodgen.discrepancy._closing import attainable
 from rodgen.discrepancy.plan._rows import Rows
 
 if TYPE_CHECKING:
@@ -188,7 +188,7 @@ def readings(
     else:
         q = positions(travel, units, count, taken)
     if o.machine.geometry is not None:
-        q = q[closes(o, q)]
+        q = q[attainable(o, q)]
     random = np.random.default_rng(0)
     kinds = list(
         itertools.product(
