@@ -15,9 +15,18 @@ from rodgen.tricept._bounds import ELEMENTS, Bounds, bounds, rod_bounds
 from rodgen.tricept._budget import Budget, BudgetLine, budget
 from rodgen.tricept._closure import disturbed_point
 from rodgen.tricept._covariance import check_covariance, covariance, is_covariance
+from rodgen.tricept._cube import Cube, largest_cube
 from rodgen.tricept._direct import direct_all
 from rodgen.tricept._geometry import LEG_LIMITS, PAPER, Geometry
+from rodgen.tricept._influence import Influence, influence_map
 from rodgen.tricept._kinematics import direct, inverse, legs, point, rotation
+from rodgen.tricept._maps import (
+    UncertaintyMap,
+    draw_influence,
+    draw_uncertainty_map,
+    save_figure,
+    uncertainty_map,
+)
 from rodgen.tricept._matrices import (
     Matrices,
     Singularity,
@@ -57,13 +66,16 @@ __all__ = [
     "Bounds",
     "Budget",
     "BudgetLine",
+    "Cube",
     "Ellipsoid",
     "Geometry",
+    "Influence",
     "Matrices",
     "MonteCarlo",
     "Singularity",
     "Slice",
     "TriceptStatus",
+    "UncertaintyMap",
     "Workspace",
     "beams",
     "bounds",
@@ -75,9 +87,13 @@ __all__ = [
     "direct",
     "direct_all",
     "disturbed_point",
+    "draw_influence",
+    "draw_uncertainty_map",
     "ellipsoid",
+    "influence_map",
     "inverse",
     "is_covariance",
+    "largest_cube",
     "legs",
     "matrices",
     "monte_carlo",
@@ -89,8 +105,10 @@ __all__ = [
     "reachable",
     "rod_bounds",
     "rotation",
+    "save_figure",
     "sensitivity",
     "singularity",
+    "uncertainty_map",
     "workspace",
     "workspace_slice",
 ]

@@ -105,7 +105,7 @@ def _box(low: ArrayLike, high: ArrayLike) -> tuple[Floats, Floats]:
 
 
 def bounds(
-    low: ArrayLike, high: ArrayLike, geometry: Geometry, U_x: ArrayLike, *, gap: float = 1e-4
+    low: ArrayLike, high: ArrayLike, geometry: Geometry, U_x: ArrayLike, *, gap: float = 1e-3
 ) -> Bounds:
     """Bound the elements of U_y over a box, exactly and in the paper's way.
 

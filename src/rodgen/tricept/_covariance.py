@@ -43,10 +43,10 @@ def is_covariance(U: ArrayLike) -> Any:
     finite = np.isfinite(matrix).all(axis=(-1, -2))
     safe = np.where(finite[..., None, None], matrix, 0.0)
     scaled, sizes = _scaled(safe)
-    symmetric = (np.abs(scaled - scaled.swapaxes(-1, -2)) <= _TOLERANCE).all(axis=(-1, -2))
+    symmetric: Any = (np.abs(scaled - scaled.swapaxes(-1, -2)) <= _TOLERANCE).all(axis=(-1, -2))
     positive = (np.diagonal(safe, axis1=-2, axis2=-1) >= 0).all(axis=-1)
     # beside a zero variance there is no covariance
-    lost = (np.abs(safe) > 0) & ((sizes[..., :, None] == 0) | (sizes[..., None, :] == 0))
+    lost: Any = (np.abs(safe) > 0) & ((sizes[..., :, None] == 0) | (sizes[..., None, :] == 0))
     clean = np.where(symmetric[..., None, None], (scaled + scaled.swapaxes(-1, -2)) / 2, 0.0)
     least = np.linalg.eigvalsh(clean)[..., 0] if matrix.shape[-1] else np.zeros(matrix.shape[:-2])
     room = _TOLERANCE * max(matrix.shape[-1], 1)
@@ -96,7 +96,8 @@ def check_covariance(U: ArrayLike, count: int) -> NDArray[np.float64]:
             f"the covariance is not positive semidefinite (its correlations have the eigenvalue {least:.3g}); expected "
             "none below 0"
         )
-    return (matrix + matrix.T) / 2
+    clean: NDArray[np.float64] = (matrix + matrix.T) / 2
+    return clean
 
 
 def covariance(
