@@ -122,7 +122,7 @@ def trajectory(quaternions: ArrayLike, sequences: SequenceOf[str] = ("ZYX", "ZYZ
     euler, continuous, locks = {}, {}, {}
     for name in sequences:
         euler[name], locks[name] = euler_from_quaternion(given, name)
-        continuous[name] = _continuous(given, sequence_of(name))
+        continuous[name] = _continuous(euler[name], locks[name], sequence_of(name))
     return Trajectory(chi, signed, status, euler, continuous, locks)
 
 
@@ -151,11 +151,9 @@ def _followed(ridge: NDArray[Any], chi: NDArray[Any]) -> tuple[NDArray[Any], NDA
     return signed, status
 
 
-def _continuous(quaternions: NDArray[Any], sequence: Sequence) -> NDArray[Any]:
+def _continuous(euler: Any, status: Any, sequence: Sequence) -> NDArray[Any]:
     """Conventional angles, each row nearest to the one before."""
-    kernel = kernels.chi_zyx_from_quaternion if sequence.like == "zyx" else kernels.chi_zyz_from_quaternion
-    angles, status = kernel(sequence.quaternion(quaternions))
-    angles = np.asarray(angles)
+    angles = sequence.angles(euler)
     three = sequence.like == "zyx"
     turn = np.array([np.pi, np.pi if three else 0.0, np.pi])
     flip = np.array([1.0, -1.0, 1.0])
