@@ -42,8 +42,8 @@ SAME = 1e-6
 """Modes that are not farther apart, in rad, are one: at a double mode rounding of the legs moves both by 1e-8 to
 1e-7."""
 NEAR = 0.05
-"""Modes that are not farther apart are one if the legs are right half way between them as well: rounding leaves a whole
-stretch where three modes or more meet, 1e-5 to 1e-4 long."""
+"""Singular modes that are not farther apart are one if there is one half way between them as well: rounding leaves a
+whole stretch, 1e-6 to 1e-4 long, where three modes or more meet, or nearly so."""
 MODES = 8
 
 
@@ -320,18 +320,20 @@ def _distinct(quaternions: Any, miss: Any, legs: Any, geometry: Geometry) -> tup
     width = max(1, int(there.sum(axis=-1).max(initial=0)))
     quaternions, there = quaternions[:, :width], there[:, :width]
     safe = np.where(there[..., None], quaternions, [1.0, 0, 0, 0])
+    determinant = kernels.sps_singularity(kernels.matrix_from_quaternion(safe)[0], geometry.R, geometry.h)
+    double = there & (np.abs(determinant) <= SINGULAR)
     kept = np.zeros((n, width), bool)
     for i in range(width):
         same = np.zeros(n, bool)
         for j in range(i):
             sign = np.where((safe[:, i] * safe[:, j]).sum(axis=-1) < 0, -1.0, 1.0)[:, None]
             apart = 2 * np.linalg.norm(safe[:, i] - sign * safe[:, j], axis=-1)
-            alike = kept[:, j] & there[:, i] & (apart <= NEAR)
-            rows = np.flatnonzero(alike & (apart > SAME))
+            both = kept[:, j] & there[:, i]
+            same |= both & (apart <= SAME)
+            rows = np.flatnonzero(both & double[:, i] & double[:, j] & (apart > SAME) & (apart <= NEAR))
             if len(rows):
-                half_way = safe[rows, i] + sign[rows] * safe[rows, j]
-                alike[rows] = _miss(half_way, legs[rows], geometry) <= ROUNDING
-            same |= alike
+                half_way = (safe[rows, i] + sign[rows] * safe[rows, j]) / 2
+                same[rows] |= _is_mode(half_way, apart[rows] / 4, legs[rows], geometry)
         kept[:, i] = there[:, i] & ~same
     w, x, y, z = np.moveaxis(safe, -1, 0)
     positive = np.where(
@@ -343,10 +345,17 @@ def _distinct(quaternions: Any, miss: Any, legs: Any, geometry: Geometry) -> tup
     order = np.lexsort((-keys[..., 2], -keys[..., 1], -keys[..., 3], -keys[..., 0]), axis=-1)
     safe = np.take_along_axis(safe, order[..., None], axis=1)
     kept = np.take_along_axis(kept, order, axis=1)
-    modes, determinant = np.full((n, MODES, 4), np.nan), np.full((n, MODES), np.nan)
+    modes, determinants = np.full((n, MODES, 4), np.nan), np.full((n, MODES), np.nan)
     width = min(width, MODES)
     modes[:, :width] = np.where(kept[:, :width, None], safe[:, :width], np.nan)
-    matrices = kernels.matrix_from_quaternion(safe[:, :width])[0]
-    found = kernels.sps_singularity(matrices, geometry.R, geometry.h)
-    determinant[:, :width] = np.where(kept[:, :width], found, np.nan)
-    return modes, kept[:, :width].sum(axis=-1).astype(np.int8), determinant
+    ordered = np.take_along_axis(determinant, order, axis=1)[:, :width]
+    determinants[:, :width] = np.where(kept[:, :width], ordered, np.nan)
+    return modes, kept[:, :width].sum(axis=-1).astype(np.int8), determinants
+
+
+def _is_mode(quaternions: Any, within: Any, legs: Any, geometry: Geometry) -> Any:
+    """Tell whether there is a mode near rotations, not farther off than `within`."""
+    found, _ = kernels.sps_polish(quaternions, within / 4, legs, *geometry.lengths)
+    sign = np.where((found * quaternions).sum(axis=-1) < 0, -1.0, 1.0)[:, None]
+    moved = 2 * np.linalg.norm(found - sign * quaternions, axis=-1)
+    return (moved <= within) & (_miss(found, legs, geometry) <= ROUNDING)

@@ -174,8 +174,9 @@ def singularity(rotation: ArrayLike, geometry: Geometry) -> Singularity:
     --------
     >>> import numpy as np
     >>> from rodgen import three_sps_s
-    >>> float(three_sps_s.singularity(np.eye(3), three_sps_s.Geometry(2, 1, 1.5)).determinant)  # home pose
-    0.0
+    >>> found = three_sps_s.singularity(np.eye(3), three_sps_s.Geometry(2, 1, 1.5))  # the home pose
+    >>> bool(abs(found.determinant) < 1e-15), bool(found.condition > 1e15)
+    (True, True)
     """
     matrix = np.asarray(rotation, float)
     determinant = call(kernels.sps_singularity, (matrix, geometry.R, geometry.h), None)
@@ -240,8 +241,9 @@ def tilt_torsion(rotation: ArrayLike) -> Any:
     quaternion = kernels.quaternion_from_matrix(np.asarray(rotation, float))[0]
     w, x, y, z = np.moveaxis(np.asarray(quaternion), -1, 0)
     along, across = np.hypot(w, z), np.hypot(x, y)
-    half = np.where(along > 0, np.arctan2(z, w), 0.0)
-    phase = np.where(across > 0, np.arctan2(-x, y), -half)
+    rounding = 4 * np.finfo(float).eps
+    half = np.where(along > rounding, np.arctan2(z, w), 0.0)
+    phase = np.where(across > rounding, np.arctan2(-x, y), -half)
 
     def folded(angle: Any) -> Any:
         return np.arctan2(np.sin(angle), np.cos(angle))
