@@ -737,13 +737,11 @@ def sps_singularity_tilt_torsion():
         source=SOURCE,
         notes="As sps_singularity, in closed form.",
     )
-    F, T, torsion = (
-        k.input(name, unit="rad", doc=doc)
-        for name, doc in (
-            ("azimuth", "direction of the tilt"),
-            ("tilt", "angle from the platform's axis to the machine's"),
-            ("torsion", "rotation about the axis"),
-        )
+    F, T, torsion = k.input(
+        "tilt_torsion",
+        3,
+        unit="rad",
+        doc="azimuth that the axis is tilted towards, tilt, and torsion about the axis",
     )
     R, h = radius_and_height(k)
     size = k.let("size", sp.sqrt(R**2 + h**2))

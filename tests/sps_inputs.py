@@ -55,9 +55,7 @@ def sps_inputs(name: str) -> dict[str, np.ndarray]:
         **shared,
         "matrix": more,
         "quaternion": q,
-        "azimuth": rng.uniform(-3, 3, count),
-        "tilt": rng.uniform(0, 3, count),
-        "torsion": rng.uniform(-3, 3, count),
+        "tilt_torsion": rng.uniform([-3, 0, -3], [3, 3, 3], size=(count, 3)),
     }
 
 

@@ -89,7 +89,7 @@ def legs_from_quaternion(quaternion: ArrayLike, geometry: Geometry) -> Any:
     --------
     >>> from rodgen import three_sps_s
     >>> three_sps_s.legs_from_quaternion([-0.8, 0.6, 0, 0], three_sps_s.Geometry(4, 1, 1.5)).round(6)
-    array([3.640055, 3.640055, 3.640055])
+    array([3.758989, 3.758989, 3.758989])
     """
     return call(kernels.sps_legs_from_quaternion, (quaternion, *geometry.lengths), None)
 
