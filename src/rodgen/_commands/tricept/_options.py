@@ -72,10 +72,14 @@ def add_geometry(parser: argparse.ArgumentParser) -> None:
         type=lengths("--limits", 2, "568,858mm"),
         help="lengths of a rod; default: 568,858mm for the paper's machine (no --R, no --r), else none",
     )
+    parser.add_argument(
+        "--machine", metavar="FILE", help="machine file that has R, r and q, instead of these options"
+    )
 
 
 def geometry_of(options: argparse.Namespace, unit: str) -> Geometry:
     """Return the machine in a unit of length."""
+    _take_machine(options)
     R = options.R or Lengths((PAPER.R,), "mm", "--R")
     r = options.r or Lengths((PAPER.r,), "mm", "--r")
     q = options.q.to(unit) if options.q else (0.0, 0.0, 0.0)
@@ -89,6 +93,7 @@ def geometry_of(options: argparse.Namespace, unit: str) -> Geometry:
 
 def limits_of(options: argparse.Namespace, unit: str) -> tuple[float, float] | None:
     """Return the limits of the rods in a unit of length."""
+    _take_machine(options)
     if options.limits is None:
         return None if options.R or options.r else _pair(Lengths(LEG_LIMITS, "mm", "--limits"), unit)
     limits = _pair(options.limits, unit)
@@ -100,8 +105,29 @@ def limits_of(options: argparse.Namespace, unit: str) -> tuple[float, float] | N
 
 def unit_of(options: argparse.Namespace) -> str:
     """Return the unit in which a machine was given, where no table says one."""
+    _take_machine(options)
     given = next((x for x in (options.R, options.r, options.limits, options.q) if x), None)
     return given.unit if given else "mm"
+
+
+def _take_machine(options: argparse.Namespace) -> None:
+    """Read the machine file, where there is one, as if its numbers had been given as options."""
+    if options.machine is None:
+        return
+    if options.R or options.r or options.q:
+        raise InputFileError("command line", "--machine", "beside --R, --r or --q", "one of the two")
+    from rodgen.machines.machine import Machine
+
+    machine = Machine.load(options.machine)
+    chain = machine.geometry
+    if chain is None or chain.family != "tricept":
+        found = "a machine of joints" if chain is None else f'family = "{chain.family}"'
+        raise InputFileError(options.machine, "family", found, 'family = "tricept"')
+    unit = machine.length_unit
+    options.R, options.r, options.q = (
+        Lengths(chain.number(name), unit, "--machine") for name in ("R", "r", "q")
+    )
+    options.machine = None
 
 
 def _pair(given: Lengths, unit: str) -> tuple[float, float]:
