@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rodgen._commands._console import Command, group
-from rodgen._commands.tricept import direct, inverse, workspace
+from rodgen._commands.tricept import bounds, direct, inverse, uncertainty, workspace
 
 __all__ = ["add_to"]
 
@@ -15,6 +15,6 @@ slides and swings. A pose is alpha, beta and z, in the paper's sense: a positive
 
 def add_to(command: Command) -> None:
     """Add the commands."""
-    member = group(command, "tricept", "pose, rods and workspace of a Tricept", _TEXT)
-    for module in (inverse, direct, workspace):
+    member = group(command, "tricept", "pose, rods, uncertainty, bounds and workspace of a Tricept", _TEXT)
+    for module in (inverse, direct, uncertainty, bounds, workspace):
         module.add_to(member)
