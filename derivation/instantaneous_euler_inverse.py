@@ -322,11 +322,11 @@ d.check(
 # ## The kernel
 #
 # The squares of the components are small differences near the boundary, so a component of a rotation that is below
-# $\sqrt{\mathrm{tolerance}}$ times the size of the rotation cannot be told from 0, and two rotations that differ in
-# its sign are given as one. That is in the nature of the problem: the angles depend on the square. For small
-# rotations, and near the three half turns about the axes, the differences are taken of what is small there: of the
-# squared sines of half angles, and with those of two axes replaced by the squared cosines. So the tolerance is
-# relative to the size of the rotation.
+# $\sqrt{\mathrm{tolerance}}$ times the size of the rotation cannot be told from 0, and two rotations that differ in its
+# sign are given as one. That is in the nature of the problem: the angles depend on the square. For small rotations, and
+# near the three half turns about the axes, the differences are taken of what is small there: of the squared sines of
+# half angles, and with those of two axes replaced by the squared cosines. So the tolerance is relative to the size of
+# the rotation. Near a half turn it is larger: an angle near $\pi$ has the absolute rounding of $\pi$.
 
 # %%
 small = {
@@ -414,8 +414,9 @@ def chi_rotations():
     ]
     size = k.let("size", a[0] + a[1] + a[2])
     raw = [k.let(f"raw_{n}", (size - 2 * x) / 2) for n, x in enumerate(a, 1)]
-    # a half turn's angle is rounded: its half is off a right angle by up to a rounding unit
-    floor = k.let("floor", slack * size + select(at_1 | at_2 | at_3, 16 * EPS**2, 0))
+    # an angle near pi is rounded like pi, so that the small cosine of its half is off by some rounding units of 1
+    coarse = k.let("coarse", select(at_1 | at_2 | at_3, 16 * EPS * (sp.sqrt(size) + EPS), 0))
+    floor = k.let("floor", slack * size + coarse)
     outside = k.let("outside", sp.Or(*(x < -floor for x in raw)))
     rest = [k.let(f"rest_{n}", select(x <= floor, 0, x)) for n, x in enumerate(raw, 1)]
     near = [k.let("rest_0", 1 - (rest[0] + rest[1] + rest[2])), *rest]

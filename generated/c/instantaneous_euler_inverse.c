@@ -8,7 +8,7 @@
 #include <float.h>
 #include <math.h>
 
-/* chi_rotations: 43 add, 42 mul, 11 sqrt, 112 select, 83 compare, 3 atan2, 3 cos, 3 sin */
+/* chi_rotations: 44 add, 41 mul, 12 sqrt, 112 select, 83 compare, 3 atan2, 3 cos, 3 sin */
 void instantaneous_euler_inverse_chi_rotations_f64(const double chi[3], double tolerance, double quaternions[32], double *distance, double nearest[3], int8_t *status) {
   /* inputs */
   const double chi_1 = chi[0];
@@ -48,7 +48,8 @@ void instantaneous_euler_inverse_chi_rotations_f64(const double chi[3], double t
   const double raw_1 = -part_1 - x5;
   const double raw_2 = -part_2 - x5;
   const double raw_3 = -part_3 - x5;
-  const double floor = size*slack + (((above_3) || (at_1) || (at_2)) ? 16.0*(DBL_EPSILON*DBL_EPSILON) : 0.0);
+  const double coarse = (((above_3) || (at_1) || (at_2)) ? x0*(DBL_EPSILON + sqrt(size)) : 0.0);
+  const double floor = coarse + size*slack;
   const int outside = (raw_1 < -floor) || (raw_2 < -floor) || (raw_3 < -floor);
   const double rest_1 = ((floor >= raw_1) ? 0.0 : raw_1);
   const double rest_2 = ((floor >= raw_2) ? 0.0 : raw_2);
@@ -155,7 +156,7 @@ void instantaneous_euler_inverse_chi_rotations_batch_f64(size_t count, const dou
     instantaneous_euler_inverse_chi_rotations_f64(chi + 3 * i, tolerance[i], quaternions + 32 * i, distance + i, nearest + 3 * i, status + i);
 }
 
-/* chi_rotations: 43 add, 42 mul, 11 sqrt, 112 select, 83 compare, 3 atan2, 3 cos, 3 sin */
+/* chi_rotations: 44 add, 41 mul, 12 sqrt, 112 select, 83 compare, 3 atan2, 3 cos, 3 sin */
 void instantaneous_euler_inverse_chi_rotations_f32(const float chi[3], float tolerance, float quaternions[32], float *distance, float nearest[3], int8_t *status) {
   /* inputs */
   const float chi_1 = chi[0];
@@ -195,7 +196,8 @@ void instantaneous_euler_inverse_chi_rotations_f32(const float chi[3], float tol
   const float raw_1 = -part_1 - x5;
   const float raw_2 = -part_2 - x5;
   const float raw_3 = -part_3 - x5;
-  const float floor = size*slack + (((above_3) || (at_1) || (at_2)) ? 16.0f*(FLT_EPSILON*FLT_EPSILON) : 0.0f);
+  const float coarse = (((above_3) || (at_1) || (at_2)) ? x0*(FLT_EPSILON + sqrtf(size)) : 0.0f);
+  const float floor = coarse + size*slack;
   const int outside = (raw_1 < -floor) || (raw_2 < -floor) || (raw_3 < -floor);
   const float rest_1 = ((floor >= raw_1) ? 0.0f : raw_1);
   const float rest_2 = ((floor >= raw_2) ? 0.0f : raw_2);

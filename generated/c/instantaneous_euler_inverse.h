@@ -36,7 +36,7 @@ enum instantaneous_euler_inverse_rotations_status {
 
 /* All rotations with three given instantaneous Euler angles.
  * Source: derivation instantaneous_euler_inverse; Zhou and Zhu, eqs. (10), (13), (16)
- * Operations: 43 add, 42 mul, 11 sqrt, 112 select, 83 compare, 3 atan2, 3 cos, 3 sin
+ * Operations: 44 add, 41 mul, 12 sqrt, 112 select, 83 compare, 3 atan2, 3 cos, 3 sin
  * chi : array (3), rad angles of the yz, xz and xy planes, 0 to pi
  * tolerance : array (), 1 square of a component, relative to the rotation's size, that is taken for 0; at least 16 rounding units
  * quaternions : array (8, 4), 1 unit quaternions, one a row, scalar part first

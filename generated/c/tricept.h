@@ -68,7 +68,7 @@ void tricept_tricept_legs_batch_f32(size_t count, const float *pose, const float
 
 /* All four poses in which the platform's point is at a given point, and their rods.
  * Source: Kureková et al., Acta IMEKO 4(4), 2015, conditions below eq. (4)
- * Operations: 115 add, 139 mul, 2 div, 16 sqrt, 59 select, 38 compare, 8 abs, 8 atan2
+ * Operations: 109 add, 124 mul, 2 div, 16 sqrt, 55 select, 38 compare, 8 abs, 4 atan2
  * point : array (3), length the point, from the base's centre
  * r : array (), length radius of the joints of the platform
  * R : array (), length radius of the joints of the base
@@ -138,7 +138,7 @@ void tricept_tricept_sensitivity_batch_f32(size_t count, const float *pose, cons
 
 /* Covariance of a point from that of the rods and the two radii, in the physical pose S = K = +1.
  * Source: Kureková et al., Acta IMEKO 4(4), 2015, eqs. (20) and (21)
- * Operations: 227 add, 363 mul, 12 div, 12 sqrt, 37 select, 65 compare, 22 abs
+ * Operations: 227 add, 363 mul, 12 div, 12 sqrt, 37 select, 70 compare, 22 abs
  * point : array (3), length the point, from the base's centre
  * r : array (), length radius of the joints of the platform
  * R : array (), length radius of the joints of the base

@@ -1071,6 +1071,67 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyz_loop_f32)(char **args, 
 }
 
 /* chi_zyx_from_quaternion: 25 add, 42 mul, 3 div, 4 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale */
+/* 25 add, 42 mul, 3 div, 4 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale */
+static inline void chi_zyx_from_quaternion_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const double quaternion_1 = input[0][i];
+    const double quaternion_2 = input[1][i];
+    const double quaternion_3 = input[2][i];
+    const double quaternion_4 = input[3][i];
+    const double quaternion_size = 0.25*fabs(quaternion_1) + 0.25*fabs(quaternion_2) + 0.25*fabs(quaternion_3) + 0.25*fabs(quaternion_4);
+    const double x0 = power_of_two_scale_f64(quaternion_size);
+    const double quaternion_scaled_1 = quaternion_1*x0;
+    const double quaternion_scaled_2 = quaternion_2*x0;
+    const double quaternion_scaled_3 = quaternion_3*x0;
+    const double quaternion_scaled_4 = quaternion_4*x0;
+    const double quaternion_length = sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
+    const double x1 = blend_f64(mask_f64(quaternion_length > 0.0), 1.0/quaternion_length, 1.0);
+    const double quaternion_unit_1 = quaternion_scaled_1*x1;
+    const double quaternion_unit_2 = quaternion_scaled_2*x1;
+    const double quaternion_unit_3 = quaternion_scaled_3*x1;
+    const double quaternion_unit_4 = quaternion_scaled_4*x1;
+    const double quaternion_deviation = fabs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0);
+    const int64_t good = (mask_f64(quaternion_size <= DBL_MAX)) & (mask_f64(quaternion_size > 0.0));
+    const double x2 = 0.5*sqrt(2.0);
+    const double turned_1 = x2*(quaternion_unit_1 - quaternion_unit_3);
+    const double turned_2 = x2*(quaternion_unit_2 - quaternion_unit_4);
+    const double turned_3 = x2*(quaternion_unit_1 + quaternion_unit_3);
+    const double turned_4 = x2*(quaternion_unit_2 + quaternion_unit_4);
+    const double sine_scale = power_of_two_scale_f64(fabs(turned_2) + fabs(turned_3));
+    const double sine_scaled_1 = sine_scale*turned_2;
+    const double sine_scaled_2 = sine_scale*turned_3;
+    const double sine = sqrt((sine_scaled_1*sine_scaled_1) + (sine_scaled_2*sine_scaled_2))/sine_scale;
+    const double cosine_scale = power_of_two_scale_f64(fabs(turned_1) + fabs(turned_4));
+    const double cosine_scaled_1 = cosine_scale*turned_1;
+    const double cosine_scaled_2 = cosine_scale*turned_4;
+    const double cosine = sqrt((cosine_scaled_1*cosine_scaled_1) + (cosine_scaled_2*cosine_scaled_2))/cosine_scale;
+    const double x5 = 4.0*DBL_EPSILON;
+    const int64_t low = mask_f64(sine <= x5);
+    const int64_t high = mask_f64(cosine <= x5);
+    const double sigma = vector_atan2_f64(turned_4, turned_1);
+    const double delta = vector_atan2_f64(-turned_2, turned_3);
+    const double half_sum = blend_f64(high, delta, sigma);
+    const double half_difference = blend_f64(low, sigma, delta);
+    const double first = half_difference + half_sum;
+    const double third = half_sum - half_difference;
+    const double x3 = 2.0*3.141592653589793;
+    const double x6 = -3.141592653589793;
+    const double angles_1 = blend_f64(good, blend_f64(mask_f64(first > 3.141592653589793), first - x3, blend_f64(mask_f64(first <= x6), first + x3, first)), (double)NAN);
+    const double angles_2 = blend_f64(good, vector_atan2_f64(2.0*quaternion_unit_1*quaternion_unit_3 - 2.0*quaternion_unit_2*quaternion_unit_4, 2.0*cosine*sine), (double)NAN);
+    const double angles_3 = blend_f64(good, blend_f64(mask_f64(third > 3.141592653589793), third - x3, blend_f64(mask_f64(third <= x6), third + x3, third)), (double)NAN);
+    const double status = blend_f64(~(good), 4.0, blend_f64((high) | (low), 1.0, blend_f64(mask_f64(quaternion_deviation > 16.0*DBL_EPSILON), 3.0, 0.0)));
+    output[0][i] = angles_1;
+    output[1][i] = angles_2;
+    output[2][i] = angles_3;
+    output[3][i] = status;
+  }
+}
+
+static inline void chi_zyx_from_quaternion_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  chi_zyx_from_quaternion_f64(input, output);
+}
+
 void LOOP(instantaneous_euler_motion_chi_zyx_from_quaternion_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
   const ptrdiff_t *core = steps + 3;
@@ -1081,25 +1142,106 @@ void LOOP(instantaneous_euler_motion_chi_zyx_from_quaternion_loop_f64)(char **ar
   ptrdiff_t offsets_1[3];
   for (int k = 0; k < 3; ++k)
     offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  for (ptrdiff_t i = 0; i < total; ++i) {
-    double quaternion[4];
-    for (int k = 0; k < 4; ++k)
-      quaternion[k] = get_f64(args[0] + i * steps[0] + offsets_0[k]);
-    double angles[3];
-    int8_t status[1];
-    instantaneous_euler_motion_chi_zyx_from_quaternion_f64(quaternion, angles, status);
-    for (int k = 0; k < 3; ++k)
-      put_f64(args[1] + i * steps[1] + offsets_1[k], angles[k]);
-    for (int k = 0; k < 1; ++k)
-      args[2][i * steps[2] + offsets_2[k]] = (char)status[k];
+  double input[4][BLOCK], output[4][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
+  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= steps[2] == 1;
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[1], total * 3 * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
+      chi_zyx_from_quaternion_block_f64(input, output);
+      {
+        double rows[3 * BLOCK], scratch[3 * BLOCK];
+        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+      store_codes_f64((int8_t *)args[2] + start, output[3]);
+    }
+    close_writer(&writer_0);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+    chi_zyx_from_quaternion_block_f64(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 3; ++k)
+        put_f64(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      args[2][(start + i) * steps[2]] = (char)output[3][i];
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* chi_zyx_from_quaternion: 25 add, 42 mul, 3 div, 4 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale */
+/* 25 add, 42 mul, 3 div, 4 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale */
+static inline void chi_zyx_from_quaternion_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const float quaternion_1 = input[0][i];
+    const float quaternion_2 = input[1][i];
+    const float quaternion_3 = input[2][i];
+    const float quaternion_4 = input[3][i];
+    const float quaternion_size = 0.25f*fabsf(quaternion_1) + 0.25f*fabsf(quaternion_2) + 0.25f*fabsf(quaternion_3) + 0.25f*fabsf(quaternion_4);
+    const float x0 = power_of_two_scale_f32(quaternion_size);
+    const float quaternion_scaled_1 = quaternion_1*x0;
+    const float quaternion_scaled_2 = quaternion_2*x0;
+    const float quaternion_scaled_3 = quaternion_3*x0;
+    const float quaternion_scaled_4 = quaternion_4*x0;
+    const float quaternion_length = sqrtf((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
+    const float x1 = blend_f32(mask_f32(quaternion_length > 0.0f), 1.0f/quaternion_length, 1.0f);
+    const float quaternion_unit_1 = quaternion_scaled_1*x1;
+    const float quaternion_unit_2 = quaternion_scaled_2*x1;
+    const float quaternion_unit_3 = quaternion_scaled_3*x1;
+    const float quaternion_unit_4 = quaternion_scaled_4*x1;
+    const float quaternion_deviation = fabsf((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0f);
+    const int32_t good = (mask_f32(quaternion_size <= FLT_MAX)) & (mask_f32(quaternion_size > 0.0f));
+    const float x2 = 0.5f*sqrtf(2.0f);
+    const float turned_1 = x2*(quaternion_unit_1 - quaternion_unit_3);
+    const float turned_2 = x2*(quaternion_unit_2 - quaternion_unit_4);
+    const float turned_3 = x2*(quaternion_unit_1 + quaternion_unit_3);
+    const float turned_4 = x2*(quaternion_unit_2 + quaternion_unit_4);
+    const float sine_scale = power_of_two_scale_f32(fabsf(turned_2) + fabsf(turned_3));
+    const float sine_scaled_1 = sine_scale*turned_2;
+    const float sine_scaled_2 = sine_scale*turned_3;
+    const float sine = sqrtf((sine_scaled_1*sine_scaled_1) + (sine_scaled_2*sine_scaled_2))/sine_scale;
+    const float cosine_scale = power_of_two_scale_f32(fabsf(turned_1) + fabsf(turned_4));
+    const float cosine_scaled_1 = cosine_scale*turned_1;
+    const float cosine_scaled_2 = cosine_scale*turned_4;
+    const float cosine = sqrtf((cosine_scaled_1*cosine_scaled_1) + (cosine_scaled_2*cosine_scaled_2))/cosine_scale;
+    const float x5 = 4.0f*FLT_EPSILON;
+    const int32_t low = mask_f32(sine <= x5);
+    const int32_t high = mask_f32(cosine <= x5);
+    const float sigma = vector_atan2_f32(turned_4, turned_1);
+    const float delta = vector_atan2_f32(-turned_2, turned_3);
+    const float half_sum = blend_f32(high, delta, sigma);
+    const float half_difference = blend_f32(low, sigma, delta);
+    const float first = half_difference + half_sum;
+    const float third = half_sum - half_difference;
+    const float x3 = 2.0f*3.141592653589793f;
+    const float x6 = -3.141592653589793f;
+    const float angles_1 = blend_f32(good, blend_f32(mask_f32(first > 3.141592653589793f), first - x3, blend_f32(mask_f32(first <= x6), first + x3, first)), (float)NAN);
+    const float angles_2 = blend_f32(good, vector_atan2_f32(2.0f*quaternion_unit_1*quaternion_unit_3 - 2.0f*quaternion_unit_2*quaternion_unit_4, 2.0f*cosine*sine), (float)NAN);
+    const float angles_3 = blend_f32(good, blend_f32(mask_f32(third > 3.141592653589793f), third - x3, blend_f32(mask_f32(third <= x6), third + x3, third)), (float)NAN);
+    const float status = blend_f32(~(good), 4.0f, blend_f32((high) | (low), 1.0f, blend_f32(mask_f32(quaternion_deviation > 16.0f*FLT_EPSILON), 3.0f, 0.0f)));
+    output[0][i] = angles_1;
+    output[1][i] = angles_2;
+    output[2][i] = angles_3;
+    output[3][i] = status;
+  }
+}
+
+static inline void chi_zyx_from_quaternion_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  chi_zyx_from_quaternion_f32(input, output);
+}
+
 void LOOP(instantaneous_euler_motion_chi_zyx_from_quaternion_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
   const ptrdiff_t *core = steps + 3;
@@ -1110,25 +1252,101 @@ void LOOP(instantaneous_euler_motion_chi_zyx_from_quaternion_loop_f32)(char **ar
   ptrdiff_t offsets_1[3];
   for (int k = 0; k < 3; ++k)
     offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  for (ptrdiff_t i = 0; i < total; ++i) {
-    float quaternion[4];
-    for (int k = 0; k < 4; ++k)
-      quaternion[k] = get_f32(args[0] + i * steps[0] + offsets_0[k]);
-    float angles[3];
-    int8_t status[1];
-    instantaneous_euler_motion_chi_zyx_from_quaternion_f32(quaternion, angles, status);
-    for (int k = 0; k < 3; ++k)
-      put_f32(args[1] + i * steps[1] + offsets_1[k], angles[k]);
-    for (int k = 0; k < 1; ++k)
-      args[2][i * steps[2] + offsets_2[k]] = (char)status[k];
+  float input[4][BLOCK], output[4][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
+  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= steps[2] == 1;
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[1], total * 3 * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
+      chi_zyx_from_quaternion_block_f32(input, output);
+      {
+        float rows[3 * BLOCK], scratch[3 * BLOCK];
+        interleave_f32(rows, output[0], BLOCK, 3, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+      store_codes_f32((int8_t *)args[2] + start, output[3]);
+    }
+    close_writer(&writer_0);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+    chi_zyx_from_quaternion_block_f32(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 3; ++k)
+        put_f32(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      args[2][(start + i) * steps[2]] = (char)output[3][i];
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* chi_zyz_from_quaternion: 20 add, 32 mul, 3 div, 3 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale */
+/* 20 add, 32 mul, 3 div, 3 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale */
+static inline void chi_zyz_from_quaternion_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const double quaternion_1 = input[0][i];
+    const double quaternion_2 = input[1][i];
+    const double quaternion_3 = input[2][i];
+    const double quaternion_4 = input[3][i];
+    const double quaternion_size = 0.25*fabs(quaternion_1) + 0.25*fabs(quaternion_2) + 0.25*fabs(quaternion_3) + 0.25*fabs(quaternion_4);
+    const double x0 = power_of_two_scale_f64(quaternion_size);
+    const double quaternion_scaled_1 = quaternion_1*x0;
+    const double quaternion_scaled_2 = quaternion_2*x0;
+    const double quaternion_scaled_3 = quaternion_3*x0;
+    const double quaternion_scaled_4 = quaternion_4*x0;
+    const double quaternion_length = sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
+    const double x1 = blend_f64(mask_f64(quaternion_length > 0.0), 1.0/quaternion_length, 1.0);
+    const double quaternion_unit_1 = quaternion_scaled_1*x1;
+    const double quaternion_unit_2 = quaternion_scaled_2*x1;
+    const double quaternion_unit_3 = quaternion_scaled_3*x1;
+    const double quaternion_unit_4 = quaternion_scaled_4*x1;
+    const double quaternion_deviation = fabs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0);
+    const int64_t good = (mask_f64(quaternion_size <= DBL_MAX)) & (mask_f64(quaternion_size > 0.0));
+    const double sine_scale = power_of_two_scale_f64(fabs(quaternion_unit_2) + fabs(quaternion_unit_3));
+    const double sine_scaled_1 = quaternion_unit_2*sine_scale;
+    const double sine_scaled_2 = quaternion_unit_3*sine_scale;
+    const double sine = sqrt((sine_scaled_1*sine_scaled_1) + (sine_scaled_2*sine_scaled_2))/sine_scale;
+    const double cosine_scale = power_of_two_scale_f64(fabs(quaternion_unit_1) + fabs(quaternion_unit_4));
+    const double cosine_scaled_1 = cosine_scale*quaternion_unit_1;
+    const double cosine_scaled_2 = cosine_scale*quaternion_unit_4;
+    const double cosine = sqrt((cosine_scaled_1*cosine_scaled_1) + (cosine_scaled_2*cosine_scaled_2))/cosine_scale;
+    const double x4 = 4.0*DBL_EPSILON;
+    const int64_t low = mask_f64(sine <= x4);
+    const int64_t high = mask_f64(cosine <= x4);
+    const double sigma = vector_atan2_f64(quaternion_unit_4, quaternion_unit_1);
+    const double delta = vector_atan2_f64(-quaternion_unit_2, quaternion_unit_3);
+    const double half_sum = blend_f64(high, delta, sigma);
+    const double half_difference = blend_f64(low, sigma, delta);
+    const double first = half_difference + half_sum;
+    const double third = half_sum - half_difference;
+    const double x2 = 2.0*3.141592653589793;
+    const double x5 = -3.141592653589793;
+    const double angles_1 = blend_f64(good, blend_f64(mask_f64(first > 3.141592653589793), first - x2, blend_f64(mask_f64(first <= x5), first + x2, first)), (double)NAN);
+    const double angles_2 = blend_f64(good, 2.0*vector_atan2_f64(sine, cosine), (double)NAN);
+    const double angles_3 = blend_f64(good, blend_f64(mask_f64(third > 3.141592653589793), third - x2, blend_f64(mask_f64(third <= x5), third + x2, third)), (double)NAN);
+    const double status = blend_f64(~(good), 4.0, blend_f64((high) | (low), 1.0, blend_f64(mask_f64(quaternion_deviation > 16.0*DBL_EPSILON), 3.0, 0.0)));
+    output[0][i] = angles_1;
+    output[1][i] = angles_2;
+    output[2][i] = angles_3;
+    output[3][i] = status;
+  }
+}
+
+static inline void chi_zyz_from_quaternion_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  chi_zyz_from_quaternion_f64(input, output);
+}
+
 void LOOP(instantaneous_euler_motion_chi_zyz_from_quaternion_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
   const ptrdiff_t *core = steps + 3;
@@ -1139,25 +1357,101 @@ void LOOP(instantaneous_euler_motion_chi_zyz_from_quaternion_loop_f64)(char **ar
   ptrdiff_t offsets_1[3];
   for (int k = 0; k < 3; ++k)
     offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  for (ptrdiff_t i = 0; i < total; ++i) {
-    double quaternion[4];
-    for (int k = 0; k < 4; ++k)
-      quaternion[k] = get_f64(args[0] + i * steps[0] + offsets_0[k]);
-    double angles[3];
-    int8_t status[1];
-    instantaneous_euler_motion_chi_zyz_from_quaternion_f64(quaternion, angles, status);
-    for (int k = 0; k < 3; ++k)
-      put_f64(args[1] + i * steps[1] + offsets_1[k], angles[k]);
-    for (int k = 0; k < 1; ++k)
-      args[2][i * steps[2] + offsets_2[k]] = (char)status[k];
+  double input[4][BLOCK], output[4][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
+  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= steps[2] == 1;
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[1], total * 3 * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
+      chi_zyz_from_quaternion_block_f64(input, output);
+      {
+        double rows[3 * BLOCK], scratch[3 * BLOCK];
+        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+      store_codes_f64((int8_t *)args[2] + start, output[3]);
+    }
+    close_writer(&writer_0);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+    chi_zyz_from_quaternion_block_f64(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 3; ++k)
+        put_f64(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      args[2][(start + i) * steps[2]] = (char)output[3][i];
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* chi_zyz_from_quaternion: 20 add, 32 mul, 3 div, 3 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale */
+/* 20 add, 32 mul, 3 div, 3 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale */
+static inline void chi_zyz_from_quaternion_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const float quaternion_1 = input[0][i];
+    const float quaternion_2 = input[1][i];
+    const float quaternion_3 = input[2][i];
+    const float quaternion_4 = input[3][i];
+    const float quaternion_size = 0.25f*fabsf(quaternion_1) + 0.25f*fabsf(quaternion_2) + 0.25f*fabsf(quaternion_3) + 0.25f*fabsf(quaternion_4);
+    const float x0 = power_of_two_scale_f32(quaternion_size);
+    const float quaternion_scaled_1 = quaternion_1*x0;
+    const float quaternion_scaled_2 = quaternion_2*x0;
+    const float quaternion_scaled_3 = quaternion_3*x0;
+    const float quaternion_scaled_4 = quaternion_4*x0;
+    const float quaternion_length = sqrtf((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
+    const float x1 = blend_f32(mask_f32(quaternion_length > 0.0f), 1.0f/quaternion_length, 1.0f);
+    const float quaternion_unit_1 = quaternion_scaled_1*x1;
+    const float quaternion_unit_2 = quaternion_scaled_2*x1;
+    const float quaternion_unit_3 = quaternion_scaled_3*x1;
+    const float quaternion_unit_4 = quaternion_scaled_4*x1;
+    const float quaternion_deviation = fabsf((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0f);
+    const int32_t good = (mask_f32(quaternion_size <= FLT_MAX)) & (mask_f32(quaternion_size > 0.0f));
+    const float sine_scale = power_of_two_scale_f32(fabsf(quaternion_unit_2) + fabsf(quaternion_unit_3));
+    const float sine_scaled_1 = quaternion_unit_2*sine_scale;
+    const float sine_scaled_2 = quaternion_unit_3*sine_scale;
+    const float sine = sqrtf((sine_scaled_1*sine_scaled_1) + (sine_scaled_2*sine_scaled_2))/sine_scale;
+    const float cosine_scale = power_of_two_scale_f32(fabsf(quaternion_unit_1) + fabsf(quaternion_unit_4));
+    const float cosine_scaled_1 = cosine_scale*quaternion_unit_1;
+    const float cosine_scaled_2 = cosine_scale*quaternion_unit_4;
+    const float cosine = sqrtf((cosine_scaled_1*cosine_scaled_1) + (cosine_scaled_2*cosine_scaled_2))/cosine_scale;
+    const float x4 = 4.0f*FLT_EPSILON;
+    const int32_t low = mask_f32(sine <= x4);
+    const int32_t high = mask_f32(cosine <= x4);
+    const float sigma = vector_atan2_f32(quaternion_unit_4, quaternion_unit_1);
+    const float delta = vector_atan2_f32(-quaternion_unit_2, quaternion_unit_3);
+    const float half_sum = blend_f32(high, delta, sigma);
+    const float half_difference = blend_f32(low, sigma, delta);
+    const float first = half_difference + half_sum;
+    const float third = half_sum - half_difference;
+    const float x2 = 2.0f*3.141592653589793f;
+    const float x5 = -3.141592653589793f;
+    const float angles_1 = blend_f32(good, blend_f32(mask_f32(first > 3.141592653589793f), first - x2, blend_f32(mask_f32(first <= x5), first + x2, first)), (float)NAN);
+    const float angles_2 = blend_f32(good, 2.0f*vector_atan2_f32(sine, cosine), (float)NAN);
+    const float angles_3 = blend_f32(good, blend_f32(mask_f32(third > 3.141592653589793f), third - x2, blend_f32(mask_f32(third <= x5), third + x2, third)), (float)NAN);
+    const float status = blend_f32(~(good), 4.0f, blend_f32((high) | (low), 1.0f, blend_f32(mask_f32(quaternion_deviation > 16.0f*FLT_EPSILON), 3.0f, 0.0f)));
+    output[0][i] = angles_1;
+    output[1][i] = angles_2;
+    output[2][i] = angles_3;
+    output[3][i] = status;
+  }
+}
+
+static inline void chi_zyz_from_quaternion_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  chi_zyz_from_quaternion_f32(input, output);
+}
+
 void LOOP(instantaneous_euler_motion_chi_zyz_from_quaternion_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
   const ptrdiff_t *core = steps + 3;
@@ -1168,20 +1462,40 @@ void LOOP(instantaneous_euler_motion_chi_zyz_from_quaternion_loop_f32)(char **ar
   ptrdiff_t offsets_1[3];
   for (int k = 0; k < 3; ++k)
     offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  for (ptrdiff_t i = 0; i < total; ++i) {
-    float quaternion[4];
-    for (int k = 0; k < 4; ++k)
-      quaternion[k] = get_f32(args[0] + i * steps[0] + offsets_0[k]);
-    float angles[3];
-    int8_t status[1];
-    instantaneous_euler_motion_chi_zyz_from_quaternion_f32(quaternion, angles, status);
-    for (int k = 0; k < 3; ++k)
-      put_f32(args[1] + i * steps[1] + offsets_1[k], angles[k]);
-    for (int k = 0; k < 1; ++k)
-      args[2][i * steps[2] + offsets_2[k]] = (char)status[k];
+  float input[4][BLOCK], output[4][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
+  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= steps[2] == 1;
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[1], total * 3 * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
+      chi_zyz_from_quaternion_block_f32(input, output);
+      {
+        float rows[3 * BLOCK], scratch[3 * BLOCK];
+        interleave_f32(rows, output[0], BLOCK, 3, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+      store_codes_f32((int8_t *)args[2] + start, output[3]);
+    }
+    close_writer(&writer_0);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+    chi_zyz_from_quaternion_block_f32(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 3; ++k)
+        put_f32(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      args[2][(start + i) * steps[2]] = (char)output[3][i];
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }

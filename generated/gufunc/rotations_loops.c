@@ -1019,6 +1019,50 @@ void LOOP(rotations_quaternion_from_axis_angle_loop_f32)(char **args, const ptrd
 }
 
 /* axis_angle_from_rodrigues_vector: 10 add, 25 mul, 3 div, 2 sqrt, 11 select, 7 compare, 6 abs, 1 atan2, 2 power_of_two_scale */
+/* 10 add, 25 mul, 3 div, 2 sqrt, 11 select, 7 compare, 6 abs, 1 atan2, 2 power_of_two_scale */
+static inline void axis_angle_from_rodrigues_vector_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const double theta_1 = input[0][i];
+    const double theta_2 = input[1][i];
+    const double theta_3 = input[2][i];
+    const double size = 0.125*fabs(theta_1) + 0.125*fabs(theta_2) + 0.125*fabs(theta_3) + 1.0;
+    const double factor = power_of_two_scale_f64(size);
+    const double x0 = 0.5*factor;
+    const double theta_scaled_1 = theta_1*x0;
+    const double theta_scaled_2 = theta_2*x0;
+    const double theta_scaled_3 = theta_3*x0;
+    const double length = sqrt((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3));
+    const double x1 = 1.0/length;
+    const double w = factor*x1;
+    const double v_1 = theta_scaled_1*x1;
+    const double v_2 = theta_scaled_2*x1;
+    const double v_3 = theta_scaled_3*x1;
+    const int64_t good = mask_f64(size <= DBL_MAX);
+    const double sine_scale = power_of_two_scale_f64(fabs(v_1) + fabs(v_2) + fabs(v_3));
+    const double v_scaled_1 = sine_scale*v_1;
+    const double v_scaled_2 = sine_scale*v_2;
+    const double v_scaled_3 = sine_scale*v_3;
+    const double x2 = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
+    const double sine = x2/sine_scale;
+    const double x3 = blend_f64(mask_f64(sine > 0.0), 1.0/x2, 1.0);
+    const double axis_1 = blend_f64(good, blend_f64(mask_f64(sine > 0.0), v_scaled_1*x3, 0.0), (double)NAN);
+    const double axis_2 = blend_f64(good, blend_f64(mask_f64(sine > 0.0), v_scaled_2*x3, 0.0), (double)NAN);
+    const double axis_3 = blend_f64(good, blend_f64(mask_f64(sine > 0.0), v_scaled_3*x3, 1.0), (double)NAN);
+    const double angle = blend_f64(good, 2.0*vector_atan2_f64(sine, w), (double)NAN);
+    const double status = blend_f64(~(good), 4.0, blend_f64(mask_f64(sine == 0.0), 1.0, blend_f64(mask_f64(w <= DBL_EPSILON), 2.0, 0.0)));
+    output[0][i] = axis_1;
+    output[1][i] = axis_2;
+    output[2][i] = axis_3;
+    output[3][i] = angle;
+    output[4][i] = status;
+  }
+}
+
+static inline void axis_angle_from_rodrigues_vector_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  axis_angle_from_rodrigues_vector_f64(input, output);
+}
+
 void LOOP(rotations_axis_angle_from_rodrigues_vector_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
   const ptrdiff_t *core = steps + 4;
@@ -1032,28 +1076,101 @@ void LOOP(rotations_axis_angle_from_rodrigues_vector_loop_f64)(char **args, cons
   ptrdiff_t offsets_2[1];
   for (int k = 0; k < 1; ++k)
     offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  for (ptrdiff_t i = 0; i < total; ++i) {
-    double theta[3];
-    for (int k = 0; k < 3; ++k)
-      theta[k] = get_f64(args[0] + i * steps[0] + offsets_0[k]);
-    double axis[3];
-    double angle[1];
-    int8_t status[1];
-    rotations_axis_angle_from_rodrigues_vector_f64(theta, axis, angle, status);
-    for (int k = 0; k < 3; ++k)
-      put_f64(args[1] + i * steps[1] + offsets_1[k], axis[k]);
-    for (int k = 0; k < 1; ++k)
-      put_f64(args[2] + i * steps[2] + offsets_2[k], angle[k]);
-    for (int k = 0; k < 1; ++k)
-      args[3][i * steps[3] + offsets_3[k]] = (char)status[k];
+  double input[3][BLOCK], output[5][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
+  packed &= steps[3] == 1;
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[1], total * 3 * width);
+    struct writer writer_1;
+    open_writer(&writer_1, args[2], total * 1 * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      axis_angle_from_rodrigues_vector_block_f64(input, output);
+      {
+        double rows[3 * BLOCK], scratch[3 * BLOCK];
+        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+      {
+        double rows[1 * BLOCK], scratch[1 * BLOCK];
+        interleave_f64(rows, output[3], BLOCK, 1, scratch);
+        write_block(&writer_1, rows, sizeof rows);
+      }
+      store_codes_f64((int8_t *)args[3] + start, output[4]);
+    }
+    close_writer(&writer_0);
+    close_writer(&writer_1);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    axis_angle_from_rodrigues_vector_block_f64(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 3; ++k)
+        put_f64(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 1; ++k)
+        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[3 + k][i]);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      args[3][(start + i) * steps[3]] = (char)output[4][i];
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* axis_angle_from_rodrigues_vector: 10 add, 25 mul, 3 div, 2 sqrt, 11 select, 7 compare, 6 abs, 1 atan2, 2 power_of_two_scale */
+/* 10 add, 25 mul, 3 div, 2 sqrt, 11 select, 7 compare, 6 abs, 1 atan2, 2 power_of_two_scale */
+static inline void axis_angle_from_rodrigues_vector_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const float theta_1 = input[0][i];
+    const float theta_2 = input[1][i];
+    const float theta_3 = input[2][i];
+    const float size = 0.125f*fabsf(theta_1) + 0.125f*fabsf(theta_2) + 0.125f*fabsf(theta_3) + 1.0f;
+    const float factor = power_of_two_scale_f32(size);
+    const float x0 = 0.5f*factor;
+    const float theta_scaled_1 = theta_1*x0;
+    const float theta_scaled_2 = theta_2*x0;
+    const float theta_scaled_3 = theta_3*x0;
+    const float length = sqrtf((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3));
+    const float x1 = 1.0f/length;
+    const float w = factor*x1;
+    const float v_1 = theta_scaled_1*x1;
+    const float v_2 = theta_scaled_2*x1;
+    const float v_3 = theta_scaled_3*x1;
+    const int32_t good = mask_f32(size <= FLT_MAX);
+    const float sine_scale = power_of_two_scale_f32(fabsf(v_1) + fabsf(v_2) + fabsf(v_3));
+    const float v_scaled_1 = sine_scale*v_1;
+    const float v_scaled_2 = sine_scale*v_2;
+    const float v_scaled_3 = sine_scale*v_3;
+    const float x2 = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
+    const float sine = x2/sine_scale;
+    const float x3 = blend_f32(mask_f32(sine > 0.0f), 1.0f/x2, 1.0f);
+    const float axis_1 = blend_f32(good, blend_f32(mask_f32(sine > 0.0f), v_scaled_1*x3, 0.0f), (float)NAN);
+    const float axis_2 = blend_f32(good, blend_f32(mask_f32(sine > 0.0f), v_scaled_2*x3, 0.0f), (float)NAN);
+    const float axis_3 = blend_f32(good, blend_f32(mask_f32(sine > 0.0f), v_scaled_3*x3, 1.0f), (float)NAN);
+    const float angle = blend_f32(good, 2.0f*vector_atan2_f32(sine, w), (float)NAN);
+    const float status = blend_f32(~(good), 4.0f, blend_f32(mask_f32(sine == 0.0f), 1.0f, blend_f32(mask_f32(w <= FLT_EPSILON), 2.0f, 0.0f)));
+    output[0][i] = axis_1;
+    output[1][i] = axis_2;
+    output[2][i] = axis_3;
+    output[3][i] = angle;
+    output[4][i] = status;
+  }
+}
+
+static inline void axis_angle_from_rodrigues_vector_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  axis_angle_from_rodrigues_vector_f32(input, output);
+}
+
 void LOOP(rotations_axis_angle_from_rodrigues_vector_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
   const ptrdiff_t *core = steps + 4;
@@ -1067,23 +1184,52 @@ void LOOP(rotations_axis_angle_from_rodrigues_vector_loop_f32)(char **args, cons
   ptrdiff_t offsets_2[1];
   for (int k = 0; k < 1; ++k)
     offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  for (ptrdiff_t i = 0; i < total; ++i) {
-    float theta[3];
-    for (int k = 0; k < 3; ++k)
-      theta[k] = get_f32(args[0] + i * steps[0] + offsets_0[k]);
-    float axis[3];
-    float angle[1];
-    int8_t status[1];
-    rotations_axis_angle_from_rodrigues_vector_f32(theta, axis, angle, status);
-    for (int k = 0; k < 3; ++k)
-      put_f32(args[1] + i * steps[1] + offsets_1[k], axis[k]);
-    for (int k = 0; k < 1; ++k)
-      put_f32(args[2] + i * steps[2] + offsets_2[k], angle[k]);
-    for (int k = 0; k < 1; ++k)
-      args[3][i * steps[3] + offsets_3[k]] = (char)status[k];
+  float input[3][BLOCK], output[5][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
+  packed &= steps[3] == 1;
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[1], total * 3 * width);
+    struct writer writer_1;
+    open_writer(&writer_1, args[2], total * 1 * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      axis_angle_from_rodrigues_vector_block_f32(input, output);
+      {
+        float rows[3 * BLOCK], scratch[3 * BLOCK];
+        interleave_f32(rows, output[0], BLOCK, 3, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+      {
+        float rows[1 * BLOCK], scratch[1 * BLOCK];
+        interleave_f32(rows, output[3], BLOCK, 1, scratch);
+        write_block(&writer_1, rows, sizeof rows);
+      }
+      store_codes_f32((int8_t *)args[3] + start, output[4]);
+    }
+    close_writer(&writer_0);
+    close_writer(&writer_1);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    axis_angle_from_rodrigues_vector_block_f32(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 3; ++k)
+        put_f32(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 1; ++k)
+        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[3 + k][i]);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      args[3][(start + i) * steps[3]] = (char)output[4][i];
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
@@ -1493,6 +1639,93 @@ void LOOP(rotations_quaternion_from_rodrigues_vector_loop_f32)(char **args, cons
 }
 
 /* axis_angle_from_matrix: 48 add, 51 mul, 3 div, 2 sqrt, 27 select, 24 compare, 9 abs, 1 atan2, 1 power_of_two_scale */
+/* 48 add, 51 mul, 3 div, 2 sqrt, 27 select, 24 compare, 9 abs, 1 atan2, 1 power_of_two_scale */
+static inline void axis_angle_from_matrix_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const double matrix_1_1 = input[0][i];
+    const double matrix_1_2 = input[1][i];
+    const double matrix_1_3 = input[2][i];
+    const double matrix_2_1 = input[3][i];
+    const double matrix_2_2 = input[4][i];
+    const double matrix_2_3 = input[5][i];
+    const double matrix_3_1 = input[6][i];
+    const double matrix_3_2 = input[7][i];
+    const double matrix_3_3 = input[8][i];
+    const double x0 = matrix_1_1 + 1.0;
+    const double products_1_1 = matrix_2_2 + matrix_3_3 + x0;
+    const double x1 = matrix_3_2 - matrix_2_3;
+    const double products_1_2 = x1;
+    const double x2 = matrix_1_3 - matrix_3_1;
+    const double products_1_3 = x2;
+    const double x3 = matrix_2_1 - matrix_1_2;
+    const double products_1_4 = x3;
+    const double products_2_1 = x1;
+    const double products_2_2 = x0 - matrix_2_2 - matrix_3_3;
+    const double x6 = matrix_1_2 + matrix_2_1;
+    const double products_2_3 = x6;
+    const double x7 = matrix_1_3 + matrix_3_1;
+    const double products_2_4 = x7;
+    const double products_3_1 = x2;
+    const double products_3_2 = x6;
+    const double x8 = matrix_1_1 - 1.0;
+    const double products_3_3 = matrix_2_2 - matrix_3_3 - x8;
+    const double x9 = matrix_2_3 + matrix_3_2;
+    const double products_3_4 = x9;
+    const double products_4_1 = x3;
+    const double products_4_2 = x7;
+    const double products_4_3 = x9;
+    const double products_4_4 = matrix_3_3 - matrix_2_2 - x8;
+    const double column_a_1 = blend_f64(mask_f64(products_1_1 < products_2_2), products_1_2, products_1_1);
+    const double column_a_2 = blend_f64(mask_f64(products_1_1 < products_2_2), products_2_2, products_2_1);
+    const double column_a_3 = blend_f64(mask_f64(products_1_1 < products_2_2), products_3_2, products_3_1);
+    const double column_a_4 = blend_f64(mask_f64(products_1_1 < products_2_2), products_4_2, products_4_1);
+    const double largest_a = blend_f64(mask_f64(products_1_1 < products_2_2), products_2_2, products_1_1);
+    const double column_b_1 = blend_f64(mask_f64(largest_a < products_3_3), products_1_3, column_a_1);
+    const double column_b_2 = blend_f64(mask_f64(largest_a < products_3_3), products_2_3, column_a_2);
+    const double column_b_3 = blend_f64(mask_f64(largest_a < products_3_3), products_3_3, column_a_3);
+    const double column_b_4 = blend_f64(mask_f64(largest_a < products_3_3), products_4_3, column_a_4);
+    const double largest_b = blend_f64(mask_f64(largest_a < products_3_3), products_3_3, largest_a);
+    const double column_c_1 = blend_f64(mask_f64(largest_b < products_4_4), products_1_4, column_b_1);
+    const double column_c_2 = blend_f64(mask_f64(largest_b < products_4_4), products_2_4, column_b_2);
+    const double column_c_3 = blend_f64(mask_f64(largest_b < products_4_4), products_3_4, column_b_3);
+    const double column_c_4 = blend_f64(mask_f64(largest_b < products_4_4), products_4_4, column_b_4);
+    const double length = sqrt((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
+    const double x10 = 1.0/length;
+    const double x11 = column_c_1*x10;
+    const double quaternion_sign = blend_f64(mask_f64(x11 < 0.0), -1.0, 1.0);
+    const double w = quaternion_sign*x11;
+    const double x12 = quaternion_sign*x10;
+    const double v_1 = column_c_2*x12;
+    const double v_2 = column_c_3*x12;
+    const double v_3 = column_c_4*x12;
+    const double deviation = 2.0*fabs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*fabs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*fabs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + fabs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + fabs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + fabs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0);
+    const double determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
+    const int64_t good = (mask_f64(deviation <= DBL_MAX)) & (mask_f64(determinant > 0.0));
+    const double sine_scale = power_of_two_scale_f64(fabs(v_1) + fabs(v_2) + fabs(v_3));
+    const double v_scaled_1 = sine_scale*v_1;
+    const double v_scaled_2 = sine_scale*v_2;
+    const double v_scaled_3 = sine_scale*v_3;
+    const double x13 = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
+    const double sine = x13/sine_scale;
+    const double x14 = blend_f64(mask_f64(sine > 0.0), 1.0/x13, 1.0);
+    const double axis_1 = blend_f64(good, blend_f64(mask_f64(sine > 0.0), v_scaled_1*x14, 0.0), (double)NAN);
+    const double axis_2 = blend_f64(good, blend_f64(mask_f64(sine > 0.0), v_scaled_2*x14, 0.0), (double)NAN);
+    const double axis_3 = blend_f64(good, blend_f64(mask_f64(sine > 0.0), v_scaled_3*x14, 1.0), (double)NAN);
+    const double angle = blend_f64(good, 2.0*vector_atan2_f64(sine, w), (double)NAN);
+    const double status = blend_f64(~(good), 4.0, blend_f64(mask_f64(deviation > 64.0*DBL_EPSILON), 3.0, blend_f64(mask_f64(sine == 0.0), 1.0, blend_f64(mask_f64(w <= DBL_EPSILON), 2.0, 0.0))));
+    output[0][i] = axis_1;
+    output[1][i] = axis_2;
+    output[2][i] = axis_3;
+    output[3][i] = angle;
+    output[4][i] = status;
+  }
+}
+
+static inline void axis_angle_from_matrix_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  axis_angle_from_matrix_f64(input, output);
+}
+
 void LOOP(rotations_axis_angle_from_matrix_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
   const ptrdiff_t *core = steps + 4;
@@ -1506,28 +1739,144 @@ void LOOP(rotations_axis_angle_from_matrix_loop_f64)(char **args, const ptrdiff_
   ptrdiff_t offsets_2[1];
   for (int k = 0; k < 1; ++k)
     offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  for (ptrdiff_t i = 0; i < total; ++i) {
-    double matrix[9];
-    for (int k = 0; k < 9; ++k)
-      matrix[k] = get_f64(args[0] + i * steps[0] + offsets_0[k]);
-    double axis[3];
-    double angle[1];
-    int8_t status[1];
-    rotations_axis_angle_from_matrix_f64(matrix, axis, angle, status);
-    for (int k = 0; k < 3; ++k)
-      put_f64(args[1] + i * steps[1] + offsets_1[k], axis[k]);
-    for (int k = 0; k < 1; ++k)
-      put_f64(args[2] + i * steps[2] + offsets_2[k], angle[k]);
-    for (int k = 0; k < 1; ++k)
-      args[3][i * steps[3] + offsets_3[k]] = (char)status[k];
+  double input[9][BLOCK], output[5][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
+  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
+  packed &= steps[3] == 1;
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[1], total * 3 * width);
+    struct writer writer_1;
+    open_writer(&writer_1, args[2], total * 1 * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
+      axis_angle_from_matrix_block_f64(input, output);
+      {
+        double rows[3 * BLOCK], scratch[3 * BLOCK];
+        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+      {
+        double rows[1 * BLOCK], scratch[1 * BLOCK];
+        interleave_f64(rows, output[3], BLOCK, 1, scratch);
+        write_block(&writer_1, rows, sizeof rows);
+      }
+      store_codes_f64((int8_t *)args[3] + start, output[4]);
+    }
+    close_writer(&writer_0);
+    close_writer(&writer_1);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    axis_angle_from_matrix_block_f64(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 3; ++k)
+        put_f64(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 1; ++k)
+        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[3 + k][i]);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      args[3][(start + i) * steps[3]] = (char)output[4][i];
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* axis_angle_from_matrix: 48 add, 51 mul, 3 div, 2 sqrt, 27 select, 24 compare, 9 abs, 1 atan2, 1 power_of_two_scale */
+/* 48 add, 51 mul, 3 div, 2 sqrt, 27 select, 24 compare, 9 abs, 1 atan2, 1 power_of_two_scale */
+static inline void axis_angle_from_matrix_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const float matrix_1_1 = input[0][i];
+    const float matrix_1_2 = input[1][i];
+    const float matrix_1_3 = input[2][i];
+    const float matrix_2_1 = input[3][i];
+    const float matrix_2_2 = input[4][i];
+    const float matrix_2_3 = input[5][i];
+    const float matrix_3_1 = input[6][i];
+    const float matrix_3_2 = input[7][i];
+    const float matrix_3_3 = input[8][i];
+    const float x0 = matrix_1_1 + 1.0f;
+    const float products_1_1 = matrix_2_2 + matrix_3_3 + x0;
+    const float x1 = matrix_3_2 - matrix_2_3;
+    const float products_1_2 = x1;
+    const float x2 = matrix_1_3 - matrix_3_1;
+    const float products_1_3 = x2;
+    const float x3 = matrix_2_1 - matrix_1_2;
+    const float products_1_4 = x3;
+    const float products_2_1 = x1;
+    const float products_2_2 = x0 - matrix_2_2 - matrix_3_3;
+    const float x6 = matrix_1_2 + matrix_2_1;
+    const float products_2_3 = x6;
+    const float x7 = matrix_1_3 + matrix_3_1;
+    const float products_2_4 = x7;
+    const float products_3_1 = x2;
+    const float products_3_2 = x6;
+    const float x8 = matrix_1_1 - 1.0f;
+    const float products_3_3 = matrix_2_2 - matrix_3_3 - x8;
+    const float x9 = matrix_2_3 + matrix_3_2;
+    const float products_3_4 = x9;
+    const float products_4_1 = x3;
+    const float products_4_2 = x7;
+    const float products_4_3 = x9;
+    const float products_4_4 = matrix_3_3 - matrix_2_2 - x8;
+    const float column_a_1 = blend_f32(mask_f32(products_1_1 < products_2_2), products_1_2, products_1_1);
+    const float column_a_2 = blend_f32(mask_f32(products_1_1 < products_2_2), products_2_2, products_2_1);
+    const float column_a_3 = blend_f32(mask_f32(products_1_1 < products_2_2), products_3_2, products_3_1);
+    const float column_a_4 = blend_f32(mask_f32(products_1_1 < products_2_2), products_4_2, products_4_1);
+    const float largest_a = blend_f32(mask_f32(products_1_1 < products_2_2), products_2_2, products_1_1);
+    const float column_b_1 = blend_f32(mask_f32(largest_a < products_3_3), products_1_3, column_a_1);
+    const float column_b_2 = blend_f32(mask_f32(largest_a < products_3_3), products_2_3, column_a_2);
+    const float column_b_3 = blend_f32(mask_f32(largest_a < products_3_3), products_3_3, column_a_3);
+    const float column_b_4 = blend_f32(mask_f32(largest_a < products_3_3), products_4_3, column_a_4);
+    const float largest_b = blend_f32(mask_f32(largest_a < products_3_3), products_3_3, largest_a);
+    const float column_c_1 = blend_f32(mask_f32(largest_b < products_4_4), products_1_4, column_b_1);
+    const float column_c_2 = blend_f32(mask_f32(largest_b < products_4_4), products_2_4, column_b_2);
+    const float column_c_3 = blend_f32(mask_f32(largest_b < products_4_4), products_3_4, column_b_3);
+    const float column_c_4 = blend_f32(mask_f32(largest_b < products_4_4), products_4_4, column_b_4);
+    const float length = sqrtf((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
+    const float x10 = 1.0f/length;
+    const float x11 = column_c_1*x10;
+    const float quaternion_sign = blend_f32(mask_f32(x11 < 0.0f), -1.0f, 1.0f);
+    const float w = quaternion_sign*x11;
+    const float x12 = quaternion_sign*x10;
+    const float v_1 = column_c_2*x12;
+    const float v_2 = column_c_3*x12;
+    const float v_3 = column_c_4*x12;
+    const float deviation = 2.0f*fabsf(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0f*fabsf(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0f*fabsf(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + fabsf((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0f) + fabsf((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0f) + fabsf((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0f);
+    const float determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
+    const int32_t good = (mask_f32(deviation <= FLT_MAX)) & (mask_f32(determinant > 0.0f));
+    const float sine_scale = power_of_two_scale_f32(fabsf(v_1) + fabsf(v_2) + fabsf(v_3));
+    const float v_scaled_1 = sine_scale*v_1;
+    const float v_scaled_2 = sine_scale*v_2;
+    const float v_scaled_3 = sine_scale*v_3;
+    const float x13 = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
+    const float sine = x13/sine_scale;
+    const float x14 = blend_f32(mask_f32(sine > 0.0f), 1.0f/x13, 1.0f);
+    const float axis_1 = blend_f32(good, blend_f32(mask_f32(sine > 0.0f), v_scaled_1*x14, 0.0f), (float)NAN);
+    const float axis_2 = blend_f32(good, blend_f32(mask_f32(sine > 0.0f), v_scaled_2*x14, 0.0f), (float)NAN);
+    const float axis_3 = blend_f32(good, blend_f32(mask_f32(sine > 0.0f), v_scaled_3*x14, 1.0f), (float)NAN);
+    const float angle = blend_f32(good, 2.0f*vector_atan2_f32(sine, w), (float)NAN);
+    const float status = blend_f32(~(good), 4.0f, blend_f32(mask_f32(deviation > 64.0f*FLT_EPSILON), 3.0f, blend_f32(mask_f32(sine == 0.0f), 1.0f, blend_f32(mask_f32(w <= FLT_EPSILON), 2.0f, 0.0f))));
+    output[0][i] = axis_1;
+    output[1][i] = axis_2;
+    output[2][i] = axis_3;
+    output[3][i] = angle;
+    output[4][i] = status;
+  }
+}
+
+static inline void axis_angle_from_matrix_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  axis_angle_from_matrix_f32(input, output);
+}
+
 void LOOP(rotations_axis_angle_from_matrix_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
   const ptrdiff_t *core = steps + 4;
@@ -1541,23 +1890,52 @@ void LOOP(rotations_axis_angle_from_matrix_loop_f32)(char **args, const ptrdiff_
   ptrdiff_t offsets_2[1];
   for (int k = 0; k < 1; ++k)
     offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  for (ptrdiff_t i = 0; i < total; ++i) {
-    float matrix[9];
-    for (int k = 0; k < 9; ++k)
-      matrix[k] = get_f32(args[0] + i * steps[0] + offsets_0[k]);
-    float axis[3];
-    float angle[1];
-    int8_t status[1];
-    rotations_axis_angle_from_matrix_f32(matrix, axis, angle, status);
-    for (int k = 0; k < 3; ++k)
-      put_f32(args[1] + i * steps[1] + offsets_1[k], axis[k]);
-    for (int k = 0; k < 1; ++k)
-      put_f32(args[2] + i * steps[2] + offsets_2[k], angle[k]);
-    for (int k = 0; k < 1; ++k)
-      args[3][i * steps[3] + offsets_3[k]] = (char)status[k];
+  float input[9][BLOCK], output[5][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
+  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
+  packed &= steps[3] == 1;
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[1], total * 3 * width);
+    struct writer writer_1;
+    open_writer(&writer_1, args[2], total * 1 * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
+      axis_angle_from_matrix_block_f32(input, output);
+      {
+        float rows[3 * BLOCK], scratch[3 * BLOCK];
+        interleave_f32(rows, output[0], BLOCK, 3, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+      {
+        float rows[1 * BLOCK], scratch[1 * BLOCK];
+        interleave_f32(rows, output[3], BLOCK, 1, scratch);
+        write_block(&writer_1, rows, sizeof rows);
+      }
+      store_codes_f32((int8_t *)args[3] + start, output[4]);
+    }
+    close_writer(&writer_0);
+    close_writer(&writer_1);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    axis_angle_from_matrix_block_f32(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 3; ++k)
+        put_f32(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 1; ++k)
+        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[3 + k][i]);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      args[3][(start + i) * steps[3]] = (char)output[4][i];
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
@@ -2097,6 +2475,57 @@ void LOOP(rotations_quaternion_from_matrix_loop_f32)(char **args, const ptrdiff_
 }
 
 /* axis_angle_from_quaternion: 14 add, 35 mul, 3 div, 2 sqrt, 14 select, 11 compare, 8 abs, 1 atan2, 2 power_of_two_scale */
+/* 14 add, 35 mul, 3 div, 2 sqrt, 14 select, 11 compare, 8 abs, 1 atan2, 2 power_of_two_scale */
+static inline void axis_angle_from_quaternion_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const double quaternion_1 = input[0][i];
+    const double quaternion_2 = input[1][i];
+    const double quaternion_3 = input[2][i];
+    const double quaternion_4 = input[3][i];
+    const double quaternion_size = 0.25*fabs(quaternion_1) + 0.25*fabs(quaternion_2) + 0.25*fabs(quaternion_3) + 0.25*fabs(quaternion_4);
+    const double x0 = power_of_two_scale_f64(quaternion_size);
+    const double quaternion_scaled_1 = quaternion_1*x0;
+    const double quaternion_scaled_2 = quaternion_2*x0;
+    const double quaternion_scaled_3 = quaternion_3*x0;
+    const double quaternion_scaled_4 = quaternion_4*x0;
+    const double quaternion_length = sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
+    const double x1 = blend_f64(mask_f64(quaternion_length > 0.0), 1.0/quaternion_length, 1.0);
+    const double quaternion_unit_1 = quaternion_scaled_1*x1;
+    const double quaternion_unit_2 = quaternion_scaled_2*x1;
+    const double quaternion_unit_3 = quaternion_scaled_3*x1;
+    const double quaternion_unit_4 = quaternion_scaled_4*x1;
+    const double quaternion_deviation = fabs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0);
+    const double quaternion_sign = blend_f64(mask_f64(quaternion_unit_1 < 0.0), -1.0, 1.0);
+    const double w = quaternion_sign*quaternion_unit_1;
+    const double v_1 = quaternion_sign*quaternion_unit_2;
+    const double v_2 = quaternion_sign*quaternion_unit_3;
+    const double v_3 = quaternion_sign*quaternion_unit_4;
+    const int64_t good = (mask_f64(quaternion_size <= DBL_MAX)) & (mask_f64(quaternion_size > 0.0));
+    const double sine_scale = power_of_two_scale_f64(fabs(v_1) + fabs(v_2) + fabs(v_3));
+    const double v_scaled_1 = sine_scale*v_1;
+    const double v_scaled_2 = sine_scale*v_2;
+    const double v_scaled_3 = sine_scale*v_3;
+    const double x2 = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
+    const double sine = x2/sine_scale;
+    const double x3 = blend_f64(mask_f64(sine > 0.0), 1.0/x2, 1.0);
+    const double axis_1 = blend_f64(good, blend_f64(mask_f64(sine > 0.0), v_scaled_1*x3, 0.0), (double)NAN);
+    const double axis_2 = blend_f64(good, blend_f64(mask_f64(sine > 0.0), v_scaled_2*x3, 0.0), (double)NAN);
+    const double axis_3 = blend_f64(good, blend_f64(mask_f64(sine > 0.0), v_scaled_3*x3, 1.0), (double)NAN);
+    const double angle = blend_f64(good, 2.0*vector_atan2_f64(sine, w), (double)NAN);
+    const double status = blend_f64(~(good), 4.0, blend_f64(mask_f64(quaternion_deviation > 16.0*DBL_EPSILON), 3.0, blend_f64(mask_f64(sine == 0.0), 1.0, blend_f64(mask_f64(w <= DBL_EPSILON), 2.0, 0.0))));
+    output[0][i] = axis_1;
+    output[1][i] = axis_2;
+    output[2][i] = axis_3;
+    output[3][i] = angle;
+    output[4][i] = status;
+  }
+}
+
+static inline void axis_angle_from_quaternion_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  axis_angle_from_quaternion_f64(input, output);
+}
+
 void LOOP(rotations_axis_angle_from_quaternion_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
   const ptrdiff_t *core = steps + 4;
@@ -2110,28 +2539,108 @@ void LOOP(rotations_axis_angle_from_quaternion_loop_f64)(char **args, const ptrd
   ptrdiff_t offsets_2[1];
   for (int k = 0; k < 1; ++k)
     offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  for (ptrdiff_t i = 0; i < total; ++i) {
-    double quaternion[4];
-    for (int k = 0; k < 4; ++k)
-      quaternion[k] = get_f64(args[0] + i * steps[0] + offsets_0[k]);
-    double axis[3];
-    double angle[1];
-    int8_t status[1];
-    rotations_axis_angle_from_quaternion_f64(quaternion, axis, angle, status);
-    for (int k = 0; k < 3; ++k)
-      put_f64(args[1] + i * steps[1] + offsets_1[k], axis[k]);
-    for (int k = 0; k < 1; ++k)
-      put_f64(args[2] + i * steps[2] + offsets_2[k], angle[k]);
-    for (int k = 0; k < 1; ++k)
-      args[3][i * steps[3] + offsets_3[k]] = (char)status[k];
+  double input[4][BLOCK], output[5][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
+  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
+  packed &= steps[3] == 1;
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[1], total * 3 * width);
+    struct writer writer_1;
+    open_writer(&writer_1, args[2], total * 1 * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
+      axis_angle_from_quaternion_block_f64(input, output);
+      {
+        double rows[3 * BLOCK], scratch[3 * BLOCK];
+        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+      {
+        double rows[1 * BLOCK], scratch[1 * BLOCK];
+        interleave_f64(rows, output[3], BLOCK, 1, scratch);
+        write_block(&writer_1, rows, sizeof rows);
+      }
+      store_codes_f64((int8_t *)args[3] + start, output[4]);
+    }
+    close_writer(&writer_0);
+    close_writer(&writer_1);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+    axis_angle_from_quaternion_block_f64(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 3; ++k)
+        put_f64(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 1; ++k)
+        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[3 + k][i]);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      args[3][(start + i) * steps[3]] = (char)output[4][i];
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* axis_angle_from_quaternion: 14 add, 35 mul, 3 div, 2 sqrt, 14 select, 11 compare, 8 abs, 1 atan2, 2 power_of_two_scale */
+/* 14 add, 35 mul, 3 div, 2 sqrt, 14 select, 11 compare, 8 abs, 1 atan2, 2 power_of_two_scale */
+static inline void axis_angle_from_quaternion_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const float quaternion_1 = input[0][i];
+    const float quaternion_2 = input[1][i];
+    const float quaternion_3 = input[2][i];
+    const float quaternion_4 = input[3][i];
+    const float quaternion_size = 0.25f*fabsf(quaternion_1) + 0.25f*fabsf(quaternion_2) + 0.25f*fabsf(quaternion_3) + 0.25f*fabsf(quaternion_4);
+    const float x0 = power_of_two_scale_f32(quaternion_size);
+    const float quaternion_scaled_1 = quaternion_1*x0;
+    const float quaternion_scaled_2 = quaternion_2*x0;
+    const float quaternion_scaled_3 = quaternion_3*x0;
+    const float quaternion_scaled_4 = quaternion_4*x0;
+    const float quaternion_length = sqrtf((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
+    const float x1 = blend_f32(mask_f32(quaternion_length > 0.0f), 1.0f/quaternion_length, 1.0f);
+    const float quaternion_unit_1 = quaternion_scaled_1*x1;
+    const float quaternion_unit_2 = quaternion_scaled_2*x1;
+    const float quaternion_unit_3 = quaternion_scaled_3*x1;
+    const float quaternion_unit_4 = quaternion_scaled_4*x1;
+    const float quaternion_deviation = fabsf((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0f);
+    const float quaternion_sign = blend_f32(mask_f32(quaternion_unit_1 < 0.0f), -1.0f, 1.0f);
+    const float w = quaternion_sign*quaternion_unit_1;
+    const float v_1 = quaternion_sign*quaternion_unit_2;
+    const float v_2 = quaternion_sign*quaternion_unit_3;
+    const float v_3 = quaternion_sign*quaternion_unit_4;
+    const int32_t good = (mask_f32(quaternion_size <= FLT_MAX)) & (mask_f32(quaternion_size > 0.0f));
+    const float sine_scale = power_of_two_scale_f32(fabsf(v_1) + fabsf(v_2) + fabsf(v_3));
+    const float v_scaled_1 = sine_scale*v_1;
+    const float v_scaled_2 = sine_scale*v_2;
+    const float v_scaled_3 = sine_scale*v_3;
+    const float x2 = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
+    const float sine = x2/sine_scale;
+    const float x3 = blend_f32(mask_f32(sine > 0.0f), 1.0f/x2, 1.0f);
+    const float axis_1 = blend_f32(good, blend_f32(mask_f32(sine > 0.0f), v_scaled_1*x3, 0.0f), (float)NAN);
+    const float axis_2 = blend_f32(good, blend_f32(mask_f32(sine > 0.0f), v_scaled_2*x3, 0.0f), (float)NAN);
+    const float axis_3 = blend_f32(good, blend_f32(mask_f32(sine > 0.0f), v_scaled_3*x3, 1.0f), (float)NAN);
+    const float angle = blend_f32(good, 2.0f*vector_atan2_f32(sine, w), (float)NAN);
+    const float status = blend_f32(~(good), 4.0f, blend_f32(mask_f32(quaternion_deviation > 16.0f*FLT_EPSILON), 3.0f, blend_f32(mask_f32(sine == 0.0f), 1.0f, blend_f32(mask_f32(w <= FLT_EPSILON), 2.0f, 0.0f))));
+    output[0][i] = axis_1;
+    output[1][i] = axis_2;
+    output[2][i] = axis_3;
+    output[3][i] = angle;
+    output[4][i] = status;
+  }
+}
+
+static inline void axis_angle_from_quaternion_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  axis_angle_from_quaternion_f32(input, output);
+}
+
 void LOOP(rotations_axis_angle_from_quaternion_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
   const ptrdiff_t *core = steps + 4;
@@ -2145,23 +2654,52 @@ void LOOP(rotations_axis_angle_from_quaternion_loop_f32)(char **args, const ptrd
   ptrdiff_t offsets_2[1];
   for (int k = 0; k < 1; ++k)
     offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  for (ptrdiff_t i = 0; i < total; ++i) {
-    float quaternion[4];
-    for (int k = 0; k < 4; ++k)
-      quaternion[k] = get_f32(args[0] + i * steps[0] + offsets_0[k]);
-    float axis[3];
-    float angle[1];
-    int8_t status[1];
-    rotations_axis_angle_from_quaternion_f32(quaternion, axis, angle, status);
-    for (int k = 0; k < 3; ++k)
-      put_f32(args[1] + i * steps[1] + offsets_1[k], axis[k]);
-    for (int k = 0; k < 1; ++k)
-      put_f32(args[2] + i * steps[2] + offsets_2[k], angle[k]);
-    for (int k = 0; k < 1; ++k)
-      args[3][i * steps[3] + offsets_3[k]] = (char)status[k];
+  float input[4][BLOCK], output[5][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
+  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
+  packed &= steps[3] == 1;
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[1], total * 3 * width);
+    struct writer writer_1;
+    open_writer(&writer_1, args[2], total * 1 * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
+      axis_angle_from_quaternion_block_f32(input, output);
+      {
+        float rows[3 * BLOCK], scratch[3 * BLOCK];
+        interleave_f32(rows, output[0], BLOCK, 3, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+      {
+        float rows[1 * BLOCK], scratch[1 * BLOCK];
+        interleave_f32(rows, output[3], BLOCK, 1, scratch);
+        write_block(&writer_1, rows, sizeof rows);
+      }
+      store_codes_f32((int8_t *)args[3] + start, output[4]);
+    }
+    close_writer(&writer_0);
+    close_writer(&writer_1);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+    axis_angle_from_quaternion_block_f32(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 3; ++k)
+        put_f32(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 1; ++k)
+        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[3 + k][i]);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      args[3][(start + i) * steps[3]] = (char)output[4][i];
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }

@@ -642,7 +642,227 @@ void LOOP(tricept_tricept_legs_loop_f32)(char **args, const ptrdiff_t *dimension
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* tricept_inverse: 115 add, 139 mul, 2 div, 16 sqrt, 59 select, 38 compare, 8 abs, 8 atan2 */
+/* tricept_inverse: 109 add, 124 mul, 2 div, 16 sqrt, 55 select, 38 compare, 8 abs, 4 atan2 */
+/* 109 add, 124 mul, 2 div, 16 sqrt, 55 select, 38 compare, 8 abs, 4 atan2 */
+static inline void tricept_inverse_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const double point_1 = input[0][i];
+    const double point_2 = input[1][i];
+    const double point_3 = input[2][i];
+    const double r = input[3][i];
+    const double R = input[4][i];
+    const double q_x = input[5][i];
+    const double q_y = input[6][i];
+    const double q_z = input[7][i];
+    const double shortest = input[8][i];
+    const double longest = input[9][i];
+    const double level_squared = (point_1*point_1) + (point_3*point_3);
+    const double level = sqrt(level_squared);
+    const double x0 = fabs(q_x);
+    const double g_squared = (level - x0)*(level + x0);
+    const double x1 = 16.0*DBL_EPSILON;
+    const double g_band = x1*(level_squared + (q_x*q_x));
+    const double u_squared = (point_2 - q_y)*(point_2 + q_y) + blend_f64(mask_f64(g_squared > 0.0), g_squared, 0.0);
+    const double x2 = (point_2*point_2);
+    const double u_band = g_band + x1*((q_y*q_y) + x2);
+    const int64_t no_root = (mask_f64(g_squared < -g_band)) | (mask_f64(u_squared < -u_band));
+    const int64_t double_root = (mask_f64(g_squared <= g_band)) | (mask_f64(u_squared <= u_band));
+    const double g = blend_f64(mask_f64(g_squared > 0.0), sqrt(g_squared), 0.0);
+    const double u = blend_f64(mask_f64(u_squared > 0.0), sqrt(u_squared), 0.0);
+    const double whole = (g*g) + x2;
+    const int64_t free_beta = mask_f64(level_squared == 0.0);
+    const int64_t free_alpha = mask_f64(whole == 0.0);
+    const double by_level = blend_f64(free_beta, 1.0, 1.0/level_squared);
+    const double by_whole = blend_f64(free_alpha, 1.0, 1.0/whole);
+    const int64_t valid = (mask_f64(shortest <= longest)) & (mask_f64(whole <= DBL_MAX)) & (mask_f64(x0 + fabs(R) + fabs(point_1) + fabs(point_2) + fabs(point_3) + fabs(q_y) + fabs(q_z) + fabs(r) <= DBL_MAX)) & (mask_f64(R > 0.0)) & (mask_f64(r > 0.0));
+    const double x3 = g*point_1;
+    const double x4 = point_3*q_x;
+    const double sb_plus = blend_f64(free_beta, 0.0, by_level*(x3 - x4));
+    const double x5 = g*point_3;
+    const double cb_plus = blend_f64(free_beta, 1.0, by_level*(point_1*q_x + x5));
+    const double sb_minus = blend_f64(free_beta, 0.0, by_level*(-x3 - x4));
+    const double cb_minus = blend_f64(free_beta, 1.0, by_level*(point_1*q_x - x5));
+    const double x6 = g*q_y;
+    const double sa_plus = blend_f64(free_alpha, 0.0, by_whole*(point_2*u - x6));
+    const double x7 = g*u;
+    const double ca_plus = blend_f64(free_alpha, 1.0, by_whole*(point_2*q_y + x7));
+    const double sa_minus = blend_f64(free_alpha, 0.0, by_whole*(point_2*u + x6));
+    const double ca_minus = blend_f64(free_alpha, 1.0, by_whole*(point_2*q_y - x7));
+    const double beta_plus = vector_atan2_f64(sb_plus, cb_plus);
+    const double beta_minus = vector_atan2_f64(sb_minus, cb_minus);
+    const double alpha_plus = vector_atan2_f64(sa_plus, ca_plus);
+    const double alpha_minus = vector_atan2_f64(sa_minus, ca_minus);
+    const double x8 = u - q_z;
+    const double z_a = x8;
+    const double x9 = ca_plus*z_a;
+    const double x10 = sb_plus*x9;
+    const double x12 = cb_plus*r - R;
+    const double rod_ax_1 = x10 + x12;
+    const double x13 = sa_plus*z_a;
+    const double rod_ax_2 = x13;
+    const double x14 = -r*sb_plus;
+    const double x15 = cb_plus*x9;
+    const double rod_ax_3 = x14 + x15;
+    const double x16 = 0.5*cb_plus;
+    const double x17 = 0.5*sb_plus;
+    const double x18 = sqrt(3.0);
+    const double x19 = sa_plus*x18;
+    const double x20 = x17*x19;
+    const double x21 = 0.5*R;
+    const double x22 = x10 + x21;
+    const double rod_ay_1 = r*(-x16 - x20) + x22;
+    const double x23 = x18*x21;
+    const double x25 = 0.5*r*x18;
+    const double x26 = ca_plus*x25;
+    const double x27 = x26 - x23;
+    const double rod_ay_2 = x13 + x27;
+    const double x28 = -0.5*sb_plus;
+    const double x29 = x16*x19;
+    const double rod_ay_3 = r*(-x28 - x29) + x15;
+    const double rod_az_1 = r*(x20 - x16) + x22;
+    const double x30 = x23 - x26;
+    const double rod_az_2 = x13 + x30;
+    const double rod_az_3 = r*(x17 + x29) + x15;
+    const double rods_a_length_1 = sqrt((rod_ax_1*rod_ax_1) + (rod_ax_2*rod_ax_2) + (rod_ax_3*rod_ax_3));
+    const double rods_a_length_2 = sqrt((rod_ay_1*rod_ay_1) + (rod_ay_2*rod_ay_2) + (rod_ay_3*rod_ay_3));
+    const double rods_a_length_3 = sqrt((rod_az_1*rod_az_1) + (rod_az_2*rod_az_2) + (rod_az_3*rod_az_3));
+    const double z_b = x8;
+    const double x31 = ca_minus*z_b;
+    const double x32 = sb_minus*x31;
+    const double x33 = cb_minus*r - R;
+    const double rod_bx_1 = x32 + x33;
+    const double x34 = sa_minus*z_b;
+    const double rod_bx_2 = x34;
+    const double x35 = -r*sb_minus;
+    const double x36 = cb_minus*x31;
+    const double rod_bx_3 = x35 + x36;
+    const double x37 = 0.5*cb_minus;
+    const double x38 = 0.5*sb_minus;
+    const double x39 = sa_minus*x18;
+    const double x40 = x38*x39;
+    const double x41 = x21 + x32;
+    const double rod_by_1 = r*(-x37 - x40) + x41;
+    const double x42 = ca_minus*x25;
+    const double x43 = x42 - x23;
+    const double rod_by_2 = x34 + x43;
+    const double x44 = -0.5*sb_minus;
+    const double x45 = x37*x39;
+    const double rod_by_3 = r*(-x44 - x45) + x36;
+    const double rod_bz_1 = r*(x40 - x37) + x41;
+    const double x46 = x23 - x42;
+    const double rod_bz_2 = x34 + x46;
+    const double rod_bz_3 = r*(x38 + x45) + x36;
+    const double rods_b_length_1 = sqrt((rod_bx_1*rod_bx_1) + (rod_bx_2*rod_bx_2) + (rod_bx_3*rod_bx_3));
+    const double rods_b_length_2 = sqrt((rod_by_1*rod_by_1) + (rod_by_2*rod_by_2) + (rod_by_3*rod_by_3));
+    const double rods_b_length_3 = sqrt((rod_bz_1*rod_bz_1) + (rod_bz_2*rod_bz_2) + (rod_bz_3*rod_bz_3));
+    const double x47 = -q_z - u;
+    const double z_c = x47;
+    const double x48 = ca_minus*z_c;
+    const double x49 = sb_plus*x48;
+    const double rod_cx_1 = x12 + x49;
+    const double x50 = sa_minus*z_c;
+    const double rod_cx_2 = -x50;
+    const double x51 = cb_plus*x48;
+    const double rod_cx_3 = x14 + x51;
+    const double x52 = x17*x39;
+    const double x53 = x21 + x49;
+    const double rod_cy_1 = r*(x52 - x16) + x53;
+    const double rod_cy_2 = -x46 - x50;
+    const double x54 = x16*x39;
+    const double rod_cy_3 = r*(x17 + x54) + x51;
+    const double rod_cz_1 = r*(-x16 - x52) + x53;
+    const double rod_cz_2 = -x43 - x50;
+    const double rod_cz_3 = r*(-x28 - x54) + x51;
+    const double rods_c_length_1 = sqrt((rod_cx_1*rod_cx_1) + (rod_cx_2*rod_cx_2) + (rod_cx_3*rod_cx_3));
+    const double rods_c_length_2 = sqrt((rod_cy_1*rod_cy_1) + (rod_cy_2*rod_cy_2) + (rod_cy_3*rod_cy_3));
+    const double rods_c_length_3 = sqrt((rod_cz_1*rod_cz_1) + (rod_cz_2*rod_cz_2) + (rod_cz_3*rod_cz_3));
+    const double z_d = x47;
+    const double x55 = ca_plus*z_d;
+    const double x56 = sb_minus*x55;
+    const double rod_dx_1 = x33 + x56;
+    const double x57 = sa_plus*z_d;
+    const double rod_dx_2 = -x57;
+    const double x58 = cb_minus*x55;
+    const double rod_dx_3 = x35 + x58;
+    const double x59 = x19*x38;
+    const double x60 = x21 + x56;
+    const double rod_dy_1 = r*(x59 - x37) + x60;
+    const double rod_dy_2 = -x30 - x57;
+    const double x61 = x19*x37;
+    const double rod_dy_3 = r*(x38 + x61) + x58;
+    const double rod_dz_1 = r*(-x37 - x59) + x60;
+    const double rod_dz_2 = -x27 - x57;
+    const double rod_dz_3 = r*(-x44 - x61) + x58;
+    const double rods_d_length_1 = sqrt((rod_dx_1*rod_dx_1) + (rod_dx_2*rod_dx_2) + (rod_dx_3*rod_dx_3));
+    const double rods_d_length_2 = sqrt((rod_dy_1*rod_dy_1) + (rod_dy_2*rod_dy_2) + (rod_dy_3*rod_dy_3));
+    const double rods_d_length_3 = sqrt((rod_dz_1*rod_dz_1) + (rod_dz_2*rod_dz_2) + (rod_dz_3*rod_dz_3));
+    const int64_t there = (valid) & (~(no_root));
+    const double poses_1_1 = blend_f64(there, alpha_plus, (double)NAN);
+    const double x62 = blend_f64(there, beta_plus, (double)NAN);
+    const double poses_1_2 = x62;
+    const double poses_1_3 = blend_f64(there, z_a, (double)NAN);
+    const double poses_2_1 = blend_f64(there, alpha_minus, (double)NAN);
+    const double x63 = blend_f64(there, beta_minus, (double)NAN);
+    const double poses_2_2 = x63;
+    const double poses_2_3 = blend_f64(there, z_b, (double)NAN);
+    const double poses_3_1 = blend_f64(there, -alpha_minus, (double)NAN);
+    const double poses_3_2 = x62;
+    const double poses_3_3 = blend_f64(there, z_c, (double)NAN);
+    const double poses_4_1 = blend_f64(there, -alpha_plus, (double)NAN);
+    const double poses_4_2 = x63;
+    const double poses_4_3 = blend_f64(there, z_d, (double)NAN);
+    const double legs_1_1 = blend_f64(there, rods_a_length_1, (double)NAN);
+    const double legs_1_2 = blend_f64(there, rods_a_length_2, (double)NAN);
+    const double legs_1_3 = blend_f64(there, rods_a_length_3, (double)NAN);
+    const double legs_2_1 = blend_f64(there, rods_b_length_1, (double)NAN);
+    const double legs_2_2 = blend_f64(there, rods_b_length_2, (double)NAN);
+    const double legs_2_3 = blend_f64(there, rods_b_length_3, (double)NAN);
+    const double legs_3_1 = blend_f64(there, rods_c_length_1, (double)NAN);
+    const double legs_3_2 = blend_f64(there, rods_c_length_2, (double)NAN);
+    const double legs_3_3 = blend_f64(there, rods_c_length_3, (double)NAN);
+    const double legs_4_1 = blend_f64(there, rods_d_length_1, (double)NAN);
+    const double legs_4_2 = blend_f64(there, rods_d_length_2, (double)NAN);
+    const double legs_4_3 = blend_f64(there, rods_d_length_3, (double)NAN);
+    const double status_1 = blend_f64(~(valid), 7.0, blend_f64(no_root, 4.0, blend_f64((free_alpha) | (free_beta), 3.0, blend_f64(double_root, 2.0, blend_f64((mask_f64(rods_a_length_1 > longest)) | (mask_f64(rods_a_length_2 > longest)) | (mask_f64(rods_a_length_3 > longest)) | (mask_f64(rods_a_length_1 < shortest)) | (mask_f64(rods_a_length_2 < shortest)) | (mask_f64(rods_a_length_3 < shortest)), 1.0, 0.0)))));
+    const double status_2 = blend_f64(~(valid), 7.0, blend_f64(no_root, 4.0, blend_f64((free_alpha) | (free_beta), 3.0, blend_f64(double_root, 2.0, blend_f64((mask_f64(rods_b_length_1 > longest)) | (mask_f64(rods_b_length_2 > longest)) | (mask_f64(rods_b_length_3 > longest)) | (mask_f64(rods_b_length_1 < shortest)) | (mask_f64(rods_b_length_2 < shortest)) | (mask_f64(rods_b_length_3 < shortest)), 1.0, 0.0)))));
+    const double status_3 = blend_f64(~(valid), 7.0, blend_f64(no_root, 4.0, blend_f64((free_alpha) | (free_beta), 3.0, blend_f64(double_root, 2.0, blend_f64((mask_f64(rods_c_length_1 > longest)) | (mask_f64(rods_c_length_2 > longest)) | (mask_f64(rods_c_length_3 > longest)) | (mask_f64(rods_c_length_1 < shortest)) | (mask_f64(rods_c_length_2 < shortest)) | (mask_f64(rods_c_length_3 < shortest)), 1.0, 0.0)))));
+    const double status_4 = blend_f64(~(valid), 7.0, blend_f64(no_root, 4.0, blend_f64((free_alpha) | (free_beta), 3.0, blend_f64(double_root, 2.0, blend_f64((mask_f64(rods_d_length_1 > longest)) | (mask_f64(rods_d_length_2 > longest)) | (mask_f64(rods_d_length_3 > longest)) | (mask_f64(rods_d_length_1 < shortest)) | (mask_f64(rods_d_length_2 < shortest)) | (mask_f64(rods_d_length_3 < shortest)), 1.0, 0.0)))));
+    output[0][i] = poses_1_1;
+    output[1][i] = poses_1_2;
+    output[2][i] = poses_1_3;
+    output[3][i] = poses_2_1;
+    output[4][i] = poses_2_2;
+    output[5][i] = poses_2_3;
+    output[6][i] = poses_3_1;
+    output[7][i] = poses_3_2;
+    output[8][i] = poses_3_3;
+    output[9][i] = poses_4_1;
+    output[10][i] = poses_4_2;
+    output[11][i] = poses_4_3;
+    output[12][i] = legs_1_1;
+    output[13][i] = legs_1_2;
+    output[14][i] = legs_1_3;
+    output[15][i] = legs_2_1;
+    output[16][i] = legs_2_2;
+    output[17][i] = legs_2_3;
+    output[18][i] = legs_3_1;
+    output[19][i] = legs_3_2;
+    output[20][i] = legs_3_3;
+    output[21][i] = legs_4_1;
+    output[22][i] = legs_4_2;
+    output[23][i] = legs_4_3;
+    output[24][i] = status_1;
+    output[25][i] = status_2;
+    output[26][i] = status_3;
+    output[27][i] = status_4;
+  }
+}
+
+static inline void tricept_inverse_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  tricept_inverse_f64(input, output);
+}
+
 void LOOP(tricept_tricept_inverse_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
   const ptrdiff_t *core = steps + 11;
@@ -680,46 +900,322 @@ void LOOP(tricept_tricept_inverse_loop_f64)(char **args, const ptrdiff_t *dimens
   ptrdiff_t offsets_10[4];
   for (int k = 0; k < 4; ++k)
     offsets_10[k] = (k / 1) % 4 * core[5];
-  for (ptrdiff_t i = 0; i < total; ++i) {
-    double point[3];
-    for (int k = 0; k < 3; ++k)
-      point[k] = get_f64(args[0] + i * steps[0] + offsets_0[k]);
-    double r[1];
-    for (int k = 0; k < 1; ++k)
-      r[k] = get_f64(args[1] + i * steps[1] + offsets_1[k]);
-    double R[1];
-    for (int k = 0; k < 1; ++k)
-      R[k] = get_f64(args[2] + i * steps[2] + offsets_2[k]);
-    double q_x[1];
-    for (int k = 0; k < 1; ++k)
-      q_x[k] = get_f64(args[3] + i * steps[3] + offsets_3[k]);
-    double q_y[1];
-    for (int k = 0; k < 1; ++k)
-      q_y[k] = get_f64(args[4] + i * steps[4] + offsets_4[k]);
-    double q_z[1];
-    for (int k = 0; k < 1; ++k)
-      q_z[k] = get_f64(args[5] + i * steps[5] + offsets_5[k]);
-    double shortest[1];
-    for (int k = 0; k < 1; ++k)
-      shortest[k] = get_f64(args[6] + i * steps[6] + offsets_6[k]);
-    double longest[1];
-    for (int k = 0; k < 1; ++k)
-      longest[k] = get_f64(args[7] + i * steps[7] + offsets_7[k]);
-    double poses[12];
-    double legs[12];
-    int8_t status[4];
-    tricept_tricept_inverse_f64(point, r[0], R[0], q_x[0], q_y[0], q_z[0], shortest[0], longest[0], poses, legs, status);
-    for (int k = 0; k < 12; ++k)
-      put_f64(args[8] + i * steps[8] + offsets_8[k], poses[k]);
-    for (int k = 0; k < 12; ++k)
-      put_f64(args[9] + i * steps[9] + offsets_9[k], legs[k]);
-    for (int k = 0; k < 4; ++k)
-      args[10][i * steps[10] + offsets_10[k]] = (char)status[k];
+  double input[10][BLOCK], output[28][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
+  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
+  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
+  packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
+  packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
+  packed &= (steps[6] == 0) | (is_packed(offsets_6, 1, steps[6], width) & is_aligned(args[6], width));
+  packed &= (steps[7] == 0) | (is_packed(offsets_7, 1, steps[7], width) & is_aligned(args[7], width));
+  packed &= (is_packed(offsets_8, 12, steps[8], width) & is_aligned(args[8], width));
+  packed &= (is_packed(offsets_9, 12, steps[9], width) & is_aligned(args[9], width));
+  packed &= is_packed(offsets_10, 4, steps[10], 1);
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[8], total * 12 * width);
+    struct writer writer_1;
+    open_writer(&writer_1, args[9], total * 12 * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] == 0)
+        fill_f64(input[3], args[1]);
+      else
+        load_f64(input[3], BLOCK, args[1] + start * width, 1);
+      if (steps[2] == 0)
+        fill_f64(input[4], args[2]);
+      else
+        load_f64(input[4], BLOCK, args[2] + start * width, 1);
+      if (steps[3] == 0)
+        fill_f64(input[5], args[3]);
+      else
+        load_f64(input[5], BLOCK, args[3] + start * width, 1);
+      if (steps[4] == 0)
+        fill_f64(input[6], args[4]);
+      else
+        load_f64(input[6], BLOCK, args[4] + start * width, 1);
+      if (steps[5] == 0)
+        fill_f64(input[7], args[5]);
+      else
+        load_f64(input[7], BLOCK, args[5] + start * width, 1);
+      if (steps[6] == 0)
+        fill_f64(input[8], args[6]);
+      else
+        load_f64(input[8], BLOCK, args[6] + start * width, 1);
+      if (steps[7] == 0)
+        fill_f64(input[9], args[7]);
+      else
+        load_f64(input[9], BLOCK, args[7] + start * width, 1);
+      tricept_inverse_block_f64(input, output);
+      {
+        double rows[12 * BLOCK], scratch[12 * BLOCK];
+        interleave_f64(rows, output[0], BLOCK, 12, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+      {
+        double rows[12 * BLOCK], scratch[12 * BLOCK];
+        interleave_f64(rows, output[12], BLOCK, 12, scratch);
+        write_block(&writer_1, rows, sizeof rows);
+      }
+      for (int i = 0; i < BLOCK; ++i)
+        for (int k = 0; k < 4; ++k)
+          ((int8_t *)args[10])[(start + i) * 4 + k] = (int8_t)(int32_t)output[24 + k][i];
+    }
+    close_writer(&writer_0);
+    close_writer(&writer_1);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    gather_f64(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    gather_f64(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    gather_f64(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+    gather_f64(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+    gather_f64(input[8], BLOCK, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
+    gather_f64(input[9], BLOCK, args[7] + start * steps[7], steps[7], offsets_7, 1, count);
+    tricept_inverse_block_f64(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 12; ++k)
+        put_f64(args[8] + (start + i) * steps[8] + offsets_8[k], output[0 + k][i]);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 12; ++k)
+        put_f64(args[9] + (start + i) * steps[9] + offsets_9[k], output[12 + k][i]);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 4; ++k)
+        args[10][(start + i) * steps[10] + offsets_10[k]] = (char)output[24 + k][i];
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* tricept_inverse: 115 add, 139 mul, 2 div, 16 sqrt, 59 select, 38 compare, 8 abs, 8 atan2 */
+/* tricept_inverse: 109 add, 124 mul, 2 div, 16 sqrt, 55 select, 38 compare, 8 abs, 4 atan2 */
+/* 109 add, 124 mul, 2 div, 16 sqrt, 55 select, 38 compare, 8 abs, 4 atan2 */
+static inline void tricept_inverse_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const float point_1 = input[0][i];
+    const float point_2 = input[1][i];
+    const float point_3 = input[2][i];
+    const float r = input[3][i];
+    const float R = input[4][i];
+    const float q_x = input[5][i];
+    const float q_y = input[6][i];
+    const float q_z = input[7][i];
+    const float shortest = input[8][i];
+    const float longest = input[9][i];
+    const float level_squared = (point_1*point_1) + (point_3*point_3);
+    const float level = sqrtf(level_squared);
+    const float x0 = fabsf(q_x);
+    const float g_squared = (level - x0)*(level + x0);
+    const float x1 = 16.0f*FLT_EPSILON;
+    const float g_band = x1*(level_squared + (q_x*q_x));
+    const float u_squared = (point_2 - q_y)*(point_2 + q_y) + blend_f32(mask_f32(g_squared > 0.0f), g_squared, 0.0f);
+    const float x2 = (point_2*point_2);
+    const float u_band = g_band + x1*((q_y*q_y) + x2);
+    const int32_t no_root = (mask_f32(g_squared < -g_band)) | (mask_f32(u_squared < -u_band));
+    const int32_t double_root = (mask_f32(g_squared <= g_band)) | (mask_f32(u_squared <= u_band));
+    const float g = blend_f32(mask_f32(g_squared > 0.0f), sqrtf(g_squared), 0.0f);
+    const float u = blend_f32(mask_f32(u_squared > 0.0f), sqrtf(u_squared), 0.0f);
+    const float whole = (g*g) + x2;
+    const int32_t free_beta = mask_f32(level_squared == 0.0f);
+    const int32_t free_alpha = mask_f32(whole == 0.0f);
+    const float by_level = blend_f32(free_beta, 1.0f, 1.0f/level_squared);
+    const float by_whole = blend_f32(free_alpha, 1.0f, 1.0f/whole);
+    const int32_t valid = (mask_f32(shortest <= longest)) & (mask_f32(whole <= FLT_MAX)) & (mask_f32(x0 + fabsf(R) + fabsf(point_1) + fabsf(point_2) + fabsf(point_3) + fabsf(q_y) + fabsf(q_z) + fabsf(r) <= FLT_MAX)) & (mask_f32(R > 0.0f)) & (mask_f32(r > 0.0f));
+    const float x3 = g*point_1;
+    const float x4 = point_3*q_x;
+    const float sb_plus = blend_f32(free_beta, 0.0f, by_level*(x3 - x4));
+    const float x5 = g*point_3;
+    const float cb_plus = blend_f32(free_beta, 1.0f, by_level*(point_1*q_x + x5));
+    const float sb_minus = blend_f32(free_beta, 0.0f, by_level*(-x3 - x4));
+    const float cb_minus = blend_f32(free_beta, 1.0f, by_level*(point_1*q_x - x5));
+    const float x6 = g*q_y;
+    const float sa_plus = blend_f32(free_alpha, 0.0f, by_whole*(point_2*u - x6));
+    const float x7 = g*u;
+    const float ca_plus = blend_f32(free_alpha, 1.0f, by_whole*(point_2*q_y + x7));
+    const float sa_minus = blend_f32(free_alpha, 0.0f, by_whole*(point_2*u + x6));
+    const float ca_minus = blend_f32(free_alpha, 1.0f, by_whole*(point_2*q_y - x7));
+    const float beta_plus = vector_atan2_f32(sb_plus, cb_plus);
+    const float beta_minus = vector_atan2_f32(sb_minus, cb_minus);
+    const float alpha_plus = vector_atan2_f32(sa_plus, ca_plus);
+    const float alpha_minus = vector_atan2_f32(sa_minus, ca_minus);
+    const float x8 = u - q_z;
+    const float z_a = x8;
+    const float x9 = ca_plus*z_a;
+    const float x10 = sb_plus*x9;
+    const float x12 = cb_plus*r - R;
+    const float rod_ax_1 = x10 + x12;
+    const float x13 = sa_plus*z_a;
+    const float rod_ax_2 = x13;
+    const float x14 = -r*sb_plus;
+    const float x15 = cb_plus*x9;
+    const float rod_ax_3 = x14 + x15;
+    const float x16 = 0.5f*cb_plus;
+    const float x17 = 0.5f*sb_plus;
+    const float x18 = sqrtf(3.0f);
+    const float x19 = sa_plus*x18;
+    const float x20 = x17*x19;
+    const float x21 = 0.5f*R;
+    const float x22 = x10 + x21;
+    const float rod_ay_1 = r*(-x16 - x20) + x22;
+    const float x23 = x18*x21;
+    const float x25 = 0.5f*r*x18;
+    const float x26 = ca_plus*x25;
+    const float x27 = x26 - x23;
+    const float rod_ay_2 = x13 + x27;
+    const float x28 = -0.5f*sb_plus;
+    const float x29 = x16*x19;
+    const float rod_ay_3 = r*(-x28 - x29) + x15;
+    const float rod_az_1 = r*(x20 - x16) + x22;
+    const float x30 = x23 - x26;
+    const float rod_az_2 = x13 + x30;
+    const float rod_az_3 = r*(x17 + x29) + x15;
+    const float rods_a_length_1 = sqrtf((rod_ax_1*rod_ax_1) + (rod_ax_2*rod_ax_2) + (rod_ax_3*rod_ax_3));
+    const float rods_a_length_2 = sqrtf((rod_ay_1*rod_ay_1) + (rod_ay_2*rod_ay_2) + (rod_ay_3*rod_ay_3));
+    const float rods_a_length_3 = sqrtf((rod_az_1*rod_az_1) + (rod_az_2*rod_az_2) + (rod_az_3*rod_az_3));
+    const float z_b = x8;
+    const float x31 = ca_minus*z_b;
+    const float x32 = sb_minus*x31;
+    const float x33 = cb_minus*r - R;
+    const float rod_bx_1 = x32 + x33;
+    const float x34 = sa_minus*z_b;
+    const float rod_bx_2 = x34;
+    const float x35 = -r*sb_minus;
+    const float x36 = cb_minus*x31;
+    const float rod_bx_3 = x35 + x36;
+    const float x37 = 0.5f*cb_minus;
+    const float x38 = 0.5f*sb_minus;
+    const float x39 = sa_minus*x18;
+    const float x40 = x38*x39;
+    const float x41 = x21 + x32;
+    const float rod_by_1 = r*(-x37 - x40) + x41;
+    const float x42 = ca_minus*x25;
+    const float x43 = x42 - x23;
+    const float rod_by_2 = x34 + x43;
+    const float x44 = -0.5f*sb_minus;
+    const float x45 = x37*x39;
+    const float rod_by_3 = r*(-x44 - x45) + x36;
+    const float rod_bz_1 = r*(x40 - x37) + x41;
+    const float x46 = x23 - x42;
+    const float rod_bz_2 = x34 + x46;
+    const float rod_bz_3 = r*(x38 + x45) + x36;
+    const float rods_b_length_1 = sqrtf((rod_bx_1*rod_bx_1) + (rod_bx_2*rod_bx_2) + (rod_bx_3*rod_bx_3));
+    const float rods_b_length_2 = sqrtf((rod_by_1*rod_by_1) + (rod_by_2*rod_by_2) + (rod_by_3*rod_by_3));
+    const float rods_b_length_3 = sqrtf((rod_bz_1*rod_bz_1) + (rod_bz_2*rod_bz_2) + (rod_bz_3*rod_bz_3));
+    const float x47 = -q_z - u;
+    const float z_c = x47;
+    const float x48 = ca_minus*z_c;
+    const float x49 = sb_plus*x48;
+    const float rod_cx_1 = x12 + x49;
+    const float x50 = sa_minus*z_c;
+    const float rod_cx_2 = -x50;
+    const float x51 = cb_plus*x48;
+    const float rod_cx_3 = x14 + x51;
+    const float x52 = x17*x39;
+    const float x53 = x21 + x49;
+    const float rod_cy_1 = r*(x52 - x16) + x53;
+    const float rod_cy_2 = -x46 - x50;
+    const float x54 = x16*x39;
+    const float rod_cy_3 = r*(x17 + x54) + x51;
+    const float rod_cz_1 = r*(-x16 - x52) + x53;
+    const float rod_cz_2 = -x43 - x50;
+    const float rod_cz_3 = r*(-x28 - x54) + x51;
+    const float rods_c_length_1 = sqrtf((rod_cx_1*rod_cx_1) + (rod_cx_2*rod_cx_2) + (rod_cx_3*rod_cx_3));
+    const float rods_c_length_2 = sqrtf((rod_cy_1*rod_cy_1) + (rod_cy_2*rod_cy_2) + (rod_cy_3*rod_cy_3));
+    const float rods_c_length_3 = sqrtf((rod_cz_1*rod_cz_1) + (rod_cz_2*rod_cz_2) + (rod_cz_3*rod_cz_3));
+    const float z_d = x47;
+    const float x55 = ca_plus*z_d;
+    const float x56 = sb_minus*x55;
+    const float rod_dx_1 = x33 + x56;
+    const float x57 = sa_plus*z_d;
+    const float rod_dx_2 = -x57;
+    const float x58 = cb_minus*x55;
+    const float rod_dx_3 = x35 + x58;
+    const float x59 = x19*x38;
+    const float x60 = x21 + x56;
+    const float rod_dy_1 = r*(x59 - x37) + x60;
+    const float rod_dy_2 = -x30 - x57;
+    const float x61 = x19*x37;
+    const float rod_dy_3 = r*(x38 + x61) + x58;
+    const float rod_dz_1 = r*(-x37 - x59) + x60;
+    const float rod_dz_2 = -x27 - x57;
+    const float rod_dz_3 = r*(-x44 - x61) + x58;
+    const float rods_d_length_1 = sqrtf((rod_dx_1*rod_dx_1) + (rod_dx_2*rod_dx_2) + (rod_dx_3*rod_dx_3));
+    const float rods_d_length_2 = sqrtf((rod_dy_1*rod_dy_1) + (rod_dy_2*rod_dy_2) + (rod_dy_3*rod_dy_3));
+    const float rods_d_length_3 = sqrtf((rod_dz_1*rod_dz_1) + (rod_dz_2*rod_dz_2) + (rod_dz_3*rod_dz_3));
+    const int32_t there = (valid) & (~(no_root));
+    const float poses_1_1 = blend_f32(there, alpha_plus, (float)NAN);
+    const float x62 = blend_f32(there, beta_plus, (float)NAN);
+    const float poses_1_2 = x62;
+    const float poses_1_3 = blend_f32(there, z_a, (float)NAN);
+    const float poses_2_1 = blend_f32(there, alpha_minus, (float)NAN);
+    const float x63 = blend_f32(there, beta_minus, (float)NAN);
+    const float poses_2_2 = x63;
+    const float poses_2_3 = blend_f32(there, z_b, (float)NAN);
+    const float poses_3_1 = blend_f32(there, -alpha_minus, (float)NAN);
+    const float poses_3_2 = x62;
+    const float poses_3_3 = blend_f32(there, z_c, (float)NAN);
+    const float poses_4_1 = blend_f32(there, -alpha_plus, (float)NAN);
+    const float poses_4_2 = x63;
+    const float poses_4_3 = blend_f32(there, z_d, (float)NAN);
+    const float legs_1_1 = blend_f32(there, rods_a_length_1, (float)NAN);
+    const float legs_1_2 = blend_f32(there, rods_a_length_2, (float)NAN);
+    const float legs_1_3 = blend_f32(there, rods_a_length_3, (float)NAN);
+    const float legs_2_1 = blend_f32(there, rods_b_length_1, (float)NAN);
+    const float legs_2_2 = blend_f32(there, rods_b_length_2, (float)NAN);
+    const float legs_2_3 = blend_f32(there, rods_b_length_3, (float)NAN);
+    const float legs_3_1 = blend_f32(there, rods_c_length_1, (float)NAN);
+    const float legs_3_2 = blend_f32(there, rods_c_length_2, (float)NAN);
+    const float legs_3_3 = blend_f32(there, rods_c_length_3, (float)NAN);
+    const float legs_4_1 = blend_f32(there, rods_d_length_1, (float)NAN);
+    const float legs_4_2 = blend_f32(there, rods_d_length_2, (float)NAN);
+    const float legs_4_3 = blend_f32(there, rods_d_length_3, (float)NAN);
+    const float status_1 = blend_f32(~(valid), 7.0f, blend_f32(no_root, 4.0f, blend_f32((free_alpha) | (free_beta), 3.0f, blend_f32(double_root, 2.0f, blend_f32((mask_f32(rods_a_length_1 > longest)) | (mask_f32(rods_a_length_2 > longest)) | (mask_f32(rods_a_length_3 > longest)) | (mask_f32(rods_a_length_1 < shortest)) | (mask_f32(rods_a_length_2 < shortest)) | (mask_f32(rods_a_length_3 < shortest)), 1.0f, 0.0f)))));
+    const float status_2 = blend_f32(~(valid), 7.0f, blend_f32(no_root, 4.0f, blend_f32((free_alpha) | (free_beta), 3.0f, blend_f32(double_root, 2.0f, blend_f32((mask_f32(rods_b_length_1 > longest)) | (mask_f32(rods_b_length_2 > longest)) | (mask_f32(rods_b_length_3 > longest)) | (mask_f32(rods_b_length_1 < shortest)) | (mask_f32(rods_b_length_2 < shortest)) | (mask_f32(rods_b_length_3 < shortest)), 1.0f, 0.0f)))));
+    const float status_3 = blend_f32(~(valid), 7.0f, blend_f32(no_root, 4.0f, blend_f32((free_alpha) | (free_beta), 3.0f, blend_f32(double_root, 2.0f, blend_f32((mask_f32(rods_c_length_1 > longest)) | (mask_f32(rods_c_length_2 > longest)) | (mask_f32(rods_c_length_3 > longest)) | (mask_f32(rods_c_length_1 < shortest)) | (mask_f32(rods_c_length_2 < shortest)) | (mask_f32(rods_c_length_3 < shortest)), 1.0f, 0.0f)))));
+    const float status_4 = blend_f32(~(valid), 7.0f, blend_f32(no_root, 4.0f, blend_f32((free_alpha) | (free_beta), 3.0f, blend_f32(double_root, 2.0f, blend_f32((mask_f32(rods_d_length_1 > longest)) | (mask_f32(rods_d_length_2 > longest)) | (mask_f32(rods_d_length_3 > longest)) | (mask_f32(rods_d_length_1 < shortest)) | (mask_f32(rods_d_length_2 < shortest)) | (mask_f32(rods_d_length_3 < shortest)), 1.0f, 0.0f)))));
+    output[0][i] = poses_1_1;
+    output[1][i] = poses_1_2;
+    output[2][i] = poses_1_3;
+    output[3][i] = poses_2_1;
+    output[4][i] = poses_2_2;
+    output[5][i] = poses_2_3;
+    output[6][i] = poses_3_1;
+    output[7][i] = poses_3_2;
+    output[8][i] = poses_3_3;
+    output[9][i] = poses_4_1;
+    output[10][i] = poses_4_2;
+    output[11][i] = poses_4_3;
+    output[12][i] = legs_1_1;
+    output[13][i] = legs_1_2;
+    output[14][i] = legs_1_3;
+    output[15][i] = legs_2_1;
+    output[16][i] = legs_2_2;
+    output[17][i] = legs_2_3;
+    output[18][i] = legs_3_1;
+    output[19][i] = legs_3_2;
+    output[20][i] = legs_3_3;
+    output[21][i] = legs_4_1;
+    output[22][i] = legs_4_2;
+    output[23][i] = legs_4_3;
+    output[24][i] = status_1;
+    output[25][i] = status_2;
+    output[26][i] = status_3;
+    output[27][i] = status_4;
+  }
+}
+
+static inline void tricept_inverse_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  tricept_inverse_f32(input, output);
+}
+
 void LOOP(tricept_tricept_inverse_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
   const ptrdiff_t *core = steps + 11;
@@ -757,46 +1253,458 @@ void LOOP(tricept_tricept_inverse_loop_f32)(char **args, const ptrdiff_t *dimens
   ptrdiff_t offsets_10[4];
   for (int k = 0; k < 4; ++k)
     offsets_10[k] = (k / 1) % 4 * core[5];
-  for (ptrdiff_t i = 0; i < total; ++i) {
-    float point[3];
-    for (int k = 0; k < 3; ++k)
-      point[k] = get_f32(args[0] + i * steps[0] + offsets_0[k]);
-    float r[1];
-    for (int k = 0; k < 1; ++k)
-      r[k] = get_f32(args[1] + i * steps[1] + offsets_1[k]);
-    float R[1];
-    for (int k = 0; k < 1; ++k)
-      R[k] = get_f32(args[2] + i * steps[2] + offsets_2[k]);
-    float q_x[1];
-    for (int k = 0; k < 1; ++k)
-      q_x[k] = get_f32(args[3] + i * steps[3] + offsets_3[k]);
-    float q_y[1];
-    for (int k = 0; k < 1; ++k)
-      q_y[k] = get_f32(args[4] + i * steps[4] + offsets_4[k]);
-    float q_z[1];
-    for (int k = 0; k < 1; ++k)
-      q_z[k] = get_f32(args[5] + i * steps[5] + offsets_5[k]);
-    float shortest[1];
-    for (int k = 0; k < 1; ++k)
-      shortest[k] = get_f32(args[6] + i * steps[6] + offsets_6[k]);
-    float longest[1];
-    for (int k = 0; k < 1; ++k)
-      longest[k] = get_f32(args[7] + i * steps[7] + offsets_7[k]);
-    float poses[12];
-    float legs[12];
-    int8_t status[4];
-    tricept_tricept_inverse_f32(point, r[0], R[0], q_x[0], q_y[0], q_z[0], shortest[0], longest[0], poses, legs, status);
-    for (int k = 0; k < 12; ++k)
-      put_f32(args[8] + i * steps[8] + offsets_8[k], poses[k]);
-    for (int k = 0; k < 12; ++k)
-      put_f32(args[9] + i * steps[9] + offsets_9[k], legs[k]);
-    for (int k = 0; k < 4; ++k)
-      args[10][i * steps[10] + offsets_10[k]] = (char)status[k];
+  float input[10][BLOCK], output[28][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
+  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
+  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
+  packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
+  packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
+  packed &= (steps[6] == 0) | (is_packed(offsets_6, 1, steps[6], width) & is_aligned(args[6], width));
+  packed &= (steps[7] == 0) | (is_packed(offsets_7, 1, steps[7], width) & is_aligned(args[7], width));
+  packed &= (is_packed(offsets_8, 12, steps[8], width) & is_aligned(args[8], width));
+  packed &= (is_packed(offsets_9, 12, steps[9], width) & is_aligned(args[9], width));
+  packed &= is_packed(offsets_10, 4, steps[10], 1);
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[8], total * 12 * width);
+    struct writer writer_1;
+    open_writer(&writer_1, args[9], total * 12 * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] == 0)
+        fill_f32(input[3], args[1]);
+      else
+        load_f32(input[3], BLOCK, args[1] + start * width, 1);
+      if (steps[2] == 0)
+        fill_f32(input[4], args[2]);
+      else
+        load_f32(input[4], BLOCK, args[2] + start * width, 1);
+      if (steps[3] == 0)
+        fill_f32(input[5], args[3]);
+      else
+        load_f32(input[5], BLOCK, args[3] + start * width, 1);
+      if (steps[4] == 0)
+        fill_f32(input[6], args[4]);
+      else
+        load_f32(input[6], BLOCK, args[4] + start * width, 1);
+      if (steps[5] == 0)
+        fill_f32(input[7], args[5]);
+      else
+        load_f32(input[7], BLOCK, args[5] + start * width, 1);
+      if (steps[6] == 0)
+        fill_f32(input[8], args[6]);
+      else
+        load_f32(input[8], BLOCK, args[6] + start * width, 1);
+      if (steps[7] == 0)
+        fill_f32(input[9], args[7]);
+      else
+        load_f32(input[9], BLOCK, args[7] + start * width, 1);
+      tricept_inverse_block_f32(input, output);
+      {
+        float rows[12 * BLOCK], scratch[12 * BLOCK];
+        interleave_f32(rows, output[0], BLOCK, 12, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+      {
+        float rows[12 * BLOCK], scratch[12 * BLOCK];
+        interleave_f32(rows, output[12], BLOCK, 12, scratch);
+        write_block(&writer_1, rows, sizeof rows);
+      }
+      for (int i = 0; i < BLOCK; ++i)
+        for (int k = 0; k < 4; ++k)
+          ((int8_t *)args[10])[(start + i) * 4 + k] = (int8_t)(int32_t)output[24 + k][i];
+    }
+    close_writer(&writer_0);
+    close_writer(&writer_1);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    gather_f32(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    gather_f32(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    gather_f32(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+    gather_f32(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+    gather_f32(input[8], BLOCK, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
+    gather_f32(input[9], BLOCK, args[7] + start * steps[7], steps[7], offsets_7, 1, count);
+    tricept_inverse_block_f32(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 12; ++k)
+        put_f32(args[8] + (start + i) * steps[8] + offsets_8[k], output[0 + k][i]);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 12; ++k)
+        put_f32(args[9] + (start + i) * steps[9] + offsets_9[k], output[12 + k][i]);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 4; ++k)
+        args[10][(start + i) * steps[10] + offsets_10[k]] = (char)output[24 + k][i];
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* tricept_direct: 237 add, 491 mul, 19 div, 6 sqrt, 48 select, 56 compare, 24 abs, 2 atan2 */
+/* 237 add, 491 mul, 19 div, 6 sqrt, 48 select, 56 compare, 24 abs, 2 atan2 */
+static inline void tricept_direct_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const double legs_1 = input[0][i];
+    const double legs_2 = input[1][i];
+    const double legs_3 = input[2][i];
+    const double r = input[3][i];
+    const double R = input[4][i];
+    const double square_a = (legs_1*legs_1);
+    const double square_b = (legs_2*legs_2);
+    const double square_c = (legs_3*legs_3);
+    const double third_of_sum = square_a/3.0 + square_b/3.0 + square_c/3.0;
+    const double x0 = (r*r);
+    const double c1 = (R*R) + x0 - third_of_sum;
+    const double c2 = sqrt(3.0)*(legs_2 - legs_3)*(legs_2 + legs_3)/3.0;
+    const double c3 = (legs_1 - legs_2)*(legs_1 + legs_2)/3.0 + (legs_1 - legs_3)*(legs_1 + legs_3)/3.0;
+    const double x3 = R*r;
+    const double start_squared = 2.0*x3 - c1;
+    const double x4 = fabs(r);
+    const double x5 = 0.25*x4;
+    const double x86 = 0.0625*x0;
+    const double start_height = blend_f64(mask_f64(start_squared > x86), sqrt(start_squared), x5);
+    const double x6 = 0.5/(R*start_height);
+    const double first_sa = -c2*x6;
+    const double start_sa = blend_f64(mask_f64(fabs(first_sa) <= 0.875), first_sa, blend_f64(mask_f64(first_sa > 0.0), 0.875, -0.875));
+    const double start_ca = sqrt(1.0 - (start_sa*start_sa));
+    const double first_sb = -c3*x6;
+    const double start_sb = blend_f64(mask_f64(fabs(first_sb) <= 0.875), first_sb, blend_f64(mask_f64(first_sb > 0.0), 0.875, -0.875));
+    const double start_cb = sqrt(1.0 - (start_sb*start_sb));
+    const double x7 = x3*(start_ca + start_cb);
+    const double tilted_squared = x7 - c1;
+    const double start_z = blend_f64(mask_f64(tilted_squared > x86), sqrt(tilted_squared), x5);
+    const double L1_1 = c1 + (start_z*start_z) - x7;
+    const double x8 = 2.0*start_z;
+    const double x9 = r*start_sb;
+    const double x10 = R*(x8 + x9);
+    const double L1_2 = c2 + start_sa*x10;
+    const double x11 = start_sb*x8;
+    const double L1_3 = R*(r*(start_cb - start_ca) + start_ca*x11) + c3;
+    const double x12 = start_sa*x3;
+    const double W1_1_1 = x12;
+    const double W1_1_2 = R*x9;
+    const double W1_1_3 = x8;
+    const double W1_2_1 = start_ca*x10;
+    const double W1_2_2 = start_cb*x12;
+    const double x13 = R*start_sa;
+    const double W1_2_3 = 2.0*x13;
+    const double W1_3_1 = x13*(r - x11);
+    const double W1_3_2 = R*(2.0*start_ca*start_cb*start_z - x9);
+    const double x14 = 2.0*start_ca;
+    const double W1_3_3 = R*start_sb*x14;
+    const double adjugate1_1_1 = W1_2_2*W1_3_3 - W1_2_3*W1_3_2;
+    const double adjugate1_1_2 = W1_1_3*W1_3_2 - W1_1_2*W1_3_3;
+    const double adjugate1_1_3 = W1_1_2*W1_2_3 - W1_1_3*W1_2_2;
+    const double adjugate1_2_1 = W1_2_3*W1_3_1 - W1_2_1*W1_3_3;
+    const double adjugate1_2_2 = W1_1_1*W1_3_3 - W1_1_3*W1_3_1;
+    const double adjugate1_2_3 = W1_1_3*W1_2_1 - W1_1_1*W1_2_3;
+    const double adjugate1_3_1 = W1_2_1*W1_3_2 - W1_2_2*W1_3_1;
+    const double adjugate1_3_2 = W1_1_2*W1_3_1 - W1_1_1*W1_3_2;
+    const double adjugate1_3_3 = W1_1_1*W1_2_2 - W1_1_2*W1_2_1;
+    const double determinant1 = W1_1_1*adjugate1_1_1 + W1_1_2*adjugate1_2_1 + W1_1_3*adjugate1_3_1;
+    const double inverse1 = blend_f64(mask_f64(determinant1 == 0.0), 1.0, 1.0/determinant1);
+    const double move1_1 = inverse1*(-L1_1*adjugate1_1_1 - L1_2*adjugate1_1_2 - L1_3*adjugate1_1_3);
+    const double move1_2 = inverse1*(-L1_1*adjugate1_2_1 - L1_2*adjugate1_2_2 - L1_3*adjugate1_2_3);
+    const double move1_3 = inverse1*(-L1_1*adjugate1_3_1 - L1_2*adjugate1_3_2 - L1_3*adjugate1_3_3);
+    const double half_a1 = blend_f64(mask_f64(fabs(move1_1) <= 1.0), 0.5*move1_1, 0.5*blend_f64(mask_f64(move1_1 > 0.0), 1.0, -1.0));
+    const double half_b1 = blend_f64(mask_f64(fabs(move1_2) <= 1.0), 0.5*move1_2, 0.5*blend_f64(mask_f64(move1_2 > 0.0), 1.0, -1.0));
+    const double x15 = -0.5*start_z;
+    const double down1 = blend_f64(mask_f64(move1_3 > x15), move1_3, x15);
+    const double x16 = (half_a1*half_a1);
+    const double by_a1 = 1.0/(x16 + 1.0);
+    const double turn_a1 = by_a1*(1.0 - x16);
+    const double x17 = by_a1*half_a1;
+    const double sa1 = start_sa*turn_a1 + x14*x17;
+    const double ca1 = start_ca*turn_a1 - 2.0*start_sa*x17;
+    const double x18 = (half_b1*half_b1);
+    const double by_b1 = 1.0/(x18 + 1.0);
+    const double turn_b1 = by_b1*(1.0 - x18);
+    const double x19 = 2.0*by_b1*half_b1;
+    const double sb1 = start_cb*x19 + start_sb*turn_b1;
+    const double cb1 = start_cb*turn_b1 - start_sb*x19;
+    const double z1 = down1 + start_z;
+    const double L2_1 = c1 + (z1*z1) - x3*(ca1 + cb1);
+    const double x20 = 2.0*z1;
+    const double x21 = r*sb1;
+    const double x22 = R*(x20 + x21);
+    const double L2_2 = c2 + sa1*x22;
+    const double x23 = sb1*x20;
+    const double L2_3 = R*(ca1*x23 + r*(cb1 - ca1)) + c3;
+    const double x24 = sa1*x3;
+    const double W2_1_1 = x24;
+    const double W2_1_2 = R*x21;
+    const double W2_1_3 = x20;
+    const double W2_2_1 = ca1*x22;
+    const double W2_2_2 = cb1*x24;
+    const double x25 = R*sa1;
+    const double W2_2_3 = 2.0*x25;
+    const double W2_3_1 = x25*(r - x23);
+    const double W2_3_2 = R*(ca1*cb1*x20 - x21);
+    const double x26 = 2.0*ca1;
+    const double W2_3_3 = R*sb1*x26;
+    const double adjugate2_1_1 = W2_2_2*W2_3_3 - W2_2_3*W2_3_2;
+    const double adjugate2_1_2 = W2_1_3*W2_3_2 - W2_1_2*W2_3_3;
+    const double adjugate2_1_3 = W2_1_2*W2_2_3 - W2_1_3*W2_2_2;
+    const double adjugate2_2_1 = W2_2_3*W2_3_1 - W2_2_1*W2_3_3;
+    const double adjugate2_2_2 = W2_1_1*W2_3_3 - W2_1_3*W2_3_1;
+    const double adjugate2_2_3 = W2_1_3*W2_2_1 - W2_1_1*W2_2_3;
+    const double adjugate2_3_1 = W2_2_1*W2_3_2 - W2_2_2*W2_3_1;
+    const double adjugate2_3_2 = W2_1_2*W2_3_1 - W2_1_1*W2_3_2;
+    const double adjugate2_3_3 = W2_1_1*W2_2_2 - W2_1_2*W2_2_1;
+    const double determinant2 = W2_1_1*adjugate2_1_1 + W2_1_2*adjugate2_2_1 + W2_1_3*adjugate2_3_1;
+    const double inverse2 = blend_f64(mask_f64(determinant2 == 0.0), 1.0, 1.0/determinant2);
+    const double move2_1 = inverse2*(-L2_1*adjugate2_1_1 - L2_2*adjugate2_1_2 - L2_3*adjugate2_1_3);
+    const double move2_2 = inverse2*(-L2_1*adjugate2_2_1 - L2_2*adjugate2_2_2 - L2_3*adjugate2_2_3);
+    const double move2_3 = inverse2*(-L2_1*adjugate2_3_1 - L2_2*adjugate2_3_2 - L2_3*adjugate2_3_3);
+    const double half_a2 = blend_f64(mask_f64(fabs(move2_1) <= 1.0), 0.5*move2_1, 0.5*blend_f64(mask_f64(move2_1 > 0.0), 1.0, -1.0));
+    const double half_b2 = blend_f64(mask_f64(fabs(move2_2) <= 1.0), 0.5*move2_2, 0.5*blend_f64(mask_f64(move2_2 > 0.0), 1.0, -1.0));
+    const double x27 = -0.5*z1;
+    const double down2 = blend_f64(mask_f64(move2_3 > x27), move2_3, x27);
+    const double x28 = (half_a2*half_a2);
+    const double by_a2 = 1.0/(x28 + 1.0);
+    const double turn_a2 = by_a2*(1.0 - x28);
+    const double x29 = by_a2*half_a2;
+    const double sa2 = sa1*turn_a2 + x26*x29;
+    const double ca2 = ca1*turn_a2 - 2.0*sa1*x29;
+    const double x30 = (half_b2*half_b2);
+    const double by_b2 = 1.0/(x30 + 1.0);
+    const double turn_b2 = by_b2*(1.0 - x30);
+    const double x31 = 2.0*by_b2*half_b2;
+    const double sb2 = cb1*x31 + sb1*turn_b2;
+    const double cb2 = cb1*turn_b2 - sb1*x31;
+    const double z2 = down2 + z1;
+    const double L3_1 = c1 + (z2*z2) - x3*(ca2 + cb2);
+    const double x32 = 2.0*z2;
+    const double x33 = r*sb2;
+    const double x34 = R*(x32 + x33);
+    const double L3_2 = c2 + sa2*x34;
+    const double x35 = sb2*x32;
+    const double L3_3 = R*(ca2*x35 + r*(cb2 - ca2)) + c3;
+    const double x36 = sa2*x3;
+    const double W3_1_1 = x36;
+    const double W3_1_2 = R*x33;
+    const double W3_1_3 = x32;
+    const double W3_2_1 = ca2*x34;
+    const double W3_2_2 = cb2*x36;
+    const double x37 = R*sa2;
+    const double W3_2_3 = 2.0*x37;
+    const double W3_3_1 = x37*(r - x35);
+    const double W3_3_2 = R*(ca2*cb2*x32 - x33);
+    const double x38 = 2.0*ca2;
+    const double W3_3_3 = R*sb2*x38;
+    const double adjugate3_1_1 = W3_2_2*W3_3_3 - W3_2_3*W3_3_2;
+    const double adjugate3_1_2 = W3_1_3*W3_3_2 - W3_1_2*W3_3_3;
+    const double adjugate3_1_3 = W3_1_2*W3_2_3 - W3_1_3*W3_2_2;
+    const double adjugate3_2_1 = W3_2_3*W3_3_1 - W3_2_1*W3_3_3;
+    const double adjugate3_2_2 = W3_1_1*W3_3_3 - W3_1_3*W3_3_1;
+    const double adjugate3_2_3 = W3_1_3*W3_2_1 - W3_1_1*W3_2_3;
+    const double adjugate3_3_1 = W3_2_1*W3_3_2 - W3_2_2*W3_3_1;
+    const double adjugate3_3_2 = W3_1_2*W3_3_1 - W3_1_1*W3_3_2;
+    const double adjugate3_3_3 = W3_1_1*W3_2_2 - W3_1_2*W3_2_1;
+    const double determinant3 = W3_1_1*adjugate3_1_1 + W3_1_2*adjugate3_2_1 + W3_1_3*adjugate3_3_1;
+    const double inverse3 = blend_f64(mask_f64(determinant3 == 0.0), 1.0, 1.0/determinant3);
+    const double move3_1 = inverse3*(-L3_1*adjugate3_1_1 - L3_2*adjugate3_1_2 - L3_3*adjugate3_1_3);
+    const double move3_2 = inverse3*(-L3_1*adjugate3_2_1 - L3_2*adjugate3_2_2 - L3_3*adjugate3_2_3);
+    const double move3_3 = inverse3*(-L3_1*adjugate3_3_1 - L3_2*adjugate3_3_2 - L3_3*adjugate3_3_3);
+    const double half_a3 = blend_f64(mask_f64(fabs(move3_1) <= 1.0), 0.5*move3_1, 0.5*blend_f64(mask_f64(move3_1 > 0.0), 1.0, -1.0));
+    const double half_b3 = blend_f64(mask_f64(fabs(move3_2) <= 1.0), 0.5*move3_2, 0.5*blend_f64(mask_f64(move3_2 > 0.0), 1.0, -1.0));
+    const double x39 = -0.5*z2;
+    const double down3 = blend_f64(mask_f64(move3_3 > x39), move3_3, x39);
+    const double x40 = (half_a3*half_a3);
+    const double by_a3 = 1.0/(x40 + 1.0);
+    const double turn_a3 = by_a3*(1.0 - x40);
+    const double x41 = by_a3*half_a3;
+    const double sa3 = sa2*turn_a3 + x38*x41;
+    const double ca3 = ca2*turn_a3 - 2.0*sa2*x41;
+    const double x42 = (half_b3*half_b3);
+    const double by_b3 = 1.0/(x42 + 1.0);
+    const double turn_b3 = by_b3*(1.0 - x42);
+    const double x43 = 2.0*by_b3*half_b3;
+    const double sb3 = cb2*x43 + sb2*turn_b3;
+    const double cb3 = cb2*turn_b3 - sb2*x43;
+    const double z3 = down3 + z2;
+    const double L4_1 = c1 + (z3*z3) - x3*(ca3 + cb3);
+    const double x44 = 2.0*z3;
+    const double x45 = r*sb3;
+    const double x46 = R*(x44 + x45);
+    const double L4_2 = c2 + sa3*x46;
+    const double x47 = sb3*x44;
+    const double L4_3 = R*(ca3*x47 + r*(cb3 - ca3)) + c3;
+    const double x48 = sa3*x3;
+    const double W4_1_1 = x48;
+    const double W4_1_2 = R*x45;
+    const double W4_1_3 = x44;
+    const double W4_2_1 = ca3*x46;
+    const double W4_2_2 = cb3*x48;
+    const double x49 = R*sa3;
+    const double W4_2_3 = 2.0*x49;
+    const double W4_3_1 = x49*(r - x47);
+    const double W4_3_2 = R*(ca3*cb3*x44 - x45);
+    const double x50 = 2.0*ca3;
+    const double W4_3_3 = R*sb3*x50;
+    const double adjugate4_1_1 = W4_2_2*W4_3_3 - W4_2_3*W4_3_2;
+    const double adjugate4_1_2 = W4_1_3*W4_3_2 - W4_1_2*W4_3_3;
+    const double adjugate4_1_3 = W4_1_2*W4_2_3 - W4_1_3*W4_2_2;
+    const double adjugate4_2_1 = W4_2_3*W4_3_1 - W4_2_1*W4_3_3;
+    const double adjugate4_2_2 = W4_1_1*W4_3_3 - W4_1_3*W4_3_1;
+    const double adjugate4_2_3 = W4_1_3*W4_2_1 - W4_1_1*W4_2_3;
+    const double adjugate4_3_1 = W4_2_1*W4_3_2 - W4_2_2*W4_3_1;
+    const double adjugate4_3_2 = W4_1_2*W4_3_1 - W4_1_1*W4_3_2;
+    const double adjugate4_3_3 = W4_1_1*W4_2_2 - W4_1_2*W4_2_1;
+    const double determinant4 = W4_1_1*adjugate4_1_1 + W4_1_2*adjugate4_2_1 + W4_1_3*adjugate4_3_1;
+    const double inverse4 = blend_f64(mask_f64(determinant4 == 0.0), 1.0, 1.0/determinant4);
+    const double move4_1 = inverse4*(-L4_1*adjugate4_1_1 - L4_2*adjugate4_1_2 - L4_3*adjugate4_1_3);
+    const double move4_2 = inverse4*(-L4_1*adjugate4_2_1 - L4_2*adjugate4_2_2 - L4_3*adjugate4_2_3);
+    const double move4_3 = inverse4*(-L4_1*adjugate4_3_1 - L4_2*adjugate4_3_2 - L4_3*adjugate4_3_3);
+    const double half_a4 = blend_f64(mask_f64(fabs(move4_1) <= 1.0), 0.5*move4_1, 0.5*blend_f64(mask_f64(move4_1 > 0.0), 1.0, -1.0));
+    const double half_b4 = blend_f64(mask_f64(fabs(move4_2) <= 1.0), 0.5*move4_2, 0.5*blend_f64(mask_f64(move4_2 > 0.0), 1.0, -1.0));
+    const double x51 = -0.5*z3;
+    const double down4 = blend_f64(mask_f64(move4_3 > x51), move4_3, x51);
+    const double x52 = (half_a4*half_a4);
+    const double by_a4 = 1.0/(x52 + 1.0);
+    const double turn_a4 = by_a4*(1.0 - x52);
+    const double x53 = by_a4*half_a4;
+    const double sa4 = sa3*turn_a4 + x50*x53;
+    const double ca4 = ca3*turn_a4 - 2.0*sa3*x53;
+    const double x54 = (half_b4*half_b4);
+    const double by_b4 = 1.0/(x54 + 1.0);
+    const double turn_b4 = by_b4*(1.0 - x54);
+    const double x55 = 2.0*by_b4*half_b4;
+    const double sb4 = cb3*x55 + sb3*turn_b4;
+    const double cb4 = cb3*turn_b4 - sb3*x55;
+    const double z4 = down4 + z3;
+    const double L5_1 = c1 + (z4*z4) - x3*(ca4 + cb4);
+    const double x56 = 2.0*z4;
+    const double x57 = r*sb4;
+    const double x58 = R*(x56 + x57);
+    const double L5_2 = c2 + sa4*x58;
+    const double x59 = sb4*x56;
+    const double L5_3 = R*(ca4*x59 + r*(cb4 - ca4)) + c3;
+    const double x60 = sa4*x3;
+    const double W5_1_1 = x60;
+    const double W5_1_2 = R*x57;
+    const double W5_1_3 = x56;
+    const double W5_2_1 = ca4*x58;
+    const double W5_2_2 = cb4*x60;
+    const double x61 = R*sa4;
+    const double W5_2_3 = 2.0*x61;
+    const double W5_3_1 = x61*(r - x59);
+    const double W5_3_2 = R*(ca4*cb4*x56 - x57);
+    const double x62 = 2.0*ca4;
+    const double W5_3_3 = R*sb4*x62;
+    const double adjugate5_1_1 = W5_2_2*W5_3_3 - W5_2_3*W5_3_2;
+    const double adjugate5_1_2 = W5_1_3*W5_3_2 - W5_1_2*W5_3_3;
+    const double adjugate5_1_3 = W5_1_2*W5_2_3 - W5_1_3*W5_2_2;
+    const double adjugate5_2_1 = W5_2_3*W5_3_1 - W5_2_1*W5_3_3;
+    const double adjugate5_2_2 = W5_1_1*W5_3_3 - W5_1_3*W5_3_1;
+    const double adjugate5_2_3 = W5_1_3*W5_2_1 - W5_1_1*W5_2_3;
+    const double adjugate5_3_1 = W5_2_1*W5_3_2 - W5_2_2*W5_3_1;
+    const double adjugate5_3_2 = W5_1_2*W5_3_1 - W5_1_1*W5_3_2;
+    const double adjugate5_3_3 = W5_1_1*W5_2_2 - W5_1_2*W5_2_1;
+    const double determinant5 = W5_1_1*adjugate5_1_1 + W5_1_2*adjugate5_2_1 + W5_1_3*adjugate5_3_1;
+    const double inverse5 = blend_f64(mask_f64(determinant5 == 0.0), 1.0, 1.0/determinant5);
+    const double move5_1 = inverse5*(-L5_1*adjugate5_1_1 - L5_2*adjugate5_1_2 - L5_3*adjugate5_1_3);
+    const double move5_2 = inverse5*(-L5_1*adjugate5_2_1 - L5_2*adjugate5_2_2 - L5_3*adjugate5_2_3);
+    const double move5_3 = inverse5*(-L5_1*adjugate5_3_1 - L5_2*adjugate5_3_2 - L5_3*adjugate5_3_3);
+    const double half_a5 = blend_f64(mask_f64(fabs(move5_1) <= 1.0), 0.5*move5_1, 0.5*blend_f64(mask_f64(move5_1 > 0.0), 1.0, -1.0));
+    const double half_b5 = blend_f64(mask_f64(fabs(move5_2) <= 1.0), 0.5*move5_2, 0.5*blend_f64(mask_f64(move5_2 > 0.0), 1.0, -1.0));
+    const double x63 = -0.5*z4;
+    const double down5 = blend_f64(mask_f64(move5_3 > x63), move5_3, x63);
+    const double x64 = (half_a5*half_a5);
+    const double by_a5 = 1.0/(x64 + 1.0);
+    const double turn_a5 = by_a5*(1.0 - x64);
+    const double x65 = by_a5*half_a5;
+    const double sa5 = sa4*turn_a5 + x62*x65;
+    const double ca5 = ca4*turn_a5 - 2.0*sa4*x65;
+    const double x66 = (half_b5*half_b5);
+    const double by_b5 = 1.0/(x66 + 1.0);
+    const double turn_b5 = by_b5*(1.0 - x66);
+    const double x67 = 2.0*by_b5*half_b5;
+    const double sb5 = cb4*x67 + sb4*turn_b5;
+    const double cb5 = cb4*turn_b5 - sb4*x67;
+    const double z5 = down5 + z4;
+    const double L6_1 = c1 + (z5*z5) - x3*(ca5 + cb5);
+    const double x68 = 2.0*z5;
+    const double x69 = r*sb5;
+    const double x70 = R*(x68 + x69);
+    const double L6_2 = c2 + sa5*x70;
+    const double x71 = sb5*x68;
+    const double L6_3 = R*(ca5*x71 + r*(cb5 - ca5)) + c3;
+    const double x72 = sa5*x3;
+    const double W6_1_1 = x72;
+    const double W6_1_2 = R*x69;
+    const double W6_1_3 = x68;
+    const double W6_2_1 = ca5*x70;
+    const double W6_2_2 = cb5*x72;
+    const double x73 = R*sa5;
+    const double W6_2_3 = 2.0*x73;
+    const double W6_3_1 = x73*(r - x71);
+    const double W6_3_2 = R*(ca5*cb5*x68 - x69);
+    const double x74 = 2.0*ca5;
+    const double W6_3_3 = R*sb5*x74;
+    const double adjugate6_1_1 = W6_2_2*W6_3_3 - W6_2_3*W6_3_2;
+    const double adjugate6_1_2 = W6_1_3*W6_3_2 - W6_1_2*W6_3_3;
+    const double adjugate6_1_3 = W6_1_2*W6_2_3 - W6_1_3*W6_2_2;
+    const double adjugate6_2_1 = W6_2_3*W6_3_1 - W6_2_1*W6_3_3;
+    const double adjugate6_2_2 = W6_1_1*W6_3_3 - W6_1_3*W6_3_1;
+    const double adjugate6_2_3 = W6_1_3*W6_2_1 - W6_1_1*W6_2_3;
+    const double adjugate6_3_1 = W6_2_1*W6_3_2 - W6_2_2*W6_3_1;
+    const double adjugate6_3_2 = W6_1_2*W6_3_1 - W6_1_1*W6_3_2;
+    const double adjugate6_3_3 = W6_1_1*W6_2_2 - W6_1_2*W6_2_1;
+    const double x75 = W6_1_1*adjugate6_1_1;
+    const double x76 = W6_1_2*adjugate6_2_1;
+    const double x77 = W6_1_3*adjugate6_3_1;
+    const double determinant6 = x75 + x76 + x77;
+    const double inverse6 = blend_f64(mask_f64(determinant6 == 0.0), 1.0, 1.0/determinant6);
+    const double move6_1 = inverse6*(-L6_1*adjugate6_1_1 - L6_2*adjugate6_1_2 - L6_3*adjugate6_1_3);
+    const double move6_2 = inverse6*(-L6_1*adjugate6_2_1 - L6_2*adjugate6_2_2 - L6_3*adjugate6_2_3);
+    const double move6_3 = inverse6*(-L6_1*adjugate6_3_1 - L6_2*adjugate6_3_2 - L6_3*adjugate6_3_3);
+    const double x83 = fabs(move6_1);
+    const double half_a6 = blend_f64(mask_f64(x83 <= 1.0), 0.5*move6_1, 0.5*blend_f64(mask_f64(move6_1 > 0.0), 1.0, -1.0));
+    const double x85 = fabs(move6_2);
+    const double half_b6 = blend_f64(mask_f64(x85 <= 1.0), 0.5*move6_2, 0.5*blend_f64(mask_f64(move6_2 > 0.0), 1.0, -1.0));
+    const double x78 = -0.5*z5;
+    const double down6 = blend_f64(mask_f64(move6_3 > x78), move6_3, x78);
+    const double x79 = (half_a6*half_a6);
+    const double by_a6 = 1.0/(x79 + 1.0);
+    const double turn_a6 = by_a6*(1.0 - x79);
+    const double x80 = by_a6*half_a6;
+    const double sa6 = sa5*turn_a6 + x74*x80;
+    const double ca6 = ca5*turn_a6 - 2.0*sa5*x80;
+    const double x81 = (half_b6*half_b6);
+    const double by_b6 = 1.0/(x81 + 1.0);
+    const double turn_b6 = by_b6*(1.0 - x81);
+    const double x82 = 2.0*by_b6*half_b6;
+    const double sb6 = cb5*x82 + sb5*turn_b6;
+    const double cb6 = cb5*turn_b6 - sb5*x82;
+    const double z6 = down6 + z5;
+    const int64_t valid = (mask_f64(third_of_sum <= DBL_MAX)) & (mask_f64(x4 + fabs(R) + fabs(legs_1) + fabs(legs_2) + fabs(legs_3) <= DBL_MAX)) & (mask_f64(R > 0.0)) & (mask_f64(legs_1 > 0.0)) & (mask_f64(legs_2 > 0.0)) & (mask_f64(legs_3 > 0.0)) & (mask_f64(r > 0.0));
+    const double x84 = 4.0*sqrt(DBL_EPSILON);
+    const int64_t there = (valid) & (mask_f64(x83 <= x84)) & (mask_f64(x85 <= x84)) & (mask_f64(fabs(move6_3) <= x84*z6)) & (mask_f64(ca6 > 0.0)) & (mask_f64(cb6 > 0.0)) & (mask_f64(z6 > 0.0));
+    const double pose_1 = blend_f64(there, vector_atan2_f64(sa6, ca6), (double)NAN);
+    const double pose_2 = blend_f64(there, vector_atan2_f64(sb6, cb6), (double)NAN);
+    const double pose_3 = blend_f64(there, z6, (double)NAN);
+    const double status = blend_f64(~(valid), 7.0, blend_f64(~(there), 4.0, blend_f64(mask_f64(fabs(determinant6) <= 16.0*DBL_EPSILON*(fabs(x75) + fabs(x76) + fabs(x77))), 5.0, 0.0)));
+    output[0][i] = pose_1;
+    output[1][i] = pose_2;
+    output[2][i] = pose_3;
+    output[3][i] = status;
+  }
+}
+
+static inline void tricept_direct_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  tricept_direct_f64(input, output);
+}
+
 void LOOP(tricept_tricept_direct_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
   const ptrdiff_t *core = steps + 5;
@@ -813,31 +1721,413 @@ void LOOP(tricept_tricept_direct_loop_f64)(char **args, const ptrdiff_t *dimensi
   ptrdiff_t offsets_3[3];
   for (int k = 0; k < 3; ++k)
     offsets_3[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  for (ptrdiff_t i = 0; i < total; ++i) {
-    double legs[3];
-    for (int k = 0; k < 3; ++k)
-      legs[k] = get_f64(args[0] + i * steps[0] + offsets_0[k]);
-    double r[1];
-    for (int k = 0; k < 1; ++k)
-      r[k] = get_f64(args[1] + i * steps[1] + offsets_1[k]);
-    double R[1];
-    for (int k = 0; k < 1; ++k)
-      R[k] = get_f64(args[2] + i * steps[2] + offsets_2[k]);
-    double pose[3];
-    int8_t status[1];
-    tricept_tricept_direct_f64(legs, r[0], R[0], pose, status);
-    for (int k = 0; k < 3; ++k)
-      put_f64(args[3] + i * steps[3] + offsets_3[k], pose[k]);
-    for (int k = 0; k < 1; ++k)
-      args[4][i * steps[4] + offsets_4[k]] = (char)status[k];
+  double input[5][BLOCK], output[4][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
+  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
+  packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
+  packed &= steps[4] == 1;
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[3], total * 3 * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] == 0)
+        fill_f64(input[3], args[1]);
+      else
+        load_f64(input[3], BLOCK, args[1] + start * width, 1);
+      if (steps[2] == 0)
+        fill_f64(input[4], args[2]);
+      else
+        load_f64(input[4], BLOCK, args[2] + start * width, 1);
+      tricept_direct_block_f64(input, output);
+      {
+        double rows[3 * BLOCK], scratch[3 * BLOCK];
+        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+      store_codes_f64((int8_t *)args[4] + start, output[3]);
+    }
+    close_writer(&writer_0);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    gather_f64(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    tricept_direct_block_f64(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 3; ++k)
+        put_f64(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      args[4][(start + i) * steps[4]] = (char)output[3][i];
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* tricept_direct: 237 add, 491 mul, 19 div, 6 sqrt, 48 select, 56 compare, 24 abs, 2 atan2 */
+/* 237 add, 491 mul, 19 div, 6 sqrt, 48 select, 56 compare, 24 abs, 2 atan2 */
+static inline void tricept_direct_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const float legs_1 = input[0][i];
+    const float legs_2 = input[1][i];
+    const float legs_3 = input[2][i];
+    const float r = input[3][i];
+    const float R = input[4][i];
+    const float square_a = (legs_1*legs_1);
+    const float square_b = (legs_2*legs_2);
+    const float square_c = (legs_3*legs_3);
+    const float third_of_sum = square_a/3.0f + square_b/3.0f + square_c/3.0f;
+    const float x0 = (r*r);
+    const float c1 = (R*R) + x0 - third_of_sum;
+    const float c2 = sqrtf(3.0f)*(legs_2 - legs_3)*(legs_2 + legs_3)/3.0f;
+    const float c3 = (legs_1 - legs_2)*(legs_1 + legs_2)/3.0f + (legs_1 - legs_3)*(legs_1 + legs_3)/3.0f;
+    const float x3 = R*r;
+    const float start_squared = 2.0f*x3 - c1;
+    const float x4 = fabsf(r);
+    const float x5 = 0.25f*x4;
+    const float x86 = 0.0625f*x0;
+    const float start_height = blend_f32(mask_f32(start_squared > x86), sqrtf(start_squared), x5);
+    const float x6 = 0.5f/(R*start_height);
+    const float first_sa = -c2*x6;
+    const float start_sa = blend_f32(mask_f32(fabsf(first_sa) <= 0.875f), first_sa, blend_f32(mask_f32(first_sa > 0.0f), 0.875f, -0.875f));
+    const float start_ca = sqrtf(1.0f - (start_sa*start_sa));
+    const float first_sb = -c3*x6;
+    const float start_sb = blend_f32(mask_f32(fabsf(first_sb) <= 0.875f), first_sb, blend_f32(mask_f32(first_sb > 0.0f), 0.875f, -0.875f));
+    const float start_cb = sqrtf(1.0f - (start_sb*start_sb));
+    const float x7 = x3*(start_ca + start_cb);
+    const float tilted_squared = x7 - c1;
+    const float start_z = blend_f32(mask_f32(tilted_squared > x86), sqrtf(tilted_squared), x5);
+    const float L1_1 = c1 + (start_z*start_z) - x7;
+    const float x8 = 2.0f*start_z;
+    const float x9 = r*start_sb;
+    const float x10 = R*(x8 + x9);
+    const float L1_2 = c2 + start_sa*x10;
+    const float x11 = start_sb*x8;
+    const float L1_3 = R*(r*(start_cb - start_ca) + start_ca*x11) + c3;
+    const float x12 = start_sa*x3;
+    const float W1_1_1 = x12;
+    const float W1_1_2 = R*x9;
+    const float W1_1_3 = x8;
+    const float W1_2_1 = start_ca*x10;
+    const float W1_2_2 = start_cb*x12;
+    const float x13 = R*start_sa;
+    const float W1_2_3 = 2.0f*x13;
+    const float W1_3_1 = x13*(r - x11);
+    const float W1_3_2 = R*(2.0f*start_ca*start_cb*start_z - x9);
+    const float x14 = 2.0f*start_ca;
+    const float W1_3_3 = R*start_sb*x14;
+    const float adjugate1_1_1 = W1_2_2*W1_3_3 - W1_2_3*W1_3_2;
+    const float adjugate1_1_2 = W1_1_3*W1_3_2 - W1_1_2*W1_3_3;
+    const float adjugate1_1_3 = W1_1_2*W1_2_3 - W1_1_3*W1_2_2;
+    const float adjugate1_2_1 = W1_2_3*W1_3_1 - W1_2_1*W1_3_3;
+    const float adjugate1_2_2 = W1_1_1*W1_3_3 - W1_1_3*W1_3_1;
+    const float adjugate1_2_3 = W1_1_3*W1_2_1 - W1_1_1*W1_2_3;
+    const float adjugate1_3_1 = W1_2_1*W1_3_2 - W1_2_2*W1_3_1;
+    const float adjugate1_3_2 = W1_1_2*W1_3_1 - W1_1_1*W1_3_2;
+    const float adjugate1_3_3 = W1_1_1*W1_2_2 - W1_1_2*W1_2_1;
+    const float determinant1 = W1_1_1*adjugate1_1_1 + W1_1_2*adjugate1_2_1 + W1_1_3*adjugate1_3_1;
+    const float inverse1 = blend_f32(mask_f32(determinant1 == 0.0f), 1.0f, 1.0f/determinant1);
+    const float move1_1 = inverse1*(-L1_1*adjugate1_1_1 - L1_2*adjugate1_1_2 - L1_3*adjugate1_1_3);
+    const float move1_2 = inverse1*(-L1_1*adjugate1_2_1 - L1_2*adjugate1_2_2 - L1_3*adjugate1_2_3);
+    const float move1_3 = inverse1*(-L1_1*adjugate1_3_1 - L1_2*adjugate1_3_2 - L1_3*adjugate1_3_3);
+    const float half_a1 = blend_f32(mask_f32(fabsf(move1_1) <= 1.0f), 0.5f*move1_1, 0.5f*blend_f32(mask_f32(move1_1 > 0.0f), 1.0f, -1.0f));
+    const float half_b1 = blend_f32(mask_f32(fabsf(move1_2) <= 1.0f), 0.5f*move1_2, 0.5f*blend_f32(mask_f32(move1_2 > 0.0f), 1.0f, -1.0f));
+    const float x15 = -0.5f*start_z;
+    const float down1 = blend_f32(mask_f32(move1_3 > x15), move1_3, x15);
+    const float x16 = (half_a1*half_a1);
+    const float by_a1 = 1.0f/(x16 + 1.0f);
+    const float turn_a1 = by_a1*(1.0f - x16);
+    const float x17 = by_a1*half_a1;
+    const float sa1 = start_sa*turn_a1 + x14*x17;
+    const float ca1 = start_ca*turn_a1 - 2.0f*start_sa*x17;
+    const float x18 = (half_b1*half_b1);
+    const float by_b1 = 1.0f/(x18 + 1.0f);
+    const float turn_b1 = by_b1*(1.0f - x18);
+    const float x19 = 2.0f*by_b1*half_b1;
+    const float sb1 = start_cb*x19 + start_sb*turn_b1;
+    const float cb1 = start_cb*turn_b1 - start_sb*x19;
+    const float z1 = down1 + start_z;
+    const float L2_1 = c1 + (z1*z1) - x3*(ca1 + cb1);
+    const float x20 = 2.0f*z1;
+    const float x21 = r*sb1;
+    const float x22 = R*(x20 + x21);
+    const float L2_2 = c2 + sa1*x22;
+    const float x23 = sb1*x20;
+    const float L2_3 = R*(ca1*x23 + r*(cb1 - ca1)) + c3;
+    const float x24 = sa1*x3;
+    const float W2_1_1 = x24;
+    const float W2_1_2 = R*x21;
+    const float W2_1_3 = x20;
+    const float W2_2_1 = ca1*x22;
+    const float W2_2_2 = cb1*x24;
+    const float x25 = R*sa1;
+    const float W2_2_3 = 2.0f*x25;
+    const float W2_3_1 = x25*(r - x23);
+    const float W2_3_2 = R*(ca1*cb1*x20 - x21);
+    const float x26 = 2.0f*ca1;
+    const float W2_3_3 = R*sb1*x26;
+    const float adjugate2_1_1 = W2_2_2*W2_3_3 - W2_2_3*W2_3_2;
+    const float adjugate2_1_2 = W2_1_3*W2_3_2 - W2_1_2*W2_3_3;
+    const float adjugate2_1_3 = W2_1_2*W2_2_3 - W2_1_3*W2_2_2;
+    const float adjugate2_2_1 = W2_2_3*W2_3_1 - W2_2_1*W2_3_3;
+    const float adjugate2_2_2 = W2_1_1*W2_3_3 - W2_1_3*W2_3_1;
+    const float adjugate2_2_3 = W2_1_3*W2_2_1 - W2_1_1*W2_2_3;
+    const float adjugate2_3_1 = W2_2_1*W2_3_2 - W2_2_2*W2_3_1;
+    const float adjugate2_3_2 = W2_1_2*W2_3_1 - W2_1_1*W2_3_2;
+    const float adjugate2_3_3 = W2_1_1*W2_2_2 - W2_1_2*W2_2_1;
+    const float determinant2 = W2_1_1*adjugate2_1_1 + W2_1_2*adjugate2_2_1 + W2_1_3*adjugate2_3_1;
+    const float inverse2 = blend_f32(mask_f32(determinant2 == 0.0f), 1.0f, 1.0f/determinant2);
+    const float move2_1 = inverse2*(-L2_1*adjugate2_1_1 - L2_2*adjugate2_1_2 - L2_3*adjugate2_1_3);
+    const float move2_2 = inverse2*(-L2_1*adjugate2_2_1 - L2_2*adjugate2_2_2 - L2_3*adjugate2_2_3);
+    const float move2_3 = inverse2*(-L2_1*adjugate2_3_1 - L2_2*adjugate2_3_2 - L2_3*adjugate2_3_3);
+    const float half_a2 = blend_f32(mask_f32(fabsf(move2_1) <= 1.0f), 0.5f*move2_1, 0.5f*blend_f32(mask_f32(move2_1 > 0.0f), 1.0f, -1.0f));
+    const float half_b2 = blend_f32(mask_f32(fabsf(move2_2) <= 1.0f), 0.5f*move2_2, 0.5f*blend_f32(mask_f32(move2_2 > 0.0f), 1.0f, -1.0f));
+    const float x27 = -0.5f*z1;
+    const float down2 = blend_f32(mask_f32(move2_3 > x27), move2_3, x27);
+    const float x28 = (half_a2*half_a2);
+    const float by_a2 = 1.0f/(x28 + 1.0f);
+    const float turn_a2 = by_a2*(1.0f - x28);
+    const float x29 = by_a2*half_a2;
+    const float sa2 = sa1*turn_a2 + x26*x29;
+    const float ca2 = ca1*turn_a2 - 2.0f*sa1*x29;
+    const float x30 = (half_b2*half_b2);
+    const float by_b2 = 1.0f/(x30 + 1.0f);
+    const float turn_b2 = by_b2*(1.0f - x30);
+    const float x31 = 2.0f*by_b2*half_b2;
+    const float sb2 = cb1*x31 + sb1*turn_b2;
+    const float cb2 = cb1*turn_b2 - sb1*x31;
+    const float z2 = down2 + z1;
+    const float L3_1 = c1 + (z2*z2) - x3*(ca2 + cb2);
+    const float x32 = 2.0f*z2;
+    const float x33 = r*sb2;
+    const float x34 = R*(x32 + x33);
+    const float L3_2 = c2 + sa2*x34;
+    const float x35 = sb2*x32;
+    const float L3_3 = R*(ca2*x35 + r*(cb2 - ca2)) + c3;
+    const float x36 = sa2*x3;
+    const float W3_1_1 = x36;
+    const float W3_1_2 = R*x33;
+    const float W3_1_3 = x32;
+    const float W3_2_1 = ca2*x34;
+    const float W3_2_2 = cb2*x36;
+    const float x37 = R*sa2;
+    const float W3_2_3 = 2.0f*x37;
+    const float W3_3_1 = x37*(r - x35);
+    const float W3_3_2 = R*(ca2*cb2*x32 - x33);
+    const float x38 = 2.0f*ca2;
+    const float W3_3_3 = R*sb2*x38;
+    const float adjugate3_1_1 = W3_2_2*W3_3_3 - W3_2_3*W3_3_2;
+    const float adjugate3_1_2 = W3_1_3*W3_3_2 - W3_1_2*W3_3_3;
+    const float adjugate3_1_3 = W3_1_2*W3_2_3 - W3_1_3*W3_2_2;
+    const float adjugate3_2_1 = W3_2_3*W3_3_1 - W3_2_1*W3_3_3;
+    const float adjugate3_2_2 = W3_1_1*W3_3_3 - W3_1_3*W3_3_1;
+    const float adjugate3_2_3 = W3_1_3*W3_2_1 - W3_1_1*W3_2_3;
+    const float adjugate3_3_1 = W3_2_1*W3_3_2 - W3_2_2*W3_3_1;
+    const float adjugate3_3_2 = W3_1_2*W3_3_1 - W3_1_1*W3_3_2;
+    const float adjugate3_3_3 = W3_1_1*W3_2_2 - W3_1_2*W3_2_1;
+    const float determinant3 = W3_1_1*adjugate3_1_1 + W3_1_2*adjugate3_2_1 + W3_1_3*adjugate3_3_1;
+    const float inverse3 = blend_f32(mask_f32(determinant3 == 0.0f), 1.0f, 1.0f/determinant3);
+    const float move3_1 = inverse3*(-L3_1*adjugate3_1_1 - L3_2*adjugate3_1_2 - L3_3*adjugate3_1_3);
+    const float move3_2 = inverse3*(-L3_1*adjugate3_2_1 - L3_2*adjugate3_2_2 - L3_3*adjugate3_2_3);
+    const float move3_3 = inverse3*(-L3_1*adjugate3_3_1 - L3_2*adjugate3_3_2 - L3_3*adjugate3_3_3);
+    const float half_a3 = blend_f32(mask_f32(fabsf(move3_1) <= 1.0f), 0.5f*move3_1, 0.5f*blend_f32(mask_f32(move3_1 > 0.0f), 1.0f, -1.0f));
+    const float half_b3 = blend_f32(mask_f32(fabsf(move3_2) <= 1.0f), 0.5f*move3_2, 0.5f*blend_f32(mask_f32(move3_2 > 0.0f), 1.0f, -1.0f));
+    const float x39 = -0.5f*z2;
+    const float down3 = blend_f32(mask_f32(move3_3 > x39), move3_3, x39);
+    const float x40 = (half_a3*half_a3);
+    const float by_a3 = 1.0f/(x40 + 1.0f);
+    const float turn_a3 = by_a3*(1.0f - x40);
+    const float x41 = by_a3*half_a3;
+    const float sa3 = sa2*turn_a3 + x38*x41;
+    const float ca3 = ca2*turn_a3 - 2.0f*sa2*x41;
+    const float x42 = (half_b3*half_b3);
+    const float by_b3 = 1.0f/(x42 + 1.0f);
+    const float turn_b3 = by_b3*(1.0f - x42);
+    const float x43 = 2.0f*by_b3*half_b3;
+    const float sb3 = cb2*x43 + sb2*turn_b3;
+    const float cb3 = cb2*turn_b3 - sb2*x43;
+    const float z3 = down3 + z2;
+    const float L4_1 = c1 + (z3*z3) - x3*(ca3 + cb3);
+    const float x44 = 2.0f*z3;
+    const float x45 = r*sb3;
+    const float x46 = R*(x44 + x45);
+    const float L4_2 = c2 + sa3*x46;
+    const float x47 = sb3*x44;
+    const float L4_3 = R*(ca3*x47 + r*(cb3 - ca3)) + c3;
+    const float x48 = sa3*x3;
+    const float W4_1_1 = x48;
+    const float W4_1_2 = R*x45;
+    const float W4_1_3 = x44;
+    const float W4_2_1 = ca3*x46;
+    const float W4_2_2 = cb3*x48;
+    const float x49 = R*sa3;
+    const float W4_2_3 = 2.0f*x49;
+    const float W4_3_1 = x49*(r - x47);
+    const float W4_3_2 = R*(ca3*cb3*x44 - x45);
+    const float x50 = 2.0f*ca3;
+    const float W4_3_3 = R*sb3*x50;
+    const float adjugate4_1_1 = W4_2_2*W4_3_3 - W4_2_3*W4_3_2;
+    const float adjugate4_1_2 = W4_1_3*W4_3_2 - W4_1_2*W4_3_3;
+    const float adjugate4_1_3 = W4_1_2*W4_2_3 - W4_1_3*W4_2_2;
+    const float adjugate4_2_1 = W4_2_3*W4_3_1 - W4_2_1*W4_3_3;
+    const float adjugate4_2_2 = W4_1_1*W4_3_3 - W4_1_3*W4_3_1;
+    const float adjugate4_2_3 = W4_1_3*W4_2_1 - W4_1_1*W4_2_3;
+    const float adjugate4_3_1 = W4_2_1*W4_3_2 - W4_2_2*W4_3_1;
+    const float adjugate4_3_2 = W4_1_2*W4_3_1 - W4_1_1*W4_3_2;
+    const float adjugate4_3_3 = W4_1_1*W4_2_2 - W4_1_2*W4_2_1;
+    const float determinant4 = W4_1_1*adjugate4_1_1 + W4_1_2*adjugate4_2_1 + W4_1_3*adjugate4_3_1;
+    const float inverse4 = blend_f32(mask_f32(determinant4 == 0.0f), 1.0f, 1.0f/determinant4);
+    const float move4_1 = inverse4*(-L4_1*adjugate4_1_1 - L4_2*adjugate4_1_2 - L4_3*adjugate4_1_3);
+    const float move4_2 = inverse4*(-L4_1*adjugate4_2_1 - L4_2*adjugate4_2_2 - L4_3*adjugate4_2_3);
+    const float move4_3 = inverse4*(-L4_1*adjugate4_3_1 - L4_2*adjugate4_3_2 - L4_3*adjugate4_3_3);
+    const float half_a4 = blend_f32(mask_f32(fabsf(move4_1) <= 1.0f), 0.5f*move4_1, 0.5f*blend_f32(mask_f32(move4_1 > 0.0f), 1.0f, -1.0f));
+    const float half_b4 = blend_f32(mask_f32(fabsf(move4_2) <= 1.0f), 0.5f*move4_2, 0.5f*blend_f32(mask_f32(move4_2 > 0.0f), 1.0f, -1.0f));
+    const float x51 = -0.5f*z3;
+    const float down4 = blend_f32(mask_f32(move4_3 > x51), move4_3, x51);
+    const float x52 = (half_a4*half_a4);
+    const float by_a4 = 1.0f/(x52 + 1.0f);
+    const float turn_a4 = by_a4*(1.0f - x52);
+    const float x53 = by_a4*half_a4;
+    const float sa4 = sa3*turn_a4 + x50*x53;
+    const float ca4 = ca3*turn_a4 - 2.0f*sa3*x53;
+    const float x54 = (half_b4*half_b4);
+    const float by_b4 = 1.0f/(x54 + 1.0f);
+    const float turn_b4 = by_b4*(1.0f - x54);
+    const float x55 = 2.0f*by_b4*half_b4;
+    const float sb4 = cb3*x55 + sb3*turn_b4;
+    const float cb4 = cb3*turn_b4 - sb3*x55;
+    const float z4 = down4 + z3;
+    const float L5_1 = c1 + (z4*z4) - x3*(ca4 + cb4);
+    const float x56 = 2.0f*z4;
+    const float x57 = r*sb4;
+    const float x58 = R*(x56 + x57);
+    const float L5_2 = c2 + sa4*x58;
+    const float x59 = sb4*x56;
+    const float L5_3 = R*(ca4*x59 + r*(cb4 - ca4)) + c3;
+    const float x60 = sa4*x3;
+    const float W5_1_1 = x60;
+    const float W5_1_2 = R*x57;
+    const float W5_1_3 = x56;
+    const float W5_2_1 = ca4*x58;
+    const float W5_2_2 = cb4*x60;
+    const float x61 = R*sa4;
+    const float W5_2_3 = 2.0f*x61;
+    const float W5_3_1 = x61*(r - x59);
+    const float W5_3_2 = R*(ca4*cb4*x56 - x57);
+    const float x62 = 2.0f*ca4;
+    const float W5_3_3 = R*sb4*x62;
+    const float adjugate5_1_1 = W5_2_2*W5_3_3 - W5_2_3*W5_3_2;
+    const float adjugate5_1_2 = W5_1_3*W5_3_2 - W5_1_2*W5_3_3;
+    const float adjugate5_1_3 = W5_1_2*W5_2_3 - W5_1_3*W5_2_2;
+    const float adjugate5_2_1 = W5_2_3*W5_3_1 - W5_2_1*W5_3_3;
+    const float adjugate5_2_2 = W5_1_1*W5_3_3 - W5_1_3*W5_3_1;
+    const float adjugate5_2_3 = W5_1_3*W5_2_1 - W5_1_1*W5_2_3;
+    const float adjugate5_3_1 = W5_2_1*W5_3_2 - W5_2_2*W5_3_1;
+    const float adjugate5_3_2 = W5_1_2*W5_3_1 - W5_1_1*W5_3_2;
+    const float adjugate5_3_3 = W5_1_1*W5_2_2 - W5_1_2*W5_2_1;
+    const float determinant5 = W5_1_1*adjugate5_1_1 + W5_1_2*adjugate5_2_1 + W5_1_3*adjugate5_3_1;
+    const float inverse5 = blend_f32(mask_f32(determinant5 == 0.0f), 1.0f, 1.0f/determinant5);
+    const float move5_1 = inverse5*(-L5_1*adjugate5_1_1 - L5_2*adjugate5_1_2 - L5_3*adjugate5_1_3);
+    const float move5_2 = inverse5*(-L5_1*adjugate5_2_1 - L5_2*adjugate5_2_2 - L5_3*adjugate5_2_3);
+    const float move5_3 = inverse5*(-L5_1*adjugate5_3_1 - L5_2*adjugate5_3_2 - L5_3*adjugate5_3_3);
+    const float half_a5 = blend_f32(mask_f32(fabsf(move5_1) <= 1.0f), 0.5f*move5_1, 0.5f*blend_f32(mask_f32(move5_1 > 0.0f), 1.0f, -1.0f));
+    const float half_b5 = blend_f32(mask_f32(fabsf(move5_2) <= 1.0f), 0.5f*move5_2, 0.5f*blend_f32(mask_f32(move5_2 > 0.0f), 1.0f, -1.0f));
+    const float x63 = -0.5f*z4;
+    const float down5 = blend_f32(mask_f32(move5_3 > x63), move5_3, x63);
+    const float x64 = (half_a5*half_a5);
+    const float by_a5 = 1.0f/(x64 + 1.0f);
+    const float turn_a5 = by_a5*(1.0f - x64);
+    const float x65 = by_a5*half_a5;
+    const float sa5 = sa4*turn_a5 + x62*x65;
+    const float ca5 = ca4*turn_a5 - 2.0f*sa4*x65;
+    const float x66 = (half_b5*half_b5);
+    const float by_b5 = 1.0f/(x66 + 1.0f);
+    const float turn_b5 = by_b5*(1.0f - x66);
+    const float x67 = 2.0f*by_b5*half_b5;
+    const float sb5 = cb4*x67 + sb4*turn_b5;
+    const float cb5 = cb4*turn_b5 - sb4*x67;
+    const float z5 = down5 + z4;
+    const float L6_1 = c1 + (z5*z5) - x3*(ca5 + cb5);
+    const float x68 = 2.0f*z5;
+    const float x69 = r*sb5;
+    const float x70 = R*(x68 + x69);
+    const float L6_2 = c2 + sa5*x70;
+    const float x71 = sb5*x68;
+    const float L6_3 = R*(ca5*x71 + r*(cb5 - ca5)) + c3;
+    const float x72 = sa5*x3;
+    const float W6_1_1 = x72;
+    const float W6_1_2 = R*x69;
+    const float W6_1_3 = x68;
+    const float W6_2_1 = ca5*x70;
+    const float W6_2_2 = cb5*x72;
+    const float x73 = R*sa5;
+    const float W6_2_3 = 2.0f*x73;
+    const float W6_3_1 = x73*(r - x71);
+    const float W6_3_2 = R*(ca5*cb5*x68 - x69);
+    const float x74 = 2.0f*ca5;
+    const float W6_3_3 = R*sb5*x74;
+    const float adjugate6_1_1 = W6_2_2*W6_3_3 - W6_2_3*W6_3_2;
+    const float adjugate6_1_2 = W6_1_3*W6_3_2 - W6_1_2*W6_3_3;
+    const float adjugate6_1_3 = W6_1_2*W6_2_3 - W6_1_3*W6_2_2;
+    const float adjugate6_2_1 = W6_2_3*W6_3_1 - W6_2_1*W6_3_3;
+    const float adjugate6_2_2 = W6_1_1*W6_3_3 - W6_1_3*W6_3_1;
+    const float adjugate6_2_3 = W6_1_3*W6_2_1 - W6_1_1*W6_2_3;
+    const float adjugate6_3_1 = W6_2_1*W6_3_2 - W6_2_2*W6_3_1;
+    const float adjugate6_3_2 = W6_1_2*W6_3_1 - W6_1_1*W6_3_2;
+    const float adjugate6_3_3 = W6_1_1*W6_2_2 - W6_1_2*W6_2_1;
+    const float x75 = W6_1_1*adjugate6_1_1;
+    const float x76 = W6_1_2*adjugate6_2_1;
+    const float x77 = W6_1_3*adjugate6_3_1;
+    const float determinant6 = x75 + x76 + x77;
+    const float inverse6 = blend_f32(mask_f32(determinant6 == 0.0f), 1.0f, 1.0f/determinant6);
+    const float move6_1 = inverse6*(-L6_1*adjugate6_1_1 - L6_2*adjugate6_1_2 - L6_3*adjugate6_1_3);
+    const float move6_2 = inverse6*(-L6_1*adjugate6_2_1 - L6_2*adjugate6_2_2 - L6_3*adjugate6_2_3);
+    const float move6_3 = inverse6*(-L6_1*adjugate6_3_1 - L6_2*adjugate6_3_2 - L6_3*adjugate6_3_3);
+    const float x83 = fabsf(move6_1);
+    const float half_a6 = blend_f32(mask_f32(x83 <= 1.0f), 0.5f*move6_1, 0.5f*blend_f32(mask_f32(move6_1 > 0.0f), 1.0f, -1.0f));
+    const float x85 = fabsf(move6_2);
+    const float half_b6 = blend_f32(mask_f32(x85 <= 1.0f), 0.5f*move6_2, 0.5f*blend_f32(mask_f32(move6_2 > 0.0f), 1.0f, -1.0f));
+    const float x78 = -0.5f*z5;
+    const float down6 = blend_f32(mask_f32(move6_3 > x78), move6_3, x78);
+    const float x79 = (half_a6*half_a6);
+    const float by_a6 = 1.0f/(x79 + 1.0f);
+    const float turn_a6 = by_a6*(1.0f - x79);
+    const float x80 = by_a6*half_a6;
+    const float sa6 = sa5*turn_a6 + x74*x80;
+    const float ca6 = ca5*turn_a6 - 2.0f*sa5*x80;
+    const float x81 = (half_b6*half_b6);
+    const float by_b6 = 1.0f/(x81 + 1.0f);
+    const float turn_b6 = by_b6*(1.0f - x81);
+    const float x82 = 2.0f*by_b6*half_b6;
+    const float sb6 = cb5*x82 + sb5*turn_b6;
+    const float cb6 = cb5*turn_b6 - sb5*x82;
+    const float z6 = down6 + z5;
+    const int32_t valid = (mask_f32(third_of_sum <= FLT_MAX)) & (mask_f32(x4 + fabsf(R) + fabsf(legs_1) + fabsf(legs_2) + fabsf(legs_3) <= FLT_MAX)) & (mask_f32(R > 0.0f)) & (mask_f32(legs_1 > 0.0f)) & (mask_f32(legs_2 > 0.0f)) & (mask_f32(legs_3 > 0.0f)) & (mask_f32(r > 0.0f));
+    const float x84 = 4.0f*sqrtf(FLT_EPSILON);
+    const int32_t there = (valid) & (mask_f32(x83 <= x84)) & (mask_f32(x85 <= x84)) & (mask_f32(fabsf(move6_3) <= x84*z6)) & (mask_f32(ca6 > 0.0f)) & (mask_f32(cb6 > 0.0f)) & (mask_f32(z6 > 0.0f));
+    const float pose_1 = blend_f32(there, vector_atan2_f32(sa6, ca6), (float)NAN);
+    const float pose_2 = blend_f32(there, vector_atan2_f32(sb6, cb6), (float)NAN);
+    const float pose_3 = blend_f32(there, z6, (float)NAN);
+    const float status = blend_f32(~(valid), 7.0f, blend_f32(~(there), 4.0f, blend_f32(mask_f32(fabsf(determinant6) <= 16.0f*FLT_EPSILON*(fabsf(x75) + fabsf(x76) + fabsf(x77))), 5.0f, 0.0f)));
+    output[0][i] = pose_1;
+    output[1][i] = pose_2;
+    output[2][i] = pose_3;
+    output[3][i] = status;
+  }
+}
+
+static inline void tricept_direct_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  tricept_direct_f32(input, output);
+}
+
 void LOOP(tricept_tricept_direct_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
   const ptrdiff_t *core = steps + 5;
@@ -854,26 +2144,52 @@ void LOOP(tricept_tricept_direct_loop_f32)(char **args, const ptrdiff_t *dimensi
   ptrdiff_t offsets_3[3];
   for (int k = 0; k < 3; ++k)
     offsets_3[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  for (ptrdiff_t i = 0; i < total; ++i) {
-    float legs[3];
-    for (int k = 0; k < 3; ++k)
-      legs[k] = get_f32(args[0] + i * steps[0] + offsets_0[k]);
-    float r[1];
-    for (int k = 0; k < 1; ++k)
-      r[k] = get_f32(args[1] + i * steps[1] + offsets_1[k]);
-    float R[1];
-    for (int k = 0; k < 1; ++k)
-      R[k] = get_f32(args[2] + i * steps[2] + offsets_2[k]);
-    float pose[3];
-    int8_t status[1];
-    tricept_tricept_direct_f32(legs, r[0], R[0], pose, status);
-    for (int k = 0; k < 3; ++k)
-      put_f32(args[3] + i * steps[3] + offsets_3[k], pose[k]);
-    for (int k = 0; k < 1; ++k)
-      args[4][i * steps[4] + offsets_4[k]] = (char)status[k];
+  float input[5][BLOCK], output[4][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
+  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
+  packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
+  packed &= steps[4] == 1;
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[3], total * 3 * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] == 0)
+        fill_f32(input[3], args[1]);
+      else
+        load_f32(input[3], BLOCK, args[1] + start * width, 1);
+      if (steps[2] == 0)
+        fill_f32(input[4], args[2]);
+      else
+        load_f32(input[4], BLOCK, args[2] + start * width, 1);
+      tricept_direct_block_f32(input, output);
+      {
+        float rows[3 * BLOCK], scratch[3 * BLOCK];
+        interleave_f32(rows, output[0], BLOCK, 3, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+      store_codes_f32((int8_t *)args[4] + start, output[3]);
+    }
+    close_writer(&writer_0);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    gather_f32(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    tricept_direct_block_f32(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 3; ++k)
+        put_f32(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      args[4][(start + i) * steps[4]] = (char)output[3][i];
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
@@ -2380,8 +3696,8 @@ void LOOP(tricept_tricept_sensitivity_loop_f32)(char **args, const ptrdiff_t *di
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* tricept_propagate: 227 add, 363 mul, 12 div, 12 sqrt, 37 select, 65 compare, 22 abs */
-/* 227 add, 363 mul, 12 div, 12 sqrt, 37 select, 65 compare, 22 abs */
+/* tricept_propagate: 227 add, 363 mul, 12 div, 12 sqrt, 37 select, 70 compare, 22 abs */
+/* 227 add, 363 mul, 12 div, 12 sqrt, 37 select, 70 compare, 22 abs */
 static inline void tricept_propagate_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -2439,24 +3755,24 @@ static inline void tricept_propagate_f64(double (*restrict input)[BLOCK], double
     const double by_level = blend_f64(free_beta, 1.0, 1.0/level_squared);
     const double by_whole = blend_f64(free_alpha, 1.0, 1.0/whole);
     const int64_t valid = (mask_f64(shortest <= longest)) & (mask_f64(whole <= DBL_MAX)) & (mask_f64(x0 + fabs(R) + fabs(point_1) + fabs(point_2) + fabs(point_3) + fabs(q_y) + fabs(q_z) + fabs(r) <= DBL_MAX)) & (mask_f64(R > 0.0)) & (mask_f64(r > 0.0));
-    const double sa_a = blend_f64(free_alpha, 0.0, by_whole*(point_2*u - g*q_y));
-    const double ca_a = blend_f64(free_alpha, 1.0, by_whole*(g*u + point_2*q_y));
-    const double sb_a = blend_f64(free_beta, 0.0, by_level*(g*point_1 - point_3*q_x));
-    const double cb_a = blend_f64(free_beta, 1.0, by_level*(g*point_3 + point_1*q_x));
-    const double z_a = u - q_z;
-    const double x3 = ca_a*z_a;
-    const double x4 = sb_a*x3;
-    const double x5 = cb_a*r + x4 - R;
+    const double sa_plus = blend_f64(free_alpha, 0.0, by_whole*(point_2*u - g*q_y));
+    const double ca_plus = blend_f64(free_alpha, 1.0, by_whole*(g*u + point_2*q_y));
+    const double sb_plus = blend_f64(free_beta, 0.0, by_level*(g*point_1 - point_3*q_x));
+    const double cb_plus = blend_f64(free_beta, 1.0, by_level*(g*point_3 + point_1*q_x));
+    const double z = u - q_z;
+    const double x3 = ca_plus*z;
+    const double x4 = sb_plus*x3;
+    const double x5 = cb_plus*r + x4 - R;
     const double rod_a_1 = x5;
-    const double x6 = sa_a*z_a;
+    const double x6 = sa_plus*z;
     const double rod_a_2 = x6;
-    const double x7 = cb_a*x3;
-    const double x8 = x7 - r*sb_a;
+    const double x7 = cb_plus*x3;
+    const double x8 = x7 - r*sb_plus;
     const double rod_a_3 = x8;
-    const double x9 = 0.5*cb_a;
-    const double x10 = 0.5*sb_a;
+    const double x9 = 0.5*cb_plus;
+    const double x10 = 0.5*sb_plus;
     const double x11 = sqrt(3.0);
-    const double x12 = sa_a*x11;
+    const double x12 = sa_plus*x11;
     const double x13 = x10*x12;
     const double x14 = -x13 - x9;
     const double x15 = r*x14;
@@ -2467,12 +3783,12 @@ static inline void tricept_propagate_f64(double (*restrict input)[BLOCK], double
     const double x19 = x11*x16;
     const double x20 = 0.5*x11;
     const double x21 = r*x20;
-    const double x22 = ca_a*x21;
+    const double x22 = ca_plus*x21;
     const double x23 = x22 + x6;
     const double x24 = x23 - x19;
     const double rod_b_2 = x24;
     const double x25 = x12*x9;
-    const double x26 = 0.5*sb_a - x25;
+    const double x26 = 0.5*sb_plus - x25;
     const double x27 = r*x26 + x7;
     const double rod_b_3 = x27;
     const double x28 = x13 - x9;
@@ -2487,22 +3803,22 @@ static inline void tricept_propagate_f64(double (*restrict input)[BLOCK], double
     const double rod_length_1 = sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3));
     const double rod_length_2 = sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3));
     const double rod_length_3 = sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3));
-    const double P_1_1 = R*sb_a*x6;
+    const double P_1_1 = R*sb_plus*x6;
     const double P_1_2 = -R*x8;
-    const double x34 = ca_a*cb_a;
-    const double x35 = ca_a*sb_a;
-    const double P_1_3 = (sa_a*sa_a)*z_a + x34*x8 + x35*x5;
-    const double x36 = sa_a*x21;
+    const double x34 = ca_plus*cb_plus;
+    const double x35 = ca_plus*sb_plus;
+    const double P_1_3 = (sa_plus*sa_plus)*z + x34*x8 + x35*x5;
+    const double x36 = sa_plus*x21;
     const double P_2_1 = R*(0.5*x11*(x36 - x3) - x10*x23);
     const double P_2_2 = x16*x27;
-    const double P_2_3 = sa_a*x24 + x18*x35 + x27*x34;
-    const double P_3_1 = R*(-x10*(sa_a*z_a - x22) - x20*(-x3 - x36));
+    const double P_2_3 = sa_plus*x24 + x18*x35 + x27*x34;
+    const double P_3_1 = R*(-x10*(sa_plus*z - x22) - x20*(-x3 - x36));
     const double P_3_2 = x16*x33;
-    const double P_3_3 = sa_a*x31 + x30*x35 + x33*x34;
-    const double by_r_1 = cb_a*x5 - sb_a*x8;
-    const double by_r_2 = ca_a*x20*x24 + x14*x18 + x26*x27;
+    const double P_3_3 = sa_plus*x31 + x30*x35 + x33*x34;
+    const double by_r_1 = cb_plus*x5 - sb_plus*x8;
+    const double by_r_2 = ca_plus*x20*x24 + x14*x18 + x26*x27;
     const double x37 = x20*x31;
-    const double by_r_3 = x28*x30 + x32*x33 - ca_a*x37;
+    const double by_r_3 = x28*x30 + x32*x33 - ca_plus*x37;
     const double by_R_1 = x5;
     const double x38 = 0.25*R + x10*x3;
     const double by_R_2 = 0.5*x11*x24 - 0.5*x15 - x38;
@@ -2522,17 +3838,17 @@ static inline void tricept_propagate_f64(double (*restrict input)[BLOCK], double
     const double determinant = x39 + x40 + x41;
     const double determinant_size = fabs(x39) + fabs(x40) + fabs(x41);
     const int64_t singular = mask_f64(fabs(determinant) <= determinant_size*x1);
-    const double x42 = q_z + z_a;
-    const double x43 = -ca_a*q_y - sa_a*x42;
-    const double M33_1_1 = sb_a*x43;
-    const double x44 = ca_a*x42 - q_y*sa_a;
-    const double M33_1_2 = cb_a*x44 - q_x*sb_a;
+    const double x42 = q_z + z;
+    const double x43 = -ca_plus*q_y - sa_plus*x42;
+    const double M33_1_1 = sb_plus*x43;
+    const double x44 = ca_plus*x42 - q_y*sa_plus;
+    const double M33_1_2 = cb_plus*x44 - q_x*sb_plus;
     const double M33_1_3 = x35;
     const double M33_2_1 = x44;
     const double M33_2_2 = 0.0;
-    const double M33_2_3 = sa_a;
-    const double M33_3_1 = cb_a*x43;
-    const double M33_3_2 = -cb_a*q_x - sb_a*x44;
+    const double M33_2_3 = sa_plus;
+    const double M33_3_1 = cb_plus*x43;
+    const double M33_3_2 = -cb_plus*q_x - sb_plus*x44;
     const double M33_3_3 = x34;
     const double inverse_determinant = blend_f64(singular, 1.0, 1.0/determinant);
     const double point_by_P_1_1 = inverse_determinant*(M33_1_1*adjugate_1_1 + M33_1_2*adjugate_2_1 + M33_1_3*adjugate_3_1);
@@ -2632,7 +3948,7 @@ static inline void tricept_propagate_f64(double (*restrict input)[BLOCK], double
     const double x73 = (left_2_43*left_2_43);
     const double left_3_44 = left_2_44 - pivot_3_inverse*x73;
     const double x78 = 512.0*DBL_EPSILON;
-    const int64_t no_covariance = ((~(pivot_0)) & (mask_f64(x55 > x78))) | ((~(pivot_0)) & (mask_f64(x58 > x78))) | ((~(pivot_0)) & (mask_f64(x62 > x78))) | ((~(pivot_0)) & (mask_f64(x66 > x78))) | ((~(pivot_1)) & (mask_f64(x67 > x78))) | ((~(pivot_1)) & (mask_f64(x69 > x78))) | ((~(pivot_1)) & (mask_f64(x70 > x78))) | ((~(pivot_2)) & (mask_f64(x71 > x78))) | ((~(pivot_2)) & (mask_f64(x72 > x78))) | ((~(pivot_3)) & (mask_f64(x73 > x78))) | (mask_f64(fabs(U_x_1_2*x45 - correlation_10) > x77)) | (mask_f64(fabs(U_x_1_3*x46 - correlation_20) > x77)) | (mask_f64(fabs(U_x_1_4*x48 - correlation_30) > x77)) | (mask_f64(fabs(U_x_1_5*x51 - correlation_40) > x77)) | (mask_f64(fabs(U_x_2_3*x47 - correlation_21) > x77)) | (mask_f64(fabs(U_x_2_4*x49 - correlation_31) > x77)) | (mask_f64(fabs(U_x_2_5*x52 - correlation_41) > x77)) | (mask_f64(fabs(U_x_3_4*x50 - correlation_32) > x77)) | (mask_f64(fabs(U_x_3_5*x53 - correlation_42) > x77)) | (mask_f64(fabs(U_x_4_5*x54 - correlation_43) > x77)) | (mask_f64(U_x_1_1 < 0.0)) | (mask_f64(U_x_2_2 < 0.0)) | (mask_f64(U_x_3_3 < 0.0)) | (mask_f64(U_x_4_4 < 0.0)) | (mask_f64(U_x_5_5 < 0.0)) | (mask_f64(correlation_00 < -x77)) | (mask_f64(left_0_11 < -x77)) | (mask_f64(left_1_22 < -x77)) | (mask_f64(left_2_33 < -x77)) | (mask_f64(left_3_44 < -x77));
+    const int64_t no_covariance = ((~(pivot_0)) & (mask_f64(x55 > x78))) | ((~(pivot_0)) & (mask_f64(x58 > x78))) | ((~(pivot_0)) & (mask_f64(x62 > x78))) | ((~(pivot_0)) & (mask_f64(x66 > x78))) | ((~(pivot_1)) & (mask_f64(x67 > x78))) | ((~(pivot_1)) & (mask_f64(x69 > x78))) | ((~(pivot_1)) & (mask_f64(x70 > x78))) | ((~(pivot_2)) & (mask_f64(x71 > x78))) | ((~(pivot_2)) & (mask_f64(x72 > x78))) | ((~(pivot_3)) & (mask_f64(x73 > x78))) | (~((mask_f64(U_x_1_1 >= 0.0)) & (mask_f64(U_x_1_1 <= DBL_MAX)))) | (~((mask_f64(U_x_2_2 >= 0.0)) & (mask_f64(U_x_2_2 <= DBL_MAX)))) | (~((mask_f64(U_x_3_3 >= 0.0)) & (mask_f64(U_x_3_3 <= DBL_MAX)))) | (~((mask_f64(U_x_4_4 >= 0.0)) & (mask_f64(U_x_4_4 <= DBL_MAX)))) | (~((mask_f64(U_x_5_5 >= 0.0)) & (mask_f64(U_x_5_5 <= DBL_MAX)))) | (mask_f64(fabs(U_x_1_2*x45 - correlation_10) > x77)) | (mask_f64(fabs(U_x_1_3*x46 - correlation_20) > x77)) | (mask_f64(fabs(U_x_1_4*x48 - correlation_30) > x77)) | (mask_f64(fabs(U_x_1_5*x51 - correlation_40) > x77)) | (mask_f64(fabs(U_x_2_3*x47 - correlation_21) > x77)) | (mask_f64(fabs(U_x_2_4*x49 - correlation_31) > x77)) | (mask_f64(fabs(U_x_2_5*x52 - correlation_41) > x77)) | (mask_f64(fabs(U_x_3_4*x50 - correlation_32) > x77)) | (mask_f64(fabs(U_x_3_5*x53 - correlation_42) > x77)) | (mask_f64(fabs(U_x_4_5*x54 - correlation_43) > x77)) | (mask_f64(correlation_00 < -x77)) | (mask_f64(left_0_11 < -x77)) | (mask_f64(left_1_22 < -x77)) | (mask_f64(left_2_33 < -x77)) | (mask_f64(left_3_44 < -x77));
     const double half_1_1 = A_1_1*U_x_1_1 + A_1_2*U_x_2_1 + A_1_3*U_x_3_1 + A_1_4*U_x_4_1 + A_1_5*U_x_5_1;
     const double half_1_2 = A_1_1*U_x_1_2 + A_1_2*U_x_2_2 + A_1_3*U_x_3_2 + A_1_4*U_x_4_2 + A_1_5*U_x_5_2;
     const double half_1_3 = A_1_1*U_x_1_3 + A_1_2*U_x_2_3 + A_1_3*U_x_3_3 + A_1_4*U_x_4_3 + A_1_5*U_x_5_3;
@@ -2802,8 +4118,8 @@ void LOOP(tricept_tricept_propagate_loop_f64)(char **args, const ptrdiff_t *dime
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* tricept_propagate: 227 add, 363 mul, 12 div, 12 sqrt, 37 select, 65 compare, 22 abs */
-/* 227 add, 363 mul, 12 div, 12 sqrt, 37 select, 65 compare, 22 abs */
+/* tricept_propagate: 227 add, 363 mul, 12 div, 12 sqrt, 37 select, 70 compare, 22 abs */
+/* 227 add, 363 mul, 12 div, 12 sqrt, 37 select, 70 compare, 22 abs */
 static inline void tricept_propagate_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -2861,24 +4177,24 @@ static inline void tricept_propagate_f32(float (*restrict input)[BLOCK], float (
     const float by_level = blend_f32(free_beta, 1.0f, 1.0f/level_squared);
     const float by_whole = blend_f32(free_alpha, 1.0f, 1.0f/whole);
     const int32_t valid = (mask_f32(shortest <= longest)) & (mask_f32(whole <= FLT_MAX)) & (mask_f32(x0 + fabsf(R) + fabsf(point_1) + fabsf(point_2) + fabsf(point_3) + fabsf(q_y) + fabsf(q_z) + fabsf(r) <= FLT_MAX)) & (mask_f32(R > 0.0f)) & (mask_f32(r > 0.0f));
-    const float sa_a = blend_f32(free_alpha, 0.0f, by_whole*(point_2*u - g*q_y));
-    const float ca_a = blend_f32(free_alpha, 1.0f, by_whole*(g*u + point_2*q_y));
-    const float sb_a = blend_f32(free_beta, 0.0f, by_level*(g*point_1 - point_3*q_x));
-    const float cb_a = blend_f32(free_beta, 1.0f, by_level*(g*point_3 + point_1*q_x));
-    const float z_a = u - q_z;
-    const float x3 = ca_a*z_a;
-    const float x4 = sb_a*x3;
-    const float x5 = cb_a*r + x4 - R;
+    const float sa_plus = blend_f32(free_alpha, 0.0f, by_whole*(point_2*u - g*q_y));
+    const float ca_plus = blend_f32(free_alpha, 1.0f, by_whole*(g*u + point_2*q_y));
+    const float sb_plus = blend_f32(free_beta, 0.0f, by_level*(g*point_1 - point_3*q_x));
+    const float cb_plus = blend_f32(free_beta, 1.0f, by_level*(g*point_3 + point_1*q_x));
+    const float z = u - q_z;
+    const float x3 = ca_plus*z;
+    const float x4 = sb_plus*x3;
+    const float x5 = cb_plus*r + x4 - R;
     const float rod_a_1 = x5;
-    const float x6 = sa_a*z_a;
+    const float x6 = sa_plus*z;
     const float rod_a_2 = x6;
-    const float x7 = cb_a*x3;
-    const float x8 = x7 - r*sb_a;
+    const float x7 = cb_plus*x3;
+    const float x8 = x7 - r*sb_plus;
     const float rod_a_3 = x8;
-    const float x9 = 0.5f*cb_a;
-    const float x10 = 0.5f*sb_a;
+    const float x9 = 0.5f*cb_plus;
+    const float x10 = 0.5f*sb_plus;
     const float x11 = sqrtf(3.0f);
-    const float x12 = sa_a*x11;
+    const float x12 = sa_plus*x11;
     const float x13 = x10*x12;
     const float x14 = -x13 - x9;
     const float x15 = r*x14;
@@ -2889,12 +4205,12 @@ static inline void tricept_propagate_f32(float (*restrict input)[BLOCK], float (
     const float x19 = x11*x16;
     const float x20 = 0.5f*x11;
     const float x21 = r*x20;
-    const float x22 = ca_a*x21;
+    const float x22 = ca_plus*x21;
     const float x23 = x22 + x6;
     const float x24 = x23 - x19;
     const float rod_b_2 = x24;
     const float x25 = x12*x9;
-    const float x26 = 0.5f*sb_a - x25;
+    const float x26 = 0.5f*sb_plus - x25;
     const float x27 = r*x26 + x7;
     const float rod_b_3 = x27;
     const float x28 = x13 - x9;
@@ -2909,22 +4225,22 @@ static inline void tricept_propagate_f32(float (*restrict input)[BLOCK], float (
     const float rod_length_1 = sqrtf((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3));
     const float rod_length_2 = sqrtf((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3));
     const float rod_length_3 = sqrtf((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3));
-    const float P_1_1 = R*sb_a*x6;
+    const float P_1_1 = R*sb_plus*x6;
     const float P_1_2 = -R*x8;
-    const float x34 = ca_a*cb_a;
-    const float x35 = ca_a*sb_a;
-    const float P_1_3 = (sa_a*sa_a)*z_a + x34*x8 + x35*x5;
-    const float x36 = sa_a*x21;
+    const float x34 = ca_plus*cb_plus;
+    const float x35 = ca_plus*sb_plus;
+    const float P_1_3 = (sa_plus*sa_plus)*z + x34*x8 + x35*x5;
+    const float x36 = sa_plus*x21;
     const float P_2_1 = R*(0.5f*x11*(x36 - x3) - x10*x23);
     const float P_2_2 = x16*x27;
-    const float P_2_3 = sa_a*x24 + x18*x35 + x27*x34;
-    const float P_3_1 = R*(-x10*(sa_a*z_a - x22) - x20*(-x3 - x36));
+    const float P_2_3 = sa_plus*x24 + x18*x35 + x27*x34;
+    const float P_3_1 = R*(-x10*(sa_plus*z - x22) - x20*(-x3 - x36));
     const float P_3_2 = x16*x33;
-    const float P_3_3 = sa_a*x31 + x30*x35 + x33*x34;
-    const float by_r_1 = cb_a*x5 - sb_a*x8;
-    const float by_r_2 = ca_a*x20*x24 + x14*x18 + x26*x27;
+    const float P_3_3 = sa_plus*x31 + x30*x35 + x33*x34;
+    const float by_r_1 = cb_plus*x5 - sb_plus*x8;
+    const float by_r_2 = ca_plus*x20*x24 + x14*x18 + x26*x27;
     const float x37 = x20*x31;
-    const float by_r_3 = x28*x30 + x32*x33 - ca_a*x37;
+    const float by_r_3 = x28*x30 + x32*x33 - ca_plus*x37;
     const float by_R_1 = x5;
     const float x38 = 0.25f*R + x10*x3;
     const float by_R_2 = 0.5f*x11*x24 - 0.5f*x15 - x38;
@@ -2944,17 +4260,17 @@ static inline void tricept_propagate_f32(float (*restrict input)[BLOCK], float (
     const float determinant = x39 + x40 + x41;
     const float determinant_size = fabsf(x39) + fabsf(x40) + fabsf(x41);
     const int32_t singular = mask_f32(fabsf(determinant) <= determinant_size*x1);
-    const float x42 = q_z + z_a;
-    const float x43 = -ca_a*q_y - sa_a*x42;
-    const float M33_1_1 = sb_a*x43;
-    const float x44 = ca_a*x42 - q_y*sa_a;
-    const float M33_1_2 = cb_a*x44 - q_x*sb_a;
+    const float x42 = q_z + z;
+    const float x43 = -ca_plus*q_y - sa_plus*x42;
+    const float M33_1_1 = sb_plus*x43;
+    const float x44 = ca_plus*x42 - q_y*sa_plus;
+    const float M33_1_2 = cb_plus*x44 - q_x*sb_plus;
     const float M33_1_3 = x35;
     const float M33_2_1 = x44;
     const float M33_2_2 = 0.0f;
-    const float M33_2_3 = sa_a;
-    const float M33_3_1 = cb_a*x43;
-    const float M33_3_2 = -cb_a*q_x - sb_a*x44;
+    const float M33_2_3 = sa_plus;
+    const float M33_3_1 = cb_plus*x43;
+    const float M33_3_2 = -cb_plus*q_x - sb_plus*x44;
     const float M33_3_3 = x34;
     const float inverse_determinant = blend_f32(singular, 1.0f, 1.0f/determinant);
     const float point_by_P_1_1 = inverse_determinant*(M33_1_1*adjugate_1_1 + M33_1_2*adjugate_2_1 + M33_1_3*adjugate_3_1);
@@ -3054,7 +4370,7 @@ static inline void tricept_propagate_f32(float (*restrict input)[BLOCK], float (
     const float x73 = (left_2_43*left_2_43);
     const float left_3_44 = left_2_44 - pivot_3_inverse*x73;
     const float x78 = 512.0f*FLT_EPSILON;
-    const int32_t no_covariance = ((~(pivot_0)) & (mask_f32(x55 > x78))) | ((~(pivot_0)) & (mask_f32(x58 > x78))) | ((~(pivot_0)) & (mask_f32(x62 > x78))) | ((~(pivot_0)) & (mask_f32(x66 > x78))) | ((~(pivot_1)) & (mask_f32(x67 > x78))) | ((~(pivot_1)) & (mask_f32(x69 > x78))) | ((~(pivot_1)) & (mask_f32(x70 > x78))) | ((~(pivot_2)) & (mask_f32(x71 > x78))) | ((~(pivot_2)) & (mask_f32(x72 > x78))) | ((~(pivot_3)) & (mask_f32(x73 > x78))) | (mask_f32(fabsf(U_x_1_2*x45 - correlation_10) > x77)) | (mask_f32(fabsf(U_x_1_3*x46 - correlation_20) > x77)) | (mask_f32(fabsf(U_x_1_4*x48 - correlation_30) > x77)) | (mask_f32(fabsf(U_x_1_5*x51 - correlation_40) > x77)) | (mask_f32(fabsf(U_x_2_3*x47 - correlation_21) > x77)) | (mask_f32(fabsf(U_x_2_4*x49 - correlation_31) > x77)) | (mask_f32(fabsf(U_x_2_5*x52 - correlation_41) > x77)) | (mask_f32(fabsf(U_x_3_4*x50 - correlation_32) > x77)) | (mask_f32(fabsf(U_x_3_5*x53 - correlation_42) > x77)) | (mask_f32(fabsf(U_x_4_5*x54 - correlation_43) > x77)) | (mask_f32(U_x_1_1 < 0.0f)) | (mask_f32(U_x_2_2 < 0.0f)) | (mask_f32(U_x_3_3 < 0.0f)) | (mask_f32(U_x_4_4 < 0.0f)) | (mask_f32(U_x_5_5 < 0.0f)) | (mask_f32(correlation_00 < -x77)) | (mask_f32(left_0_11 < -x77)) | (mask_f32(left_1_22 < -x77)) | (mask_f32(left_2_33 < -x77)) | (mask_f32(left_3_44 < -x77));
+    const int32_t no_covariance = ((~(pivot_0)) & (mask_f32(x55 > x78))) | ((~(pivot_0)) & (mask_f32(x58 > x78))) | ((~(pivot_0)) & (mask_f32(x62 > x78))) | ((~(pivot_0)) & (mask_f32(x66 > x78))) | ((~(pivot_1)) & (mask_f32(x67 > x78))) | ((~(pivot_1)) & (mask_f32(x69 > x78))) | ((~(pivot_1)) & (mask_f32(x70 > x78))) | ((~(pivot_2)) & (mask_f32(x71 > x78))) | ((~(pivot_2)) & (mask_f32(x72 > x78))) | ((~(pivot_3)) & (mask_f32(x73 > x78))) | (~((mask_f32(U_x_1_1 >= 0.0f)) & (mask_f32(U_x_1_1 <= FLT_MAX)))) | (~((mask_f32(U_x_2_2 >= 0.0f)) & (mask_f32(U_x_2_2 <= FLT_MAX)))) | (~((mask_f32(U_x_3_3 >= 0.0f)) & (mask_f32(U_x_3_3 <= FLT_MAX)))) | (~((mask_f32(U_x_4_4 >= 0.0f)) & (mask_f32(U_x_4_4 <= FLT_MAX)))) | (~((mask_f32(U_x_5_5 >= 0.0f)) & (mask_f32(U_x_5_5 <= FLT_MAX)))) | (mask_f32(fabsf(U_x_1_2*x45 - correlation_10) > x77)) | (mask_f32(fabsf(U_x_1_3*x46 - correlation_20) > x77)) | (mask_f32(fabsf(U_x_1_4*x48 - correlation_30) > x77)) | (mask_f32(fabsf(U_x_1_5*x51 - correlation_40) > x77)) | (mask_f32(fabsf(U_x_2_3*x47 - correlation_21) > x77)) | (mask_f32(fabsf(U_x_2_4*x49 - correlation_31) > x77)) | (mask_f32(fabsf(U_x_2_5*x52 - correlation_41) > x77)) | (mask_f32(fabsf(U_x_3_4*x50 - correlation_32) > x77)) | (mask_f32(fabsf(U_x_3_5*x53 - correlation_42) > x77)) | (mask_f32(fabsf(U_x_4_5*x54 - correlation_43) > x77)) | (mask_f32(correlation_00 < -x77)) | (mask_f32(left_0_11 < -x77)) | (mask_f32(left_1_22 < -x77)) | (mask_f32(left_2_33 < -x77)) | (mask_f32(left_3_44 < -x77));
     const float half_1_1 = A_1_1*U_x_1_1 + A_1_2*U_x_2_1 + A_1_3*U_x_3_1 + A_1_4*U_x_4_1 + A_1_5*U_x_5_1;
     const float half_1_2 = A_1_1*U_x_1_2 + A_1_2*U_x_2_2 + A_1_3*U_x_3_2 + A_1_4*U_x_4_2 + A_1_5*U_x_5_2;
     const float half_1_3 = A_1_1*U_x_1_3 + A_1_2*U_x_2_3 + A_1_3*U_x_3_3 + A_1_4*U_x_4_3 + A_1_5*U_x_5_3;

@@ -7,6 +7,8 @@
 #ifndef RODGEN_VECTOR_H
 #define RODGEN_VECTOR_H
 
+#include <float.h>
+#include <math.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
@@ -89,6 +91,41 @@ static inline double vector_sin_f64(double x) { return vector_sin_shifted(x, 0);
 static inline double vector_cos_f64(double x) { return vector_sin_shifted(x, 1); }
 static inline float vector_sin_f32(float x) { return (float)vector_sin_shifted((double)x, 0); }
 static inline float vector_cos_f32(float x) { return (float)vector_sin_shifted((double)x, 1); }
+
+/* Arc tangent of y/x in its quadrant, to 2 units in the last place. The quotient of the smaller and the larger is brought
+ * to |t| < 7/16 by the tangents 1/2 and 1, with one division in all; the polynomial is fdlibm's.
+ */
+static inline double vector_atan2_f64(double y, double x) {
+  const double ax = fabs(x), ay = fabs(y);
+  const int64_t steep = mask_f64(ay > ax);
+  double n = blend_f64(steep, ax, ay), d = blend_f64(steep, ay, ax);
+  const int64_t infinite = mask_f64(d > DBL_MAX);
+  n = blend_f64(infinite, blend_f64(mask_f64(n > DBL_MAX), 1.0, n - n), n);
+  d = blend_f64(infinite | mask_f64(d == 0.0), 1.0, d);
+  /* 2 d + n must not overflow, and 7/16 d not vanish */
+  const double scale = blend_f64(mask_f64(d > 1e300), 0x1p-60, blend_f64(mask_f64(d < 1e-300), 0x1p60, 1.0));
+  n *= scale;
+  d *= scale;
+  const int64_t low = mask_f64(n < 0.4375 * d), middle = mask_f64(n < 0.6875 * d);
+  const double t = blend_f64(low, n, blend_f64(middle, 2.0 * n - d, n - d)) /
+                   blend_f64(low, d, blend_f64(middle, 2.0 * d + n, d + n));
+  const double base = blend_f64(low, 0.0, blend_f64(middle, 4.63647609000806093515e-01, 7.85398163397448278999e-01));
+  const double rest = blend_f64(low, 0.0, blend_f64(middle, 2.26987774529616870924e-17, 3.06161699786838301793e-17));
+  const double z = t * t, w = z * z;
+  const double odd = z * (3.33333333333329318027e-01 + w * (1.42857142725034663711e-01 +
+      w * (9.09088713343650656196e-02 + w * (6.66107313738753120669e-02 +
+      w * (4.97687799461593236017e-02 + w * 1.62858201153657823623e-02)))));
+  const double even = w * (-1.99999999998764832476e-01 + w * (-1.11111104054623557880e-01 +
+      w * (-7.69187620504482999495e-02 + w * (-5.83357013379057348645e-02 + w * -3.65315727442169155270e-02))));
+  const double first = base - ((t * (odd + even) - rest) - t);
+  const double upper = blend_f64(steep, 1.57079632679489655800e+00 - (first - 6.12323399573676603587e-17), first);
+  int64_t sign;
+  memcpy(&sign, &x, sizeof sign);
+  const double whole = blend_f64(-(int64_t)((uint64_t)sign >> 63), 3.14159265358979311600e+00 - (upper - 1.22464679914735320717e-16), upper);
+  return copysign(whole, y);
+}
+
+static inline float vector_atan2_f32(float y, float x) { return (float)vector_atan2_f64((double)y, (double)x); }
 
 static inline double sign_f64(double x) { return (double)(x > 0.0) - (double)(x < 0.0); }
 static inline float sign_f32(float x) { return (float)(x > 0.0f) - (float)(x < 0.0f); }

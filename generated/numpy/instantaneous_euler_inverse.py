@@ -76,13 +76,12 @@ chi_rotations.types = ["dd->dddb", "ff->fffb"]
 
 
 def _chi_rotations(chi_1, chi_2, chi_3, tolerance, eps, largest):
-    # 43 add, 42 mul, 11 sqrt, 112 select, 83 compare, 3 atan2, 3 cos, 3 sin
+    # 44 add, 41 mul, 12 sqrt, 112 select, 83 compare, 3 atan2, 3 cos, 3 sin
     x22 = 3.141592653589793*(4.0*eps + 1.0)
     good = (chi_1 >= 0.0) & (chi_2 >= 0.0) & (chi_3 >= 0.0) & (tolerance >= 0.0) & (chi_1 <= x22) & (chi_2 <= x22) & (chi_3 <= x22)
     del x22
     x0 = 16.0*eps
     slack = np.where(tolerance < x0, x0, tolerance)
-    del x0
     x1 = 0.5*chi_1
     s_1 = (np.sin(x1)*np.sin(x1))
     x2 = 0.5*chi_2
@@ -125,8 +124,10 @@ def _chi_rotations(chi_1, chi_2, chi_3, tolerance, eps, largest):
     del part_2
     raw_3 = -part_3 - x5
     del part_3, x5
-    floor = size*slack + np.where((above_3) | (at_1) | (at_2), 16.0*(eps*eps), 0.0)
-    del size, slack
+    coarse = np.where((above_3) | (at_1) | (at_2), x0*(eps + np.sqrt(size)), 0.0)
+    del x0
+    floor = coarse + size*slack
+    del coarse, size, slack
     outside = (raw_1 < -floor) | (raw_2 < -floor) | (raw_3 < -floor)
     rest_1 = np.where(floor >= raw_1, 0.0, raw_1)
     del raw_1

@@ -222,7 +222,7 @@ def tricept_inverse(point, r, R, q_x, q_y, q_z, shortest, longest, *, out=None):
 
     Source: Kureková et al., Acta IMEKO 4(4), 2015, conditions below eq. (4)
 
-    The rows are (S, K) = (+, +), which is the physical one, (+, -), (-, +), (-, -).
+    The rows are (S, K) = (+, +), which is the physical one, (+, -), (-, +), (-, -). With S the sine of alpha changes its sign, with K the other root does, so there are two values of beta and two of alpha but for the sign.
 
     Parameters
     ----------
@@ -267,7 +267,7 @@ tricept_inverse.types = ["dddddddd->ddb", "ffffffff->ffb"]
 
 
 def _tricept_inverse(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, longest, eps, largest):
-    # 115 add, 139 mul, 2 div, 16 sqrt, 59 select, 38 compare, 8 abs, 8 atan2
+    # 109 add, 124 mul, 2 div, 16 sqrt, 55 select, 38 compare, 8 abs, 4 atan2
     level_squared = (point_1*point_1) + (point_3*point_3)
     level = np.sqrt(level_squared)
     x0 = np.abs(q_x)
@@ -295,186 +295,181 @@ def _tricept_inverse(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, l
     by_whole = np.where(free_alpha, 1.0, 1.0/whole)
     valid = (shortest <= longest) & (whole <= largest) & (x0 + np.abs(R) + np.abs(point_1) + np.abs(point_2) + np.abs(point_3) + np.abs(q_y) + np.abs(q_z) + np.abs(r) <= largest) & (R > 0.0) & (r > 0.0)
     del whole, x0
-    x3 = g*q_y
-    x4 = point_2*u
-    x5 = x3 - x4
-    sa_a = np.where(free_alpha, 0.0, -by_whole*x5)
-    x6 = g*u
-    x7 = np.where(free_alpha, 1.0, by_whole*(point_2*q_y + x6))
-    ca_a = x7
-    x8 = g*point_1
-    x9 = point_3*q_x
-    x10 = np.where(free_beta, 0.0, by_level*(x8 - x9))
-    sb_a = x10
-    x11 = g*point_3
+    x3 = g*point_1
+    x4 = point_3*q_x
+    sb_plus = np.where(free_beta, 0.0, by_level*(x3 - x4))
+    x5 = g*point_3
+    cb_plus = np.where(free_beta, 1.0, by_level*(point_1*q_x + x5))
+    sb_minus = np.where(free_beta, 0.0, by_level*(-x3 - x4))
+    del x3, x4
+    cb_minus = np.where(free_beta, 1.0, by_level*(point_1*q_x - x5))
+    del by_level, x5
+    x6 = g*q_y
+    sa_plus = np.where(free_alpha, 0.0, by_whole*(point_2*u - x6))
+    x7 = g*u
     del g
-    x12 = np.where(free_beta, 1.0, by_level*(point_1*q_x + x11))
-    cb_a = x12
-    x13 = u - q_z
-    z_a = x13
-    x15 = ca_a*z_a
-    x16 = sb_a*x15
-    rod_ax_1 = cb_a*r + x16 - R
-    x17 = sa_a*z_a
-    rod_ax_2 = x17
-    x18 = cb_a*x15
-    del x15
-    rod_ax_3 = x18 - r*sb_a
-    x19 = 0.5*cb_a
-    x20 = 0.5*sb_a
-    x21 = np.sqrt(3.0)
-    x22 = sa_a*x21
-    x23 = x20*x22
-    x24 = 0.5*R
-    x25 = x16 + x24
-    del x16
-    rod_ay_1 = r*(-x19 - x23) + x25
-    x26 = x21*x24
-    x28 = 0.5*r*x21
-    x29 = ca_a*x28
-    rod_ay_2 = x17 + x29 - x26
-    x30 = x19*x22
-    del x22
-    rod_ay_3 = r*(0.5*sb_a - x30) + x18
-    rod_az_1 = r*(x23 - x19) + x25
-    del x19, x23, x25
-    rod_az_2 = x17 + x26 - x29
-    del x17, x29
-    rod_az_3 = r*(x20 + x30) + x18
-    del x18, x20, x30
+    ca_plus = np.where(free_alpha, 1.0, by_whole*(point_2*q_y + x7))
+    sa_minus = np.where(free_alpha, 0.0, by_whole*(point_2*u + x6))
+    del x6
+    ca_minus = np.where(free_alpha, 1.0, by_whole*(point_2*q_y - x7))
+    del by_whole, x7
+    beta_plus = np.arctan2(sb_plus, cb_plus)
+    beta_minus = np.arctan2(sb_minus, cb_minus)
+    alpha_plus = np.arctan2(sa_plus, ca_plus)
+    alpha_minus = np.arctan2(sa_minus, ca_minus)
+    x8 = u - q_z
+    z_a = x8
+    x9 = ca_plus*z_a
+    x10 = sb_plus*x9
+    x12 = cb_plus*r - R
+    rod_ax_1 = x10 + x12
+    x13 = sa_plus*z_a
+    rod_ax_2 = x13
+    x14 = -r*sb_plus
+    x15 = cb_plus*x9
+    del x9
+    rod_ax_3 = x14 + x15
+    x16 = 0.5*cb_plus
+    x17 = 0.5*sb_plus
+    x18 = np.sqrt(3.0)
+    x19 = sa_plus*x18
+    x20 = x17*x19
+    x21 = 0.5*R
+    x22 = x10 + x21
+    del x10
+    rod_ay_1 = r*(-x16 - x20) + x22
+    x23 = x18*x21
+    x25 = 0.5*r*x18
+    x26 = ca_plus*x25
+    x27 = x26 - x23
+    rod_ay_2 = x13 + x27
+    x28 = -0.5*sb_plus
+    x29 = x16*x19
+    rod_ay_3 = r*(-x28 - x29) + x15
+    rod_az_1 = r*(x20 - x16) + x22
+    del x20, x22
+    x30 = x23 - x26
+    del x26
+    rod_az_2 = x13 + x30
+    del x13
+    rod_az_3 = r*(x17 + x29) + x15
+    del x15, x29
     rods_a_length_1 = np.sqrt((rod_ax_1*rod_ax_1) + (rod_ax_2*rod_ax_2) + (rod_ax_3*rod_ax_3))
     del rod_ax_1, rod_ax_2, rod_ax_3
     rods_a_length_2 = np.sqrt((rod_ay_1*rod_ay_1) + (rod_ay_2*rod_ay_2) + (rod_ay_3*rod_ay_3))
     del rod_ay_1, rod_ay_2, rod_ay_3
     rods_a_length_3 = np.sqrt((rod_az_1*rod_az_1) + (rod_az_2*rod_az_2) + (rod_az_3*rod_az_3))
     del rod_az_1, rod_az_2, rod_az_3
-    x31 = x3 + x4
-    del x3, x4
-    sa_b = np.where(free_alpha, 0.0, by_whole*x31)
-    x32 = np.where(free_alpha, 1.0, by_whole*(point_2*q_y - x6))
-    del x6
-    ca_b = x32
-    x33 = np.where(free_beta, 0.0, by_level*(-x8 - x9))
-    del x8, x9
-    sb_b = x33
-    x34 = np.where(free_beta, 1.0, by_level*(point_1*q_x - x11))
-    del by_level, x11
-    cb_b = x34
-    z_b = x13
-    del x13
-    x35 = ca_b*z_b
-    x36 = sb_b*x35
-    rod_bx_1 = cb_b*r + x36 - R
-    x37 = sa_b*z_b
-    rod_bx_2 = x37
-    x38 = cb_b*x35
-    del x35
-    rod_bx_3 = x38 - r*sb_b
-    x39 = 0.5*cb_b
-    x40 = 0.5*sb_b
-    x41 = sa_b*x21
-    x42 = x40*x41
-    x43 = x24 + x36
-    del x36
-    rod_by_1 = r*(-x39 - x42) + x43
-    x44 = ca_b*x28
-    rod_by_2 = x37 + x44 - x26
-    x45 = x39*x41
-    del x41
-    rod_by_3 = r*(0.5*sb_b - x45) + x38
-    rod_bz_1 = r*(x42 - x39) + x43
-    del x39, x42, x43
-    rod_bz_2 = x26 + x37 - x44
-    del x37, x44
-    rod_bz_3 = r*(x40 + x45) + x38
-    del x38, x40, x45
+    z_b = x8
+    del x8
+    x31 = ca_minus*z_b
+    x32 = sb_minus*x31
+    x33 = cb_minus*r - R
+    rod_bx_1 = x32 + x33
+    x34 = sa_minus*z_b
+    rod_bx_2 = x34
+    x35 = -r*sb_minus
+    x36 = cb_minus*x31
+    del x31
+    rod_bx_3 = x35 + x36
+    x37 = 0.5*cb_minus
+    x38 = 0.5*sb_minus
+    x39 = sa_minus*x18
+    del x18
+    x40 = x38*x39
+    x41 = x21 + x32
+    del x32
+    rod_by_1 = r*(-x37 - x40) + x41
+    x42 = ca_minus*x25
+    del x25
+    x43 = x42 - x23
+    rod_by_2 = x34 + x43
+    x44 = -0.5*sb_minus
+    x45 = x37*x39
+    rod_by_3 = r*(-x44 - x45) + x36
+    rod_bz_1 = r*(x40 - x37) + x41
+    del x40, x41
+    x46 = x23 - x42
+    del x23, x42
+    rod_bz_2 = x34 + x46
+    del x34
+    rod_bz_3 = r*(x38 + x45) + x36
+    del x36, x45
     rods_b_length_1 = np.sqrt((rod_bx_1*rod_bx_1) + (rod_bx_2*rod_bx_2) + (rod_bx_3*rod_bx_3))
     del rod_bx_1, rod_bx_2, rod_bx_3
     rods_b_length_2 = np.sqrt((rod_by_1*rod_by_1) + (rod_by_2*rod_by_2) + (rod_by_3*rod_by_3))
     del rod_by_1, rod_by_2, rod_by_3
     rods_b_length_3 = np.sqrt((rod_bz_1*rod_bz_1) + (rod_bz_2*rod_bz_2) + (rod_bz_3*rod_bz_3))
     del rod_bz_1, rod_bz_2, rod_bz_3
-    sa_c = np.where(free_alpha, 0.0, -by_whole*x31)
-    del x31
-    ca_c = x32
-    del x32
-    sb_c = x10
-    del x10
-    cb_c = x12
-    del x12
-    x46 = -q_z - u
+    x47 = -q_z - u
     del u
-    z_c = x46
-    x47 = ca_c*z_c
-    x48 = sb_c*x47
-    rod_cx_1 = cb_c*r + x48 - R
-    x49 = sa_c*z_c
-    rod_cx_2 = x49
-    x50 = cb_c*x47
-    del x47
-    rod_cx_3 = x50 - r*sb_c
-    x51 = 0.5*cb_c
-    x52 = 0.5*sb_c
-    x53 = sa_c*x21
-    x54 = x52*x53
-    x55 = x24 + x48
-    del x48
-    rod_cy_1 = r*(-x51 - x54) + x55
-    x56 = ca_c*x28
-    rod_cy_2 = x49 + x56 - x26
-    x57 = x51*x53
-    del x53
-    rod_cy_3 = r*(0.5*sb_c - x57) + x50
-    rod_cz_1 = r*(x54 - x51) + x55
-    del x51, x54, x55
-    rod_cz_2 = x26 + x49 - x56
-    del x49, x56
-    rod_cz_3 = r*(x52 + x57) + x50
-    del x50, x52, x57
+    z_c = x47
+    x48 = ca_minus*z_c
+    del ca_minus
+    x49 = sb_plus*x48
+    del sb_plus
+    rod_cx_1 = x12 + x49
+    del x12
+    x50 = sa_minus*z_c
+    del sa_minus
+    rod_cx_2 = -x50
+    x51 = cb_plus*x48
+    del cb_plus, x48
+    rod_cx_3 = x14 + x51
+    del x14
+    x52 = x17*x39
+    x53 = x21 + x49
+    del x49
+    rod_cy_1 = r*(x52 - x16) + x53
+    rod_cy_2 = -x46 - x50
+    del x46
+    x54 = x16*x39
+    del x39
+    rod_cy_3 = r*(x17 + x54) + x51
+    del x17
+    rod_cz_1 = r*(-x16 - x52) + x53
+    del x16, x52, x53
+    rod_cz_2 = -x43 - x50
+    del x43, x50
+    rod_cz_3 = r*(-x28 - x54) + x51
+    del x28, x51, x54
     rods_c_length_1 = np.sqrt((rod_cx_1*rod_cx_1) + (rod_cx_2*rod_cx_2) + (rod_cx_3*rod_cx_3))
     del rod_cx_1, rod_cx_2, rod_cx_3
     rods_c_length_2 = np.sqrt((rod_cy_1*rod_cy_1) + (rod_cy_2*rod_cy_2) + (rod_cy_3*rod_cy_3))
     del rod_cy_1, rod_cy_2, rod_cy_3
     rods_c_length_3 = np.sqrt((rod_cz_1*rod_cz_1) + (rod_cz_2*rod_cz_2) + (rod_cz_3*rod_cz_3))
     del rod_cz_1, rod_cz_2, rod_cz_3
-    sa_d = np.where(free_alpha, 0.0, by_whole*x5)
-    del by_whole, x5
-    ca_d = x7
-    del x7
-    sb_d = x33
+    z_d = x47
+    del x47
+    x55 = ca_plus*z_d
+    del ca_plus
+    x56 = sb_minus*x55
+    del sb_minus
+    rod_dx_1 = x33 + x56
     del x33
-    cb_d = x34
-    del x34
-    z_d = x46
-    del x46
-    x58 = ca_d*z_d
-    x59 = sb_d*x58
-    rod_dx_1 = cb_d*r + x59 - R
-    x60 = sa_d*z_d
-    rod_dx_2 = x60
-    x61 = cb_d*x58
-    del x58
-    rod_dx_3 = x61 - r*sb_d
-    x62 = 0.5*cb_d
-    x63 = 0.5*sb_d
-    x64 = sa_d*x21
-    del x21
-    x65 = x63*x64
-    x66 = x24 + x59
-    del x24, x59
-    rod_dy_1 = r*(-x62 - x65) + x66
-    x67 = ca_d*x28
-    del x28
-    rod_dy_2 = x60 + x67 - x26
-    x68 = x62*x64
-    del x64
-    rod_dy_3 = r*(0.5*sb_d - x68) + x61
-    rod_dz_1 = r*(x65 - x62) + x66
-    del x62, x65, x66
-    rod_dz_2 = x26 + x60 - x67
-    del x26, x60, x67
-    rod_dz_3 = r*(x63 + x68) + x61
-    del x61, x63, x68
+    x57 = sa_plus*z_d
+    del sa_plus
+    rod_dx_2 = -x57
+    x58 = cb_minus*x55
+    del cb_minus, x55
+    rod_dx_3 = x35 + x58
+    del x35
+    x59 = x19*x38
+    x60 = x21 + x56
+    del x21, x56
+    rod_dy_1 = r*(x59 - x37) + x60
+    rod_dy_2 = -x30 - x57
+    del x30
+    x61 = x19*x37
+    del x19
+    rod_dy_3 = r*(x38 + x61) + x58
+    del x38
+    rod_dz_1 = r*(-x37 - x59) + x60
+    del x37, x59, x60
+    rod_dz_2 = -x27 - x57
+    del x27, x57
+    rod_dz_3 = r*(-x44 - x61) + x58
+    del x44, x58, x61
     rods_d_length_1 = np.sqrt((rod_dx_1*rod_dx_1) + (rod_dx_2*rod_dx_2) + (rod_dx_3*rod_dx_3))
     del rod_dx_1, rod_dx_2, rod_dx_3
     rods_d_length_2 = np.sqrt((rod_dy_1*rod_dy_1) + (rod_dy_2*rod_dy_2) + (rod_dy_3*rod_dy_3))
@@ -482,28 +477,28 @@ def _tricept_inverse(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, l
     rods_d_length_3 = np.sqrt((rod_dz_1*rod_dz_1) + (rod_dz_2*rod_dz_2) + (rod_dz_3*rod_dz_3))
     del rod_dz_1, rod_dz_2, rod_dz_3
     there = (valid) & (~(no_root))
-    poses_1_1 = np.where(there, np.arctan2(sa_a, ca_a), np.nan)
-    del ca_a, sa_a
-    poses_1_2 = np.where(there, np.arctan2(sb_a, cb_a), np.nan)
-    del cb_a, sb_a
+    poses_1_1 = np.where(there, alpha_plus, np.nan)
+    x62 = np.where(there, beta_plus, np.nan)
+    del beta_plus
+    poses_1_2 = x62
     poses_1_3 = np.where(there, z_a, np.nan)
     del z_a
-    poses_2_1 = np.where(there, np.arctan2(sa_b, ca_b), np.nan)
-    del ca_b, sa_b
-    poses_2_2 = np.where(there, np.arctan2(sb_b, cb_b), np.nan)
-    del cb_b, sb_b
+    poses_2_1 = np.where(there, alpha_minus, np.nan)
+    x63 = np.where(there, beta_minus, np.nan)
+    del beta_minus
+    poses_2_2 = x63
     poses_2_3 = np.where(there, z_b, np.nan)
     del z_b
-    poses_3_1 = np.where(there, np.arctan2(sa_c, ca_c), np.nan)
-    del ca_c, sa_c
-    poses_3_2 = np.where(there, np.arctan2(sb_c, cb_c), np.nan)
-    del cb_c, sb_c
+    poses_3_1 = np.where(there, -alpha_minus, np.nan)
+    del alpha_minus
+    poses_3_2 = x62
+    del x62
     poses_3_3 = np.where(there, z_c, np.nan)
     del z_c
-    poses_4_1 = np.where(there, np.arctan2(sa_d, ca_d), np.nan)
-    del ca_d, sa_d
-    poses_4_2 = np.where(there, np.arctan2(sb_d, cb_d), np.nan)
-    del cb_d, sb_d
+    poses_4_1 = np.where(there, -alpha_plus, np.nan)
+    del alpha_plus
+    poses_4_2 = x63
+    del x63
     poses_4_3 = np.where(there, z_d, np.nan)
     del z_d
     legs_1_1 = np.where(there, rods_a_length_1, np.nan)
@@ -1704,7 +1699,7 @@ tricept_propagate.types = ["ddddddddd->db", "fffffffff->fb"]
 
 
 def _tricept_propagate(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, longest, U_x_1_1, U_x_1_2, U_x_1_3, U_x_1_4, U_x_1_5, U_x_2_1, U_x_2_2, U_x_2_3, U_x_2_4, U_x_2_5, U_x_3_1, U_x_3_2, U_x_3_3, U_x_3_4, U_x_3_5, U_x_4_1, U_x_4_2, U_x_4_3, U_x_4_4, U_x_4_5, U_x_5_1, U_x_5_2, U_x_5_3, U_x_5_4, U_x_5_5, eps, largest):
-    # 227 add, 363 mul, 12 div, 12 sqrt, 37 select, 65 compare, 22 abs
+    # 227 add, 363 mul, 12 div, 12 sqrt, 37 select, 70 compare, 22 abs
     level_squared = (point_1*point_1) + (point_3*point_3)
     level = np.sqrt(level_squared)
     x0 = np.abs(q_x)
@@ -1731,27 +1726,27 @@ def _tricept_propagate(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest,
     by_whole = np.where(free_alpha, 1.0, 1.0/whole)
     valid = (shortest <= longest) & (whole <= largest) & (x0 + np.abs(R) + np.abs(point_1) + np.abs(point_2) + np.abs(point_3) + np.abs(q_y) + np.abs(q_z) + np.abs(r) <= largest) & (R > 0.0) & (r > 0.0)
     del whole, x0
-    sa_a = np.where(free_alpha, 0.0, by_whole*(point_2*u - g*q_y))
-    ca_a = np.where(free_alpha, 1.0, by_whole*(g*u + point_2*q_y))
+    sa_plus = np.where(free_alpha, 0.0, by_whole*(point_2*u - g*q_y))
+    ca_plus = np.where(free_alpha, 1.0, by_whole*(g*u + point_2*q_y))
     del by_whole
-    sb_a = np.where(free_beta, 0.0, by_level*(g*point_1 - point_3*q_x))
-    cb_a = np.where(free_beta, 1.0, by_level*(g*point_3 + point_1*q_x))
+    sb_plus = np.where(free_beta, 0.0, by_level*(g*point_1 - point_3*q_x))
+    cb_plus = np.where(free_beta, 1.0, by_level*(g*point_3 + point_1*q_x))
     del by_level, g
-    z_a = u - q_z
+    z = u - q_z
     del u
-    x3 = ca_a*z_a
-    x4 = sb_a*x3
-    x5 = cb_a*r + x4 - R
+    x3 = ca_plus*z
+    x4 = sb_plus*x3
+    x5 = cb_plus*r + x4 - R
     rod_a_1 = x5
-    x6 = sa_a*z_a
+    x6 = sa_plus*z
     rod_a_2 = x6
-    x7 = cb_a*x3
-    x8 = x7 - r*sb_a
+    x7 = cb_plus*x3
+    x8 = x7 - r*sb_plus
     rod_a_3 = x8
-    x9 = 0.5*cb_a
-    x10 = 0.5*sb_a
+    x9 = 0.5*cb_plus
+    x10 = 0.5*sb_plus
     x11 = np.sqrt(3.0)
-    x12 = sa_a*x11
+    x12 = sa_plus*x11
     x13 = x10*x12
     x14 = -x13 - x9
     x15 = r*x14
@@ -1763,13 +1758,13 @@ def _tricept_propagate(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest,
     x19 = x11*x16
     x20 = 0.5*x11
     x21 = r*x20
-    x22 = ca_a*x21
+    x22 = ca_plus*x21
     x23 = x22 + x6
     x24 = x23 - x19
     rod_b_2 = x24
     x25 = x12*x9
     del x12
-    x26 = 0.5*sb_a - x25
+    x26 = 0.5*sb_plus - x25
     x27 = r*x26 + x7
     rod_b_3 = x27
     x28 = x13 - x9
@@ -1792,30 +1787,30 @@ def _tricept_propagate(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest,
     del rod_b_1, rod_b_2, rod_b_3
     rod_length_3 = np.sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3))
     del rod_c_1, rod_c_2, rod_c_3
-    P_1_1 = R*sb_a*x6
+    P_1_1 = R*sb_plus*x6
     del x6
     P_1_2 = -R*x8
-    x34 = ca_a*cb_a
-    x35 = ca_a*sb_a
-    P_1_3 = (sa_a*sa_a)*z_a + x34*x8 + x35*x5
-    x36 = sa_a*x21
+    x34 = ca_plus*cb_plus
+    x35 = ca_plus*sb_plus
+    P_1_3 = (sa_plus*sa_plus)*z + x34*x8 + x35*x5
+    x36 = sa_plus*x21
     del x21
     P_2_1 = R*(0.5*x11*(x36 - x3) - x10*x23)
     del x23
     P_2_2 = x16*x27
-    P_2_3 = sa_a*x24 + x18*x35 + x27*x34
-    P_3_1 = R*(-x10*(sa_a*z_a - x22) - x20*(-x3 - x36))
+    P_2_3 = sa_plus*x24 + x18*x35 + x27*x34
+    P_3_1 = R*(-x10*(sa_plus*z - x22) - x20*(-x3 - x36))
     del x22, x36
     P_3_2 = x16*x33
     del x16
-    P_3_3 = sa_a*x31 + x30*x35 + x33*x34
-    by_r_1 = cb_a*x5 - sb_a*x8
+    P_3_3 = sa_plus*x31 + x30*x35 + x33*x34
+    by_r_1 = cb_plus*x5 - sb_plus*x8
     del x8
-    by_r_2 = ca_a*x20*x24 + x14*x18 + x26*x27
+    by_r_2 = ca_plus*x20*x24 + x14*x18 + x26*x27
     del x14, x18, x26, x27
     x37 = x20*x31
     del x20, x31
-    by_r_3 = x28*x30 + x32*x33 - ca_a*x37
+    by_r_3 = x28*x30 + x32*x33 - ca_plus*x37
     del x28, x30, x32, x33
     by_R_1 = x5
     del x5
@@ -1849,23 +1844,23 @@ def _tricept_propagate(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest,
     del x39, x40, x41
     singular = np.abs(determinant) <= determinant_size*x1
     del determinant_size, x1
-    x42 = q_z + z_a
-    del z_a
-    x43 = -ca_a*q_y - sa_a*x42
-    M33_1_1 = sb_a*x43
-    x44 = ca_a*x42 - q_y*sa_a
-    del ca_a, x42
-    M33_1_2 = cb_a*x44 - q_x*sb_a
+    x42 = q_z + z
+    del z
+    x43 = -ca_plus*q_y - sa_plus*x42
+    M33_1_1 = sb_plus*x43
+    x44 = ca_plus*x42 - q_y*sa_plus
+    del ca_plus, x42
+    M33_1_2 = cb_plus*x44 - q_x*sb_plus
     M33_1_3 = x35
     del x35
     M33_2_1 = x44
     M33_2_2 = 0.0
-    M33_2_3 = sa_a
-    del sa_a
-    M33_3_1 = cb_a*x43
+    M33_2_3 = sa_plus
+    del sa_plus
+    M33_3_1 = cb_plus*x43
     del x43
-    M33_3_2 = -cb_a*q_x - sb_a*x44
-    del cb_a, sb_a, x44
+    M33_3_2 = -cb_plus*q_x - sb_plus*x44
+    del cb_plus, sb_plus, x44
     M33_3_3 = x34
     del x34
     inverse_determinant = np.where(singular, 1.0, 1.0/determinant)
@@ -2000,7 +1995,7 @@ def _tricept_propagate(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest,
     left_3_44 = left_2_44 - pivot_3_inverse*x73
     del left_2_44, pivot_3_inverse
     x78 = 512.0*eps
-    no_covariance = ((~(pivot_0)) & (x55 > x78)) | ((~(pivot_0)) & (x58 > x78)) | ((~(pivot_0)) & (x62 > x78)) | ((~(pivot_0)) & (x66 > x78)) | ((~(pivot_1)) & (x67 > x78)) | ((~(pivot_1)) & (x69 > x78)) | ((~(pivot_1)) & (x70 > x78)) | ((~(pivot_2)) & (x71 > x78)) | ((~(pivot_2)) & (x72 > x78)) | ((~(pivot_3)) & (x73 > x78)) | (np.abs(U_x_1_2*x45 - correlation_10) > x77) | (np.abs(U_x_1_3*x46 - correlation_20) > x77) | (np.abs(U_x_1_4*x48 - correlation_30) > x77) | (np.abs(U_x_1_5*x51 - correlation_40) > x77) | (np.abs(U_x_2_3*x47 - correlation_21) > x77) | (np.abs(U_x_2_4*x49 - correlation_31) > x77) | (np.abs(U_x_2_5*x52 - correlation_41) > x77) | (np.abs(U_x_3_4*x50 - correlation_32) > x77) | (np.abs(U_x_3_5*x53 - correlation_42) > x77) | (np.abs(U_x_4_5*x54 - correlation_43) > x77) | (U_x_1_1 < 0.0) | (U_x_2_2 < 0.0) | (U_x_3_3 < 0.0) | (U_x_4_4 < 0.0) | (U_x_5_5 < 0.0) | (correlation_00 < -x77) | (left_0_11 < -x77) | (left_1_22 < -x77) | (left_2_33 < -x77) | (left_3_44 < -x77)
+    no_covariance = ((~(pivot_0)) & (x55 > x78)) | ((~(pivot_0)) & (x58 > x78)) | ((~(pivot_0)) & (x62 > x78)) | ((~(pivot_0)) & (x66 > x78)) | ((~(pivot_1)) & (x67 > x78)) | ((~(pivot_1)) & (x69 > x78)) | ((~(pivot_1)) & (x70 > x78)) | ((~(pivot_2)) & (x71 > x78)) | ((~(pivot_2)) & (x72 > x78)) | ((~(pivot_3)) & (x73 > x78)) | (~((U_x_1_1 >= 0.0) & (U_x_1_1 <= largest))) | (~((U_x_2_2 >= 0.0) & (U_x_2_2 <= largest))) | (~((U_x_3_3 >= 0.0) & (U_x_3_3 <= largest))) | (~((U_x_4_4 >= 0.0) & (U_x_4_4 <= largest))) | (~((U_x_5_5 >= 0.0) & (U_x_5_5 <= largest))) | (np.abs(U_x_1_2*x45 - correlation_10) > x77) | (np.abs(U_x_1_3*x46 - correlation_20) > x77) | (np.abs(U_x_1_4*x48 - correlation_30) > x77) | (np.abs(U_x_1_5*x51 - correlation_40) > x77) | (np.abs(U_x_2_3*x47 - correlation_21) > x77) | (np.abs(U_x_2_4*x49 - correlation_31) > x77) | (np.abs(U_x_2_5*x52 - correlation_41) > x77) | (np.abs(U_x_3_4*x50 - correlation_32) > x77) | (np.abs(U_x_3_5*x53 - correlation_42) > x77) | (np.abs(U_x_4_5*x54 - correlation_43) > x77) | (correlation_00 < -x77) | (left_0_11 < -x77) | (left_1_22 < -x77) | (left_2_33 < -x77) | (left_3_44 < -x77)
     del correlation_00, correlation_10, correlation_20, correlation_21, correlation_30, correlation_31, correlation_32, correlation_40, correlation_41, correlation_42, correlation_43, left_0_11, left_1_22, left_2_33, left_3_44, pivot_0, pivot_1, pivot_2, pivot_3, x45, x46, x47, x48, x49, x50, x51, x52, x53, x54, x55, x58, x62, x66, x67, x69, x70, x71, x72, x73, x77, x78
     half_1_1 = A_1_1*U_x_1_1 + A_1_2*U_x_2_1 + A_1_3*U_x_3_1 + A_1_4*U_x_4_1 + A_1_5*U_x_5_1
     half_1_2 = A_1_1*U_x_1_2 + A_1_2*U_x_2_2 + A_1_3*U_x_3_2 + A_1_4*U_x_4_2 + A_1_5*U_x_5_2
