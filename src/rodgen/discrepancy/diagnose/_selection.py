@@ -232,17 +232,23 @@ class Selection:
         return best
 
     def _of_one_cause(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
-        """Put one effect of a leg in the place of two that only make up for it.
+        """Put one effect of a leg in the place of two of legs that only make up for it.
 
         What displaces a leg's end or changes its length does nearly the same all over a small workspace, so that two of
-        these imitate a third. One cause is likelier than two: it may have a parameter more.
+        these imitate a third: what one of them leaves falls to another, there or at another leg. One cause is likelier
+        than two: it may have a parameter more.
         """
         for gone in combinations(included, 2):
-            if not of_one_leg(gone):
+            if not all(map(_is_of_a_leg, gone)):
                 continue
             kept = [c for c in included if c not in gone]
             most = self.cost(residual, total, included, included) + a_parameter(self.rows)
-            alone = [c for c in self.space.candidates if of_one_leg([*gone, c]) and c not in gone]
+            legs = {c.effect.place for c in gone}
+            alone = [
+                c
+                for c in self.space.candidates
+                if _is_of_a_leg(c) and c.effect.place in legs and c not in gone
+            ]
             costs = [self.cost(residual, total, [*kept, c], included) for c in alone]
             if costs and min(costs) < most:
                 return self._of_one_cause(residual, total, [*kept, alone[int(np.argmin(costs))]])
@@ -280,8 +286,11 @@ def _related(one: Candidate, other: Candidate) -> bool:
 
 def of_one_leg(candidates: Sequence[Candidate]) -> bool:
     """Tell whether all of them stand at the same leg of a closed chain."""
-    places = {c.effect.place for c in candidates}
-    return len(places) == 1 and all("leg" in c.effect.definition.at for c in candidates)
+    return len({c.effect.place for c in candidates}) == 1 and all(map(_is_of_a_leg, candidates))
+
+
+def _is_of_a_leg(candidate: Candidate) -> bool:
+    return "leg" in candidate.effect.definition.at
 
 
 def _follows_time(candidate: Candidate) -> bool:

@@ -19,7 +19,8 @@ _OF_ANY_READING = {
     (("T", "power", 1),),
 }
 _EXPANSION = (("T", "power", 1), ("q", "power", 1))
-_OF_A_LEG = {(("q", "power", 1),), (("s", "power", 1),), _EXPANSION}
+_OF_A_LEG = {(("q", "power", 1),), (("s", "power", 1),), (("T", "power", 1),), _EXPANSION}
+"""A leg's length changes by a small part of itself, so that what grows by T alone is what grows by T q."""
 _OF_FRAME = {(("t", "power", 1),), (("t", "decay", 1),)}
 _HARMONICS = 2
 """Of an encoder, and of error motions."""
