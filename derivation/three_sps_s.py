@@ -604,6 +604,30 @@ d.state(
 )
 
 # %% [markdown]
+# The determinant over tilt (the distance from the middle) and azimuth, for three torsions of the machine $R=2$, $r=1$,
+# $h=\frac32$. It vanishes on the black lines: without torsion on three straight ones, which meet in the start.
+
+# %%
+if in_notebook():
+    import matplotlib.pyplot as plt
+    import numpy as np
+
+    normed = determinant_tilt / (r**3 * sp.sqrt(R**2 + h**2) ** 3)
+    value = sp.lambdify([F, T, s], normed.subs({R: 2, r: 1, h: sp.Rational(3, 2)}), "numpy")
+    azimuths, tilts = np.meshgrid(np.linspace(0, 2 * np.pi, 181), np.linspace(0, np.pi, 91))
+    figure, panels = plt.subplots(
+        1, 3, figsize=(11, 4), subplot_kw={"projection": "polar"}, layout="constrained"
+    )
+    for panel, torsion in zip(panels, (0, 30, 90), strict=True):
+        found = value(azimuths, tilts / 2, np.radians(torsion) / 2)
+        shades = panel.contourf(azimuths, np.degrees(tilts), found, np.linspace(-1, 1, 21), cmap="RdBu")
+        panel.contour(azimuths, np.degrees(tilts), found, levels=[0], colors="black")
+        panel.set_rticks([60, 120])
+        panel.set_title(f"torsion {torsion}°")
+    figure.colorbar(shades, ax=panels, label="normed determinant", shrink=0.7)
+    plt.show()
+
+# %% [markdown]
 # ## The kernels
 
 

@@ -11,7 +11,7 @@ import pytest
 from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
-from rodgen import three_sps_s
+from rodgen import screws, three_sps_s
 from rodgen.errors import RodgenError
 from rodgen.three_sps_s import DirectStatus, Geometry, OrientationStatus
 
@@ -134,6 +134,27 @@ def test_tilt_and_torsion_go_both_ways():
     over = three_sps_s.tilt_torsion(three_sps_s.rotation_from_tilt_torsion(0.3, np.pi, 1.1))
     assert np.allclose(over[1], np.pi)
     assert over[2] == 0
+    assert np.isnan(three_sps_s.tilt_torsion(np.full((3, 3), np.nan))).all()
+
+
+def test_the_legs_and_the_pivot_as_screws_leave_a_yaw_at_home():
+    """Forces along the legs and through the pivot: six lines, whose rank is five where the machine is singular."""
+
+    def six_lines(matrix):
+        joints = MACHINE.r * DIRECTIONS @ matrix.T + np.array([0, 0, MACHINE.h])
+        through = screws.line_along([0, 0, MACHINE.h], np.eye(3))
+        return np.concatenate([screws.line_through(MACHINE.R * DIRECTIONS, joints), through])
+
+    system = screws.reciprocal_system(six_lines(np.eye(3)))
+    assert system.rank == 5
+    free = screws.screw_axis(system.basis[0])
+    assert np.allclose(np.abs(free.direction), [0, 0, 1], atol=1e-12)
+    assert np.allclose(free.point, 0, atol=1e-12)
+    assert np.allclose(free.pitch, 0, atol=1e-12)
+    for matrix in Rotation.random(20, random_state=20).as_matrix():
+        assert screws.reciprocal_system(six_lines(matrix)).rank == 6
+    for matrix in singular_rotations():
+        assert screws.reciprocal_system(six_lines(matrix), tolerance=1e-12).rank == 5
 
 
 # all modes ---------------------------------------------------------------------------------------------

@@ -242,8 +242,8 @@ def tilt_torsion(rotation: ArrayLike) -> Any:
     w, x, y, z = np.moveaxis(np.asarray(quaternion), -1, 0)
     along, across = np.hypot(w, z), np.hypot(x, y)
     rounding = 4 * np.finfo(float).eps
-    half = np.where(along > rounding, np.arctan2(z, w), 0.0)
-    phase = np.where(across > rounding, np.arctan2(-x, y), -half)
+    half = np.where(along <= rounding, 0.0, np.arctan2(z, w))
+    phase = np.where(across <= rounding, -half, np.arctan2(-x, y))
 
     def folded(angle: Any) -> Any:
         return np.arctan2(np.sin(angle), np.cos(angle))
