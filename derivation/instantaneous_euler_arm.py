@@ -185,7 +185,7 @@ if in_notebook():
             panel.plot(parameter, np.degrees(angle), "tab:blue", label=f"${letter}$")
             panel.plot(parameter, np.degrees(chi), colour, label=rf"$\chi_{axis}$")
             panel.set(xlabel=name)
-            panel.legend(loc="upper right")
+            panel.legend(loc="best")
         panels[0].set_ylabel("degrees")
         figure.suptitle(title)
         plt.show()
