@@ -17,6 +17,7 @@ from chi_inputs import chi_inputs
 from scipy.spatial.transform import Rotation
 from sps_inputs import sps_inputs
 from tricept_cases import inputs as tricept_inputs
+from tricept_parameter_inputs import parameter_inputs
 
 from rodgen.codegen import Kernel
 from rodgen.derivation import (
@@ -31,6 +32,7 @@ from rodgen.derivation import (
     rotations,
     three_sps_s,
     tricept,
+    tricept_uncertainty,
 )
 
 CHI = (
@@ -42,7 +44,10 @@ CHI = (
 )
 MODULES = {
     d.name: d
-    for d in (m.derivation for m in (axis, *CHI, machine_model, rodrigues, rotations, three_sps_s, tricept))
+    for d in (
+        m.derivation
+        for m in (axis, *CHI, machine_model, rodrigues, rotations, three_sps_s, tricept, tricept_uncertainty)
+    )
 }
 KERNELS: dict[str, Kernel] = {k.name: k for d in MODULES.values() for k in d.kernels.values()}
 MODULE_OF = {name: module for module, d in MODULES.items() for name in d.kernels}
@@ -141,6 +146,8 @@ def inputs_of(kernel: Kernel) -> dict[str, np.ndarray]:
         values = chi_inputs(names)
     elif kernel.name.startswith("sps_"):
         values = sps_inputs(kernel.name)
+    elif MODULE_OF[kernel.name] == "tricept_uncertainty":
+        values = parameter_inputs(kernel.name)
     elif kernel.name.startswith("tricept_"):
         values = tricept_inputs(names)
     elif "rho_prime" in names:
