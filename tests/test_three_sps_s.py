@@ -6,6 +6,9 @@ of families of modes known in closed form.
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.optimize import root
@@ -495,3 +498,18 @@ def test_a_map_is_drawn(tmp_path):
         assert b"<svg" in path.read_bytes()
         figure = three_sps_s.draw_workspace(found)
         assert len(figure.axes) == (1 if torsion else 6)
+
+
+def test_the_page_s_examples_run_and_give_what_it_says():
+    page = (Path(__file__).parents[1] / "docs/three_sps_s.md").read_text(encoding="utf-8")
+    names: dict = {}
+    for block in re.findall(r"```python\n(.*?)```", page, re.S):
+        exec(block, names)
+    assert np.allclose(names["legs"], [254.637, 277.575, 321.192], rtol=0, atol=5e-4)
+    assert (names["count"], names["status"]) == (2, DirectStatus.CONVERGED)
+    assert angles_between(names["found"], names["turned"]) < 1e-12
+    assert names["system"].rank == 5
+    assert np.allclose(np.abs(names["free"].direction), [0, 0, 1])
+    longer = three_sps_s.direct_all(three_sps_s.legs(np.eye(3), names["machine"]) + 1e-3, names["machine"])
+    torsions = three_sps_s.tilt_torsion(longer[0][:2])[:, 2]
+    assert np.allclose(np.sort(np.degrees(torsions)), [-0.273, 0.273], atol=5e-4)

@@ -88,4 +88,4 @@ def save_workspace_plot(path: str | os.PathLike[str], found: Workspace) -> None:
     found : Workspace
         What is drawn.
     """
-    draw_workspace(found).savefig(path, dpi=120)
+    draw_workspace(found).savefig(path, dpi=100)
