@@ -809,22 +809,21 @@ def roots_of(k, point, q):
     return level, g, u, none
 
 
-def sines_of(k, name, signs, point, q, parts):
-    """Sines and cosines of one of the four poses; by one division and one root less than from the angles."""
-    S, K = signs
-    X, Y, Z = point
+def beta_of(k, name, K, point, q, parts):
+    """Sine and cosine of beta for the sign K."""
+    X, _, Z = point
+    g, _ = parts
+    free, inverse = sp.Symbol("free_beta"), sp.Symbol("by_level", real=True)
+    sine = k.let(f"sb_{name}", select(free, 0, (-q[0] * Z + K * X * g) * inverse))
+    return sine, k.let(f"cb_{name}", select(free, 1, (q[0] * X + K * Z * g) * inverse))
+
+
+def alpha_of(k, name, SK, point, q, parts):
+    """Sine, but for the factor S, and cosine of alpha for the product of both signs."""
     g, u = parts
-    free_beta = sp.Symbol("free_beta")
-    free_alpha = sp.Symbol("free_alpha")
-    by_level, by_whole = (sp.Symbol(n, real=True) for n in ("by_level", "by_whole"))
-    found = {
-        "sb": select(free_beta, 0, (-q[0] * Z + K * X * g) * by_level),
-        "cb": select(free_beta, 1, (q[0] * X + K * Z * g) * by_level),
-        "sa": select(free_alpha, 0, (S * Y * u - K * q[1] * g) * by_whole),
-        "ca": select(free_alpha, 1, (S * K * u * g + q[1] * Y) * by_whole),
-    }
-    sines = [k.let(f"{part}_{name}", found[part]) for part in ("sa", "ca", "sb", "cb")]
-    return sines, k.let(f"z_{name}", S * u - q[2])
+    free, inverse = sp.Symbol("free_alpha"), sp.Symbol("by_whole", real=True)
+    sine = k.let(f"sa_{name}", select(free, 0, (point[1] * u - SK * q[1] * g) * inverse))
+    return sine, k.let(f"ca_{name}", select(free, 1, (SK * u * g + q[1] * point[1]) * inverse))
 
 
 def inverse_parts(k):
@@ -864,7 +863,8 @@ def pose_status(k, rod_lengths, limits, further=(), singular=sp.false):
     )
 
 
-BRANCHES = {"a": (1, 1), "b": (1, -1), "c": (-1, 1), "d": (-1, -1)}
+BRANCHES = ((1, 1), (1, -1), (-1, 1), (-1, -1))
+PLUS_MINUS = {1: "plus", -1: "minus"}
 
 
 def inverse_kernel():
@@ -872,18 +872,27 @@ def inverse_kernel():
         "inverse",
         "All four poses in which the platform's point is at a given point, and their rods.",
         "conditions below eq. (4)",
-        "The rows are (S, K) = (+, +), which is the physical one, (+, -), (-, +), (-, -).",
+        "The rows are (S, K) = (+, +), which is the physical one, (+, -), (-, +), (-, -). With S the sine of alpha "
+        "changes its sign and with K the other root does, so there are two values of beta, and of alpha but for the "
+        "sign.",
     )
     point, (r, R), q, limits, parts, valid, none = inverse_parts(k)
+    betas = {K: beta_of(k, name, K, point, q, parts) for K, name in PLUS_MINUS.items()}
+    alphas = {SK: alpha_of(k, name, SK, point, q, parts) for SK, name in PLUS_MINUS.items()}
+    angles = {
+        (angle, sign): k.let(f"{angle}_{PLUS_MINUS[sign]}", sp.atan2(*pair))
+        for angle, pairs in (("beta", betas), ("alpha", alphas))
+        for sign, pair in pairs.items()
+    }
     poses, legs, codes = [], [], []
-    for name, signs in BRANCHES.items():
-        sines, z = sines_of(k, name, signs, point, q, parts)
+    for name, (S, K) in zip("abcd", BRANCHES, strict=True):
+        (sine, cosine), z = alphas[S * K], k.let(f"z_{name}", S * parts[1] - q[2])
+        sines = (S * sine, cosine, *betas[K])
         rods = [
             k.let(f"rod_{name}{n}", row[0]) for n, row in zip("xyz", rod_rows(sines, (z, r, R)), strict=True)
         ]
         length = lengths(k, rods, f"rods_{name}")
-        sa, ca, sb, cb = sines
-        poses.append([sp.atan2(sa, ca), sp.atan2(sb, cb), z])
+        poses.append([S * angles["alpha", S * K], angles["beta", K], z])
         legs.append(list(length))
         codes.append(pose_status(k, length, limits))
     there = k.let("there", valid & sp.Not(none))
@@ -1021,7 +1030,7 @@ def covariance_fault(k, U):
         "correlation_scale",
         sp.Matrix([1 / sp.sqrt(select(U[i, i] > 0, U[i, i], 1)) for i in range(n)]),
     )
-    faults = [sp.Not(U[i, i] >= 0) for i in range(n)]
+    faults = [sp.Not((U[i, i] >= 0) & (U[i, i] <= LARGEST)) for i in range(n)]
     C = sp.eye(n)
     for i in range(n):
         C[i, i] = k.let(f"correlation_{i}{i}", select(U[i, i] > 0, 1, 0))
@@ -1049,7 +1058,8 @@ def propagate_kernel():
     )
     point, (r, R), q, limits, parts, valid, none = inverse_parts(k)
     U = k.input("U_x", (5, 5), unit="length²", doc="covariance of A0, A1, A-1, r, R")
-    sines, z = sines_of(k, "a", BRANCHES["a"], point, q, parts)
+    sines = (*alpha_of(k, "plus", 1, point, q, parts), *beta_of(k, "plus", 1, point, q, parts))
+    z = k.let("z", parts[1] - q[2])
     found = rod_parts(k, sines, (z, r, R))
     M33, _ = pose_to_point(sines, (q[0], q[1], q[2] + z))
     A = sensitivity_of(k, k.let("M33", M33), found, "A")
@@ -1197,6 +1207,82 @@ kernels = {
         singularity_kernel(),
     )
 }
+
+# %% [markdown]
+# What the kernels compute are the formulas: the rods, the four poses, A35 with the determinant as a letter, and a step
+# of Newton's method.
+
+
+# %%
+def steps(kernel, name, keep, **letters_):
+    """A step of a kernel, with its names replaced by the derivation's letters."""
+    names = {sp.Symbol(key, real=True): value for key, value in letters_.items()}
+    names |= {sp.Symbol(n): sp.false for n in ("free_alpha", "free_beta", "singular")}
+    value = kernels[f"tricept_{kernel}"].expand(name, keep=keep)
+    return im(sp.Matrix([value]) if isinstance(value, sp.Expr) else value).subs(names)
+
+
+by_letters = {"sa": sa, "ca": ca, "sb": sb, "cb": cb, "pose_3": z, "r": r, "R": R}
+d.check(
+    "kernel-legs",
+    *(
+        equal(steps("legs", f"rod_{name}", ("sa", "ca", "sb", "cb"), **by_letters), im(vector))
+        for name, vector in zip("abc", vectors, strict=True)
+    ),
+    text="The kernel's rods are the vectors from joint to joint.",
+).prove()
+by_point = {"g": g, "u": u, "by_level": 1 / level, "by_whole": 1 / whole}
+by_point |= {f"point_{n}": x for n, x in enumerate(Q, 1)} | {
+    f"q_{n}": x for n, x in zip("xyz", q, strict=True)
+}
+kept = ("g", "u", "by_level", "by_whole", "free_alpha", "free_beta")
+found_poses = []
+for s_sign, k_sign in BRANCHES:
+    signs = {S: s_sign, K: k_sign}
+    for name, formula, factor, sign in (
+        ("sa", sin_alpha, s_sign, s_sign * k_sign),
+        ("ca", cos_alpha, 1, s_sign * k_sign),
+        ("sb", sin_beta, 1, k_sign),
+        ("cb", cos_beta, 1, k_sign),
+    ):
+        step = steps("inverse", f"{name}_{PLUS_MINUS[sign]}", kept, **by_point)
+        found_poses.append(equal(factor * step, im([formula.subs(signs)])))
+d.check(
+    "kernel-inverse", *found_poses, text="The kernel's sines and cosines are those of the four poses."
+).prove()
+by_letters |= {f"rod_length_{n}": rod for n, rod in enumerate(rods, 1)}
+by_letters |= {f"q_{n}": x for n, x in zip("xyz", q, strict=True)}
+by_letters |= {"inverse_determinant": -16 / (3 * sp.sqrt(3)) / det_W33}
+d.check(
+    "kernel-A35",
+    equal(
+        im(
+            steps(
+                "sensitivity",
+                "A",
+                ("sa", "ca", "sb", "cb", "rod_length", "inverse_determinant"),
+                **by_letters,
+            )
+        ),
+        im((true_M33 * (-W33.adjugate() / det_W33 * W35)).reshape(15, 1)),
+    ),
+    text="The kernel's A35 is that of (20); det P = −3√3/16 det W33.",
+).prove()
+unknown = ("sa1", "ca1", "sb1", "cb1", "z1", "c1", "c2", "c3")
+by_step = {"sa1": sa, "ca1": ca, "sb1": sb, "cb1": cb, "z1": z, "r": r, "R": R}
+by_step |= {
+    "c1": R**2 + r**2 - (A0**2 + A1**2 + Am**2) / 3,
+    "c2": (A1**2 - Am**2) / sp.sqrt(3),
+    "c3": (2 * A0**2 - A1**2 - Am**2) / 3,
+    "inverse2": 1 / W33.det(method="berkowitz"),
+}
+d.check(
+    "kernel-direct",
+    equal(steps("direct", "L2", unknown, **by_step), im(L)),
+    equal(steps("direct", "W2", unknown, **by_step), im(W33.reshape(9, 1))),
+    equal(im(W33) * steps("direct", "move2", ("inverse2", *unknown), **by_step), im(-L)),
+    text="Each step of the kernel solves W33 δ = −L.",
+).prove()
 
 # %%
 derivation.kernel(*kernels.values())

@@ -222,7 +222,7 @@ def tricept_inverse(point, r, R, q_x, q_y, q_z, shortest, longest, *, out=None):
 
     Source: Kureková et al., Acta IMEKO 4(4), 2015, conditions below eq. (4)
 
-    The rows are (S, K) = (+, +), which is the physical one, (+, -), (-, +), (-, -). With S the sine of alpha changes its sign, with K the other root does, so there are two values of beta and two of alpha but for the sign.
+    The rows are (S, K) = (+, +), which is the physical one, (+, -), (-, +), (-, -). With S the sine of alpha changes its sign and with K the other root does, so there are two values of beta, and of alpha but for the sign.
 
     Parameters
     ----------

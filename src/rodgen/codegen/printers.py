@@ -270,7 +270,7 @@ class CPrinter(KernelPrinter):
 class VectorCPrinter(CPrinter):
     """C99 expressions inside a loop that the compiler vectorises.
 
-    Sine and cosine are inline polynomials: a call to libm would stop vectorisation, and compilers fuse sin
+    Sine, cosine and arc tangent are inline polynomials: a call to libm would stop vectorisation, and compilers fuse sin
     and cos of one argument into a call that has no vector form. A condition is a mask of bits and a select blends
     with it: from ``?:`` compilers make control flow, and then no vectors (gcc 12 with nested conditions).
     """
@@ -288,6 +288,7 @@ class VectorCPrinter(CPrinter):
         self.functions = {  # type: ignore[misc]
             "sin": f"vector_sin_{self.bits}",
             "cos": f"vector_cos_{self.bits}",
+            "atan2": f"vector_atan2_{self.bits}",
             "Abs": "fabs" + self.suffix,
             "sign": f"sign_{self.bits}",
             "power_of_two_scale": f"power_of_two_scale_{self.bits}",
