@@ -191,6 +191,11 @@ def diagonal(M):
     return sp.ImmutableMatrix([M[i, i] for i in range(3)])
 
 
+d.check(
+    "same-diagonal",
+    *(equal(diagonal(R.components), diagonal(other)) for other in same_diagonal),
+    text="A rotation, its inverse, and both between equal half turns about a coordinate axis.",
+).prove()
 d.state(
     "describes-the-rotation",
     sp.Implies(sp.Eq(cos(alpha), cos(phi)), sp.Eq(sin(alpha), sin(phi))),
@@ -200,7 +205,8 @@ d.state(
     place="after eq. (16)",
 ).refute(
     {alpha: sp.pi / 3, phi: -sp.pi / 3},
-    [equal(diagonal(R.components), diagonal(other)) for other in same_diagonal],
+    equal(diagonal(turn("z", phi)), diagonal(turn("z", -phi))),
+    proof=[d.entries["same-diagonal"]],
     label="Z3",
     because="A rotation, its inverse, and both seen after a half turn about a coordinate axis have the same diagonal, "
     "and so the same three angles: these do not tell one attitude.",

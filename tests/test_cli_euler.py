@@ -177,6 +177,21 @@ def test_rates_by_angular_velocity_and_by_the_rates_of_a_sequence(table, euler) 
     np.testing.assert_allclose(found["determinant"], expected.determinant, atol=1e-15)
 
 
+@pytest.mark.parametrize("form", ["quaternion", "matrix"])
+def test_what_is_no_rotation_but_near_one_is_told(form: str, table, euler) -> None:
+    given = of_quaternions(TURNS[:3]) if form == "quaternion" else of_matrices(TURNS[:3])
+    given = {name: values * np.array([1, 1.01, 1]) for name, values in given.items()}
+    path = table(**given, **{f"omega_{axis} [rad/s]": [1, 2, 3] for axis in "xyz"})
+    for command, column, good in (
+        ("angles", "status", "angles"),
+        ("ridge", "status_y", "line"),
+        ("rates", "status", "regular"),
+        ("trajectory", "ZYX_status", "regular"),
+    ):
+        found, _ = euler(command, path, "--from", form)
+        assert found[column] == [good, "not_normal", good]
+
+
 def test_trajectory_follows_curve_1_through_zero(table, euler) -> None:
     x = np.linspace(0.1, 7, 70)
     path = table(t=x, **{"alpha [rad]": np.sin(x), "beta [rad]": 0 * x, "gamma [rad]": 0 * x})

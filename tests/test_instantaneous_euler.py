@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
+import re
+
 import mpmath
 import numpy as np
 import pytest
@@ -406,3 +409,16 @@ def test_in_the_forearm_s_axes_the_wrist_alone_counts() -> None:
 
 def test_it_is_an_attribute_of_rodgen() -> None:
     assert rodgen.instantaneous_euler is ie
+
+
+@pytest.mark.parametrize("name", [name for name in ie.__all__ if inspect.isfunction(getattr(ie, name))])
+def test_docstrings_tell_parameters_results_and_show_an_example(name: str) -> None:
+    function = getattr(ie, name)
+    text = inspect.getdoc(function)
+    parameters = text.partition("Parameters\n----------\n")[2].partition("\n\n")[0]
+    told = re.findall(r"^(\w[\w, ]*?)(?: :|$)", parameters, re.MULTILINE)
+    assert {word.strip() for line in told for word in line.split(",")} == set(
+        inspect.signature(function).parameters
+    )
+    assert "Returns\n-------\n" in text
+    assert ">>> from rodgen import instantaneous_euler as ie" in text

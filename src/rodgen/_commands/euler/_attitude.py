@@ -74,29 +74,35 @@ def columns_of(form: str) -> list[Column]:
     return [Column(name, "angle") for name in ANGLES]
 
 
-def quaternions(form: str, values: Any) -> Any:
-    """Return unit quaternions of attitudes, or what the table says where it says quaternions."""
+def quaternions(form: str, values: Any) -> tuple[Any, Any]:
+    """Return unit quaternions of attitudes, and where the table has no rotation but what is near one."""
     from rodgen import instantaneous_euler as ie
     from rodgen import quaternion_from_matrix
 
     if form == "quaternion":
-        return values
-    if form == "matrix":
-        return quaternion_from_matrix(values.reshape(-1, 3, 3))[0]
-    matrices, _ = ie.motion_from_euler(values, np.zeros_like(values), form)
-    return quaternion_from_matrix(matrices)[0]
+        return values, _abnormal(ie.angles_from_quaternion(values)[1])
+    made, abnormal = matrices(form, values)
+    return quaternion_from_matrix(made)[0], abnormal
 
 
-def matrices(form: str, values: Any) -> Any:
-    """Return rotation matrices of attitudes."""
+def matrices(form: str, values: Any) -> tuple[Any, Any]:
+    """Return rotation matrices of attitudes, and where the table has no rotation but what is near one."""
     from rodgen import instantaneous_euler as ie
     from rodgen import matrix_from_quaternion
 
     if form == "matrix":
-        return values.reshape(-1, 3, 3)
+        made = values.reshape(-1, 3, 3)
+        return made, _abnormal(ie.angles_from_matrix(made)[1])
     if form == "quaternion":
-        return matrix_from_quaternion(values)[0]
-    return ie.motion_from_euler(values, np.zeros_like(values), form)[0]
+        made, _ = matrix_from_quaternion(values)
+        return made, _abnormal(ie.angles_from_quaternion(values)[1])
+    return ie.motion_from_euler(values, np.zeros_like(values), form)[0], np.zeros(len(values), bool)
+
+
+def _abnormal(status: Any) -> Any:
+    from rodgen.instantaneous_euler import AngleStatus
+
+    return status == AngleStatus.NOT_NORMAL
 
 
 def run(

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+import numpy as np
+
 from rodgen._commands._console import Command
 from rodgen._commands.euler._attitude import (
     ANGLES,
@@ -65,8 +67,11 @@ def _run(options: argparse.Namespace) -> int:
     def function(values: Any) -> Any:
         if options.euler_rates:
             found = ie.rates_from_euler(values[:, :3], values[:, 3:], options.form)
-        else:
-            found = ie.rates(matrices(options.form, values[:, :n]), values[:, n:])
-        return [*found.rate.T, found.determinant, found.status], None
+            return [*found.rate.T, found.determinant, found.status], None
+        made, abnormal = matrices(options.form, values[:, :n])
+        found = ie.rates(made, values[:, n:])
+        regular = found.status == ie.MotionStatus.REGULAR
+        status = np.where(abnormal & regular, ie.MotionStatus.NOT_NORMAL, found.status)
+        return [*found.rate.T, found.determinant, status], None
 
     return run(options, columns, results, function)

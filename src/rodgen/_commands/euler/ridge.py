@@ -56,7 +56,10 @@ def _run(options: argparse.Namespace) -> int:
 
     def function(values: Any) -> Any:
         points = values[:, n:] if options.moved else np.zeros(3)
-        lines, status = ie.ridge_lines(matrices(options.form, values[:, :n]), points)
+        attitudes, abnormal = matrices(options.form, values[:, :n])
+        lines, status = ie.ridge_lines(attitudes, points)
+        line = status == ie.RidgeStatus.LINE
+        status = np.where(abnormal[:, None] & line, ie.RidgeStatus.NOT_NORMAL, status)
         made = []
         for i in range(3):
             made += [*lines[:, i, : 6 if options.moved else 3].T, status[:, i]]

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+import numpy as np
+
 from rodgen._commands._console import Command
 from rodgen._commands.euler._attitude import (
     ATTITUDE_TEXT,
@@ -74,10 +76,15 @@ def _run(options: argparse.Namespace) -> int:
         results.append(Result(f"{name}_status", ie.MotionStatus))
 
     def function(values: Any) -> Any:
-        found = ie.trajectory(quaternions(options.form, values), options.to)
+        attitudes, abnormal = quaternions(options.form, values)
+        found = ie.trajectory(attitudes, options.to)
         made = [*found.chi.T, *found.signed.T, *found.status.T]
         for name in options.to:
-            made += [*found.continuous[name].T, found.euler_status[name]]
+            status = found.euler_status[name]
+            status = np.where(
+                abnormal & (status == ie.MotionStatus.REGULAR), ie.MotionStatus.NOT_NORMAL, status
+            )
+            made += [*found.continuous[name].T, status]
         return made, None
 
     return run(options, columns_of(options.form), results, function, whole=True)
