@@ -9,6 +9,8 @@ known before; one step of Newton's leaves the square of the way to it, (0.2 mm /
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
@@ -17,6 +19,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import C_WARNINGS
 from legged_cases import GEOMETRY, LEGS, TARGETS, Legged, every, legged, legged_file
 from machine_cases import effect, frame, toml
 from machine_simulator import rotation
@@ -39,8 +42,16 @@ FAMILIES = list(LEGS)
 KINDS = ["point", "direction", "distance"]
 WITHIN = {"point": 1e-10, "distance": 1e-10, "direction": 1e-12}
 GIVES_WAY = 1e-6
+QUICK = [("tricept", "point"), ("3-sps-s", "point"), ("3-sps-s", "direction")]
 both = pytest.mark.parametrize("family", FAMILIES)
-all_kinds = pytest.mark.parametrize("kind", KINDS)
+all_kinds = pytest.mark.parametrize(
+    ("family", "kind"),
+    [
+        pytest.param(family, kind, marks=[] if (family, kind) in QUICK else pytest.mark.slow)
+        for family in FAMILIES
+        for kind in KINDS
+    ],
+)
 
 
 def off(case: Legged, values: Mapping[str, float]) -> float:
@@ -60,7 +71,6 @@ def test_no_effect_of_a_leg_is_left_out(family):
 
 
 @all_kinds
-@both
 def test_each_effect_moves_the_readings_as_in_the_simulator(family, kind):
     case = every(family, kind)
     for where in ({}, frame(kind)):
@@ -73,7 +83,6 @@ def test_each_effect_moves_the_readings_as_in_the_simulator(family, kind):
 
 
 @all_kinds
-@both
 def test_all_effects_at_once_and_a_wrong_geometry_agree_with_the_simulator(family, kind):
     case = every(family, kind)
     keys = [key for key in case.model.keys if not key.startswith("frame.")]
@@ -106,7 +115,6 @@ def test_the_unit_of_length_makes_no_difference(family):
 
 
 @all_kinds
-@both
 def test_each_column_is_the_derivative_of_the_simulator(family, kind):
     case = every(family, kind)
     keys = [key for key in case.model.keys if not key.startswith("frame.")]
@@ -460,6 +468,25 @@ def conditions(case: Legged, folder: Path) -> dict[str, np.ndarray]:
     known = {"s": o.s, "v": o.v, "t": o.t, "load": o.load}
     known["T"] = np.stack([o.temperature[leg] for leg in case.joints], -1)
     return {name: np.asarray(known[name], float) for name in fields}
+
+
+@both
+def test_emitted_code_passes_its_own_tests_alone(family, devices, compiler, tmp_path):
+    _, _, folder = devices[family]
+    sources = [str(folder / "device.c"), str(folder / "device_test.c")]
+    command = [compiler, *C_WARNINGS, "-O2", *sources, "-o", str(tmp_path / "run"), "-lm"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    done = subprocess.run([tmp_path / "run"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+    held, checks = map(int, re.findall(r"(\d+) of (\d+) checks hold", done.stdout)[0])
+    assert held == checks >= 150
+    code = "import sys; sys.modules['rodgen'] = sys.modules['sympy'] = None; import runpy, warnings\n"
+    code += f"warnings.simplefilter('error'); sys.path.insert(0, {str(folder)!r})\n"
+    code += f"runpy.run_path({str(folder / 'test_device_np.py')!r}, run_name='__main__')"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, ""), done.stdout
+    assert "all tests hold" in done.stdout
 
 
 @both
