@@ -6,6 +6,7 @@ that the family counts as the physical one, else the one nearest to what the mac
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -21,7 +22,16 @@ if TYPE_CHECKING:
     from rodgen.machines.closed_chain import ClosedChain
     from rodgen.machines.machine import Machine
 
-__all__ = ["attainable", "closed", "in_its_mode", "pose_start", "with_commands", "within_reach"]
+__all__ = [
+    "attainable",
+    "closed",
+    "far_apart",
+    "found_again",
+    "in_its_mode",
+    "pose_start",
+    "with_commands",
+    "within_reach",
+]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -29,6 +39,8 @@ TURNS = 20
 """Times that the frame and the modes nearest the readings in it are found in turn; usually it stays after two."""
 SINGULAR = 1e-5
 """Volume of the legs' wrenches below which an error of a micrometre would be one of a hundred millimetres."""
+FAR = 3e-3
+"""In rad, or radii of the base. A pose that starts no farther off than this is found to rounding in two steps."""
 SLACK = 0.02
 """Part of its way by which a freedom may be moved farther than in the data: legs are commanded in round numbers."""
 HALVINGS = 6
@@ -90,6 +102,45 @@ def with_commands(o: Observations, like: Observations) -> Observations:
         return o
     in_mode = replace(o, machine=in_its_mode(like.machine, like))
     return replace(o, pose_start=pose_start(in_mode))
+
+
+def far_apart(poses: Array, start: Array, machine: Machine) -> NDArray[np.bool_]:
+    """Tell where poses are so far from others that a model should rather start from them, (n,)."""
+    geometry = machine.geometry
+    assert geometry is not None
+    size = np.array([1.0, 1.0, geometry.R]) if geometry.family == "tricept" else 1.0
+    return np.asarray(np.abs((poses - start) / size).max(axis=1) > FAR)
+
+
+def found_again(o: Observations, numbers: Mapping[str, tuple[float, ...]]) -> Array:
+    """Return the poses, (n, k), of a closed chain of another geometry, in the assembly mode that it is in.
+
+    Parameters
+    ----------
+    o : Observations
+        Whose poses are of the nominal geometry, or of one before.
+    numbers : mapping of str to tuple of float
+        The geometry, as its components.
+
+    Returns
+    -------
+    ndarray
+        Where the legs do not close, the poses that were.
+    """
+    geometry = o.machine.geometry
+    assert geometry is not None
+    changed = {name: value if len(value) > 1 else value[0] for name, value in numbers.items()}
+    geometry = replace(geometry, **changed)  # type: ignore[arg-type]
+    before = np.asarray(o.pose_start)
+    if min(geometry.R, geometry.r) <= 0:
+        return before
+    if geometry.family == "tricept":
+        found = physical_pose(geometry, o.q)
+    else:
+        modes = assembly_modes(geometry, o.q)
+        nearest = _least(-np.einsum("nmij,nij->nm", modes, before.reshape(-1, 3, 3)))
+        found = modes[np.arange(o.n), nearest].reshape(o.n, 9)
+    return np.where(np.isfinite(found).all(axis=1, keepdims=True), found, before)
 
 
 def attainable(o: Observations, q: Array) -> NDArray[np.bool_]:

@@ -97,6 +97,8 @@ def minimise(
     index = np.asarray(free, int)
     block = index[:, None], index
     cost, square, gradient = problem.normal_equations(theta, frame)
+    if not np.isfinite(cost) and problem.follow(theta, frame):
+        cost, square, gradient = problem.normal_equations(theta, frame)
     if not np.isfinite(cost):
         return Solution(theta, frame, np.inf, 0, False)
     if not len(index):
@@ -106,6 +108,7 @@ def minimise(
     small = max(SMALL_STEP**2 / left, ROUNDING)
     few = problem.rows <= FEW_ROWS
     damping, growth, iteration = 1e-3, 2.0, 0
+    refused = False  # a step, because a closed chain did not close there
     for iteration in range(1, max_iterations + 1):
         square = square[block]
         scale = np.sqrt(square.diagonal())
@@ -117,7 +120,7 @@ def minimise(
             step_along = -along / (values + damping)
             predicted = -2 * step_along @ along - step_along @ (values * step_along)
             if predicted <= small * cost or cost <= floor:
-                return Solution(theta, frame, cost, iteration, True)
+                return Solution(theta, frame, cost, iteration, not refused)
             step = np.zeros(len(theta))
             step[index] = vectors @ step_along / scale
             straight = iteration <= STRAIGHT
@@ -135,15 +138,16 @@ def minimise(
                 new_cost = problem.cost(new_theta, new_frame)
             if new_cost < cost:
                 break
+            refused |= problem.is_closed_chain and not np.isfinite(new_cost)
             damping *= growth
             growth *= 2.0
             if damping > 1e20:
                 return Solution(theta, frame, cost, iteration, True)
         gain = (cost - new_cost) / predicted
         damping = max(damping * max(LEAST_FACTOR, 1 - (2 * gain - 1) ** 3), LEAST_DAMPING)
-        growth = 2.0
+        growth, refused = 2.0, False
         theta, frame, cost = new_theta, new_frame, new_cost
-        if not few:
+        if problem.follow(theta, frame) or not few:
             cost, square, gradient = problem.normal_equations(theta, frame)
         if progress:
             progress(iteration, cost)

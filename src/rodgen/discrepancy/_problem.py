@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -18,6 +18,7 @@ import threadpoolctl
 from numpy.typing import NDArray
 
 from rodgen.discrepancy._bind import Observations
+from rodgen.discrepancy._closing import far_apart, found_again
 from rodgen.errors import InputFileError
 from rodgen.machines._model import Frame, Model
 from rodgen.machines._structure import row_effects
@@ -213,6 +214,49 @@ class Problem:
         with ThreadPoolExecutor(2) as pool:
             yield from pool.map(lambda block: function(*block), blocks)
 
+    # the poses of a closed chain -------------------------------------------------------------------------------
+
+    @functools.cached_property
+    def _starts(self) -> list[int]:
+        """The columns of the starts, in the order of their numbers."""
+        return [i for i, (kind, _) in enumerate(self.model.structure.columns) if kind == "start"]
+
+    @property
+    def is_closed_chain(self) -> bool:
+        """Whether the model solves for poses, from those that come with the rows."""
+        return bool(self.model.structure.family)
+
+    def follow(self, theta: Array, frame: Frame) -> bool:
+        """Let a closed chain's poses start from where they are with these values; tell whether they did elsewhere.
+
+        A model is no number where its own pose is far from the start. So the starts go along when a fit moves the
+        geometry.
+        """
+        if not self.is_closed_chain:
+            return False
+        kernel, e = self.model.kernels["pose"], self.model.parameters_of_effects(theta)
+        geometries = self._geometries(theta, frame)
+        start = self.observations.pose_start
+        assert start is not None
+        poses = np.empty(start.shape)
+        for number, group, first, last in self._blocks():
+            poses[group.block(first, last)] = kernel(
+                self._block(number, group, first, last), geometries[number], e
+            )
+        lost = ~np.isfinite(poses).all(axis=1)
+        if lost.any():
+            geometry = self.model.machine.geometry
+            names = () if geometry is None else tuple(geometry.of.numbers)
+            numbers = {name: self.model.number(theta, name) for name in names}
+            poses[lost] = found_again(self.observations.take(lost), numbers)
+        if not np.any(far_apart(poses, start, self.model.machine)):
+            return False
+        self.observations = replace(self.observations, pose_start=poses)
+        for (number, first), block in (self._kept or {}).items():
+            rows = self.groups[number].block(first, first + len(block))
+            block[:, self._starts] = poses[rows]
+        return True
+
     # evaluation ----------------------------------------------------------------------------------------------
 
     def _geometries(self, theta: Array, frame: Frame) -> Array:
@@ -300,6 +344,7 @@ class Problem:
 
     def residuals(self, theta: Array, frame: Frame, *, weighted: bool = False) -> Array:
         """Return measured less predicted, (n, m), in the order of the data; internal units, or times the weight."""
+        self.follow(theta, frame)
         kernel, e = self.model.kernels["residual"], self.model.parameters_of_effects(theta)
         found = np.empty((self.rows, self.components))
         geometries = self._geometries(theta, frame)
@@ -310,6 +355,7 @@ class Problem:
 
     def places(self, theta: Array, frame: Frame) -> Array:
         """Return the predicted points or directions, (n, 3)."""
+        self.follow(theta, frame)
         kernel, e = self.model.kernels["place"], self.model.parameters_of_effects(theta)
         found = np.empty((self.rows, 3))
         geometries = self._geometries(theta, frame)
@@ -330,6 +376,7 @@ class Problem:
         """Yield rows and the derivative of their weighted residuals, (rows, m, parameters), block by block."""
         if "residual_and_jacobian" not in self.model.kernels:
             return
+        self.follow(theta, frame)
         kernel, e = self.model.kernels["residual_and_jacobian"], self.model.parameters_of_effects(theta)
         geometries = self._geometries(theta, frame)
         slots = list(self.model.slots(theta, self._pairs))

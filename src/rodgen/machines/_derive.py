@@ -20,7 +20,7 @@ import sympy as sp
 
 from rodgen.codegen.kernel import Kernel, KernelBuilder
 from rodgen.errors import RodgenError
-from rodgen.machines._derive_closed import closed_chain
+from rodgen.machines._derive_closed import closed_chain, pose_of
 from rodgen.machines._structure import MOMENTS, TENSION, Structure, Term
 from rodgen.machines.formula import Formula
 from rodgen.symbolic import select
@@ -58,7 +58,8 @@ def derive_kernels(structure: Structure) -> list[Kernel]:
     list of Kernel
         With the inputs ``rows``, ``g``, ``e``; see :mod:`rodgen.machines._structure` for their layouts. ``place``
         has the output ``place``: the predicted point or direction; ``residual`` measured less predicted, times the
-        weight; ``residual_and_jacobian`` that and ``residual_jacobian``, (components, slots).
+        weight; ``residual_and_jacobian`` that and ``residual_jacobian``, (components, slots). Of a closed chain also
+        ``pose``: where its platform is, as a start for other values.
     """
     place = _Model(structure, "place", with_residual=False).kernel()
     residual = _Model(structure, "residual").kernel()
@@ -68,6 +69,8 @@ def derive_kernels(structure: Structure) -> list[Kernel]:
         kernels.append(
             residual.jacobian(wrt, ["residual"], name="residual_and_jacobian", values=True, mode="reverse")
         )
+    if structure.family:
+        kernels.append(pose_of(_Model(structure, "pose")))
     # the change of a freedom is in the geometry already
     return [kernel.at({"freedom": 0}) if structure.slots else kernel for kernel in kernels]
 

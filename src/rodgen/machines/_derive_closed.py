@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from rodgen.machines._derive import _Model
     from rodgen.machines._structure import Term
 
-__all__ = ["closed_chain", "pose_from_afar"]
+__all__ = ["closed_chain", "pose_from_afar", "pose_of"]
 
 Vector: TypeAlias = sp.Matrix
 
@@ -295,8 +295,26 @@ def closed_chain(model: _Model, x: Vector) -> Vector:
     chain = CHAINS[model.structure.family](model)
     pose, square = chain.solved(x)
     place = model.let("carried", chain.carry(pose, x))
-    closed = square < CLOSED
-    return model.let("closed", sp.Matrix([select(closed, p, sp.nan) for p in place]))
+    return model.let("closed", _where_closed(place, square))
+
+
+def _where_closed(values: Vector, square: sp.Expr) -> Vector:
+    return sp.Matrix([select(square < CLOSED, value, sp.nan) for value in values])
+
+
+def pose_of(model: _Model) -> Kernel:
+    """Return the kernel that tells where the platform is, NaN where the legs do not close.
+
+    Parameters
+    ----------
+    model : _Model
+        With its terms and freedoms.
+    """
+    chain = CHAINS[model.structure.family](model)
+    pose, square = chain.solved(model.target())
+    found = _where_closed(sp.Matrix(chain.numbers(pose)), square)
+    model.builder.output("pose", found, unit="1", doc="numbers that a solver starts from")
+    return model.builder.build()
 
 
 def pose_from_afar(model: _Model) -> Kernel:

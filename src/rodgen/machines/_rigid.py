@@ -72,7 +72,7 @@ def rotation_vector(matrix: ArrayLike) -> Array:
     from rodgen.rotation import axis_angle_from_matrix
 
     axis, angle, _ = axis_angle_from_matrix(np.asarray(matrix, float))
-    return np.asarray(axis, float) * np.asarray(angle, float)[..., None]
+    return np.asarray(np.asarray(axis, float) * np.asarray(angle, float)[..., None])
 
 
 def tilted(axis: ArrayLike, u: ArrayLike, v: ArrayLike, tilt: ArrayLike) -> tuple[Array, Array]:
