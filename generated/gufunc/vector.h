@@ -20,9 +20,12 @@
 #define PRAGMA(text) _Pragma(#text)
 #define VECTORISE PRAGMA(omp simd)
 #define VECTORISE_ALL(flag) PRAGMA(omp simd reduction(& : flag))
+/* A call left in a loop keeps it from being vectorised, and in long loops compilers leave some. */
+#define INLINED static inline __attribute__((always_inline))
 #else
 #define VECTORISE
 #define VECTORISE_ALL(flag)
+#define INLINED static inline
 #endif
 
 /* Beyond this, reduction by three parts of pi/2 loses digits; such elements are evaluated again with libm. */
@@ -38,9 +41,9 @@
 #define VECTOR_TWO_OVER_PI 6.36619772367581382433e-01
 
 /* A condition as bits, all ones or all zeros, and the choice between two values with it. */
-static inline int64_t mask_f64(int condition) { return -(int64_t)condition; }
-static inline int32_t mask_f32(int condition) { return -(int32_t)condition; }
-static inline double blend_f64(int64_t mask, double a, double b) {
+INLINED int64_t mask_f64(int condition) { return -(int64_t)condition; }
+INLINED int32_t mask_f32(int condition) { return -(int32_t)condition; }
+INLINED double blend_f64(int64_t mask, double a, double b) {
   int64_t x, y;
   memcpy(&x, &a, sizeof x);
   memcpy(&y, &b, sizeof y);
@@ -48,7 +51,7 @@ static inline double blend_f64(int64_t mask, double a, double b) {
   memcpy(&a, &x, sizeof a);
   return a;
 }
-static inline float blend_f32(int32_t mask, float a, float b) {
+INLINED float blend_f32(int32_t mask, float a, float b) {
   int32_t x, y;
   memcpy(&x, &a, sizeof x);
   memcpy(&y, &b, sizeof y);
@@ -58,14 +61,14 @@ static inline float blend_f32(int32_t mask, float a, float b) {
 }
 
 /* Minimax polynomials of sine and cosine on [-pi/4, pi/4], error below 2^-58 (the coefficients of fdlibm). */
-static inline double vector_sin_polynomial(double x, double z) {
+INLINED double vector_sin_polynomial(double x, double z) {
   const double p = -1.66666666666666324348e-01 + z * (8.33333333332248946124e-03 +
       z * (-1.98412698298579493134e-04 + z * (2.75573137070700676789e-06 +
       z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10))));
   return x + x * z * p;
 }
 
-static inline double vector_cos_polynomial(double z) {
+INLINED double vector_cos_polynomial(double z) {
   const double p = 4.16666666666666019037e-02 + z * (-1.38888888888741095749e-03 +
       z * (2.48015872894767294178e-05 + z * (-2.75573143513906633035e-07 +
       z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11))));
@@ -74,7 +77,7 @@ static inline double vector_cos_polynomial(double z) {
 }
 
 /* Value of sine `quarter_turns` further on; 1 makes it the cosine. */
-static inline double vector_sin_shifted(double x, int64_t quarter_turns) {
+INLINED double vector_sin_shifted(double x, int64_t quarter_turns) {
   const double shifted = x * VECTOR_TWO_OVER_PI + VECTOR_ROUNDER;
   const double n = shifted - VECTOR_ROUNDER;
   int64_t quadrant;
@@ -87,15 +90,15 @@ static inline double vector_sin_shifted(double x, int64_t quarter_turns) {
   return blend_f64(-((quadrant >> 1) & 1), -value, value);
 }
 
-static inline double vector_sin_f64(double x) { return vector_sin_shifted(x, 0); }
-static inline double vector_cos_f64(double x) { return vector_sin_shifted(x, 1); }
-static inline float vector_sin_f32(float x) { return (float)vector_sin_shifted((double)x, 0); }
-static inline float vector_cos_f32(float x) { return (float)vector_sin_shifted((double)x, 1); }
+INLINED double vector_sin_f64(double x) { return vector_sin_shifted(x, 0); }
+INLINED double vector_cos_f64(double x) { return vector_sin_shifted(x, 1); }
+INLINED float vector_sin_f32(float x) { return (float)vector_sin_shifted((double)x, 0); }
+INLINED float vector_cos_f32(float x) { return (float)vector_sin_shifted((double)x, 1); }
 
 /* Arc tangent of y/x in its quadrant, to 2 units in the last place. The quotient of the smaller and the larger is brought
  * to |t| < 7/16 by the tangents 1/2 and 1, with one division in all; the polynomial is fdlibm's.
  */
-static inline double vector_atan2_f64(double y, double x) {
+INLINED double vector_atan2_f64(double y, double x) {
   const double ax = fabs(x), ay = fabs(y);
   const int64_t steep = mask_f64(ay > ax);
   double n = blend_f64(steep, ax, ay), d = blend_f64(steep, ay, ax);
@@ -125,10 +128,10 @@ static inline double vector_atan2_f64(double y, double x) {
   return copysign(whole, y);
 }
 
-static inline float vector_atan2_f32(float y, float x) { return (float)vector_atan2_f64((double)y, (double)x); }
+INLINED float vector_atan2_f32(float y, float x) { return (float)vector_atan2_f64((double)y, (double)x); }
 
-static inline double sign_f64(double x) { return (double)(x > 0.0) - (double)(x < 0.0); }
-static inline float sign_f32(float x) { return (float)(x > 0.0f) - (float)(x < 0.0f); }
+INLINED double sign_f64(double x) { return (double)(x > 0.0) - (double)(x < 0.0); }
+INLINED float sign_f32(float x) { return (float)(x > 0.0f) - (float)(x < 0.0f); }
 
 /* Power of two that scales x >= 0 into [1, 2), from the exponent bits; clipped to normal numbers, 1 for 0. */
 static inline double power_of_two_scale_f64(double x) {
