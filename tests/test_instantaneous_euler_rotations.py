@@ -15,6 +15,7 @@ from hypothesis.extra.numpy import arrays
 from scipy.optimize import least_squares, minimize
 from scipy.spatial.transform import Rotation
 
+import rodgen
 from rodgen import instantaneous_euler as ie
 from rodgen.errors import RodgenError
 
@@ -163,6 +164,24 @@ def test_measured_angles_of_a_face_are_not_outside_with_the_advised_tolerance() 
     assert (strict.status == ie.RotationsStatus.INFEASIBLE).mean() > 0.3
     tolerant = ie.rotations(measured, tolerance=3 * u / chi.max(axis=1))
     assert (tolerant.status == ie.RotationsStatus.INFEASIBLE).mean() < 0.01
+
+
+@pytest.mark.parametrize("decades", [1, 8, 16, 200])
+def test_no_rotation_is_called_infeasible_whatever_its_components(decades: int) -> None:
+    q = RNG.choice([-1, 1], (40_000, 4)) * 10.0 ** RNG.uniform(-decades, 0, (40_000, 4))
+    q[RNG.random(q.shape) < 0.1] = 0
+    q = q[np.abs(q).max(axis=1) > 0]
+    q /= np.abs(q).max(axis=1, keepdims=True)
+    q /= np.linalg.norm(q, axis=1, keepdims=True)
+    for chi in (
+        ie.angles_from_quaternion(q)[0],
+        ie.angles_from_matrix(rodgen.matrix_from_quaternion(q)[0])[0],
+    ):
+        found = ie.rotations(chi)
+        assert (found.count > 0).all()
+        off = [np.abs(found.quaternions + sign * q[:, None]).max(axis=-1) for sign in (-1, 1)]
+        # what is taken for 0 is below the root of 16 rounding units of a size of at most 3/2, and a little for the rest
+        assert np.nanmin(np.minimum(*off), axis=1).max() <= np.sqrt(1.5 * 16 * EPS + 16 * EPS)
 
 
 # triples that there are not ----------------------------------------------------------------------------
