@@ -324,6 +324,19 @@ d.check(
     text="Its members are reciprocal to the three, and are lines where one of two linear forms vanishes.",
     assumptions=[sp.Ne(R.components[0, 1], 0), sp.Ne(qy, 0)],
 ).prove()
+d.state(
+    "solutions-are-lines",
+    equal(self_product(member), 0),
+    text="What solves (3), here for the lines of (8), is a line.",
+    place="sec. 2.2, eq. (3)",
+    tacit=True,
+).refute(
+    {alpha: 0, beta: sp.pi / 3, gamma: sp.pi / 4, Q: (1, 1, 0), c1: 0, c2: 0, c3: 1},
+    equal(self_product(member), condition),
+    given=by_zyx,
+    label="Z48",
+    because="It is a screw, in general with a pitch; to be a line its direction and moment must be perpendicular, too.",
+)
 d.check(
     "eq-8-first-family",
     equal(one, c3),
@@ -467,6 +480,27 @@ d.check(
     ),
     text="The direction is as long as the sine of the angle.",
 ).prove(given=of_q)
+
+# %% [markdown]
+# The angles do not tell the lines: a rotation and its inverse have the same three angles and other ridge lines.
+
+# %%
+N_back = d.vector(
+    "N_back", r"\vec N_z^{-1}", "direction of Zr for the inverse rotation", "1", value=cross(ez, r.T[:, 2])
+)
+d.state(
+    "lines-from-angles",
+    equal(cross(Nz, N_back), sp.zeros(3, 1)),
+    said="The corresponding intersection line can be derived using Equations (10), (13) and (16)",
+    text="A rotation and its inverse, whose angles are the same, have parallel ridge lines.",
+    place="sec. 4.2, the last paragraph",
+).refute(
+    {alpha: 0, beta: sp.pi / 3, gamma: sp.pi / 4},
+    equal(Nz, column(-r[1, 2], r[0, 2], 0)),
+    given=by_zyx,
+    label="Z20",
+    because="Those equations know the diagonal of the matrix alone; the lines need the columns.",
+)
 
 # %% [markdown]
 # In screws: the ridge is what is reciprocal to two axes of each plane and to the two couples about their normals, for
