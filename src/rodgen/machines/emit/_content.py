@@ -16,7 +16,7 @@ from rodgen.codegen.kernel import Kernel
 from rodgen.errors import RodgenError, shown
 from rodgen.machines._model import Model
 from rodgen.machines._structure import row_effects
-from rodgen.machines.closing import usual_leg
+from rodgen.machines.closing import holding, usual_leg
 from rodgen.machines.emit._kernels import (
     OF_A_JOINT,
     Constant,
@@ -35,6 +35,8 @@ Array: TypeAlias = NDArray[np.float64]
 SAMPLES = 16
 TRIES = 40 * SAMPLES
 """Points that are tried until enough of them have a place: a formula may have none at some."""
+HELD = 0.1
+"""Volume of the legs' wrenches, 1 at best, from which a platform on legs counts as held."""
 MARGIN = 0.1
 """Part of the travel at its ends from where no sample is taken, so that steps beside a sample stay inside."""
 
@@ -329,10 +331,10 @@ def _samples(scope: Scope, fitted: MachineKernels, ideal: MachineKernels, size: 
             for (name, (kind, of)), x in zip(fitted.columns, point[len(joints) :], strict=True)
         }
         target = n % len(machine.targets)
-        place = _exact(fitted, q, columns, target)
-        if not np.isfinite(place).all():
+        place, nominal = _exact(fitted, q, columns, target), _exact(ideal, q, {}, target)
+        if not np.isfinite([*place, *nominal]).all() or not _is_held(scope.machine, fitted, q):
             continue
-        yield Sample(q, columns, target, place, _exact(ideal, q, {}, target))
+        yield Sample(q, columns, target, place, nominal)
         found += 1
         if found == SAMPLES:
             return
@@ -341,6 +343,17 @@ def _samples(scope: Scope, fitted: MachineKernels, ideal: MachineKernels, size: 
             f"{machine.file or machine.name}: the model is not finite at any of {TRIES} points all over the travel; "
             "expected formulas and values that are"
         )
+
+
+def _is_held(machine: Machine, kernels: MachineKernels, q: tuple[float, ...]) -> bool:
+    """Tell whether a platform is well away from singular poses, where differences tell no slopes."""
+    if machine.geometry is None or kernels.pose is None:
+        return True
+    values: dict[str, Any] = {constant.name: constant.value for constant in kernels.constants} | {
+        "q": list(q)
+    }
+    start = kernels.pose.evaluate({port.name: values[port.name] for port in kernels.pose.inputs})["start"]
+    return bool(holding(machine.geometry, np.array([start], float))[0] > HELD)
 
 
 def _even(dimensions: int, count: int) -> Iterator[Array]:

@@ -157,9 +157,11 @@ def _words(content: Content) -> Iterator[str]:
     yield ""
     for j, joint in enumerate(machine.joints):
         ends = "" if joint.travel is None else ", {:.9g} to {:.9g}".format(*joint.travel)
-        yield f"q[{j}]  {joint.type} joint {shown(joint.name)}, {coordinate_unit(machine, j)}{ends}"
+        what = "length of leg" if joint.type == "leg" else f"{joint.type} joint"
+        yield f"q[{j}]  {what} {shown(joint.name)}, {coordinate_unit(machine, j)}{ends}"
     for field in content.fields:
         yield f"{field.name}{'' if field.length == 0 else '[]'}  {field.doc}"
+    yield from _about_poses(content)
     for k, target in enumerate(machine.targets):
         yield f"target {k}  {shown(target.name)}"
     yield ""
@@ -174,6 +176,22 @@ def _words(content: Content) -> Iterator[str]:
     if content.scope.left_out:
         yield f"Not in this {place}, though in the fitted model:"
         yield from (f"  {title}: {why}" for title, why in content.scope.left_out)
+
+
+def _about_poses(content: Content) -> Iterator[str]:
+    """Say which of the poses that lengths of legs allow is meant."""
+    geometry = content.machine.geometry
+    if geometry is None:
+        return
+    mode = "upright, alpha and beta within a quarter turn and z positive"
+    if geometry.start is not None:
+        begin = ", ".join(f"{x:.6g}" for x in geometry.start)
+        mode = (
+            f"in the assembly mode of the rotation vector ({begin}) rad, from where it goes as the legs grow"
+        )
+    yield from _wrapped(
+        f"The platform is found from the lengths of its legs, {mode}. Where they do not close there, all is NaN."
+    )
 
 
 def _wrapped(text: str) -> list[str]:
