@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.metadata
 import os
 import platform
@@ -18,13 +19,16 @@ from contenders.base import OWN, YARDSTICK
 HEADERS = {1: "1", 1_000: "1e3", 100_000: "1e5", 10_000_000: "1e7"}
 PACKAGES = ("numpy", "scipy", "lmfit", "casadi", "jax", "sympy", "numba", "wrenfold", "ssik")
 
+SUBJECTS = ("tricept", "three_sps_s")
+"""Parts that are packages of their own, with `measure.measure` and with `caveats`, `headline` and `page` in `page`."""
+
 TITLE = """\
 # Benchmarks
 
-*Written by `make bench` (`python benchmarks/run.py`), or a part of it by `make bench ONLY=fits` or `ONLY=axis`; do not
-edit. With `--quick` it only prints a shorter run. The peers are installed into environments of their own,
-`benchmarks/.venv-peers` and `benchmarks/.venv-symforce`, from pinned requirements; their generated code is made at each
-run.*
+*Written by `make bench` (`python benchmarks/run.py`), or a part of it by `make bench ONLY=fits` (or `axis`, `tricept`,
+`three_sps_s`); do not edit. With `--quick` it only prints a shorter run. The peers are installed into environments of
+their own, `benchmarks/.venv-peers` and `benchmarks/.venv-symforce`, from pinned requirements; their generated code is
+made at each run.*
 
 Read these first:
 
@@ -218,15 +222,25 @@ def compose(parts: dict[str, dict]) -> str:
     lines = [TITLE]
     if machines:
         lines += ["Of fits of machines:\n", fits.caveats()]
+    subjects = {
+        name: (importlib.import_module(f"{name}.page"), found)
+        for name in SUBJECTS
+        if (found := parts.get(name))
+    }
+    if subjects:
+        lines += ["Of machines on legs:\n", "".join(module.caveats() for module, _ in subjects.values())]
     if axis:
         lines += ["Of solve_axis:\n", CAVEATS.format(condition=condition, bytes=limits.BYTES_A_SOLVE)]
     lines += ["## Machine\n"]
-    facts = [part["machine"] for part in (machines, axis) if part]
+    titled = {"fits": machines, **{name: found for name, (_, found) in subjects.items()}, "solve_axis": axis}
+    facts = [part["machine"] for part in titled.values() if part]
     same = facts[0] if all(f == facts[0] for f in facts) else None
     if same:
         lines += [f"- {name}: {value}" for name, value in same.items()] + [""]
     else:
-        for title, part in (("fits", machines), ("solve_axis", axis)):
+        for title, part in titled.items():
+            if not part:
+                continue
             lines += [
                 f"For {title}:\n",
                 *(f"- {name}: {value}" for name, value in part["machine"].items()),
@@ -234,8 +248,10 @@ def compose(parts: dict[str, dict]) -> str:
             ]
     lines += ["## In short\n"]
     lines += [*fits.headline(machines), ""] if machines else []
+    lines += [line for module, found in subjects.values() for line in (*module.headline(found), "")]
     lines += [*_headline(axis), ""] if axis else []
     lines += [fits.page(machines)] if machines else []
+    lines += [module.page(found) for module, found in subjects.values()]
     lines += [page(axis)] if axis else []
     return "\n".join(lines)
 

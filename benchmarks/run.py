@@ -1,13 +1,14 @@
 """How fast is rodgen, beside what else does the same, and beside the machine's limits?
 
 python benchmarks/run.py                # the full run, below ten minutes; writes docs/benchmarks.md and results/
-python benchmarks/run.py --only fits    # or axis: only that part, the other stays as it was
+python benchmarks/run.py --only fits    # or axis, tricept, three_sps_s: only that part, the others stay as they were
 python benchmarks/run.py --quick        # a look, a minute or two; writes nothing
 """
 
 from __future__ import annotations
 
 import argparse
+import importlib
 import json
 import time
 import warnings
@@ -16,7 +17,7 @@ import environments
 import report
 from contenders import native
 
-PARTS = ("axis", "fits")
+PARTS = ("axis", "fits", *report.SUBJECTS)
 RESULTS = environments.HERE / "results" / "latest.json"
 PAGE = environments.HERE.parent / "docs" / "benchmarks.md"
 
@@ -52,8 +53,7 @@ def _measure(part: str, facts: dict[str, str], *, quick: bool) -> dict:
         import axis
 
         return axis.run(facts, quick=quick)
-    from fits.measure import measure
-
+    measure = importlib.import_module(f"{part}.measure").measure
     return {"machine": facts, **measure(quick=quick)}
 
 
