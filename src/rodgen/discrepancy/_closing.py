@@ -27,6 +27,7 @@ __all__ = [
     "closed",
     "far_apart",
     "found_again",
+    "in_another_mode",
     "in_its_mode",
     "pose_start",
     "with_commands",
@@ -141,6 +142,25 @@ def found_again(o: Observations, numbers: Mapping[str, tuple[float, ...]]) -> Ar
         nearest = _least(-np.einsum("nmij,nij->nm", modes, before.reshape(-1, 3, 3)))
         found = modes[np.arange(o.n), nearest].reshape(o.n, 9)
     return np.where(np.isfinite(found).all(axis=1, keepdims=True), found, before)
+
+
+def in_another_mode(o: Observations, machine: Machine) -> int:
+    """Return in how many rows the readings are nearer to another assembly mode than to the one that a file asks for.
+
+    Parameters
+    ----------
+    o : Observations
+    machine : Machine
+        As it was read.
+    """
+    geometry = machine.geometry
+    if geometry is None or geometry.start is None or o.pose_start is None:
+        return 0
+    asked = replace(o, machine=machine)
+    free = replace(machine, geometry=replace(geometry, start=None))
+    nearest = replace(asked, machine=free)
+    apart = far_apart(pose_start(nearest), pose_start(asked), machine)
+    return int(np.count_nonzero(apart))
 
 
 def attainable(o: Observations, q: Array) -> NDArray[np.bool_]:

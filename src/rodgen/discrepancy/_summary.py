@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rodgen.discrepancy._closing import in_another_mode
+
 if TYPE_CHECKING:
     from rodgen.discrepancy.fit import Estimate, Fit
 
@@ -123,6 +125,12 @@ def _warnings(fit: Fit) -> Iterator[str]:
         first, span = float(t.min()), float(np.ptp(t))
         if abs(first) > LATE * span:
             yield f"t begins at {first:.6g} s: warm_up_drift counts from t = 0, when the machine was cold."
+    other = in_another_mode(fit.observations, fit.problem.model.machine)
+    if other > fit.observations.n / 2:
+        yield (
+            f"In {other} rows another assembly mode than that of [geometry] start is nearer to the readings: "
+            "leave start out, or check the order of the legs."
+        )
 
 
 def _outliers(fit: Fit) -> str:
