@@ -441,45 +441,51 @@ void three_sps_s_sps_singularity_batch_f32(size_t count, const float *matrix, co
 }
 
 /* sps_singularity_tilt_torsion: 4 add, 23 mul, 1 div, 2 sqrt, 3 cos, 2 sin */
-void three_sps_s_sps_singularity_tilt_torsion_f64(double azimuth, double tilt, double torsion, double base_radius, double height, double *determinant) {
+void three_sps_s_sps_singularity_tilt_torsion_f64(const double tilt_torsion[3], double base_radius, double height, double *determinant) {
   /* inputs */
+  const double tilt_torsion_1 = tilt_torsion[0];
+  const double tilt_torsion_2 = tilt_torsion[1];
+  const double tilt_torsion_3 = tilt_torsion[2];
   /* intermediate terms */
   const double size = sqrt((base_radius*base_radius) + (height*height));
   const double x0 = 1.0/size;
   const double R_1 = base_radius*x0;
   const double h_1 = height*x0;
-  const double half_tilt = 0.5*tilt;
-  const double phase = 3.0*azimuth - torsion;
+  const double half_tilt = 0.5*tilt_torsion_2;
+  const double phase = 3.0*tilt_torsion_1 - tilt_torsion_3;
   const double cosine = cos(half_tilt);
   const double sine = sin(half_tilt);
   /* outputs */
-  *determinant = 1.5*sqrt(3.0)*R_1*((cosine*cosine)*((h_1*h_1)*cos(tilt) - (R_1*R_1)*(sine*sine))*sin(torsion) - R_1*cosine*h_1*(sine*sine*sine)*cos(phase));
+  *determinant = 1.5*sqrt(3.0)*R_1*((cosine*cosine)*((h_1*h_1)*cos(tilt_torsion_2) - (R_1*R_1)*(sine*sine))*sin(tilt_torsion_3) - R_1*cosine*h_1*(sine*sine*sine)*cos(phase));
 }
 
-void three_sps_s_sps_singularity_tilt_torsion_batch_f64(size_t count, const double *azimuth, const double *tilt, const double *torsion, const double *base_radius, const double *height, double *determinant) {
+void three_sps_s_sps_singularity_tilt_torsion_batch_f64(size_t count, const double *tilt_torsion, const double *base_radius, const double *height, double *determinant) {
   for (size_t i = 0; i < count; ++i)
-    three_sps_s_sps_singularity_tilt_torsion_f64(azimuth[i], tilt[i], torsion[i], base_radius[i], height[i], determinant + i);
+    three_sps_s_sps_singularity_tilt_torsion_f64(tilt_torsion + 3 * i, base_radius[i], height[i], determinant + i);
 }
 
 /* sps_singularity_tilt_torsion: 4 add, 23 mul, 1 div, 2 sqrt, 3 cos, 2 sin */
-void three_sps_s_sps_singularity_tilt_torsion_f32(float azimuth, float tilt, float torsion, float base_radius, float height, float *determinant) {
+void three_sps_s_sps_singularity_tilt_torsion_f32(const float tilt_torsion[3], float base_radius, float height, float *determinant) {
   /* inputs */
+  const float tilt_torsion_1 = tilt_torsion[0];
+  const float tilt_torsion_2 = tilt_torsion[1];
+  const float tilt_torsion_3 = tilt_torsion[2];
   /* intermediate terms */
   const float size = sqrtf((base_radius*base_radius) + (height*height));
   const float x0 = 1.0f/size;
   const float R_1 = base_radius*x0;
   const float h_1 = height*x0;
-  const float half_tilt = 0.5f*tilt;
-  const float phase = 3.0f*azimuth - torsion;
+  const float half_tilt = 0.5f*tilt_torsion_2;
+  const float phase = 3.0f*tilt_torsion_1 - tilt_torsion_3;
   const float cosine = cosf(half_tilt);
   const float sine = sinf(half_tilt);
   /* outputs */
-  *determinant = 1.5f*sqrtf(3.0f)*R_1*((cosine*cosine)*((h_1*h_1)*cosf(tilt) - (R_1*R_1)*(sine*sine))*sinf(torsion) - R_1*cosine*h_1*(sine*sine*sine)*cosf(phase));
+  *determinant = 1.5f*sqrtf(3.0f)*R_1*((cosine*cosine)*((h_1*h_1)*cosf(tilt_torsion_2) - (R_1*R_1)*(sine*sine))*sinf(tilt_torsion_3) - R_1*cosine*h_1*(sine*sine*sine)*cosf(phase));
 }
 
-void three_sps_s_sps_singularity_tilt_torsion_batch_f32(size_t count, const float *azimuth, const float *tilt, const float *torsion, const float *base_radius, const float *height, float *determinant) {
+void three_sps_s_sps_singularity_tilt_torsion_batch_f32(size_t count, const float *tilt_torsion, const float *base_radius, const float *height, float *determinant) {
   for (size_t i = 0; i < count; ++i)
-    three_sps_s_sps_singularity_tilt_torsion_f32(azimuth[i], tilt[i], torsion[i], base_radius[i], height[i], determinant + i);
+    three_sps_s_sps_singularity_tilt_torsion_f32(tilt_torsion + 3 * i, base_radius[i], height[i], determinant + i);
 }
 
 /* sps_invariants: 7 add, 17 mul, 3 div, 1 sqrt */

@@ -74,17 +74,15 @@ void three_sps_s_sps_singularity_batch_f32(size_t count, const float *matrix, co
 /* The normed determinant of a 3-SPS-S machine, from azimuth, tilt and torsion.
  * Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)
  * Operations: 4 add, 23 mul, 1 div, 2 sqrt, 3 cos, 2 sin
- * azimuth : array (), rad direction of the tilt
- * tilt : array (), rad angle from the platform's axis to the machine's
- * torsion : array (), rad rotation about the axis
+ * tilt_torsion : array (3), rad azimuth that the axis is tilted towards, tilt, and torsion about the axis
  * base_radius : array (), length radius of the joints on the base
  * height : array (), length height of the pivot over the base
  * determinant : array (), 1 normed determinant
  */
-void three_sps_s_sps_singularity_tilt_torsion_f64(double azimuth, double tilt, double torsion, double base_radius, double height, double *determinant);
-void three_sps_s_sps_singularity_tilt_torsion_batch_f64(size_t count, const double *azimuth, const double *tilt, const double *torsion, const double *base_radius, const double *height, double *determinant);
-void three_sps_s_sps_singularity_tilt_torsion_f32(float azimuth, float tilt, float torsion, float base_radius, float height, float *determinant);
-void three_sps_s_sps_singularity_tilt_torsion_batch_f32(size_t count, const float *azimuth, const float *tilt, const float *torsion, const float *base_radius, const float *height, float *determinant);
+void three_sps_s_sps_singularity_tilt_torsion_f64(const double tilt_torsion[3], double base_radius, double height, double *determinant);
+void three_sps_s_sps_singularity_tilt_torsion_batch_f64(size_t count, const double *tilt_torsion, const double *base_radius, const double *height, double *determinant);
+void three_sps_s_sps_singularity_tilt_torsion_f32(const float tilt_torsion[3], float base_radius, float height, float *determinant);
+void three_sps_s_sps_singularity_tilt_torsion_batch_f32(size_t count, const float *tilt_torsion, const float *base_radius, const float *height, float *determinant);
 
 /* What the legs of a 3-SPS-S machine say about the rotation: A = r11 + r22, and Z.
  * Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)

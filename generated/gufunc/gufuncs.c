@@ -260,8 +260,8 @@ NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT,
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 };
 static const char types_three_sps_s_sps_singularity_tilt_torsion[] = {
-NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
-NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 };
 static const char types_three_sps_s_sps_invariants[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
@@ -407,7 +407,7 @@ static const struct definition definitions[] = {
    ALL_LOOPS(three_sps_s_sps_jacobian), types_three_sps_s_sps_jacobian},
   {"sps_singularity", "(3,3),(),()->()", "How well three legs hold the platform of a 3-SPS-S machine: determinant of normed leg moments.", 3, 1, 4,
    ALL_LOOPS(three_sps_s_sps_singularity), types_three_sps_s_sps_singularity},
-  {"sps_singularity_tilt_torsion", "(),(),(),(),()->()", "The normed determinant of a 3-SPS-S machine, from azimuth, tilt and torsion.", 5, 1, 6,
+  {"sps_singularity_tilt_torsion", "(3),(),()->()", "The normed determinant of a 3-SPS-S machine, from azimuth, tilt and torsion.", 3, 1, 4,
    ALL_LOOPS(three_sps_s_sps_singularity_tilt_torsion), types_three_sps_s_sps_singularity_tilt_torsion},
   {"sps_invariants", "(3),(),(),()->(),(2)", "What the legs of a 3-SPS-S machine say about the rotation: A = r11 + r22, and Z.", 4, 2, 6,
    ALL_LOOPS(three_sps_s_sps_invariants), types_three_sps_s_sps_invariants},

@@ -1065,25 +1065,25 @@ void LOOP(three_sps_s_sps_singularity_loop_f32)(char **args, const ptrdiff_t *di
 static inline void sps_singularity_tilt_torsion_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double azimuth = input[0][i];
-    const double tilt = input[1][i];
-    const double torsion = input[2][i];
+    const double tilt_torsion_1 = input[0][i];
+    const double tilt_torsion_2 = input[1][i];
+    const double tilt_torsion_3 = input[2][i];
     const double base_radius = input[3][i];
     const double height = input[4][i];
     const double size = sqrt((base_radius*base_radius) + (height*height));
     const double x0 = 1.0/size;
     const double R_1 = base_radius*x0;
     const double h_1 = height*x0;
-    const double half_tilt = 0.5*tilt;
-    const double phase = 3.0*azimuth - torsion;
+    const double half_tilt = 0.5*tilt_torsion_2;
+    const double phase = 3.0*tilt_torsion_1 - tilt_torsion_3;
     const double cosine = vector_cos_f64(half_tilt);
     const double sine = vector_sin_f64(half_tilt);
-    const double determinant = 1.5*sqrt(3.0)*R_1*((cosine*cosine)*((h_1*h_1)*vector_cos_f64(tilt) - (R_1*R_1)*(sine*sine))*vector_sin_f64(torsion) - R_1*cosine*h_1*(sine*sine*sine)*vector_cos_f64(phase));
+    const double determinant = 1.5*sqrt(3.0)*R_1*((cosine*cosine)*((h_1*h_1)*vector_cos_f64(tilt_torsion_2) - (R_1*R_1)*(sine*sine))*vector_sin_f64(tilt_torsion_3) - R_1*cosine*h_1*(sine*sine*sine)*vector_cos_f64(phase));
     output[0][i] = determinant;
     output[1][i] = fabs(half_tilt);
     output[2][i] = fabs(phase);
-    output[3][i] = fabs(tilt);
-    output[4][i] = fabs(torsion);
+    output[3][i] = fabs(tilt_torsion_2);
+    output[4][i] = fabs(tilt_torsion_3);
   }
 }
 
@@ -1092,13 +1092,11 @@ static void sps_singularity_tilt_torsion_beyond_f64(double (*restrict input)[BLO
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[1][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[2][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[3][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[4][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double azimuth = input[0][i];
-    const double tilt = input[1][i];
-    const double torsion = input[2][i];
+    const double tilt_torsion[3] = {input[0][i], input[1][i], input[2][i]};
     const double base_radius = input[3][i];
     const double height = input[4][i];
     double determinant[1];
-    three_sps_s_sps_singularity_tilt_torsion_f64(azimuth, tilt, torsion, base_radius, height, determinant);
+    three_sps_s_sps_singularity_tilt_torsion_f64(tilt_torsion, base_radius, height, determinant);
     for (int k = 0; k < 1; ++k)
       output[0 + k][i] = determinant[k];
   }
@@ -1115,11 +1113,11 @@ static inline void sps_singularity_tilt_torsion_block_f64(double (*restrict inpu
 
 void LOOP(three_sps_s_sps_singularity_tilt_torsion_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
-  const ptrdiff_t *core = steps + 6;
+  const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_0[k] = 0;
+  ptrdiff_t offsets_0[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_0[k] = (k / 1) % 3 * core[0];
   ptrdiff_t offsets_1[1];
   for (int k = 0; k < 1; ++k)
     offsets_1[k] = 0;
@@ -1129,47 +1127,28 @@ void LOOP(three_sps_s_sps_singularity_tilt_torsion_loop_f64)(char **args, const 
   ptrdiff_t offsets_3[1];
   for (int k = 0; k < 1; ++k)
     offsets_3[k] = 0;
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
   double input[5][BLOCK], output[5][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (steps[0] == 0) | (is_packed(offsets_0, 1, steps[0], width) & is_aligned(args[0], width));
+  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
+  packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
   if (packed) {
     struct writer writer_0;
-    open_writer(&writer_0, args[5], total * 1 * width);
+    open_writer(&writer_0, args[3], total * 1 * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] == 0)
-        fill_f64(input[0], args[0]);
-      else
-        load_f64(input[0], BLOCK, args[0] + start * width, 1);
+      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
-        fill_f64(input[1], args[1]);
+        fill_f64(input[3], args[1]);
       else
-        load_f64(input[1], BLOCK, args[1] + start * width, 1);
+        load_f64(input[3], BLOCK, args[1] + start * width, 1);
       if (steps[2] == 0)
-        fill_f64(input[2], args[2]);
+        fill_f64(input[4], args[2]);
       else
-        load_f64(input[2], BLOCK, args[2] + start * width, 1);
-      if (steps[3] == 0)
-        fill_f64(input[3], args[3]);
-      else
-        load_f64(input[3], BLOCK, args[3] + start * width, 1);
-      if (steps[4] == 0)
-        fill_f64(input[4], args[4]);
-      else
-        load_f64(input[4], BLOCK, args[4] + start * width, 1);
+        load_f64(input[4], BLOCK, args[2] + start * width, 1);
       sps_singularity_tilt_torsion_block_f64(input, output);
       {
         double rows[1 * BLOCK], scratch[1 * BLOCK];
@@ -1183,15 +1162,13 @@ void LOOP(three_sps_s_sps_singularity_tilt_torsion_loop_f64)(char **args, const 
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 1, count);
-    gather_f64(input[1], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f64(input[2], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f64(input[3], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    gather_f64(input[4], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    gather_f64(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
     sps_singularity_tilt_torsion_block_f64(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f64(args[5] + (start + i) * steps[5] + offsets_5[k], output[0 + k][i]);
+        put_f64(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
@@ -1201,25 +1178,25 @@ void LOOP(three_sps_s_sps_singularity_tilt_torsion_loop_f64)(char **args, const 
 static inline void sps_singularity_tilt_torsion_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const float azimuth = input[0][i];
-    const float tilt = input[1][i];
-    const float torsion = input[2][i];
+    const float tilt_torsion_1 = input[0][i];
+    const float tilt_torsion_2 = input[1][i];
+    const float tilt_torsion_3 = input[2][i];
     const float base_radius = input[3][i];
     const float height = input[4][i];
     const float size = sqrtf((base_radius*base_radius) + (height*height));
     const float x0 = 1.0f/size;
     const float R_1 = base_radius*x0;
     const float h_1 = height*x0;
-    const float half_tilt = 0.5f*tilt;
-    const float phase = 3.0f*azimuth - torsion;
+    const float half_tilt = 0.5f*tilt_torsion_2;
+    const float phase = 3.0f*tilt_torsion_1 - tilt_torsion_3;
     const float cosine = vector_cos_f32(half_tilt);
     const float sine = vector_sin_f32(half_tilt);
-    const float determinant = 1.5f*sqrtf(3.0f)*R_1*((cosine*cosine)*((h_1*h_1)*vector_cos_f32(tilt) - (R_1*R_1)*(sine*sine))*vector_sin_f32(torsion) - R_1*cosine*h_1*(sine*sine*sine)*vector_cos_f32(phase));
+    const float determinant = 1.5f*sqrtf(3.0f)*R_1*((cosine*cosine)*((h_1*h_1)*vector_cos_f32(tilt_torsion_2) - (R_1*R_1)*(sine*sine))*vector_sin_f32(tilt_torsion_3) - R_1*cosine*h_1*(sine*sine*sine)*vector_cos_f32(phase));
     output[0][i] = determinant;
     output[1][i] = fabsf(half_tilt);
     output[2][i] = fabsf(phase);
-    output[3][i] = fabsf(tilt);
-    output[4][i] = fabsf(torsion);
+    output[3][i] = fabsf(tilt_torsion_2);
+    output[4][i] = fabsf(tilt_torsion_3);
   }
 }
 
@@ -1228,13 +1205,11 @@ static void sps_singularity_tilt_torsion_beyond_f32(float (*restrict input)[BLOC
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[1][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[2][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[3][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[4][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const float azimuth = input[0][i];
-    const float tilt = input[1][i];
-    const float torsion = input[2][i];
+    const float tilt_torsion[3] = {input[0][i], input[1][i], input[2][i]};
     const float base_radius = input[3][i];
     const float height = input[4][i];
     float determinant[1];
-    three_sps_s_sps_singularity_tilt_torsion_f32(azimuth, tilt, torsion, base_radius, height, determinant);
+    three_sps_s_sps_singularity_tilt_torsion_f32(tilt_torsion, base_radius, height, determinant);
     for (int k = 0; k < 1; ++k)
       output[0 + k][i] = determinant[k];
   }
@@ -1251,11 +1226,11 @@ static inline void sps_singularity_tilt_torsion_block_f32(float (*restrict input
 
 void LOOP(three_sps_s_sps_singularity_tilt_torsion_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 6;
+  const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_0[k] = 0;
+  ptrdiff_t offsets_0[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_0[k] = (k / 1) % 3 * core[0];
   ptrdiff_t offsets_1[1];
   for (int k = 0; k < 1; ++k)
     offsets_1[k] = 0;
@@ -1265,47 +1240,28 @@ void LOOP(three_sps_s_sps_singularity_tilt_torsion_loop_f32)(char **args, const 
   ptrdiff_t offsets_3[1];
   for (int k = 0; k < 1; ++k)
     offsets_3[k] = 0;
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
   float input[5][BLOCK], output[5][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (steps[0] == 0) | (is_packed(offsets_0, 1, steps[0], width) & is_aligned(args[0], width));
+  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
+  packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
   if (packed) {
     struct writer writer_0;
-    open_writer(&writer_0, args[5], total * 1 * width);
+    open_writer(&writer_0, args[3], total * 1 * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] == 0)
-        fill_f32(input[0], args[0]);
-      else
-        load_f32(input[0], BLOCK, args[0] + start * width, 1);
+      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
-        fill_f32(input[1], args[1]);
+        fill_f32(input[3], args[1]);
       else
-        load_f32(input[1], BLOCK, args[1] + start * width, 1);
+        load_f32(input[3], BLOCK, args[1] + start * width, 1);
       if (steps[2] == 0)
-        fill_f32(input[2], args[2]);
+        fill_f32(input[4], args[2]);
       else
-        load_f32(input[2], BLOCK, args[2] + start * width, 1);
-      if (steps[3] == 0)
-        fill_f32(input[3], args[3]);
-      else
-        load_f32(input[3], BLOCK, args[3] + start * width, 1);
-      if (steps[4] == 0)
-        fill_f32(input[4], args[4]);
-      else
-        load_f32(input[4], BLOCK, args[4] + start * width, 1);
+        load_f32(input[4], BLOCK, args[2] + start * width, 1);
       sps_singularity_tilt_torsion_block_f32(input, output);
       {
         float rows[1 * BLOCK], scratch[1 * BLOCK];
@@ -1319,15 +1275,13 @@ void LOOP(three_sps_s_sps_singularity_tilt_torsion_loop_f32)(char **args, const 
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 1, count);
-    gather_f32(input[1], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f32(input[2], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f32(input[3], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    gather_f32(input[4], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    gather_f32(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
     sps_singularity_tilt_torsion_block_f32(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f32(args[5] + (start + i) * steps[5] + offsets_5[k], output[0 + k][i]);
+        put_f32(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }

@@ -395,7 +395,7 @@ def _sps_singularity(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2,
     return (determinant,)
 
 
-def sps_singularity_tilt_torsion(azimuth, tilt, torsion, base_radius, height, *, out=None):
+def sps_singularity_tilt_torsion(tilt_torsion, base_radius, height, *, out=None):
     """The normed determinant of a 3-SPS-S machine, from azimuth, tilt and torsion.
 
     Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)
@@ -404,12 +404,8 @@ def sps_singularity_tilt_torsion(azimuth, tilt, torsion, base_radius, height, *,
 
     Parameters
     ----------
-    azimuth : array (...), rad
-        direction of the tilt
-    tilt : array (...), rad
-        angle from the platform's axis to the machine's
-    torsion : array (...), rad
-        rotation about the axis
+    tilt_torsion : array (..., 3), rad
+        azimuth that the axis is tilted towards, tilt, and torsion about the axis
     base_radius : array (...), length
         radius of the joints on the base
     height : array (...), length
@@ -423,18 +419,18 @@ def sps_singularity_tilt_torsion(azimuth, tilt, torsion, base_radius, height, *,
     return _evaluate(
         _sps_singularity_tilt_torsion, None,
         "sps_singularity_tilt_torsion",
-        (azimuth, tilt, torsion, base_radius, height),
-        (("azimuth", ()), ("tilt", ()), ("torsion", ()), ("base_radius", ()), ("height", ())),
+        (tilt_torsion, base_radius, height),
+        (("tilt_torsion", (3,)), ("base_radius", ()), ("height", ())),
         (("determinant", (), False),),
         out,
     )
 
 
-sps_singularity_tilt_torsion.signature = "(),(),(),(),()->()"
-sps_singularity_tilt_torsion.types = ["ddddd->d", "fffff->f"]
+sps_singularity_tilt_torsion.signature = "(3),(),()->()"
+sps_singularity_tilt_torsion.types = ["ddd->d", "fff->f"]
 
 
-def _sps_singularity_tilt_torsion(azimuth, tilt, torsion, base_radius, height, eps, largest):
+def _sps_singularity_tilt_torsion(tilt_torsion_1, tilt_torsion_2, tilt_torsion_3, base_radius, height, eps, largest):
     # 4 add, 23 mul, 1 div, 2 sqrt, 3 cos, 2 sin
     size = np.sqrt((base_radius*base_radius) + (height*height))
     x0 = 1.0/size
@@ -442,12 +438,12 @@ def _sps_singularity_tilt_torsion(azimuth, tilt, torsion, base_radius, height, e
     R_1 = base_radius*x0
     h_1 = height*x0
     del x0
-    half_tilt = 0.5*tilt
-    phase = 3.0*azimuth - torsion
+    half_tilt = 0.5*tilt_torsion_2
+    phase = 3.0*tilt_torsion_1 - tilt_torsion_3
     cosine = np.cos(half_tilt)
     sine = np.sin(half_tilt)
     del half_tilt
-    determinant = 1.5*np.sqrt(3.0)*R_1*((cosine*cosine)*((h_1*h_1)*np.cos(tilt) - (R_1*R_1)*(sine*sine))*np.sin(torsion) - R_1*cosine*h_1*(sine*sine*sine)*np.cos(phase))
+    determinant = 1.5*np.sqrt(3.0)*R_1*((cosine*cosine)*((h_1*h_1)*np.cos(tilt_torsion_2) - (R_1*R_1)*(sine*sine))*np.sin(tilt_torsion_3) - R_1*cosine*h_1*(sine*sine*sine)*np.cos(phase))
     del R_1, cosine, h_1, phase, sine
     return (determinant,)
 
