@@ -28,8 +28,9 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="few rounds, no large sizes; writes no page")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")  # what a peer's package warns of on import is not this script's to mend
-    environments.ensure(environments.PEERS, environments.HERE / "requirements-peers.txt")
-    environments.append_to_path(environments.PEERS)
+    if arguments.only not in report.SUBJECTS:  # these need no peer but NumPy and SciPy
+        environments.ensure(environments.PEERS, environments.HERE / "requirements-peers.txt")
+        environments.append_to_path(environments.PEERS)
     facts = report.machine(native.compiler)
     measured = {}
     for part in [arguments.only] if arguments.only else PARTS:

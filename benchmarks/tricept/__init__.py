@@ -1,0 +1,1 @@
+"""How fast are the Tricept's functions, beside NumPy written by hand?"""

@@ -1,0 +1,44 @@
+"""The Tricept's part of the page."""
+
+from __future__ import annotations
+
+OWN = "rodgen: inverse and propagate"
+
+
+def caveats() -> str:
+    return (
+        "- One covariance U_x serves all points, and q is the platform's centre; the forms by hand make use of both.\n"
+        "- rodgen finds all four poses of each point, tests its input and gives a status; the forms by hand find the\n"
+        "  assembled machine's pose, test nothing and give none. Their answers agree with rodgen's to 1e-9.\n"
+        "- The loop is timed on fewer points than the others, and its time for one point is taken for all.\n"
+    )
+
+
+def headline(result: dict) -> list[str]:
+    rows = {row["name"]: row for row in result["rows"]}
+    fastest = min(
+        (row for name, row in rows.items() if name.startswith("NumPy") and "loop" not in name),
+        key=lambda row: row["ns"],
+    )
+    loop, direct = rows["NumPy, a loop over points"], rows["rodgen: direct, the assembled machine's pose"]
+    return [
+        f"- Tricept, inverse problem and A35·U_x·A35ᵀ on {result['n']:,} points: {rows[OWN]['ns']:.0f} ns a point. "
+        f"A loop over points takes {loop['ratio']:.0f} times as long, the fastest vectorised NumPy by hand "
+        f"({fastest['name'].removeprefix('NumPy, ')}) {fastest['ratio']:.1f} times.",
+        f"- Tricept, direct problem: {1e9 / direct['ns']:,.0f} a second in one thread.",
+    ]
+
+
+def page(result: dict) -> str:
+    lines = [
+        "## The Tricept\n",
+        f"- rounds: {result['rounds']}; share of one processor that the samples had: {result['share']:.0%}\n",
+        "| | points timed | ns a point | spread | as a multiple of rodgen |",
+        "| --- | ---: | ---: | ---: | ---: |",
+    ]
+    for row in sorted(result["rows"], key=lambda row: row["ns"]):
+        name = f"**{row['name']}**" if row["name"].startswith("rodgen") else row["name"]
+        lines.append(
+            f"| {name} | {row['points']:,} | {row['ns']:,.0f} | {row['spread']:.0%} | {row['ratio']:.2f} |"
+        )
+    return "\n".join(lines) + "\n"
