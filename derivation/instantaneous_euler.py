@@ -77,6 +77,16 @@ def turn(axis, angle):
     return matrix_from_axis_angle(UNIT[axis], cos(angle), sin(angle))
 
 
+class Entries:
+    """Several entries, one after the other, as a page shows them."""
+
+    def __init__(self, derivation, *ids):
+        self.entries = [derivation.entries[id] for id in ids]
+
+    def _repr_markdown_(self):
+        return "\n\n".join(entry._repr_markdown_() for entry in self.entries)
+
+
 def turns(sequence, angles):
     """Intrinsic rotations, each about an axis of the frame that the ones before have turned."""
     product = sp.eye(3)
@@ -107,6 +117,8 @@ t1 = d.symbol(
     "t1", r"t_1", "the t1 of equation (1), nowhere defined: the first rotation's end", "s", value=t01
 )
 d.state("eq-1-first", equal(t01, t0 + D1), place="eq. (1), the line under it").prove()
+
+# %%
 d.state(
     "eq-1-instants",
     equal(t02, t1 + D1 + D2),
@@ -118,6 +130,8 @@ d.state(
     label="Z1",
     because="Both sums start at t0; from the end of the first rotation they count its interval twice.",
 )
+
+# %%
 end = d.symbol("t_end", r"t_{\mathrm{end}}", "instant of the final state", "s", value=t03)
 d.state("eq-1-final", equal(end, t1), place="eq. (1), its last state κ(t1)").refute(
     {t0: 0, D1: 1, D2: 1, D3: 1},
@@ -149,6 +163,8 @@ d.state(
     text="The matrix of the Z-Y-X angles is the product of the three rotations.",
     place="eqs. (6) and (19)",
 ).prove(given=by_zyx)
+
+# %%
 for number, name, letter, printed in (
     (10, "z", chi_z, cb * cg),
     (13, "y", chi_y, sa * sb * sg + ca * cg),
@@ -160,6 +176,9 @@ for number, name, letter, printed in (
         text=f"The angle between the normals of two planes: {name}0 and {name}3.",
         place=f"eq. ({number})",
     ).prove(cos(letter) - printed, given=by_zyx, because=f"Their cosines are equal, and {IN_RANGE}.")
+Entries(d, "eq-10", "eq-13", "eq-16")
+
+# %%
 d.state(
     "arccosine-of-diagonal",
     equal(
@@ -183,6 +202,8 @@ d.state(
     said="if the final attitude of the rotation plane is specified, the Euler angles are not uniquely determined",
     place="sec. 4.2",
 ).prove(given=by_zyx, because="(α + π, π − β, γ + π) is the same rotation.")
+
+# %%
 flips = [sp.diag(*signs) for signs in ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))]
 same_diagonal = [flip * M * flip for flip in flips for M in (R.components, R.components.T)]
 
@@ -196,6 +217,8 @@ d.check(
     *(equal(diagonal(R.components), diagonal(other)) for other in same_diagonal),
     text="A rotation, its inverse, and both between equal half turns about a coordinate axis.",
 ).prove()
+
+# %%
 d.state(
     "describes-the-rotation",
     sp.Implies(sp.Eq(cos(alpha), cos(phi)), sp.Eq(sin(alpha), sin(phi))),
@@ -233,6 +256,8 @@ d.state("eq-17", equal(R, printed_zyz), text="The matrix of the Z-Y-Z angles.", 
     because="In the middle of the matrix the last factor is cos φ, not sin φ: without any rotation the printed "
     "element is 0.",
 )
+
+# %%
 d.state("eq-18-y", equal(chi_y, acos(printed_zyz[1, 1])), place="eq. (18), second line").refute(
     {phi: 0, theta: 0, psi: 0},
     equal(cos(chi_y), right_zyz[1, 1]),
@@ -240,6 +265,8 @@ d.state("eq-18-y", equal(chi_y, acos(printed_zyz[1, 1])), place="eq. (18), secon
     label="Z5",
     because="The misprint of (17) is carried along: without any rotation the printed angle is a right one.",
 )
+
+# %%
 swapped = (
     "x and z are exchanged, against the definitions (10) and (16): the angle between the {} planes is that between "
     "{}0 and {}3."
@@ -256,6 +283,8 @@ d.state(
     label="Z6",
     because=swapped.format("yz", "x", "x") + " A rotation about z0 alone turns the yz plane.",
 )
+
+# %%
 d.state("eq-18-z", equal(chi_z, acos(cf * ct * cp - sf * sp_)), place="eq. (18), third line").refute(
     {phi: sp.pi / 2, theta: 0, psi: 0},
     equal(cos(chi_z), ct),
@@ -263,6 +292,8 @@ d.state("eq-18-z", equal(chi_z, acos(cf * ct * cp - sf * sp_)), place="eq. (18),
     label="Z7",
     because=swapped.format("xy", "z", "z") + " A rotation about z0 alone leaves the xy plane where it is.",
 )
+
+# %%
 d.state(
     "bare-theta",
     equal(chi_z, theta),
@@ -285,6 +316,8 @@ d.state(
 d.state("eq-20-y", equal(chi_y, acos(sa * sb * sg + ca * cg)), place="eq. (20), second line").prove(
     cos(chi_y) - (sa * sb * sg + ca * cg), given=by_zyx, because=f"Their cosines are equal, and {IN_RANGE}."
 )
+
+# %%
 d.state(
     "eq-20",
     equal(chi_x, acos(cb * cg)),
@@ -412,6 +445,8 @@ d.state(
     because="The rows of section 4.1 are those of Z-Y-X, (19), and those of section 4.2 are meant as those of Z-Y-Z, "
     "(17): heads and tables are exchanged.",
 )
+
+# %%
 for name, (given_angles, row) in TABLE_41.items():
     d.state(
         f"table-4.1-{name}",
@@ -423,6 +458,9 @@ for name, (given_angles, row) in TABLE_41.items():
         given={R: turns("zyx", given_angles)},
         because=f"Their cosines are equal, and {IN_RANGE}.",
     )
+Entries(d, *(f"table-4.1-{name}" for name in TABLE_41))
+
+# %%
 d.state(
     "table-4.1-three",
     *claims((theta, acos(printed_zyz[1, 1]), acos(cf * ct * cp - sf * sp_))),
@@ -435,6 +473,8 @@ d.state(
     label="Z11",
     because="Three rotations with the angles (α, β, γ) of this section are those of (20), with its labels put right.",
 )
+
+# %%
 d.state(
     "parallel-planes-4.1",
     sp.Implies(sp.Eq(sin(chi_z) ** 2, 0), sp.Eq(beta, 0) & sp.Eq(gamma, 0)),
@@ -448,6 +488,8 @@ d.state(
     label="Z12",
     because="Half turns turn the plane upside down and leave it parallel: only sin β = 0 and sin γ = 0 follow.",
 )
+
+# %%
 d.state(
     "same-as-conventional-4.1",
     *claims((fold(alpha), fold(alpha), 0)),
@@ -506,6 +548,9 @@ for name, (given_angles, row) in TABLE_42.items():
         entry.refute(point, cosines(right), given=by_row, label=label, because=because)
     else:
         entry.prove(*cosines(row), given=by_row, because=f"Their cosines are equal, and {IN_RANGE}.")
+Entries(d, *(f"table-4.2-{name}" for name in TABLE_42))
+
+# %%
 d.state(
     "table-4.2-three",
     *claims((acos(cb * cg), acos(sa * sb * sg + ca * cg), acos(ca * cb))),
@@ -518,6 +563,8 @@ d.state(
     label="Z17",
     because="Three rotations with the angles (φ, θ, φ') of this section are those of (18), put right.",
 )
+
+# %%
 d.state(
     "parallel-planes-4.2",
     sp.Implies(sp.Eq(sin(chi_z) ** 2, 0), sp.Eq(theta, 0)),
@@ -530,6 +577,8 @@ d.state(
     label="Z18",
     because="θ = π turns the plane upside down and leaves it parallel: only sin θ = 0 follows.",
 )
+
+# %%
 phi3 = d.symbol("phi3", r"\phi_3", "a first angle that makes the same rotation", "rad")
 psi3 = d.symbol("psi3", r"\varphi_3", "the third angle with it", "rad")
 d.state(
@@ -538,6 +587,8 @@ d.state(
     said="ϕ3 and φ3 can be arbitrary values",
     place="sec. 4.2",
 ).prove(because="One of them is arbitrary: the rotation by φ3 and then by φ − φ3 is that by φ.")
+
+# %%
 same_turn = sp.Eq(cos(phi3 + psi3), cos(phi)) & sp.Eq(sin(phi3 + psi3), sin(phi))
 d.state(
     "same-descriptions",
@@ -612,6 +663,8 @@ d.check(
     equal(sp.ImmutableMatrix(matrix_from_quaternion(q_zyz[0], list(q_zyz[1:]))), zyz.subs(halves)),
     text="The quaternions of Z-Y-X and Z-Y-Z have these matrices.",
 ).prove()
+
+# %%
 plus, minus = h + l_, h - l_
 d.check(
     "half-angles-of-sequences",

@@ -85,6 +85,8 @@ d.check(
     equal(cos(chi_z), cos(t) ** 2),
     text="The three curves.",
 ).prove(given=by_t)
+
+# %%
 d.state(
     "figure-6-do-not-follow",
     *(sp.Ne(c, sp.pi) for c in CHI),
@@ -92,6 +94,8 @@ d.state(
     text="For example where the latter are 180°.",
     place="sec. 5.1, figure 6",
 ).prove(*(equal(cos(c), 1) for c in CHI), given=along(sp.pi, sp.pi, sp.pi), because="There all three are 0.")
+
+# %%
 d.state(
     "figure-6-peaks",
     sp.Le(chi_x, sp.pi / 2),
@@ -106,6 +110,8 @@ d.state(
     given=by_t,
     because="The peaks are 90°, 180° and 90°, those of the others 360°: no cosine is below 0, −1 and 0.",
 )
+
+# %%
 d.state(
     "figure-6-smaller-everywhere",
     sp.Lt(chi_x, t),
@@ -120,6 +126,8 @@ d.state(
     label="Z42",
     because="At 45° χ_x is 60°. Up to 90° it is always greater than α, because β adds to it.",
 )
+
+# %%
 d.state(
     "figure-6-tend-to-zero",
     *(equal(cos(c), 1) for c in CHI),
@@ -127,6 +135,8 @@ d.state(
     text="At the end of the period, 360°.",
     place="sec. 5.1, figure 6",
 ).prove(given=along(2 * sp.pi, 2 * sp.pi, 2 * sp.pi), because="The body is back where it was.")
+
+# %%
 d.state(
     "figure-6-zeros",
     equal(1 - cos(chi_x), sin(t) ** 2),
@@ -140,6 +150,8 @@ d.state(
     because="χ_x and χ_z vanish where sin t = 0, at 0° and 180°; χ_y where also sin t = 1, at 0°, 90° and 180°. With "
     "both ends of the cycle each is one more.",
 )
+
+# %%
 d.state(
     "independent-of-others",
     equal(chi_x, acos(cos(alpha))),
@@ -236,6 +248,8 @@ d.state(
     given=by_curve_1,
     because=f"χ_x = |α|: |α| ≤ 1, the cosines are equal, and {IN_RANGE}. (By (20) as printed it would be 0.)",
 )
+
+# %%
 d.state(
     "figure-8-y",
     equal(chi_y, chi_x),
@@ -243,12 +257,16 @@ d.state(
     "corresponding to the x axis",
     place="sec. 5.2, figure 8",
 ).prove(given=by_curve_1, because="Both planes turn about z0.")
+
+# %%
 d.state(
     "figure-8-z",
     equal(chi_z, 0),
     said="the instantaneous Euler angle corresponding to the z axis is 0",
     place="sec. 5.2, figure 8",
 ).prove(given=by_curve_1, because="The xy plane stays. (By (20) as printed it would be |α|.)")
+
+# %%
 d.state(
     "figure-8-coupling",
     equal(cos(chi_y), cos(alpha)),
@@ -257,6 +275,8 @@ d.state(
     text="The first angle turns two planes.",
     place="sec. 5.2, figure 8",
 ).prove(given=along(alpha, 0, 0), because="χ_x and χ_y are both |α|.")
+
+# %%
 if in_notebook():
     display(Markdown("Curve 1"))
     draw(
@@ -290,6 +310,8 @@ d.state(
     label="Z44",
     because="Not smaller is right: where cos x = 0 both are equal, everywhere else it is greater than |α|.",
 )
+
+# %%
 d.state(
     "figure-9-y",
     equal(chi_y, curve_alpha),
@@ -302,6 +324,8 @@ d.state(
     label="Z45",
     because="It is |α| = |sin x|, a rectified sine with kinks and half the period.",
 )
+
+# %%
 d.state(
     "figure-9-z",
     equal(chi_z, sp.Abs(curve_alpha)),
@@ -314,6 +338,8 @@ d.state(
     label="Z46",
     because="It is |β| = |cos x|: at x = 0 there is no α, and χ_z is 57.3°. What is |α| is χ_y.",
 )
+
+# %%
 without_gamma = d.symbol(
     "chi_x_0",
     r"\chi_x|_{\gamma=0}",
@@ -335,12 +361,16 @@ d.state(
     label="Z47",
     because="Only χ_y depends on all three: χ_x does not on γ, nor χ_z on α.",
 )
+
+# %%
 d.state(
     "state-quantity",
     *(equal(cos(c), R.components[i, i]) for i, c in enumerate(CHI)),
     said="the instantaneous Euler angle is a state quantity",
     place="sec. 5.2",
 ).prove(because="It is a function of the attitude.")
+
+# %%
 if in_notebook():
     display(Markdown("Curve 2"))
     draw(
@@ -410,6 +440,8 @@ d.check(
     equal(sp.ImmutableMatrix((product * sp.Matrix([*centre, 1]))[:3]), sp.ImmutableMatrix(wrist)),
     text="The pose is the product of the six rotations about the joint axes at zero.",
 ).prove()
+
+# %%
 held = [joints[0], joints[1], joints[2]]
 start = pose([*held, 0, 0, 0], lengths)[0]
 by_wrist = dict(zip((alpha, beta, gamma), joints[3:], strict=True))

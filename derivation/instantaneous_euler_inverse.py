@@ -33,6 +33,7 @@ from rodgen.codegen import KernelBuilder
 from rodgen.derivation.instantaneous_euler import (
     PAPER,
     UNIT,
+    Entries,
     of_quaternion,
     product,
     q,
@@ -102,6 +103,7 @@ for i, axis in enumerate("xyz"):
         text="The swing has no part along the axis, its axis is the ridge line's direction, and the cosine of half its "
         "angle is the root of the sum of two squares.",
     ).prove(modulo=UNIT_LENGTH)
+Entries(d, *(f"swing-twist-{axis}" for axis in "xyz"))
 
 # %% [markdown]
 # With the axis $n$ and the angle $\chi$ of the whole rotation: each $\chi_i\le\chi$, with equality where $n$ is
@@ -118,6 +120,8 @@ d.check(
     *(equal((1 - M[i, i]) / 2, sin(total) ** 2 * (1 - axis_n[i] ** 2)) for i in range(3)),
     text="sin²(χ_i/2) = sin²(χ/2) (1 − n_i²).",
 ).prove(given=by_axis, modulo={nz: nx**2 + ny**2 + nz**2 - 1})
+
+# %%
 d.check(
     "sum-of-cosines",
     equal(M.trace(), 1 + 2 * cos(2 * total)),
@@ -140,6 +144,8 @@ d.check(
     *(equal(at(form), 4 * x**2) for form, x in zip(FORMS, q, strict=True)),
     text="The squares are the barycentric coordinates of the cosines, and the four linear forms are four times them.",
 ).prove(modulo=UNIT_LENGTH)
+
+# %%
 S = {axis: sin(half[axis]) ** 2 for axis in "xyz"}
 d.check(
     "feasible-by-half-angles",
@@ -149,6 +155,8 @@ d.check(
     equal(FORMS[3], 2 * (S["x"] + S["y"] - S["z"])),
     text="With S = sin²(χ/2): there is a rotation where S_i ≤ S_j + S_k for each, and S_x + S_y + S_z ≤ 2.",
 ).prove()
+
+# %%
 edges = [sp.Matrix(v) - sp.Matrix(VERTICES[0]) for v in VERTICES[1:]]
 d.check(
     "a-third-of-the-cube",
@@ -159,6 +167,8 @@ d.check(
     ),
     text="The tetrahedron is regular, its edge is 2√2, and it is a third of the cube of all cosines.",
 ).prove()
+
+# %%
 d.state(
     "independent",
     *(sp.Ge(form, 0) for form in FORMS),
@@ -205,6 +215,8 @@ d.check(
     *claims,
     text="Other signs of the vector part: R or its transpose, between equal half turns.",
 ).prove()
+
+# %%
 assert {tuple(sp.diag(*s).diagonal()) for s in every((1, -1), repeat=3) if sp.prod(s) > 0} == {
     tuple(flip.diagonal()) for flip in FLIPS
 }
@@ -240,6 +252,8 @@ d.check(
     ),
     text="A half turn about z turns the ridge Zr around.",
 ).prove()
+
+# %%
 pairs = {(i, j): square**2 * across(ridge_z(four[i]), ridge_z(four[j])) for i, j in combinations(range(4), 2)}
 r13, r23 = 2 * (qx * qz + q0 * qy), 2 * (qy * qz - q0 * qx)
 r31, r32 = 2 * (qx * qz - q0 * qy), 2 * (qy * qz + q0 * qx)
@@ -278,6 +292,8 @@ d.check(
     equal(u**2 - (1 + kx**2 + kz**2 - ky**2) * u + kx**2 + kz**2 + kx**2 * kz**2 - 2 * kx * ky * kz, 0),
     text="The quadratic of cos²β, with the cosines of the three angles.",
 ).prove()
+
+# %%
 c1, c2, c3 = (d.symbol(f"c_{axis}", f"c_{axis}", f"cosine of χ_{axis}", "1") for axis in "xyz")
 forms = [form.xreplace({cx: c1, cy: c2, cz: c3}) for form in FORMS]
 d.check(
@@ -288,6 +304,8 @@ d.check(
     ),
     text="Its discriminant is the product of the four forms, 256 q0² qx² qy² qz².",
 ).prove()
+
+# %%
 mx, my, mz = (right_zyz[i, i] for i in range(3))
 d.check(
     "zyz",
@@ -345,8 +363,10 @@ for vertex, parts in small.items():
         *(equal(FORMS[n], 4 * t[n ^ vertex]) for n in range(4)),
         text="The four forms by what is small there.",
     ).prove()
+Entries(d, *(id for id in d.entries if id.startswith("near-")))
 
 
+# %%
 class RotationsStatus(IntEnum):
     """How many rotations have three given instantaneous Euler angles.
 

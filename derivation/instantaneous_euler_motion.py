@@ -32,6 +32,7 @@ from rodgen.codegen import KernelBuilder
 from rodgen.derivation.instantaneous_euler import (
     PAPER,
     UNIT,
+    Entries,
     half_turns,
     length_of_two,
     of_quaternion,
@@ -106,6 +107,8 @@ d.check(
     ),
     text="The derivatives of the cosines.",
 ).prove()
+
+# %%
 d.check(
     "rate-squared",
     *(equal(norm(N[axis]) ** 2, 1 - M[i, i] ** 2) for i, axis in enumerate("xyz")),
@@ -152,6 +155,8 @@ d.check(
     equal(volume, (M[1, 0] - M[0, 1]) * (M[1, 0] + M[0, 1])),
     text="The volume from the matrix and from the quaternion.",
 ).prove(given=of_q)
+
+# %%
 Nx, Ny, Nz = N.values()
 b = [d.symbol(f"b_{axis}", f"b_{axis}", f"rate of χ_{axis} times its sine", "rad/s") for axis in "xyz"]
 solved = b[0] * cross(Ny, Nz) + b[1] * cross(Nz, Nx) + b[2] * cross(Nx, Ny)
@@ -187,6 +192,9 @@ for sequence in ("zyx", "zyz"):
         equal(sp.ImmutableMatrix(skew(velocity(sequence)) * matrix), sp.ImmutableMatrix(change)),
         text=f"The angular velocity of {'-'.join(sequence.upper())} is that of its matrix.",
     ).prove()
+Entries(d, "velocity-zyx", "velocity-zyz")
+
+# %%
 reflection = sp.Matrix([[0, 1, 0], [1, 0, 0], [0, 0, 1]])
 d.check(
     "velocity-relabelled",
@@ -222,6 +230,8 @@ d.check(
     ),
     text="Z-Y-X and then a quarter turn about y is Z-Y-Z with a second angle greater by π/2.",
 ).prove()
+
+# %%
 d.check(
     "middle-angle",
     equal(of_quaternion[2, 0] * square, -2 * (q[0] * q[2] - q[1] * q[3])),
@@ -232,6 +242,8 @@ d.check(
     equal(zyx[2, 0], -sin(sp.Symbol("beta", real=True))),
     text="Sine and squared cosine of the middle angle of Z-Y-X.",
 ).prove()
+
+# %%
 h1, h2, h3 = (x / 2 for x in angles)
 q_zyz = half_turns("zyz", (h1, h2, h3))
 d.check(
@@ -447,6 +459,7 @@ for (sequence, kernel), paper, names in zip(motions.items(), (zyx, right_zyz), l
         equal(sp.ImmutableMatrix(kernel.expand("matrix").xreplace(ports)), paper),
         text=f"The kernel's matrix of {'-'.join(sequence.upper())}.",
     ).prove()
+Entries(d, "kernel-zyx", "kernel-zyz")
 
 # %%
 derivation.kernel(

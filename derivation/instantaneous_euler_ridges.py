@@ -33,6 +33,7 @@ from rodgen.derivation.instantaneous_euler import (
     TABLE_41,
     TABLE_42,
     UNIT,
+    Entries,
     of_quaternion,
     q,
     turns,
@@ -130,6 +131,8 @@ d.state(
     text="The reciprocal products of the sought screw with the three of (2).",
     place="eqs. (2) and (3)",
 ).prove()
+
+# %%
 a, b, u, v = (
     d.vector(name, rf"\vec {name}", quantity, unit)
     for name, quantity, unit in (
@@ -184,6 +187,8 @@ d.state(
     because="So it is for three independent lines. The lines along x, along y and halfway between them, through one "
     "point, have rank 2.",
 )
+
+# %%
 T = screw_transform(R.components, pc)
 axes = [column(*UNIT[axis], 0, 0, 0) for axis in "xyz"]
 d.state(
@@ -192,6 +197,8 @@ d.state(
     text="The axes of the moved frame, in that frame.",
     place="eq. (4)",
 ).prove()
+
+# %%
 block = sp.BlockMatrix([[R.components, sp.zeros(3)], [skew(pc) * R.components, R.components]])
 d.state(
     "eq-5",
@@ -203,6 +210,8 @@ d.state(
     text="The transform in blocks brings the axes of the moved frame, as lines, into the fixed one.",
     place="eq. (5), and the matrix in blocks under it",
 ).prove()
+
+# %%
 theta_vector = sp.Matrix(sp.symbols("t_1:4", real=True))
 quaternion_T = screw_transform(of_quaternion, pc)
 d.check(
@@ -235,7 +244,11 @@ d.state(
     because="The lower right block is R, as the matrix in blocks has it, and not the cross product with p. The printed "
     "one is singular.",
 )
+
+# %%
 d.check("printed-transform-is-singular", equal(sp.det(skew(pc)), 0)).prove()
+
+# %%
 d.state(
     "eq-7",
     *(
@@ -271,6 +284,8 @@ d.state(
     text="The axis y3 by its Z-Y-X angles, the axis y0, and the line through Q parallel to z0.",
     place="eq. (8)",
 ).prove()
+
+# %%
 line_9 = column(qx, qy, 0, 0, 0, 0)
 d.state(
     "eq-9-reciprocal",
@@ -279,6 +294,8 @@ d.state(
     text="The line (9) is reciprocal to the three lines of (8), whatever Q is.",
     place="eq. (9)",
 ).prove()
+
+# %%
 ridge_z = column(*cross(ez, z3), 0, 0, 0)
 d.state(
     "eq-9",
@@ -294,6 +311,8 @@ d.state(
     because="Every line in the plane Oixy through O is reciprocal to the three. It lies in Ofxy only where Q does: Q "
     "must be on the ridge line, along z0 × z3, which is what is sought.",
 )
+
+# %%
 system = reciprocal_system([w_y3, w_y0, w_Qz])
 assert system.rank == 3
 assert system.contains(line_9)
@@ -324,6 +343,8 @@ d.check(
     text="Its members are reciprocal to the three, and are lines where one of two linear forms vanishes.",
     assumptions=[sp.Ne(R.components[0, 1], 0), sp.Ne(qy, 0)],
 ).prove()
+
+# %%
 d.state(
     "solutions-are-lines",
     equal(self_product(member), 0),
@@ -337,6 +358,8 @@ d.state(
     label="Z48",
     because="It is a screw, in general with a pitch; to be a line its direction and moment must be perpendicular, too.",
 )
+
+# %%
 d.check(
     "eq-8-first-family",
     equal(one, c3),
@@ -344,6 +367,8 @@ d.check(
     equal(dot(sp.Matrix(pencil[:3]), cross(column(qx, qy, 0), ez)), 0),
     text="The first family: no moment, so through O, and in the plane of O and the third line.",
 ).prove()
+
+# %%
 plane = cross(ey, y3)
 d.check(
     "eq-8-second-family",
@@ -354,6 +379,8 @@ d.check(
     text="The second family: in the plane of y0 and y3, through its point on the third line.",
     assumptions=[sp.Ne(R.components[0, 1], 0), sp.Ne(qy, 0)],
 ).prove()
+
+# %%
 if in_notebook():
     from IPython.display import display
 
@@ -374,9 +401,13 @@ d.state(
     label="Z25",
     because="It is a copy of the axis y3 of (8).",
 )
+
+# %%
 d.state(
     "eq-11-x0", equal(w_x0, column(0, 1, 0, 0, 0, 0)), text="The axis x0.", place="eq. (11), second line"
 ).refute({}, equal(six(line_along(sp.zeros(3, 1), ex)), w_x0), label="Z26", because="It is the axis y0.")
+
+# %%
 d.state(
     "eq-11-Qy",
     equal(six(line_along(column(qx, 0, qz), ey)), column(0, 0, 1, qy, -qx, 0)),
@@ -388,6 +419,8 @@ d.state(
     label="Z27",
     because="It is the third line of (8), parallel to z0.",
 )
+
+# %%
 line_12 = column(qx, 0, qz, 0, 0, 0)
 d.state(
     "eq-12-reciprocal",
@@ -395,6 +428,8 @@ d.state(
     text="The line (12) is reciprocal to the lines of (11), put right.",
     place="eq. (12)",
 ).prove()
+
+# %%
 d.state(
     "eq-12",
     equal(dot(y3, sp.Matrix(line_12[:3])), 0),
@@ -407,6 +442,8 @@ d.state(
     label="Z28",
     because="As with (9): Q must be on the ridge line, along y0 × y3.",
 )
+
+# %%
 w_z3, w_z0, w_Qx = column(*z3, 0, 0, 0), column(0, 0, 1, 0, 0, 0), column(1, 0, 0, 0, qz, -qy)
 d.state(
     "eq-14-axes",
@@ -414,6 +451,8 @@ d.state(
     equal(six(line_along(sp.zeros(3, 1), ez)), w_z0),
     place="eq. (14), first two lines",
 ).prove()
+
+# %%
 d.state(
     "eq-14-Qx",
     equal(six(line_along(column(0, qy, qz), ex)), column(1, 0, 0, 0, qz, qy)),
@@ -426,6 +465,8 @@ d.state(
     because="The last component is −Qy; its sign is wrong, or lost in the copy. With +Qy the line (15) would not "
     "even be reciprocal to it.",
 )
+
+# %%
 line_15 = column(0, qy, qz, 0, 0, 0)
 d.state(
     "eq-15-reciprocal",
@@ -433,6 +474,8 @@ d.state(
     text="The line (15) is reciprocal to the lines of (14), put right.",
     place="eq. (15)",
 ).prove()
+
+# %%
 d.state(
     "eq-15",
     equal(dot(x3, sp.Matrix(line_15[:3])), 0),
@@ -467,6 +510,8 @@ d.check(
     *(equal(self_product(planes[axis]), 0) for axis in "xyz"),
     text="The ridge lines as the lines of two planes.",
 ).prove()
+
+# %%
 of_q = {R: of_quaternion}
 square = sum(x**2 for x in q)
 d.check(
@@ -572,6 +617,8 @@ d.state(
     label="Z31",
     because="The last rotation of Z-Y-X is about x2, and turns z with it. For Z-Y-Z it is true.",
 )
+
+# %%
 d.state(
     "third-rotation-zyz",
     equal(Nz, sin(theta) * column(-sin(phi), cos(phi), 0)),
@@ -739,6 +786,7 @@ for name, sequence, words, what, point, label, why in REMARKS:
         )
     else:
         entry.refute(point, true, given=at_row, label=label, because=why)
+Entries(d, *(id for id in d.entries if id.startswith("ridges-")))
 
 # %% [markdown]
 # Of three rotations the paper says that all three ridges are there, and for Z-Y-Z that none coincides with an
