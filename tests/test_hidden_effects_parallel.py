@@ -55,10 +55,10 @@ def groups(found: Any) -> list[set[tuple[str, str | None]]]:
 
 
 EFFECTS = [
-    (T, ("leg_thermal_expansion", "A1")),
-    (S, ("leg_compliance", "L2")),
+    (S, ("leg_zero_offset", "L3")),
+    pytest.param(T, ("leg_thermal_expansion", "A1"), marks=slow),
+    pytest.param(S, ("leg_compliance", "L2"), marks=slow),
     pytest.param(T, ("base_joint_offset", "A-1"), marks=slow),
-    pytest.param(S, ("leg_zero_offset", "L3"), marks=slow),
     pytest.param(T, ("leg_zero_offset", "A1"), marks=slow),
     pytest.param(T, ("leg_scale", "A0"), marks=slow),
     pytest.param(T, ("leg_backlash", "A-1"), marks=slow),
@@ -117,7 +117,7 @@ def test_nothing_is_claimed_where_nothing_is(bench, what, tmp_path):
 @pytest.mark.parametrize(
     ("bench", "what"),
     [
-        (T, "leg_wave"),
+        pytest.param(T, "leg_wave", marks=slow),
         pytest.param(S, "leg_wave", marks=slow),
         pytest.param(T, "leg_bend", marks=slow),
         pytest.param(S, "humidity", marks=slow),
@@ -144,7 +144,8 @@ def test_what_the_base_fit_absorbs_cannot_hide():
 
 
 @pytest.mark.parametrize(
-    ("bench", "title"), [(T, ("leg_backlash", "A1")), (S, ("leg_thermal_expansion", "L1"))]
+    ("bench", "title"),
+    [(T, ("leg_thermal_expansion", "A1")), pytest.param(S, ("leg_backlash", "L1"), marks=slow)],
 )
 def test_the_way_of_a_user(bench, title, tmp_path, capsys):
     """Diagnose by the command line with poses set aside, add what was found, and fit again."""

@@ -233,6 +233,32 @@ def test_a_fit_finds_the_geometry(family):
         assert abs(e.value - truth[key]) < 4 * e.std
 
 
+@both
+def test_a_fit_comes_from_afar(family):
+    """The drawing's radii are off by so much that the legs just close: start poses have to go along."""
+    estimate = ["R", "r", "target"] + (["h"] if family == "3-sps-s" else [])
+    g = GEOMETRY[family]
+    true = legged(
+        legged_file(family, [*TARGETS, (-60, -80, 100)], geometry=g), 60, np.random.default_rng(16), runs=1
+    )
+    off = {"tricept": 0.15, "3-sps-s": 0.03}[family]
+    wrong = g | {"R": (1 + off) * g["R"], "r": (1 - off) * g["r"]}
+    file = legged_file(family, [*TARGETS, (-60, -80, 100)], geometry=wrong, estimate=estimate)
+    case = true.changed(file=file)
+    found = fit(case.machine, case.observations)
+    assert found.solution.converged
+    assert found.rms < 1e-9
+    assert abs(found.estimates["geometry.R"].value + wrong["R"] - g["R"]) < 1e-6
+
+
+def test_legs_in_each_other_s_columns_are_not_called_a_fit():
+    file = legged_file("3-sps-s", estimate=["R", "r", "h", "target"], noise=NOISE)
+    case = legged(file, 60, np.random.default_rng(17), runs=1)
+    a, b, _ = (f"{leg} [mm]" for leg in LEGS["3-sps-s"])
+    found = fit(case.machine, case.changed(data=case.data | {a: case.data[b], b: case.data[a]}).observations)
+    assert not found.solution.converged or found.rms > 1.0
+
+
 def test_the_target_and_q_of_a_tricept_are_one_freedom_and_so_is_told():
     case = legged(legged_file("tricept", estimate=["geometry", "target"]), 60, np.random.default_rng(9))
     found = fit(case.machine, case.observations)
