@@ -428,8 +428,11 @@ def cosines(row):
     return [equal(cos(letter), cos(value)) for letter, value in zip(CHI, row, strict=True)]
 
 
+GREEK = {"alpha": "α", "beta": "β", "gamma": "γ", "phi": "ϕ", "theta": "θ", "psi": "φ"}
+
+
 def written(angles):
-    return "(" + ", ".join(str(a).replace("psi", "varphi") for a in angles) + ")"
+    return "(" + ", ".join(GREEK.get(str(a), str(a)) for a in angles) + ")"
 
 
 d.state(

@@ -305,11 +305,11 @@ d.state(
     place="eq. (9)",
 ).refute(
     {alpha: 0, beta: sp.pi / 3, gamma: sp.pi / 4, Q: (1, 0, 0)},
-    equal(dot(z3, cross(ez, z3)), 0),
+    equal(Nz, column(-R.components[1, 2], R.components[0, 2], 0)),
     given=by_zyx,
     label="Z24",
     because="Every line in the plane Oixy through O is reciprocal to the three. It lies in Ofxy only where Q does: Q "
-    "must be on the ridge line, along z0 × z3, which is what is sought.",
+    "must be on the ridge line, along Nz = z0 × z3, which is what is sought.",
 )
 
 # %%
@@ -437,7 +437,7 @@ d.state(
     place="eq. (12)",
 ).refute(
     {alpha: sp.pi / 3, beta: 0, gamma: 0, Q: (1, 0, 0)},
-    equal(dot(y3, cross(ey, y3)), 0),
+    equal(Ny, column(R.components[2, 1], 0, -R.components[0, 1])),
     given=by_zyx,
     label="Z28",
     because="As with (9): Q must be on the ridge line, along y0 × y3.",
@@ -483,7 +483,7 @@ d.state(
     place="eq. (15)",
 ).refute(
     {alpha: sp.pi / 3, beta: 0, gamma: 0, Q: (0, 1, 0)},
-    equal(dot(x3, cross(ex, x3)), 0),
+    equal(Nx, column(0, -R.components[2, 0], R.components[1, 0])),
     given=by_zyx,
     label="Z30",
     because="As with (9): Q must be on the ridge line, along x0 × x3.",
