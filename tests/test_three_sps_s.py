@@ -449,10 +449,12 @@ def test_every_status_of_an_orientation():
         np.eye(3),
         Rotation.from_rotvec([1.5, 0.2, 0.7]).as_matrix(),
         np.full((3, 3), np.nan),
+        1.001 * allowed,
+        -allowed,
     ]
     status, determinant = three_sps_s.orientation_status(given, MACHINE, (1.0, 2.4), side=1)
     names = [OrientationStatus(int(code)).name for code in status]
-    assert names == ["ALLOWED", "OTHER_SIDE", "NEAR_SINGULAR", "TOO_LONG", "INVALID"]
+    assert names == ["ALLOWED", "OTHER_SIDE", "NEAR_SINGULAR", "TOO_LONG", "INVALID", "NOT_NORMAL", "INVALID"]
     assert determinant[0] > 0 > determinant[1]
     assert three_sps_s.orientation_status(allowed, MACHINE, (2.2, 2.4))[0] == OrientationStatus.TOO_SHORT
 

@@ -18,6 +18,7 @@ COLOURS = {
     OrientationStatus.TOO_LONG: "#bdbdbd",
     OrientationStatus.NEAR_SINGULAR: "#d62728",
     OrientationStatus.OTHER_SIDE: "#fdd0a2",
+    OrientationStatus.NOT_NORMAL: "#9ecae1",
     OrientationStatus.INVALID: "#ffffff",
 }
 JOINED = "#3182bd"

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from rodgen._kernels import kernels
 from rodgen.errors import RodgenError
+from rodgen.generated.numpy.rotations import RotationStatus
 from rodgen.three_sps_s._geometry import Geometry
 from rodgen.three_sps_s._legs import SINGULAR, legs, rotation_from_tilt_torsion
 
@@ -31,7 +32,8 @@ class OrientationStatus(IntEnum):
     TOO_LONG: a leg would be longer than allowed, and none too short.
     NEAR_SINGULAR: the normed determinant is not larger than the margin.
     OTHER_SIDE: the determinant has the sign of the other side.
-    INVALID: a number is NaN or infinite.
+    NOT_NORMAL: allowed, but the matrix is no rotation to rounding; the nearest one was looked at.
+    INVALID: a number is NaN or infinite, or the matrix a reflection.
     """
 
     ALLOWED = 0
@@ -39,7 +41,8 @@ class OrientationStatus(IntEnum):
     TOO_LONG = 2
     NEAR_SINGULAR = 3
     OTHER_SIDE = 4
-    INVALID = 5
+    NOT_NORMAL = 5
+    INVALID = 6
 
 
 @dataclass(frozen=True)
@@ -114,10 +117,12 @@ def orientation_status(
     """
     low, high = _limits(limits)
     _check(side, margin)
-    matrix = np.asarray(rotation, float)
+    quaternion, kind = kernels.quaternion_from_matrix(np.asarray(rotation, float))
+    finite = kind != RotationStatus.INVALID
+    rough = (kind == RotationStatus.NOT_NORMAL)[..., None, None]
+    matrix = np.where(rough, kernels.matrix_from_quaternion(quaternion)[0], rotation)
     lengths = np.asarray(legs(matrix, geometry))
     determinant = np.asarray(kernels.sps_singularity(matrix, geometry.R, geometry.h))
-    finite = np.isfinite(matrix).all(axis=(-2, -1))
     with np.errstate(invalid="ignore"):
         status = np.select(
             [
@@ -126,6 +131,7 @@ def orientation_status(
                 (lengths > high).any(axis=-1),
                 np.abs(determinant) <= margin,
                 determinant * side < 0,
+                kind == RotationStatus.NOT_NORMAL,
             ],
             [
                 OrientationStatus.INVALID,
@@ -133,6 +139,7 @@ def orientation_status(
                 OrientationStatus.TOO_LONG,
                 OrientationStatus.NEAR_SINGULAR,
                 OrientationStatus.OTHER_SIDE,
+                OrientationStatus.NOT_NORMAL,
             ],
             OrientationStatus.ALLOWED,
         ).astype(np.int8)
@@ -200,6 +207,8 @@ def workspace(
     for n, sigma in enumerate(torsions):
         rotation = rotation_from_tilt_torsion(turns[:, None], tilt, sigma)
         status[n], determinant[n] = orientation_status(rotation, geometry, limits, side=side, margin=margin)
+    # a grid's matrices are rotations to the rounding of a product, which NOT_NORMAL may or may not forgive
+    status[status == OrientationStatus.NOT_NORMAL] = OrientationStatus.ALLOWED
     allowed = status == OrientationStatus.ALLOWED
     joined, best = np.zeros(shape, bool), (np.nan, np.nan, np.nan)
     if allowed.any():

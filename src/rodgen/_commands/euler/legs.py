@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+import numpy as np
+
 from rodgen._commands._console import Command
 from rodgen._commands.euler._attitude import ATTITUDE_TEXT, add_files, add_form, columns_of, matrices, run
 from rodgen._commands.euler._three_sps_s import MACHINE_TEXT, add_limits, add_machine, limits_of, machine_of
@@ -20,7 +22,8 @@ The output gets every column of the table, then
   L1 L2 L3       lengths of the legs, in the unit of --R
   determinant    of the legs' moments, normed to lie between -1 and 1: 0 where the legs do not hold the platform, and
                  of another sign in another region; the attitude at the start is singular
-  status         allowed; too_short, too_long (a leg, by --limits); near_singular; invalid
+  status         allowed; too_short, too_long (a leg, by --limits); near_singular; not_normal (allowed, and made a
+                 rotation); invalid
 """
 
 
@@ -37,17 +40,28 @@ def _run(options: argparse.Namespace) -> int:
     from rodgen import three_sps_s
     from rodgen.tables import Result
 
+    Status = three_sps_s.OrientationStatus
     geometry, unit = machine_of(options)
     limits = limits_of(options, unit)
     results = [
         *(Result(f"L{n} [{unit}]", "number") for n in (1, 2, 3)),
         Result("determinant", "number"),
-        Result("status", three_sps_s.OrientationStatus),
+        Result("status", Status),
     ]
 
     def function(values: Any) -> Any:
-        rotation = matrices(options.form, values)
+        rotation, abnormal = matrices(options.form, values)
         status, determinant = three_sps_s.orientation_status(rotation, geometry, limits)
+        status = np.where(abnormal & (status == Status.ALLOWED), Status.NOT_NORMAL, status)
+        # the legs, too, are those of the nearest rotation
+        rotation = np.where(abnormal[:, None, None], _made_normal(rotation), rotation)
         return [*three_sps_s.legs(rotation, geometry).T, determinant, status], None
 
     return run(options, columns_of(options.form), results, function)
+
+
+def _made_normal(matrices: Any) -> Any:
+    """Return the rotations nearest matrices that are almost rotations."""
+    from rodgen import matrix_from_quaternion, quaternion_from_matrix
+
+    return matrix_from_quaternion(quaternion_from_matrix(matrices)[0])[0]
