@@ -45,7 +45,8 @@ __version__ = _version("rodgen")
 
 # Not in __all__: "from rodgen import *" must do with NumPy alone.
 _LATER = {"Machine": "rodgen.machines.machine", "Measurements": "rodgen.discrepancy.measurements"}
-_SUBJECTS = ("instantaneous_euler", "screws", "three_sps_s", "tricept")  # modules that are imported when they are first asked for
+_SUBJECTS = ("instantaneous_euler", "screws", "three_sps_s", "tricept")
+"""Modules that are imported when they are first asked for."""
 
 __all__ = [
     "AxisFit",
