@@ -626,27 +626,21 @@ d.check(
 # The degrees, for the tool at P' and angles of general position.
 
 # %%
-N = sum(
-    (
-        (monic[i] if i < 3 else 1) * plain[0][i].as_expr() ** 2 * sp.Symbol(f"v_{i}", positive=True)
-        for i in range(5)
-    ),
-    sp.S.Zero,
-)
-N = sp.Poly(N, z)
 n_z = sp.Poly(sp.symbols("n_8 n_7 n_6 n_5 n_4 n_3 n_2 n_1 n_0", real=True), z)
 d_z = sp.Poly(sp.symbols("d_3 d_2 d_1 d_0", real=True), z)
 stationary = n_z.diff(z) * d_z - 2 * n_z * d_z.diff(z)
+squared = [2 * (plain[k][i].degree() + (1 if i < 3 else 0)) for k in range(3) for i in range(5)]
 d.state(
     "degrees",
-    equal(sp.Integer(N.degree()), 8),
+    equal(sp.Integer(max(squared)), 8),
     equal(sp.Integer(2 * determinant.degree()), 6),
     equal(sp.Integer(stationary.degree()), 10),
     equal(stationary.LC(), 2 * n_z.LC() * d_z.LC()),
     said="Each element value of the matrix Uy ... can be precisely expressed using a formula ... divided by other "
     "polynomials also dependent on z",
-    text="For a diagonal U_x an element is N/D², of degrees 8 and 6, and its stationary points are the roots of "
-    "N'D - 2ND', of degree 10.",
+    text="For a diagonal U_x a variance is N/D², N the sum of u_i² A_i² n_ki², of degree 8 (leading terms are squares "
+    "times variances and cannot cancel), D² of degree 6; its stationary points are the roots of N'D - 2ND', of "
+    "degree 10.",
     place="sec. 4",
 ).prove()
 functions = {name: sp.Function(name)(z) for name in ("S", "P", "D")}

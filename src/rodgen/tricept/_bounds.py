@@ -155,7 +155,7 @@ def bounds(
         A = enclose(lower, upper, geometry, slopes).A
         return _taken(stack([_sum(A, U, k, m) for k, m in pairs]), which)
 
-    found = certified_extremes(elements, low, high, gap=gap * scale)
+    found = certified_extremes(elements, low, high, gap=gap * scale, parts=_parts(low, high))
     base = [(i, j) for i in range(5) for j in range(i, 5) if U[i, j] != 0]
     base_outer, base_inner = np.zeros((6, 2)), np.zeros((6, 2))
     boxes, complete = found.boxes, found.complete
@@ -170,7 +170,7 @@ def bounds(
 
         weights = np.array([U[i, j] for i, j in base])
         allowed = (gap * scale)[:, None] / (len(base) * np.abs(weights))
-        each = certified_extremes(influences, low, high, gap=allowed.ravel())
+        each = certified_extremes(influences, low, high, gap=allowed.ravel(), parts=_parts(low, high))
         base_outer, base_inner = (
             _weighted(ends.reshape(6, len(base), 2), weights, away)
             for ends, away in ((each.outer, True), (each.inner, False))
@@ -216,7 +216,7 @@ def rod_bounds(low: ArrayLike, high: ArrayLike, geometry: Geometry, *, gap: floa
     def rods(lower: Floats, upper: Floats, slopes: bool, which: Indices | None = None) -> Jet:
         return _taken(enclose(lower, upper, geometry, slopes).rods, which)
 
-    return certified_extremes(rods, low, high, gap=np.full(3, float(gap)))
+    return certified_extremes(rods, low, high, gap=np.full(3, float(gap)), parts=_parts(low, high))
 
 
 def influence(A: Jet, k: int, m: int, i: int, j: int) -> Jet:
@@ -226,6 +226,12 @@ def influence(A: Jet, k: int, m: int, i: int, j: int) -> Jet:
     if k == m:
         return A[k, i] * A[k, j] * 2.0
     return A[k, i] * A[m, j] + A[k, j] * A[m, i]
+
+
+def _parts(low: Floats, high: Floats) -> int:
+    """Cut a box into parts of a sixty-fourth of its distance: there derivatives begin to tell something."""
+    away = float(np.linalg.norm((low + high) / 2))
+    return int(np.clip(np.ceil(64 * (high - low).max() / max(away, 1e-300)), 1, 16))
 
 
 def _taken(functions: Jet, which: Indices | None) -> Jet:

@@ -21,8 +21,6 @@ Floats = NDArray[np.float64]
 
 # As many boxes as keep most arrays in the processor's cache; fewer where all functions are wanted of each.
 _BLOCK, _FEW = 2048, 512
-# Parts of a side at the beginning: in larger boxes the derivatives are too uncertain to exclude anything.
-_PARTS = 16
 
 
 class Functions(Protocol):
@@ -65,6 +63,7 @@ def certified_extremes(
     high: Floats,
     *,
     gap: Floats,
+    parts: int = 16,
     most_boxes: int = 400_000,
 ) -> Extremes:
     """Enclose the range of functions over a box.
@@ -77,6 +76,9 @@ def certified_extremes(
         The box.
     gap : ndarray, shape (m,)
         How far outer and inner values of each function may differ.
+    parts : int, optional
+        Into how many parts each side is cut at the beginning: in large boxes derivatives are too uncertain to exclude
+        anything, and one pass over all functions is cheaper than one for each.
     most_boxes : int, optional
         After so many boxes the bounds stay as wide as they are.
 
@@ -93,7 +95,9 @@ def certified_extremes(
     bound = np.full(2 * m, -np.inf)  # of everything that was thrown away
     _try_points(function, lattice(low, high), signs, which, best, places)
 
-    queue_low, queue_high, queue, looked = _first(function, low, high, signs, best, places, bound, gap)
+    queue_low, queue_high, queue, looked = _first(
+        function, _divided(low, high, parts), signs, best, places, bound, gap
+    )
     while queue.size and looked < most_boxes:
         part = slice(-_BLOCK, None)
         lower, upper, problem = queue_low[:, part].copy(), queue_high[:, part].copy(), queue[part]
@@ -150,8 +154,7 @@ def _signed(ends: tuple[Floats, Floats], sign: Floats) -> tuple[Floats, Floats]:
 
 def _first(
     function: Functions,
-    low: Floats,
-    high: Floats,
+    boxes: tuple[Floats, Floats],
     signs: Floats,
     best: Floats,
     places: Floats,
@@ -159,7 +162,7 @@ def _first(
     gap: Floats,
 ) -> tuple[Floats, Floats, NDArray[np.int64], int]:
     """Look at a grid of boxes for all problems at once; return which boxes are left of which problem."""
-    lower, upper = _divided(low, high, _PARTS)
+    lower, upper = boxes
     count, m = lower.shape[1], len(gap)
     sign = signs.reshape(2, m, 1)
     tops = np.empty((2, m, count))

@@ -1,0 +1,36 @@
+"""What the derivation of the Tricept's uncertainty decides, and that the package names what it names."""
+
+from __future__ import annotations
+
+from rodgen import tricept
+from rodgen.derivation import tricept_uncertainty
+from rodgen.symbolic import errata
+
+DERIVATION = tricept_uncertainty.derivation
+
+
+def test_everything_is_decided() -> None:
+    assert DERIVATION.open == []
+    refuted = {entry.id: entry.refutation.label for entry in DERIVATION if entry.refutation is not None}
+    assert refuted == {
+        "item-e": "V1",
+        "table-1-rods": "V2",
+        "table-1-radii": "V3",
+        "six-roots": "V4",
+        "eq-24-range": "V5",
+        "eq-24-corners": "V6",
+    }
+    proved = {entry.id for entry in DERIVATION if entry.verdict == "proved"}
+    assert {"eq-21", "eq-22", "paper-W33", "paper-W35", "paper-M33", "degrees", "stationary-points"} <= proved
+
+
+def test_errata_say_what_is_right() -> None:
+    text = errata(DERIVATION)
+    for label in ("V1", "V2", "V3", "V4", "V5", "V6"):
+        assert f"\n{label} " in text
+    assert "0.92 %" in text
+
+
+def test_names_are_those_of_the_package() -> None:
+    assert tricept_uncertainty.PARAMETERS == tricept.PARAMETERS
+    assert tuple(tricept.GUIDE) == tricept_uncertainty.GUIDE

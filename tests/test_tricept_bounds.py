@@ -1,0 +1,484 @@
+"""Bounds of a Tricept's U_y over boxes: sound intervals, the paper's figures, other optimisers, dense sampling."""
+
+from __future__ import annotations
+
+import json
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from rodgen import cli, tricept
+from rodgen.errors import RodgenError
+from rodgen.tricept import ELEMENTS, LEG_LIMITS, PAPER, Geometry
+from rodgen.tricept._branch import certified_extremes
+from rodgen.tricept._enclosure import enclose
+from rodgen.tricept._interval import Jet, stack
+
+U_PAPER = np.diag([0.005**2 / 3] * 3 + [0.01**2 / 3] * 2)
+LOW, HIGH = np.array([-80.0, -80.0, 605.0]), np.array([80.0, 80.0, 765.0])
+TOOL = Geometry(330.0, 140.0, (20.0, -35.0, 60.0))
+
+# ../mathematics of the paper's eq. (24): printed, in mm²
+PRINTED = {
+    "xx": (0.0000185, 0.0000368),
+    "yy": (0.0000185, 0.0000370),
+    "zz": (0.0000038, 0.0000138),
+    "xy": (-7.0896e-6, 7.0896e-6),
+    "xz": (-7.3262e-6, 7.2188e-6),
+    "yz": (-7.3394e-6, 7.3394e-6),
+}
+# Found with another program: edge 160, z = 605…765; sums of base matrices, and true ranges
+BASE_SUMS = {
+    "xx": (1.8495e-5, 3.6795e-5),
+    "yy": (1.8471e-5, 3.7057e-5),
+    "zz": (3.8001e-6, 1.3842e-5),
+    "xy": (-7.1418e-6, 7.1418e-6),
+    "xz": (-7.3920e-6, 7.2967e-6),
+    "yz": (-7.4060e-6, 7.4060e-6),
+}
+RANGES = {
+    "xx": (2.0458e-5, 3.5032e-5),
+    "yy": (2.0104e-5, 3.5005e-5),
+    "zz": (6.8131e-6, 9.6269e-6),
+    "xy": (-2.6994e-6, 2.6994e-6),
+    "xz": (-1.3428e-6, 1.3445e-6),
+    "yz": (-1.5544e-6, 1.5544e-6),
+}
+
+
+@pytest.fixture(scope="module")
+def found() -> tricept.Bounds:
+    return tricept.bounds(LOW, HIGH, PAPER, U_PAPER)
+
+
+def elements(points: np.ndarray, U_x: np.ndarray = U_PAPER, geometry: Geometry = PAPER) -> np.ndarray:
+    U_y, status = tricept.propagate(points, geometry, U_x)
+    assert (status == 0).all()
+    return np.stack([U_y[..., k, m] for k, m in ELEMENTS.values()], axis=-1)
+
+
+# intervals ---------------------------------------------------------------------------------------------
+
+
+def test_every_operation_encloses_the_exact_result() -> None:
+    rng = np.random.default_rng(1)
+    n = 300
+    ends = np.sort(rng.normal(size=(2, 2, n)) * 10.0 ** rng.integers(-150, 150, (2, 1, n)), axis=1)
+    a, b = Jet((ends[0, 0], ends[0, 1])), Jet((ends[1, 0], ends[1, 1]))
+    inside = rng.random((2, n))
+    points = np.clip(ends[:, 0] + inside * (ends[:, 1] - ends[:, 0]), ends[:, 0], ends[:, 1])
+    x, y = ([Fraction(float(v)) for v in row] for row in points)
+    results = {
+        "sum": (a + b, [p + q for p, q in zip(x, y, strict=True)]),
+        "difference": (a - b, [p - q for p, q in zip(x, y, strict=True)]),
+        "product": (a * b, [p * q for p, q in zip(x, y, strict=True)]),
+        "square": (a.square(), [p * p for p in x]),
+        "inverse": (b.inverse(), [1 / q if q else None for q in y]),
+    }
+    for name, (jet, exact) in results.items():
+        for low, high, value in zip(*jet.value, exact, strict=True):
+            if value is None:
+                continue
+            assert np.isneginf(low) or Fraction(float(low)) <= value, name
+            assert np.isposinf(high) or value <= Fraction(float(high)), name
+    root = (a * a).sqrt()
+    for low, high, value in zip(*a.square().sqrt().value, x, strict=True):
+        assert Fraction(float(low)) ** 2 <= value**2 <= Fraction(float(high)) ** 2
+    assert (root.value[1] >= 0).all()
+
+
+def test_unbounded_results_are_not_narrow() -> None:
+    a = Jet((np.array([-1.0, 0.0]), np.array([1.0, 2.0])))
+    low, high = a.inverse().value
+    assert np.isneginf(low).all()
+    assert np.isposinf(high).all()
+    with np.errstate(invalid="ignore"):
+        assert not np.isfinite(Jet((np.array([-1.0]), np.array([1.0]))).sqrt().value[0]).all()
+
+
+@pytest.mark.parametrize("geometry", [PAPER, TOOL])
+@pytest.mark.parametrize("width", [0.0, 1e-3, 5.0, 60.0])
+def test_boxes_enclose_sensitivities_rods_and_slopes(geometry: Geometry, width: float) -> None:
+    rng = np.random.default_rng(2)
+    low = np.array([[0], [0], [685.0]]) + rng.uniform(-80, 80, (3, 400))
+    high = low + width
+    boxes = enclose(low, high, geometry, True)
+    points = np.clip(low + rng.random(low.shape) * width, low, high).T
+    poses, rods, _ = tricept.inverse(points, geometry)
+    A = np.moveaxis(tricept.sensitivity(poses[:, 0], geometry), 0, -1)
+    room = 1e-13  # of the values computed here; the enclosures need none
+    assert (boxes.A.value[0] <= A + room).all()
+    assert (boxes.A.value[1] >= A - room).all()
+    assert (boxes.rods.value[0] <= rods[:, 0].T + 1e-11).all()
+    assert (boxes.rods.value[1] >= rods[:, 0].T - 1e-11).all()
+    assert boxes.A.slope is not None
+    h = 1e-3
+    for n, e in enumerate(np.eye(3)):
+        ends = [
+            tricept.sensitivity(tricept.inverse(points + s * h * e, geometry)[0][:, 0], geometry)
+            for s in (1, -1)
+        ]
+        slope = np.moveaxis((ends[0] - ends[1]) / (2 * h), 0, -1)
+        assert (boxes.A.slope[0][n] <= slope + 1e-9).all()
+        assert (boxes.A.slope[1][n] >= slope - 1e-9).all()
+
+
+def test_extremes_of_known_functions_are_found() -> None:
+    def function(lower: np.ndarray, upper: np.ndarray, slopes: bool, which: object = None) -> Jet:
+        unit = np.zeros((3, 3, lower.shape[1])) + np.eye(3)[:, :, None]
+        x, y, z = (Jet((lower[n], upper[n]), (unit[n], unit[n]) if slopes else None) for n in range(3))
+        made = stack(
+            [
+                (x - 0.3).square()
+                + (y + 0.2).square()
+                + z.square() * 2.0,  # least inside, greatest in a corner
+                x * y * z,
+                x + y * 2.0 - z,
+                (x - 0.25) * (x - 0.25) - (y - 0.5) * (y - 0.5) + z,  # saddle: extremes on faces
+            ]
+        )
+        return made if which is None else made[which, np.arange(lower.shape[1])]
+
+    low, high = np.array([-1.0, -1.0, -1.0]), np.array([1.0, 2.0, 1.0])
+    answer = certified_extremes(function, low, high, gap=np.full(4, 1e-7))
+    exact = np.array([[0, 1.69 + 4.84 + 2], [-2, 2], [-4, 6], [-2.25 - 1, 1.5625 + 1]])
+    assert answer.complete
+    assert (answer.outer[:, 0] <= exact[:, 0]).all()
+    assert (answer.outer[:, 1] >= exact[:, 1]).all()
+    np.testing.assert_allclose(answer.outer, exact, atol=3e-7)
+    np.testing.assert_allclose(answer.inner, exact, atol=3e-7)
+    again = certified_extremes(function, low, high, gap=np.full(4, 1e-7), most_boxes=1)
+    assert not again.complete
+    assert (again.outer[:, 0] <= exact[:, 0]).all()
+    assert (again.outer[:, 1] >= exact[:, 1]).all()
+
+
+# the range ---------------------------------------------------------------------------------------------
+
+
+def test_ranges_and_base_sums_are_those_of_another_program(found: tricept.Bounds) -> None:
+    assert found.complete
+    for n, name in enumerate(ELEMENTS):
+        # figures of five digits; certified bounds are wider by the gap, 1e-3 of the greatest magnitude
+        size = max(np.abs(RANGES[name]))
+        np.testing.assert_allclose(found.inner[n], RANGES[name], atol=1e-4 * size)
+        np.testing.assert_allclose(found.outer[n], RANGES[name], atol=1.1e-3 * size)
+        base = max(np.abs(BASE_SUMS[name]))
+        np.testing.assert_allclose(found.base_inner[n], BASE_SUMS[name], atol=1e-4 * base)
+        np.testing.assert_allclose(found.base_outer[n], BASE_SUMS[name], atol=1.1e-3 * base)
+
+
+def test_outer_is_outside_inner_and_points_reach_it(found: tricept.Bounds) -> None:
+    assert (found.outer[:, 0] <= found.inner[:, 0]).all()
+    assert (found.outer[:, 1] >= found.inner[:, 1]).all()
+    assert (found.base_outer[:, 0] <= found.outer[:, 0]).all()
+    assert (found.base_outer[:, 1] >= found.outer[:, 1]).all()
+    assert ((found.points >= LOW) & (found.points <= HIGH)).all()
+    for n in range(6):
+        reached = elements(found.points[n])[:, n]
+        np.testing.assert_allclose(reached, found.inner[n], rtol=1e-9, atol=1e-18)
+
+
+def test_no_sample_is_outside(found: tricept.Bounds) -> None:
+    rng = np.random.default_rng(3)
+    inside = rng.uniform(LOW, HIGH, (200_000, 3))
+    # half of the samples on faces, edges and corners, where extremes are
+    ends = np.where(rng.random((100_000, 3)) < 0.5, LOW, HIGH)
+    inside[::2] = np.where(rng.random((100_000, 3)) < 0.6, ends, inside[::2])
+    values = elements(inside)
+    assert (values >= found.outer[:, 0]).all()
+    assert (values <= found.outer[:, 1]).all()
+
+
+def test_scipy_finds_the_same_extremes(found: tricept.Bounds) -> None:
+    rng = np.random.default_rng(4)
+    for n in range(6):
+        for k, sign in enumerate((1.0, -1.0)):
+            scale = 1 / np.abs(found.inner[n]).max()
+
+            def objective(u: np.ndarray, n: int = n, sign: float = sign, scale: float = scale) -> float:
+                return sign * scale * float(elements(LOW + u * (HIGH - LOW))[n])
+
+            best = min(
+                minimize(objective, start, bounds=[(0, 1)] * 3, method="L-BFGS-B").fun
+                for start in [*rng.random((4, 3)), [0.5, 0.5, 0.1]]
+            )
+            best = sign * best / scale
+            outer, inner = found.outer[n, k], found.inner[n, k]
+            assert sign * best >= sign * outer
+            # local searches may miss, but not by being better than what was reached by more than the gap
+            assert abs(best - inner) <= 1.1e-3 / scale
+
+
+def test_small_gap_narrows_the_bounds() -> None:
+    low, high = np.array([10.0, -60.0, 640.0]), np.array([70.0, 20.0, 700.0])
+    fine = tricept.bounds(low, high, PAPER, U_PAPER, gap=1e-6)
+    assert fine.complete
+    size = np.abs(fine.inner).max(axis=1, keepdims=True)
+    assert (fine.gap <= 1e-6 * size).all()
+
+
+def test_correlated_covariance_and_tool_offset() -> None:
+    rng = np.random.default_rng(5)
+    root = rng.normal(size=(5, 5)) * 0.004
+    U_x = root @ root.T
+    low, high = np.array([-30.0, -10.0, 640.0]), np.array([20.0, 30.0, 690.0])
+    bounds = tricept.bounds(low, high, TOOL, U_x, gap=1e-2)
+    values = elements(rng.uniform(low, high, (20_000, 3)), U_x, TOOL)
+    assert (values >= bounds.outer[:, 0]).all()
+    assert (values <= bounds.outer[:, 1]).all()
+    spread = np.ptp(values, axis=0)
+    assert (np.diff(bounds.inner, axis=1)[:, 0] >= spread * 0.99).all()
+    assert (np.diff(bounds.base_outer, axis=1) >= np.diff(bounds.outer, axis=1)).all()
+
+
+def test_a_point_is_a_box() -> None:
+    place = np.array([20.0, 30.0, 700.0])
+    bounds = tricept.bounds(place, place, PAPER, U_PAPER)
+    exact = elements(place)
+    np.testing.assert_allclose(bounds.outer, np.stack([exact, exact], axis=1), rtol=1e-9, atol=1e-17)
+    assert (bounds.outer[:, 0] <= exact).all()
+    assert (bounds.outer[:, 1] >= exact).all()
+
+
+def test_eq_24_is_an_enclosure_near_the_base_sums_and_not_the_range(found: tricept.Bounds) -> None:
+    for n, name in enumerate(ELEMENTS):
+        low, high = PRINTED[name]
+        assert low < found.inner[n, 0]
+        assert high > found.inner[n, 1]
+        # the diagonal to the printed digits but one; the others are 0.7 to 1.1 % less than the sums
+        size = max(abs(low), abs(high))
+        np.testing.assert_allclose([low, high], found.base_inner[n], atol=0.011 * size)
+    assert found.excess[2] > 3.5
+    assert (found.excess[3:] > 2.6).all()
+
+
+def test_xy_and_yz_are_symmetric_and_xz_is_not(found: tricept.Bounds) -> None:
+    for n in (3, 5):
+        assert found.inner[n, 0] == pytest.approx(-found.inner[n, 1], rel=1e-9)
+    assert abs(found.inner[4].sum()) > 1e-3 * found.inner[4, 1]
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "words"),
+    [
+        ([0, 0, 0], [1, 1, 1], "no pose"),
+        ([-50, -50, -10], [50, 50, 10], "no pose"),
+        ([1, 0, 600], [0, 1, 601], "lower corner first"),
+        ([0, 0], [1, 1], "three"),
+        ([np.nan, 0, 600], [1, 1, 601], "finite"),
+    ],
+)
+def test_boxes_that_are_none_are_refused(low: list, high: list, words: str) -> None:
+    with pytest.raises(RodgenError, match=words):
+        tricept.bounds(low, high, PAPER, U_PAPER)
+
+
+def test_what_is_no_covariance_is_refused() -> None:
+    with pytest.raises(RodgenError, match="not positive semidefinite"):
+        tricept.bounds(LOW, HIGH, PAPER, np.eye(5) - 0.5)
+
+
+# cubes -------------------------------------------------------------------------------------------------
+
+
+def test_largest_cube_on_the_axis_is_not_that_of_eq_24() -> None:
+    cube = tricept.largest_cube(PAPER, LEG_LIMITS)
+    assert cube.edge == pytest.approx(182.705, abs=5e-4)
+    assert cube.low[2] == pytest.approx(591.786, abs=1e-3)
+    assert cube.high[2] == pytest.approx(774.491, abs=1e-3)
+    assert {(rod, end) for rod, end, _ in cube.limiting} == {
+        (rod, end) for rod in ("A1", "A-1") for end in ("least", "greatest")
+    }
+    rng = np.random.default_rng(6)
+    points = rng.uniform(cube.low, cube.high, (100_000, 3))
+    points[::2, rng.integers(3)] = cube.low[0]
+    points = np.clip(points, cube.low, cube.high)
+    rods = tricept.inverse(points, PAPER)[1][:, 0]
+    assert rods.min() >= LEG_LIMITS[0]
+    assert rods.max() <= LEG_LIMITS[1]
+    # a cube that is a little larger is not inside, wherever its centre on the axis is
+    for z in np.linspace(cube.centre[2] - 2, cube.centre[2] + 2, 81):
+        larger = (cube.edge + 1e-3) / 2
+        corners = np.stack(np.meshgrid(*[[-larger, larger]] * 3), -1).reshape(-1, 3) + np.array([0, 0, z])
+        rods = tricept.inverse(corners, PAPER)[1][:, 0]
+        assert rods.min() < LEG_LIMITS[0] or rods.max() > LEG_LIMITS[1]
+
+
+def test_leaving_the_axis_gives_a_larger_cube() -> None:
+    cube = tricept.largest_cube(PAPER, LEG_LIMITS, "free")
+    assert cube.edge >= 184.93
+    assert (cube.rods.outer[:, 0] >= LEG_LIMITS[0]).all()
+    assert (cube.rods.outer[:, 1] <= LEG_LIMITS[1]).all()
+    about = tricept.largest_cube(PAPER, LEG_LIMITS, cube.centre)
+    assert about.edge == pytest.approx(cube.edge, rel=1e-6)
+
+
+def test_corners_do_not_suffice_for_the_shortest_rod() -> None:
+    rods = tricept.rod_bounds(LOW, HIGH, PAPER)
+    corners = np.stack(np.meshgrid(*zip(LOW, HIGH, strict=True)), -1).reshape(-1, 3)
+    at_corners = tricept.inverse(corners, PAPER)[1][:, 0]
+    # the rod A is shortest in the middle of an edge
+    assert rods.inner[0, 0] < at_corners[:, 0].min() - 1
+    np.testing.assert_allclose(rods.points[0, 0], [80, 0, 605], atol=1e-6)
+    np.testing.assert_allclose(rods.outer[:, 1], at_corners.max(axis=0), atol=1e-5)
+
+
+def test_places_without_a_cube_are_told() -> None:
+    with pytest.raises(RodgenError, match="no place"):
+        tricept.largest_cube(PAPER, LEG_LIMITS, (0, 0, 100))
+    with pytest.raises(RodgenError, match="no place"):
+        tricept.largest_cube(PAPER, (100, 101))
+    with pytest.raises(RodgenError, match="expected 'axis'"):
+        tricept.largest_cube(PAPER, LEG_LIMITS, "corner")
+
+
+# influence maps ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("geometry", [PAPER, TOOL])
+@pytest.mark.parametrize(
+    "region",
+    [{"limits": LEG_LIMITS}, {"box": (LOW, HIGH)}, {"limits": (600, 800), "box": (LOW - 100, HIGH + 100)}],
+)
+def test_influences_are_those_of_dense_sampling(geometry: Geometry, region: dict) -> None:
+    angles = np.radians(np.linspace(-34, 34, 11))
+    alpha, beta = np.meshgrid(angles, angles, indexing="ij")
+    z = np.linspace(1, 1000, 3001)
+    pose = np.stack(np.broadcast_arrays(alpha[..., None], beta[..., None], z), -1)
+    rods, points = tricept.legs(pose, geometry), tricept.point(pose, geometry)
+    inside = np.ones(rods.shape[:-1], bool)
+    if "limits" in region:
+        inside &= ((rods >= region["limits"][0]) & (rods <= region["limits"][1])).all(-1)
+    if "box" in region:
+        inside &= ((points >= region["box"][0]) & (points <= region["box"][1])).all(-1)
+    some = inside.any(-1)
+    A = tricept.sensitivity(pose, geometry)
+    names = ("A0", "A1", "A-1", "r", "R")
+    rng = np.random.default_rng(7)
+    for i in range(5):
+        for j in range(i, 5):
+            element = list(ELEMENTS)[rng.integers(6)]
+            k, m = ELEMENTS[element]
+            found = tricept.influence_map(alpha, beta, geometry, (names[j], names[i]), element, **region)
+            values = A[..., k, i] * A[..., m, j]
+            if i != j:
+                values = values + A[..., k, j] * A[..., m, i]
+            least = np.where(inside, values, np.inf).min(-1)[some]
+            greatest = np.where(inside, values, -np.inf).max(-1)[some]
+            size = np.abs(values[inside]).max()
+            assert np.isfinite(found.least[some]).all()
+            # nothing that was sampled is beyond, and the samples (a third of a mm apart) come near
+            assert (found.least[some] <= least + 1e-10 * size).all()
+            assert (found.greatest[some] >= greatest - 1e-10 * size).all()
+            np.testing.assert_allclose(found.least[some], least, atol=3e-3 * size)
+            np.testing.assert_allclose(found.greatest[some], greatest, atol=3e-3 * size)
+
+
+def test_stationary_points_inside_a_beam_are_exact() -> None:
+    angles = np.radians(np.linspace(-30, 30, 13))
+    found = tricept.influence_map(angles[:, None], angles, PAPER, ("A0", "r"), "xz", limits=(300, 1300))
+    h, inner = 0.05, 0
+    A = tricept.sensitivity
+    for alpha, beta, z, value in zip(
+        found.alpha.ravel(), found.beta.ravel(), found.z_greatest.ravel(), found.greatest.ravel(), strict=True
+    ):
+        poses = np.array([[alpha, beta, z + s * h] for s in (-1, 0, 1)])
+        rods = tricept.legs(poses, PAPER)
+        if not ((rods > 301) & (rods < 1299)).all():
+            continue
+        S = A(poses, PAPER)
+        f = S[:, 0, 0] * S[:, 2, 3] + S[:, 0, 3] * S[:, 2, 0]
+        inner += 1
+        assert f[1] == pytest.approx(value, rel=1e-9, abs=1e-12)
+        # a parabola through three points has its top within rounding of the one in the middle
+        assert abs(f[2] - f[0]) < 1e-3 * abs(f[2] - 2 * f[1] + f[0]) + 1e-12
+    assert inner > 10
+
+
+def test_beams_of_the_cube_do_not_leave_the_certified_sums(found: tricept.Bounds) -> None:
+    angles = np.radians(np.linspace(-9, 9, 61))
+    total = np.zeros((6, 2))
+    for n, element in enumerate(ELEMENTS):
+        for i, name in enumerate(("A0", "A1", "A-1", "r", "R")):
+            beams = tricept.influence_map(
+                angles[:, None], angles, PAPER, (name, name), element, box=(LOW, HIGH)
+            )
+            total[n] += U_PAPER[i, i] * np.array([np.nanmin(beams.least), np.nanmax(beams.greatest)])
+    assert (total[:, 0] >= found.base_outer[:, 0]).all()
+    assert (total[:, 1] <= found.base_outer[:, 1]).all()
+    # a grid of beams misses the corners of the cube: too narrow by up to some percent, as (24) is
+    np.testing.assert_allclose(total, found.base_inner, rtol=0.05)
+
+
+def test_influences_that_are_none_are_refused() -> None:
+    for pair, element, region, words in (
+        (("A0", "A9"), "xx", {"limits": LEG_LIMITS}, "none of the paper's"),
+        (("A0",), "xx", {"limits": LEG_LIMITS}, "no element of U_x"),
+        (("A0", "A0"), "yx", {"limits": LEG_LIMITS}, "no element of U_y"),
+        (("A0", "A0"), "xx", {}, "no end"),
+    ):
+        with pytest.raises(RodgenError, match=words):
+            tricept.influence_map(0.0, 0.0, PAPER, pair, element, **region)
+
+
+def test_beams_outside_have_no_influence() -> None:
+    found = tricept.influence_map([0.0, 1.2, np.nan], 0.0, PAPER, ("A0", "A0"), "xx", limits=LEG_LIMITS)
+    assert np.isfinite(found.least).tolist() == [True, False, False]
+
+
+# command line ------------------------------------------------------------------------------------------
+
+
+def test_bounds_as_json_and_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = tmp_path / "bounds.csv"
+    arguments = ["tricept", "bounds", "--centre", "0,0,68.5cm", "--edge", "4cm", "--gap", "0.01"]
+    assert cli.main([*arguments, "--json", "-o", str(table)]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    direct = tricept.bounds([-20, -20, 665], [20, 20, 705], PAPER, U_PAPER, gap=0.01)
+    for n, name in enumerate(ELEMENTS):
+        np.testing.assert_allclose(
+            np.array(answer["elements"][name]["range_certified"]) * 100,
+            direct.outer[n],
+            rtol=1e-6,
+            atol=1e-12,
+        )
+    assert answer["within_limits"] is True
+    assert table.read_text(encoding="utf-8").count("\n") == 7
+    assert cli.main(arguments) == 0
+    assert "times as wide" in capsys.readouterr().out
+
+
+def test_influence_map_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture, table = tmp_path / "map.png", tmp_path / "map.csv"
+    arguments = ["--influence", "A0:A1,xx", "--beams", "21", "--plot", str(picture), "-o", str(table)]
+    assert cli.main(["tricept", "bounds", *arguments]) == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    rows = np.genfromtxt(table, delimiter=",", skip_header=1)
+    assert (rows[:, 2] <= rows[:, 3]).all()
+    assert "on U_y[xx]" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "a cube, or --largest"),
+        (["--centre", "0,0,685mm"], "both, or --largest"),
+        (["--centre", "0,0,0mm", "--edge", "5mm"], "no pose"),
+        (["--influence", "A0,xq"], "no pair"),
+        (["--influence", "A9,xx"], "A9"),
+        (["--largest", "--limits", "3,4mm"], "no place for a cube"),
+        (["--largest", "--R", "330mm"], "--limits"),
+        (["--largest", "centre"], "--centre"),
+        (["--centre", "0,0,685mm", "--edge", "10mm", "--u", "q=1um"], "beyond the paper's"),
+        (["--plot", "x.png", "--largest"], "--influence"),
+    ],
+)
+def test_bad_input_is_one_line(arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["tricept", "bounds", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert words in error

@@ -1,0 +1,504 @@
+"""Uncertainty of a Tricept's tool: against a solver of its own, SciPy, and the examples of GUM Supplement 1."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from scipy import stats
+
+from rodgen import cli, tricept
+from rodgen.errors import InputFileError, RodgenError
+from rodgen.tricept import PAPER, PARAMETERS, Geometry, TriceptStatus
+
+U_PAPER = np.diag([0.005**2 / 3] * 3 + [0.01**2 / 3] * 2)
+TOOL = Geometry(330.0, 140.0, (20.0, -35.0, 60.0))
+POSES = np.array([[0.0, 0.0, 700.0], [0.15, -0.2, 640.0], [-0.3, 0.25, 720.0], [0.02, 0.4, 600.0]])
+
+
+# A machine of its own: plain rotations with many digits, every error in place, solved by mpmath.
+
+
+def turn(axis: int, angle: object) -> mpmath.matrix:
+    c, s = mpmath.cos(angle), mpmath.sin(angle)
+    i, j = [(1, 2), (2, 0), (0, 1)][axis]
+    made = mpmath.eye(3)
+    made[i, i] = made[j, j] = c
+    made[i, j], made[j, i] = -s, s
+    return made
+
+
+def tool_of(pose: np.ndarray, geometry: Geometry, errors: dict[str, object]) -> list[object]:
+    """Where the tool is when the rods are as the nominal machine has them in a pose, and the rest has errors."""
+
+    def error(name: str) -> object:
+        return errors.get(name, mpmath.mpf(0))
+
+    def circle(radius: object) -> list[mpmath.matrix]:
+        angles = [2 * mpmath.pi * k / 3 for k in (0, 1, -1)]
+        return [mpmath.matrix([radius * mpmath.cos(a), radius * mpmath.sin(a), 0]) for a in angles]
+
+    def triple(name: str) -> mpmath.matrix:
+        return mpmath.matrix([error(f"{name}_{axis}") for axis in "xyz"])
+
+    def placed(x: mpmath.matrix, pose: object) -> mpmath.matrix:
+        alpha, beta, z = pose
+        mount = turn(0, error("mount_x")) * turn(1, error("mount_y")) * turn(2, error("mount_z"))
+        on_rod = mpmath.matrix([0, 0, z]) + triple("rod") + mount * x
+        # the paper's Ox turns the other way round
+        at_axes = mpmath.matrix([0, 0, error("axes_gap")]) + turn(2, error("axes_square")) * turn(
+            0, -alpha
+        ) * (turn(1, error("rod_tilt")) * on_rod)
+        return triple("P") + turn(0, error("axis_x")) * turn(2, error("axis_z")) * turn(1, beta) * at_axes
+
+    def length(one: mpmath.matrix, two: mpmath.matrix) -> object:
+        return mpmath.norm(one - two)
+
+    R, r = mpmath.mpf(geometry.R), mpmath.mpf(geometry.r)
+    start = [mpmath.mpf(float(x)) for x in pose]
+    saved = dict(errors)
+    errors.clear()
+    rods = [length(placed(m, start), f) for f, m in zip(circle(R), circle(r), strict=True)]
+    errors.update(saved)
+    rods = [
+        rod + error(name) + error(f"zero_{name}") for rod, name in zip(rods, ("A0", "A1", "A-1"), strict=True)
+    ]
+    fixed = [f + triple(n) for f, n in zip(circle(R + error("R")), "ABC", strict=True)]
+    moving = [m + triple(f"{n}p") for m, n in zip(circle(r + error("r")), "ABC", strict=True)]
+
+    def closures(*pose: object) -> list[object]:
+        return [
+            length(placed(m, pose), f) ** 2 - rod**2 for f, m, rod in zip(fixed, moving, rods, strict=True)
+        ]
+
+    found = mpmath.findroot(closures, start)
+    q = mpmath.matrix([mpmath.mpf(x) for x in geometry.q]) + triple("q")
+    return list(placed(q, list(found)))
+
+
+@pytest.mark.parametrize("row", range(len(POSES)))
+def test_sensitivity_is_the_derivative_of_the_solved_machine(row: int) -> None:
+    pose = POSES[row]
+    found, status = tricept.parameter_sensitivity(pose, TOOL)
+    assert status == TriceptStatus.REACHABLE
+    # a quarter of the columns for each pose: every column has its turn
+    names = PARAMETERS[row :: len(POSES)]
+    with mpmath.workdps(30):
+        step = mpmath.mpf(10) ** -9
+        for name in names:
+            ends = [tool_of(pose, TOOL, {name: sign * step}) for sign in (1, -1)]
+            slope = [float((a - b) / (2 * step)) for a, b in zip(*ends, strict=True)]
+            # step² times third derivatives is below 1e-15 of the size, the kernel rounds to 1e-13 of it
+            column = found[:, PARAMETERS.index(name)]
+            np.testing.assert_allclose(column, slope, rtol=1e-12, atol=1e-12 * max(1, np.abs(slope).max()))
+
+
+def test_first_five_columns_are_the_papers_matrix() -> None:
+    rng = np.random.default_rng(1)
+    poses = np.column_stack([rng.uniform(-0.5, 0.5, (200, 2)), rng.uniform(450, 850, 200)])
+    found, _ = tricept.parameter_sensitivity(poses, TOOL)
+    np.testing.assert_allclose(found[..., :5], tricept.sensitivity(poses, TOOL), rtol=1e-12, atol=1e-12)
+
+
+def test_distance_along_the_middle_rod_has_no_influence() -> None:
+    found, _ = tricept.parameter_sensitivity(POSES, TOOL)
+    assert np.abs(found[..., PARAMETERS.index("rod_z")]).max() < 1e-13
+
+
+def test_radii_are_common_radial_shifts_of_joints() -> None:
+    found, _ = tricept.parameter_sensitivity(POSES, TOOL)
+    angles = np.radians([0, 120, -120])
+    for name, suffix in (("R", ""), ("r", "p")):
+        total = sum(
+            found[..., PARAMETERS.index(f"{joint}{suffix}_x")] * np.cos(a)
+            + found[..., PARAMETERS.index(f"{joint}{suffix}_y")] * np.sin(a)
+            for joint, a in zip("ABC", angles, strict=True)
+        )
+        np.testing.assert_allclose(total, found[..., PARAMETERS.index(name)], atol=1e-13)
+
+
+def test_singular_and_missing_poses_are_told() -> None:
+    poses = [[0.0, 0.0, 0.0], [np.nan, 0.0, 700.0], [0.0, 0.0, 700.0]]
+    found, status = tricept.parameter_sensitivity(poses, PAPER)
+    assert status.tolist() == [TriceptStatus.SINGULAR, TriceptStatus.INVALID, TriceptStatus.REACHABLE]
+    assert np.isnan(found[:2]).all()
+    assert np.isfinite(found[2]).all()
+
+
+# covariance --------------------------------------------------------------------------------------------
+
+
+def test_covariance_of_all_parameters_contains_the_papers() -> None:
+    rng = np.random.default_rng(2)
+    root = rng.normal(size=(5, 5)) * 0.004
+    U_x = root @ root.T
+    U = np.zeros((len(PARAMETERS),) * 2)
+    U[:5, :5] = U_x
+    points = np.column_stack([rng.uniform(-100, 100, (50, 2)), rng.uniform(600, 760, 50)])
+    five, five_status = tricept.place_covariance(points, TOOL, U_x)
+    every, status = tricept.place_covariance(points, TOOL, U)
+    np.testing.assert_allclose(every, five, rtol=1e-10, atol=1e-20)
+    assert (status == five_status).all()
+    assert np.linalg.eigvalsh(every).min() > 0
+
+
+def test_what_is_no_covariance_is_told() -> None:
+    n = len(PARAMETERS)
+    good = np.eye(n) * 1e-6
+    skew, negative, missing = good.copy(), good.copy(), good.copy()
+    skew[0, 1] = 1e-7
+    negative[0, 1] = negative[1, 0] = 1.1e-6
+    missing[3, 3] = np.nan
+    U = np.stack([good, skew, negative, missing])
+    found, status = tricept.place_covariance([0.0, 0.0, 700.0], PAPER, U)
+    expected = [
+        TriceptStatus.REACHABLE,
+        TriceptStatus.NOT_COVARIANCE,
+        TriceptStatus.NOT_COVARIANCE,
+        TriceptStatus.INVALID,
+    ]
+    assert status.tolist() == expected
+    assert np.isfinite(found[0]).all()
+    assert np.isnan(found[1:]).all()
+    # all-zero rows are certain, and a covariance beside one is none
+    assert tricept.is_covariance(np.zeros((5, 5)))
+    beside = np.zeros((5, 5))
+    beside[0, 1] = beside[1, 0] = 1e-9
+    assert not tricept.is_covariance(beside)
+
+
+def test_rank_deficient_covariances_of_mixed_units_pass() -> None:
+    rng = np.random.default_rng(3)
+    for rank in (1, 2, 7):
+        root = rng.normal(size=(len(PARAMETERS), rank))
+        scale = np.array([1e-6 if name in tricept.ANGLES else 1e-2 for name in PARAMETERS])
+        assert tricept.is_covariance((scale[:, None] * root) @ (scale[:, None] * root).T)
+
+
+def test_points_without_a_pose_are_told() -> None:
+    U = tricept.covariance({"rods": 0.003})
+    points = [[0.0, 0.0, 0.0], [0.0, 0.0, 500.0], [np.nan, 0.0, 600.0]]
+    found, status = tricept.place_covariance(points, Geometry(330, 140, (50, 0, 0)), U, tricept.LEG_LIMITS)
+    assert status.tolist() == [TriceptStatus.UNREACHABLE, TriceptStatus.OUT_OF_LIMITS, TriceptStatus.INVALID]
+    assert np.isnan(found[[0, 2]]).all()
+    assert np.isfinite(found[1]).all()
+
+
+@pytest.mark.parametrize(
+    ("uncertainties", "correlations", "words"),
+    [
+        ({"rod": 1.0}, {}, "no parameter"),
+        ({"rods": -1.0}, {}, "from 0 up"),
+        ({"rods": np.nan}, {}, "from 0 up"),
+        ({"rods": 1.0}, {("A0", "A1"): 2.0}, "-1 to 1"),
+        ({"rods": 1.0}, {("rods", "rods"): -0.9}, "not positive semidefinite"),
+    ],
+)
+def test_bad_uncertainties_are_refused(uncertainties: dict, correlations: dict, words: str) -> None:
+    with pytest.raises(RodgenError, match=words):
+        tricept.covariance(uncertainties, correlations)
+
+
+def test_wrong_sizes_are_refused() -> None:
+    with pytest.raises(RodgenError, match="5 by 5"):
+        tricept.place_covariance([0, 0, 700], PAPER, np.eye(4))
+    with pytest.raises(RodgenError, match="not symmetric"):
+        tricept.check_covariance([[1, 0.5], [0.4, 1]], 2)
+
+
+# ellipsoid and budget ----------------------------------------------------------------------------------
+
+
+def test_coverage_factor_is_that_of_chi_squared() -> None:
+    for p in (1e-6, 0.199, 0.5, 0.6827, 0.95, 0.9973, 1 - 1e-9):
+        assert tricept.coverage_factor(p) == pytest.approx(np.sqrt(stats.chi2.ppf(p, 3)), rel=1e-7)
+
+
+def test_ellipsoid_spans_the_covariance() -> None:
+    U_y, _ = tricept.place_covariance([[50, 20, 700], [0, 0, 700], [0, 0, np.nan]], PAPER, U_PAPER)
+    found = tricept.ellipsoid(U_y, 0.95)
+    axes, directions = found.semi_axes[:2], found.directions[:2]
+    back = directions @ (axes[..., None] ** 2 * np.swapaxes(directions, -1, -2)) / found.k**2
+    np.testing.assert_allclose(back, U_y[:2], atol=1e-18)
+    assert (np.diff(axes) <= 0).all()
+    assert np.isnan(found.semi_axes[2]).all()
+
+
+def test_budget_without_correlations_is_a_sum_of_squares() -> None:
+    U = tricept.covariance({group: 0.004 for group in tricept.GROUPS if group != "guide_angles"})
+    found = tricept.budget([60, -40, 680], TOOL, U)
+    assert not found.correlated
+    for k in range(3):
+        lines = found.lines(k)
+        assert sum(line.share for line in lines) == pytest.approx(1)
+        assert all(line.part == pytest.approx(line.alone**2) for line in lines)
+        parts = [line.part for line in lines]
+        assert parts == sorted(parts, reverse=True)
+        # leaving a parameter out takes exactly its part away
+        worst = PARAMETERS.index(lines[0].parameter)
+        rest = U.copy()
+        rest[worst] = rest[:, worst] = 0
+        without, _ = tricept.place_covariance([60, -40, 680], TOOL, rest)
+        assert found.U_y[k, k] - without[k, k] == pytest.approx(lines[0].part)
+
+
+def test_budget_with_correlations_adds_up_and_can_take_away() -> None:
+    U = tricept.covariance({"rods": 0.003, "radii": 0.006}, {("r", "R"): 0.9})
+    found = tricept.budget([0, 0, 700], PAPER, U)
+    assert found.correlated
+    np.testing.assert_allclose(found.parts.sum(axis=1), np.diag(found.U_y))
+    # r and R work against each other on Qz: together they make less than each alone
+    radii = [line for line in found.lines(2) if line.parameter in ("r", "R")]
+    assert sum(line.part for line in radii) < 0.5 * radii[0].alone ** 2
+    opposite = tricept.covariance({"A0": 0.001, "A1": 0.01}, {("A0", "A1"): 1.0})
+    shares = [line.share for line in tricept.budget([0, 0, 700], PAPER, opposite).lines(0)]
+    assert min(shares) < 0
+    assert sum(shares) == pytest.approx(1)
+
+
+def test_budget_of_a_point_without_pose_is_refused() -> None:
+    with pytest.raises(RodgenError, match="no regular pose"):
+        tricept.budget([0, 0, 0], PAPER, U_PAPER)
+
+
+# the exact machine and Monte Carlo ---------------------------------------------------------------------
+
+
+def test_disturbed_point_is_that_of_the_solved_machine() -> None:
+    rng = np.random.default_rng(5)
+    scale = np.array([5e-3 if name in tricept.ANGLES else 2.0 for name in PARAMETERS])
+    errors = rng.normal(size=(3, len(PARAMETERS))) * scale
+    found, status = tricept.disturbed_point(POSES[1:], TOOL, errors)
+    assert (status == 0).all()
+    with mpmath.workdps(25):
+        for pose, row, point in zip(POSES[1:], errors, found, strict=True):
+            exact = tool_of(
+                pose, TOOL, {n: mpmath.mpf(float(x)) for n, x in zip(PARAMETERS, row, strict=True)}
+            )
+            np.testing.assert_allclose(point, [float(x) for x in exact], atol=1e-10)
+
+
+def test_disturbed_point_tells_what_cannot_be() -> None:
+    errors = np.zeros((3, len(PARAMETERS)))
+    errors[0, 0] = -2000.0
+    errors[1, 2] = np.nan
+    found, status = tricept.disturbed_point(POSES[0], PAPER, errors)
+    assert status.tolist() == [TriceptStatus.UNREACHABLE, TriceptStatus.INVALID, TriceptStatus.REACHABLE]
+    assert np.isnan(found[:2]).all()
+    np.testing.assert_allclose(found[2], [0, 0, 700], atol=1e-12)
+
+
+def test_monte_carlo_agrees_with_the_linear_law_where_it_is_linear() -> None:
+    U = tricept.covariance({"rods": 0.003, "fixed_joints": 0.005, "guide_angles": 1e-5}, {("A0", "A1"): 0.6})
+    found = tricept.monte_carlo([50, 20, 700], TOOL, U, draws=100_000, seed=3)
+    # the covariance of n normal draws is off by sqrt(2/n) = 0.45 %; five times that
+    size = np.sqrt(np.diag(found.linear_covariance))
+    off = (found.covariance - found.linear_covariance) / np.outer(size, size)
+    assert np.abs(off).max() < 5 * np.sqrt(2 / 100_000)
+    assert (np.abs(found.mean - found.point) < 5 * size / np.sqrt(100_000)).all()
+    # the ends of the intervals are where the normal law has them, to what the draws can tell
+    assert (found.difference < 5 * found.end_uncertainty + 1e-6).all()
+    assert found.failed == 0
+    again = tricept.monte_carlo([50, 20, 700], TOOL, U, draws=100_000, seed=3)
+    assert (again.symmetric == found.symmetric).all()
+
+
+def test_rectangular_errors_have_shorter_intervals_than_the_normal_law() -> None:
+    found = tricept.monte_carlo([0, 0, 700], PAPER, U_PAPER, draws=100_000, rectangular=PARAMETERS[:5])
+    u = np.sqrt(np.diag(found.linear_covariance))
+    np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)), u, rtol=0.01)
+    # Qy is made of two rods alone: a trapezoid, here a triangle, of which 95 % are within u √6 (1 − √0.05)
+    expected = u[1] * np.sqrt(6) * (1 - np.sqrt(0.05))
+    np.testing.assert_allclose(found.symmetric[1], [-expected, expected], rtol=0.02)
+    assert not found.validated[1]
+
+
+def test_monte_carlo_sees_what_the_linear_law_does_not() -> None:
+    U = tricept.covariance({"A0": 20.0, "A1": 20.0})
+    found = tricept.monte_carlo([0, 0, 700], PAPER, U, draws=20_000)
+    # a platform that tilts comes nearer: the mean is off by more than a hundred times its uncertainty
+    u = np.sqrt(found.covariance[2, 2] / 20_000)
+    assert abs(found.mean[2] - 700) > 10 * u
+    assert not found.validated.all()
+
+
+def test_failed_draws_are_counted() -> None:
+    found = tricept.monte_carlo([0, 0, 700], PAPER, tricept.covariance({"A0": 250.0}), draws=5000)
+    assert 0 < found.failed < 5000
+
+
+def test_validation_is_that_of_the_supplements_additive_example() -> None:
+    # JCGM 101:2008, 9.2.3: the sum of four rectangles of unit variance. Its 95 % interval is ±3.88, that of the law
+    # of propagation ±3.92; with two digits of u = 2.0 the tolerance is 0.05, and the law is validated.
+    draws = np.random.default_rng(6).uniform(-np.sqrt(3), np.sqrt(3), (1_000_000, 4)).sum(axis=1)
+    symmetric, shortest = tricept.coverage_intervals(draws[:, None], 0.95)
+    exact = 2 * np.sqrt(3) * (2 - (3 / 5) ** 0.25)
+    np.testing.assert_allclose(symmetric[0], [-exact, exact], atol=0.015)
+    assert np.diff(shortest[0])[0] <= np.diff(symmetric[0])[0]
+    assert tricept.numerical_tolerance(2.0) == 0.05
+    assert np.abs(np.abs(symmetric[0]) - 3.92).max() <= 0.05 + 0.015
+
+
+@pytest.mark.parametrize(
+    ("u", "digits", "tolerance"),
+    [
+        (0.00035, 2, 5e-6),
+        (0.00035, 1, 5e-5),
+        (0.0996, 2, 5e-4),
+        (0.0994, 1, 0.005),
+        (0.95, 1, 0.05),
+        (1, 2, 0.05),
+    ],
+)
+def test_numerical_tolerance_is_half_the_last_digit(u: float, digits: int, tolerance: float) -> None:
+    assert tricept.numerical_tolerance(u, digits) == tolerance
+
+
+def test_monte_carlo_refuses_what_it_cannot_draw() -> None:
+    correlated = tricept.covariance({"rods": 0.003}, {("A0", "A1"): 0.5})
+    for options, words in (
+        ({"rectangular": ["A0"]}, "correlated"),
+        ({"rectangular": ["foo"]}, "no parameter"),
+        ({"draws": 10}, "from 1000 up"),
+        ({"probability": 1.0}, "between 0 and 1"),
+        ({"digits": 3}, "1 or 2"),
+    ):
+        with pytest.raises(RodgenError, match=words):
+            tricept.monte_carlo([0, 0, 700], PAPER, correlated, **options)
+
+
+# maps --------------------------------------------------------------------------------------------------
+
+
+def test_map_is_the_propagation_at_its_points() -> None:
+    found = tricept.uncertainty_map(PAPER, U_PAPER, "y", 30.0, tricept.LEG_LIMITS, n=31)
+    inside = found.status == TriceptStatus.REACHABLE
+    assert inside.any()
+    assert not inside.all()
+    row, column = np.argwhere(inside)[7]
+    U_y, _ = tricept.propagate([found.across[column], 30.0, found.up[row]], PAPER, U_PAPER)
+    np.testing.assert_allclose(found.u[row, column], np.sqrt(np.diag(U_y)), rtol=1e-9)
+    assert np.isnan(found.u[~inside]).all()
+    with pytest.raises(RodgenError, match="workspace"):
+        tricept.uncertainty_map(PAPER, U_PAPER, "y", 3000.0, tricept.LEG_LIMITS)
+
+
+def test_pictures_have_the_same_bytes_again(tmp_path: Path) -> None:
+    found = tricept.uncertainty_map(PAPER, U_PAPER, "z", 700.0, tricept.LEG_LIMITS, n=21)
+    for name in ("a.png", "b.png", "a.svg", "b.svg"):
+        tricept.save_figure(tmp_path / name, tricept.draw_uncertainty_map(found))
+    for kind in ("png", "svg"):
+        assert (tmp_path / f"a.{kind}").read_bytes() == (tmp_path / f"b.{kind}").read_bytes()
+    with pytest.raises(InputFileError, match="ends in"):
+        tricept.save_figure(tmp_path / "a.gif", tricept.draw_uncertainty_map(found))
+
+
+# command line ------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def points(tmp_path: Path) -> str:
+    file = tmp_path / "points.csv"
+    file.write_text("Qx [cm],Qy [cm],Qz [cm],note\n0,0,70,a\n10,5,65,b\n0,0,10,c\n", encoding="utf-8")
+    return str(file)
+
+
+def test_table_has_uncertainties_in_its_own_unit(points: str, tmp_path: Path) -> None:
+    out = str(tmp_path / "out.parquet")
+    assert cli.main(["tricept", "uncertainty", points, "-o", out]) == 0
+    table = pq.read_table(out).to_pydict()
+    U_y, _ = tricept.propagate([100.0, 50.0, 650.0], PAPER, U_PAPER)
+    assert table["u(Qx) [cm]"][1] == pytest.approx(np.sqrt(U_y[0, 0]) / 10)
+    assert table["cov(Qx,Qz) [cm**2]"][1] == pytest.approx(U_y[0, 2] / 100)
+    assert table["status"] == ["reachable", "reachable", "out_of_limits"]
+    assert table["note"] == ["a", "b", "c"]
+
+
+def test_covariance_from_files_and_options_is_one(
+    points: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    toml, matrix = tmp_path / "u.toml", tmp_path / "u.csv"
+    toml.write_text(
+        '[u]\nrods = "3 um"\nmount_x = "10 arcsec"\n[correlation]\n"A0, A1" = 0.5\n', encoding="utf-8"
+    )
+    angle = np.radians(10 / 3600)
+    rows = np.array([[9e-6, 4.5e-6, 0, 0], [4.5e-6, 9e-6, 0, 0], [0, 0, 9e-6, 0], [0, 0, 0, angle**2]])
+    text = "\n".join(",".join(map(repr, row.tolist())) for row in rows)
+    matrix.write_text("A0 [mm],A1 [mm],A-1 [mm],mount_x [rad]\n" + text + "\n", encoding="utf-8")
+    base = ["tricept", "uncertainty", "--point", "30,-20,700mm", "--json"]
+    answers = []
+    options = ["--u", "rods=3um", "--u", "mount_x=10arcsec", "--correlation", "A0,A1=0.5"]
+    for given in (options, ["--covariance", str(toml)], ["--covariance", str(matrix)]):
+        assert cli.main([*base, *given]) == 0
+        answers.append(json.loads(capsys.readouterr().out))
+    for answer in answers[1:]:
+        assert answer["u(Qx)"] == pytest.approx(answers[0]["u(Qx)"])
+        assert answer["cov(Qx,Qz)"] == pytest.approx(answers[0]["cov(Qx,Qz)"])
+
+
+def test_budget_and_monte_carlo_as_json(points: str, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["tricept", "uncertainty", "--point", "0,0,700mm", "--budget", "--monte-carlo", "2000"]
+    assert cli.main([*arguments, "--json", "--rectangular"]) == 0
+    answer = json.loads(capsys.readouterr().out)[0]
+    lines = answer["budget"]["Qz"]["parameters"]
+    assert {line["parameter"] for line in lines} == {"A0", "A1", "A-1", "r", "R"}
+    assert answer["monte_carlo"]["draws"] == 2000
+    assert cli.main(arguments) == 0
+    assert "share" in capsys.readouterr().out
+
+
+def test_plot_from_the_command_line(tmp_path: Path) -> None:
+    file = tmp_path / "map.png"
+    assert cli.main(["tricept", "uncertainty", "--plot", str(file), "--slice", "y=0mm"]) == 0
+    assert file.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "a table"),
+        (["--point", "0,0,700mm", "--u", "foo=3mm"], "'foo'"),
+        (["--point", "0,0,700mm", "--u", "rods=3kg"], "kg"),
+        (["--point", "0,0,700mm", "--u", "rods=3mm", "--correlation", "A0,A1=3"], "-1 to 1"),
+        (["--point", "0,0,700mm", "--covariance", "nowhere.toml"], "cannot be read"),
+        (["--point", "0,0,0mm", "--budget"], "no regular pose"),
+        (["--plot", "x.gif", "--slice", "y=0mm"], ".png"),
+        (["--plot", "x.png"], "--slice"),
+        (["--point", "0,0,700mm", "--budget", "-o", "x.csv"], "one of the two"),
+    ],
+)
+def test_bad_input_is_one_line(arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["tricept", "uncertainty", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert words in error
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("u.toml", "[u]\nrods = 3\n", "with its unit"),
+        ("u.toml", "[v]\n", "not known"),
+        ("u.toml", "[u\n", "no TOML"),
+        ("u.toml", '[u]\nrods = "1 um"\n[correlation]\n"A0" = 1\n', "two names"),
+        ("u.csv", "", "nothing"),
+        ("u.csv", "A0 [mm],A0 [mm]\n1,0\n0,1\n", "each once"),
+        ("u.csv", "A0 [mm],A1 [mm]\n1,0\n", "1 rows"),
+        ("u.csv", "A0 [mm],A1 [mm]\n1,0\n0\n", "2 numbers"),
+        ("u.csv", "A0 [mm],A1 [mm]\n1,2\n2,1\n", "not positive semidefinite"),
+        ("u.csv", "A0 [mm],A1 [mm]\n1,2\n1,5\n", "not symmetric"),
+    ],
+)
+def test_bad_covariance_files_are_one_line(
+    name: str, content: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / name).write_text(content, encoding="utf-8")
+    arguments = ["--point", "0,0,700mm", "--covariance", str(tmp_path / name)]
+    assert cli.main(["tricept", "uncertainty", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert words in error
