@@ -216,6 +216,7 @@ def test_a_tricept_is_in_the_one_pose_that_is_not_folded():
 # fits ------------------------------------------------------------------------------------------------------------
 
 NOISE = 0.002
+RNG = np.random.default_rng
 
 
 @both
@@ -316,6 +317,31 @@ def test_intervals_of_each_leg_s_parameters_hold_the_truth(family):
     low, high = stats.binom.ppf([5e-5, 1 - 5e-5], len(inside), 0.95) / len(inside)
     assert low <= np.mean(inside) <= high
     assert stats.kstest(chances, "uniform").pvalue > 1e-4
+
+
+@both
+def test_the_covariance_of_a_predicted_place_is_that_of_the_places_that_fits_predict(family):
+    """U_y from the fit's covariance, at poses beyond the measured ones, against many fits to other noise."""
+    estimate = ["R", "r", "target"] + (["h"] if family == "3-sps-s" else [])
+    case = legged(
+        legged_file(family, [*TARGETS, (-60, -80, 100)], estimate=estimate, noise=NOISE), 60, RNG(18), runs=1
+    )
+    far = legged(legged_file(family, [*TARGETS, (-60, -80, 100)]), 6, RNG(19), runs=1)
+    truth = {"geometry.R": 0.3, "geometry.r": -0.2, "target.p.x": 0.1}
+    true, there = case.simulated(truth), far.simulated(truth)
+    random, errors = RNG(20), []
+    for _ in range(60):
+        reading = true + NOISE * random.normal(size=true.shape)
+        made = fit(case.machine, replace(case.observations, reading=reading)).predict(
+            Measurements.from_frame(far.data)
+        )
+        assert made.determined.all()
+        errors.append(made.place - there)
+    error = np.array(errors)
+    squares = np.einsum("kni,nij,knj->kn", error, np.linalg.inv(made.covariance), error)
+    # the mean of 60 chi-squares of 3 degrees of freedom: 3, give or take 0.32; of 6 places the worst, 4 of these
+    assert np.abs(squares.mean(axis=0) - 3).max() < 4 * np.sqrt(6 / 60)
+    assert stats.kstest(squares[:, 0], stats.chi2(3).cdf).pvalue > 1e-4
 
 
 # files -----------------------------------------------------------------------------------------------------------
