@@ -30,6 +30,7 @@ __all__ = [
     "in_another_mode",
     "in_its_mode",
     "pose_start",
+    "weakest",
     "with_commands",
     "within_reach",
 ]
@@ -39,11 +40,15 @@ Array: TypeAlias = NDArray[np.float64]
 TURNS = 20
 """Times that the frame and the modes nearest the readings in it are found in turn; usually it stays after two."""
 SINGULAR = 1e-5
-"""Volume of the legs' wrenches below which an error of a micrometre would be one of a hundred millimetres."""
+"""How well legs hold a platform, 1 at best, below which a micrometre of a leg would be a hundred millimetres."""
 FAR = 3e-3
 """In rad, or radii of the base. A pose that starts no farther off than this is found to rounding in two steps."""
 SLACK = 0.02
 """Part of its way by which a freedom may be moved farther than in the data: legs are commanded in round numbers."""
+WEAK = 0.1
+"""How well legs hold a platform, 1 at best, below which a row is worth a look."""
+LOOKED_AT = 2000
+"""Rows in which assembly modes are compared."""
 HALVINGS = 6
 """Times that a command out of reach is brought half way nearer to one in reach."""
 
@@ -144,23 +149,30 @@ def found_again(o: Observations, numbers: Mapping[str, tuple[float, ...]]) -> Ar
     return np.where(np.isfinite(found).all(axis=1, keepdims=True), found, before)
 
 
-def in_another_mode(o: Observations, machine: Machine) -> int:
-    """Return in how many rows the readings are nearer to another assembly mode than to the one that a file asks for.
+def in_another_mode(o: Observations, machine: Machine) -> float:
+    """Return in which part of the rows the readings are nearer to another assembly mode than to that of ``start``.
 
     Parameters
     ----------
     o : Observations
     machine : Machine
-        As it was read.
     """
     geometry = machine.geometry
     if geometry is None or geometry.start is None or o.pose_start is None:
-        return 0
-    asked = replace(o, machine=machine)
+        return 0.0
+    some = o.take(np.linspace(0, o.n - 1, min(o.n, LOOKED_AT)).astype(int))
+    asked = pose_start(replace(some, machine=machine))
     free = replace(machine, geometry=replace(geometry, start=None))
-    nearest = replace(asked, machine=free)
-    apart = far_apart(pose_start(nearest), pose_start(asked), machine)
-    return int(np.count_nonzero(apart))
+    return float(np.mean(far_apart(pose_start(replace(some, machine=free)), asked, machine)))
+
+
+def weakest(o: Observations) -> int | None:
+    """Return the row of a closed chain whose legs hold the platform worst, None where all do it well."""
+    if o.machine.geometry is None or o.pose_start is None:
+        return None
+    held = holding(o.machine.geometry, np.asarray(o.pose_start))
+    row = int(np.argmin(held))
+    return row if held[row] < WEAK else None
 
 
 def attainable(o: Observations, q: Array) -> NDArray[np.bool_]:

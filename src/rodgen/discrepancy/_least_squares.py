@@ -40,6 +40,8 @@ PROBE = 0.1
 """Part of the step at which the curvature is measured."""
 LARGEST_BEND = 0.75
 """The acceleration may be so large a part of the step; beyond, the damping grows (Transtrum and Sethna 2012)."""
+HALVINGS = 6
+"""Times that a step is halved on which the legs of a closed chain do not close; then the damping grows."""
 EXACT = 1e-30
 """Cost, relative to the sum of squares of the weighted readings, at which data without noise are met."""
 
@@ -116,6 +118,7 @@ def minimise(
         values, vectors = np.linalg.eigh(square / (scale[:, None] * scale))
         values = np.maximum(values, 0.0)
         along = (gradient[index] / scale) @ vectors
+        starts = problem.starts
         while True:
             step_along = -along / (values + damping)
             predicted = -2 * step_along @ along - step_along @ (values * step_along)
@@ -136,9 +139,13 @@ def minimise(
                 new_cost, square, gradient = problem.normal_equations(new_theta, new_frame)
             else:
                 new_cost = problem.cost(new_theta, new_frame)
+            if problem.is_closed_chain and not np.isfinite(new_cost):
+                new_theta, new_frame = _as_far_as_legs_close(problem, theta, frame, step)
+                new_cost, square, gradient = problem.normal_equations(new_theta, new_frame)
+                refused |= not np.isfinite(new_cost)
             if new_cost < cost:
                 break
-            refused |= problem.is_closed_chain and not np.isfinite(new_cost)
+            problem.start_from(starts)
             damping *= growth
             growth *= 2.0
             if damping > 1e20:
@@ -152,6 +159,21 @@ def minimise(
         if progress:
             progress(iteration, cost)
     return Solution(theta, frame, cost, iteration, False)
+
+
+def _as_far_as_legs_close(problem: Problem, theta: Array, frame: Frame, step: Array) -> tuple[Array, Frame]:
+    """Return where a step, or a half of it and so on, leads to poses that a closed chain has.
+
+    A pose may be too far from where it starts, or near a fold, where two modes meet and beyond which there is none.
+    """
+    starts = problem.starts
+    for halving in range(HALVINGS):
+        tried = moved(problem, theta, frame, 0.5**halving * step)
+        problem.start_from(starts)
+        problem.follow(*tried)
+        if np.isfinite(problem.cost(*tried)):
+            break
+    return tried
 
 
 def moved(problem: Problem, theta: Array, frame: Frame, step: Array) -> tuple[Array, Frame]:

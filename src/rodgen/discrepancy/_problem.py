@@ -251,11 +251,22 @@ class Problem:
             poses[lost] = found_again(self.observations.take(lost), numbers)
         if not np.any(far_apart(poses, start, self.model.machine)):
             return False
+        self.start_from(poses)
+        return True
+
+    @property
+    def starts(self) -> Array | None:
+        """Where the poses of a closed chain start, (n, k); None for a chain of joints."""
+        return self.observations.pose_start
+
+    def start_from(self, poses: Array | None) -> None:
+        """Let the poses of a closed chain start elsewhere; nothing for a chain of joints."""
+        if poses is None or poses is self.starts:
+            return
         self.observations = replace(self.observations, pose_start=poses)
         for (number, first), block in (self._kept or {}).items():
             rows = self.groups[number].block(first, first + len(block))
             block[:, self._starts] = poses[rows]
-        return True
 
     # evaluation ----------------------------------------------------------------------------------------------
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rodgen.discrepancy._closing import in_another_mode
+from rodgen.discrepancy._closing import in_another_mode, weakest
 
 if TYPE_CHECKING:
     from rodgen.discrepancy.fit import Estimate, Fit
@@ -94,8 +94,9 @@ def _lines(fit: Fit) -> Iterator[str]:
     yield f"{fit.machine.name}: {fit.observations.n} rows, {readings} readings, {len(fit.free)} parameters"
     if not fit.solution.converged:
         yield "NOT CONVERGED: the numbers below are where the fit stopped."
+        yield from _weakly_held(fit)
     yield f"rms {fit.rms:.4g} {fit.unit} per reading. {fit.noise.text}"
-    if fit.lack_of_fit:
+    if fit.lack_of_fit and fit.solution.converged:
         yield fit.lack_of_fit.text
     if fit.outliers.any():
         yield _outliers(fit)
@@ -125,11 +126,33 @@ def _warnings(fit: Fit) -> Iterator[str]:
         first, span = float(t.min()), float(np.ptp(t))
         if abs(first) > LATE * span:
             yield f"t begins at {first:.6g} s: warm_up_drift counts from t = 0, when the machine was cold."
-    other = in_another_mode(fit.observations, fit.problem.model.machine)
-    if other > fit.observations.n / 2:
+    yield from _about_modes(fit)
+
+
+def _about_modes(fit: Fit) -> Iterator[str]:
+    asked, written = fit.problem.model.machine, fit.machine
+    other = in_another_mode(fit.observations, asked)
+    if other > 0.5:
         yield (
-            f"In {other} rows another assembly mode than that of [geometry] start is nearer to the readings: "
-            "leave start out, or check the order of the legs."
+            f"In {other:.0%} of the rows another assembly mode than that of [geometry] start is nearer to the "
+            "readings: leave start out, or check the order of the legs."
+        )
+    elif asked.geometry is not None and asked.geometry.start is None:
+        other = in_another_mode(fit.observations, written)
+        if other > 0:
+            yield (
+                f"In {other:.1%} of the rows the platform is in another assembly mode than in most: what is written with "
+                "the fitted numbers tells the mode of most, and predicts the others wrongly."
+            )
+
+
+def _weakly_held(fit: Fit) -> Iterator[str]:
+    """Name the row whose pose is the nearest to a singular one, where that may be why a fit stopped."""
+    worst = weakest(fit.observations)
+    if worst is not None:
+        yield (
+            f"In {fit.observations.data.place(worst)} the platform is near a singular pose, which its legs hardly "
+            "hold: leave such rows out, or begin with a better geometry."
         )
 
 

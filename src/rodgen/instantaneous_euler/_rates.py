@@ -88,11 +88,13 @@ def angular_velocity(matrix: ArrayLike, rate: ArrayLike) -> tuple[Any, Any]:
     omega : array (..., 3)
         Angular velocity in fixed axes; NaN where the rates do not tell it.
     status : array (...) of int8
-        Codes of :class:`MotionStatus`: SINGULAR or KINK where the rates do not tell it.
+        Codes of :class:`MotionStatus`: SINGULAR or KINK where the rates do not tell it, NEAR_SINGULAR where hardly.
 
     Notes
     -----
-    It is singular where a component of the quaternion is 0, on the boundary of the tetrahedron of the cosines.
+    It is singular where a component of the quaternion is 0, on the boundary of the tetrahedron of the cosines. Near
+    it the error is about a rounding unit over the volume of the ridge lines' unit directions, which is `determinant`
+    of :func:`rates` over the three sines; where that leaves fewer than half of the digits the status is NEAR_SINGULAR.
 
     Examples
     --------

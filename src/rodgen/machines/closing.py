@@ -76,7 +76,7 @@ def placed_at(geometry: ClosedChain, poses: Array, targets: Array) -> Array:
 
 
 def holding(geometry: ClosedChain, starts: Array) -> Array:
-    """Tell how well the legs hold the platform: 1 at best, 0 in a singular pose.
+    """Tell how well the legs hold the platform: about 1 at best, 0 in a singular pose.
 
     Parameters
     ----------
@@ -87,7 +87,8 @@ def holding(geometry: ClosedChain, starts: Array) -> Array:
     Returns
     -------
     ndarray, shape (n,)
-        The volume that the unit wrenches of the legs span, along what the platform is free to do.
+        The least singular value of how the lengths of the legs change with what the platform is free to do. A turn by
+        one radian counts as a way of the joints' distance from where it turns about.
     """
     angles = np.radians(list(geometry.of.legs.values()))
     across = np.stack([np.cos(angles), np.sin(angles), np.zeros(3)], axis=1)
@@ -95,26 +96,25 @@ def holding(geometry: ClosedChain, starts: Array) -> Array:
         alpha, beta, z = starts.T
         ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
         zero = np.zeros_like(z)
-        turn = np.array([[cb, -sb * sa, sb * ca], [zero, ca, sa], [-sb, -cb * sa, cb * ca]]).transpose(
-            2, 0, 1
-        )
+        turn = np.array([[cb, -sb * sa, sb * ca], [zero, ca, sa], [-sb, -cb * sa, cb * ca]]).transpose(2, 0, 1)
         arms = np.einsum("nij,kj->nki", turn, geometry.r * across) + (turn[:, :, 2] * z[:, None])[:, None]
-        legs = arms - geometry.R * across
-        about = np.stack([cb, zero, -sb], axis=1)[:, None]
-        moments = np.cross(arms, legs)
-        rows = np.stack(
-            [
-                np.einsum("nki,nji->nk", moments, about) / geometry.R,
-                moments[:, :, 1] / geometry.R,
-                np.einsum("nki,ni->nk", legs, turn[:, :, 2]),
-            ],
-            axis=2,
-        )
+        legs = _unit(arms - geometry.R * across)
+        moments = np.cross(arms, legs) / geometry.R
+        about = np.stack([cb, zero, -sb], axis=1)
+        slide = np.einsum("nki,ni->nk", legs, turn[:, :, 2])
+        rows = np.stack([np.einsum("nki,ni->nk", moments, about), moments[:, :, 1], slide], axis=2)
     else:
         arms = np.einsum("nij,kj->nki", starts.reshape(-1, 3, 3), geometry.r * across)
-        rows = np.cross(arms, arms + np.array([0.0, 0.0, geometry.h]) - geometry.R * across)
-    with np.errstate(invalid="ignore"):
-        return np.asarray(np.abs(np.linalg.det(rows / np.linalg.norm(rows, axis=2, keepdims=True))))
+        legs = _unit(arms + np.array([0.0, 0.0, geometry.h]) - geometry.R * across)
+        rows = np.cross(arms, legs) / geometry.r
+    found = np.full(len(rows), np.nan)
+    known = np.isfinite(rows).all(axis=(1, 2))
+    found[known] = np.linalg.svd(rows[known], compute_uv=False)[:, -1]
+    return found
+
+
+def _unit(vectors: Array) -> Array:
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
 def usual_leg(geometry: ClosedChain, leg: int) -> tuple[float, float]:

@@ -19,7 +19,7 @@ from rodgen.tricept._cube import Cube, largest_cube
 from rodgen.tricept._direct import direct_all
 from rodgen.tricept._geometry import LEG_LIMITS, PAPER, Geometry
 from rodgen.tricept._influence import Influence, influence_map
-from rodgen.tricept._kinematics import direct, inverse, legs, point, rotation
+from rodgen.tricept._kinematics import direct, inverse, legs, point, pose, rotation
 from rodgen.tricept._maps import (
     UncertaintyMap,
     draw_influence,
@@ -101,6 +101,7 @@ __all__ = [
     "parameter_sensitivity",
     "place_covariance",
     "point",
+    "pose",
     "propagate",
     "reachable",
     "rod_bounds",

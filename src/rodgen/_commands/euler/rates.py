@@ -31,8 +31,9 @@ or, with --euler-rates, the rates of the sequence's angles,
 The output gets every column of the table, then
   chi_x_rate chi_y_rate chi_z_rate [deg/s]   the rates, in the unit of the first rate
   determinant                                16 q0 qx qy qz; 0 where they do not tell the angular velocity
-  status                                     regular; singular (they do not tell it); kink (an angle is 0 or 180 deg:
-                                             the rate is that towards later times); not_normal; invalid
+  status                                     regular; near_singular (they hardly tell it); singular (they do not);
+                                             kink (an angle is 0 or 180 deg: the rate is that towards later times);
+                                             not_normal; invalid
 """
 
 
@@ -70,8 +71,8 @@ def _run(options: argparse.Namespace) -> int:
             return [*found.rate.T, found.determinant, found.status], None
         made, abnormal = matrices(options.form, values[:, :n])
         found = ie.rates(made, values[:, n:])
-        regular = found.status == ie.MotionStatus.REGULAR
-        status = np.where(abnormal & regular, ie.MotionStatus.NOT_NORMAL, found.status)
+        right = np.isin(found.status, (ie.MotionStatus.REGULAR, ie.MotionStatus.NEAR_SINGULAR))
+        status = np.where(abnormal & right, ie.MotionStatus.NOT_NORMAL, found.status)
         return [*found.rate.T, found.determinant, status], None
 
     return run(options, columns, results, function)

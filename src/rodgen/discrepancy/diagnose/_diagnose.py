@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.discrepancy._bind import Observations, bind
+from rodgen.discrepancy._closing import in_another_mode, weakest
 from rodgen.discrepancy._problem import one_thread_in_blas
 from rodgen.discrepancy._robust import gross_rows
 from rodgen.discrepancy.diagnose._aliases import aliases_of
@@ -197,6 +198,20 @@ class _Diagnosing:
     def _cannot_tell(self, base: Fit) -> str:
         """Return why nothing can be told, or nothing."""
         poses = len(np.unique(base.observations.pose[~base.outliers]))
+        if base.problem.is_closed_chain:
+            other = in_another_mode(base.observations, base.problem.model.machine)
+            if other > 0.5:
+                return (
+                    f"In {other:.0%} of the rows another assembly mode than that of [geometry] start is nearer to the "
+                    "readings."
+                )
+            if not base.solution.converged:
+                row = weakest(base.observations)
+                near = f", as in {base.observations.data.place(row)}" if row is not None else ""
+                return (
+                    f"The fit stopped where legs do not close: near a singular pose{near}, or far from the right "
+                    "geometry."
+                )
         if base.degrees_of_freedom < FEWEST_SPARE:
             return (
                 f"{base.degrees_of_freedom} readings more than the parameters that they determine; "

@@ -36,7 +36,7 @@ SAMPLES = 16
 TRIES = 40 * SAMPLES
 """Points that are tried until enough of them have a place: a formula may have none at some."""
 HELD = 0.1
-"""Volume of the legs' wrenches, 1 at best, from which a platform on legs counts as held."""
+"""How well legs hold a platform, 1 at best, from which it is no matter of rounding."""
 MARGIN = 0.1
 """Part of the travel at its ends from where no sample is taken, so that steps beside a sample stay inside."""
 
