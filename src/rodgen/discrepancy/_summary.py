@@ -141,8 +141,8 @@ def _about_modes(fit: Fit) -> Iterator[str]:
         other = in_another_mode(fit.observations, written)
         if other > 0:
             yield (
-                f"In {other:.1%} of the rows the platform is in another assembly mode than in most: what is written with "
-                "the fitted numbers tells the mode of most, and predicts the others wrongly."
+                f"In {other:.1%} of the rows the platform is in another assembly mode than in most: what is written "
+                "with the fitted numbers tells the mode of most, and predicts the others wrongly."
             )
 
 
