@@ -136,7 +136,8 @@ d.check(
 # ## Where the rates do not tell the angular velocity
 #
 # The three directions span a volume that has three equal, short forms, and is $16\,q_0q_xq_yq_z$: it vanishes on the
-# boundary of what triples there are, and only there (`instantaneous_euler_inverse`).
+# boundary of what triples there are, and only there (`instantaneous_euler_inverse`). Near it an angular velocity from
+# rates has an error of about the rounding over the volume of the unit directions.
 
 # %%
 volume = d.symbol(
@@ -271,6 +272,8 @@ class MotionStatus(IntEnum):
     """What rates, or the angles of a sequence, are.
 
     REGULAR: the ordinary case.
+    NEAR_SINGULAR: of rates: the directions of the ridge lines are so near to one plane that an angular velocity that is
+        computed from the rates has fewer than half of its digits.
     SINGULAR: of rates: the ridge lines have directions in one plane, and the rates do not tell the angular velocity
         (NaN where that is asked for). Of the angles of a sequence: gimbal lock; the first and the third angle are about
         one axis, and the third is given as 0.
@@ -280,10 +283,11 @@ class MotionStatus(IntEnum):
     """
 
     REGULAR = 0
-    SINGULAR = 1
-    KINK = 2
-    NOT_NORMAL = 3
-    INVALID = 4
+    NEAR_SINGULAR = 1
+    SINGULAR = 2
+    KINK = 3
+    NOT_NORMAL = 4
+    INVALID = 5
 
 
 def frame(k):
@@ -298,16 +302,19 @@ def frame(k):
     sines = [k.let(f"sine_{axis}", sp.sqrt(n.dot(n))) for axis, n in zip("xyz", rows, strict=True)]
     kinks = [k.let(f"kink_{axis}", sp.Le(s, 4 * EPS)) for axis, s in zip("xyz", sines, strict=True)]
     size = k.let("volume", (matrix[2, 1] - matrix[1, 2]) * (matrix[2, 1] + matrix[1, 2]))
-    flat = k.let("flat", sp.Le(abs(size), 16 * EPS * sines[0] * sines[1] * sines[2]))
-    return matrix, rows, sines, kinks, size, flat, good, abnormal
+    largest = k.let("most", sines[0] * sines[1] * sines[2])  # of three directions at right angles
+    flat = k.let("flat", sp.Le(abs(size), 16 * EPS * largest))
+    near = k.let("near", sp.Le(abs(size), sp.sqrt(EPS) * largest))
+    return matrix, rows, sines, kinks, size, (flat, near), good, abnormal
 
 
 def verdict(good, abnormal, kinks, flat):
     return sp.Piecewise(
         (MotionStatus.INVALID, sp.Not(good)),
         (MotionStatus.KINK, sp.Or(*kinks)),
-        (MotionStatus.SINGULAR, flat),
+        (MotionStatus.SINGULAR, flat[0]),
         (MotionStatus.NOT_NORMAL, abnormal),
+        (MotionStatus.NEAR_SINGULAR, flat[1]),
         (MotionStatus.REGULAR, True),
         evaluate=False,
     )
@@ -354,7 +361,7 @@ def chi_angular_velocity():
     rate = k.input("rate", 3, unit="rad/time", doc="rates of the three angles")
     known = k.let("known", good & (sum((abs(x) / 4 for x in rate), sp.S.Zero) <= LARGEST))
     b = [k.let(f"b_{axis}", rate[i] * sines[i]) for i, axis in enumerate("xyz")]
-    lost = k.let("lost", sp.Or(flat, *kinks))
+    lost = k.let("lost", sp.Or(flat[0], *kinks))
     total = b[0] * rows[1].cross(rows[2]) + b[1] * rows[2].cross(rows[0]) + b[2] * rows[0].cross(rows[1])
     divisor = k.let("divisor", select(lost, 1, size))
     k.output(

@@ -814,7 +814,7 @@ class RidgeStatus(IntEnum):
     LINE: the two planes meet in it.
     PLANES_COINCIDE: the angle is 0 or pi, and the moved origin is in the plane: every line of it; the result is NaN.
     PLANES_PARALLEL: the angle is 0 or pi, and the planes have a distance: no line; the result is NaN.
-    NOT_NORMAL: a line, of a matrix that is not orthogonal.
+    NOT_NORMAL: the matrix is not orthogonal; its line, and NaN where it has none.
     INVALID: not finite, or a reflection; the result is NaN.
     """
 
@@ -857,9 +857,9 @@ def chi_ridge_lines():
         statuses.append(
             sp.Piecewise(
                 (RidgeStatus.INVALID, sp.Not(good)),
+                (RidgeStatus.NOT_NORMAL, abnormal),
                 (RidgeStatus.PLANES_COINCIDE, flat & sp.Le(abs(height), 4 * EPS * size)),
                 (RidgeStatus.PLANES_PARALLEL, flat),
-                (RidgeStatus.NOT_NORMAL, abnormal),
                 (RidgeStatus.LINE, True),
                 evaluate=False,
             )

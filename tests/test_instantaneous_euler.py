@@ -219,6 +219,8 @@ def test_ridge_lines_of_parallel_planes() -> None:
 
 
 def test_ridge_lines_of_what_is_no_rotation() -> None:
+    _, status = ie.ridge_lines(2 * np.eye(3))
+    assert names(ie.RidgeStatus, status) == ["NOT_NORMAL"] * 3
     lines, status = ie.ridge_lines([np.diag([1.0, 1, -1]), np.full((3, 3), np.nan), 1.001 * MATRICES[0]])
     assert names(ie.RidgeStatus, status) == ["INVALID"] * 6 + ["NOT_NORMAL"] * 3
     assert np.isnan(lines[:2]).all()
@@ -281,6 +283,17 @@ def test_where_rates_do_not_tell_the_angular_velocity(vector: list[float], name:
     omega, status = ie.angular_velocity(matrix, found.rate)
     assert names(ie.MotionStatus, status) == [name]
     assert np.isnan(omega).all()
+
+
+@pytest.mark.parametrize("part", [1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13])
+def test_an_angular_velocity_with_few_digits_says_so(part: float) -> None:
+    quaternion = np.array([1, 0.5, 0.3, part])
+    turn = Rotation.from_quat(quaternion, scalar_first=True)
+    omega = np.array([0.1, 0.2, 0.3])
+    found, status = ie.angular_velocity(turn.as_matrix(), ie.rates(turn.as_matrix(), omega).rate)
+    error = np.abs(found - omega).max()
+    assert error <= 20 * EPS / part
+    assert names(ie.MotionStatus, status) == ["REGULAR" if part >= 1e-7 else "NEAR_SINGULAR"]
 
 
 def test_rate_at_a_kink_is_the_one_towards_later_times() -> None:

@@ -34,7 +34,7 @@ static inline float power_of_two_scale_f32(float x) {
   return x;
 }
 
-/* chi_rates: 35 add, 52 mul, 3 div, 6 sqrt, 17 select, 11 compare, 10 abs */
+/* chi_rates: 35 add, 53 mul, 3 div, 7 sqrt, 18 select, 12 compare, 10 abs */
 void instantaneous_euler_motion_chi_rates_f64(const double matrix[9], const double omega[3], double rate[3], double *determinant, int8_t *status) {
   /* inputs */
   const double matrix_1_1 = matrix[0];
@@ -65,7 +65,10 @@ void instantaneous_euler_motion_chi_rates_f64(const double matrix[9], const doub
   const int kink_y = sine_y <= x6;
   const int kink_z = sine_z <= x6;
   const double volume = (matrix_3_2 - matrix_2_3)*(matrix_2_3 + matrix_3_2);
-  const int flat = fabs(volume) <= 16.0*DBL_EPSILON*sine_x*sine_y*sine_z;
+  const double most = sine_x*sine_y*sine_z;
+  const double x7 = fabs(volume);
+  const int flat = x7 <= 16.0*DBL_EPSILON*most;
+  const int near = x7 <= sqrt(DBL_EPSILON)*most;
   const int known = (good) && (0.25*fabs(omega_1) + 0.25*fabs(omega_2) + 0.25*fabs(omega_3) <= DBL_MAX);
   const double x3 = (omega_2*omega_2);
   const double x4 = (omega_3*omega_3);
@@ -73,7 +76,7 @@ void instantaneous_euler_motion_chi_rates_f64(const double matrix[9], const doub
   const double x5 = (omega_1*omega_1);
   const double speed_y = sqrt(x4 + x5);
   const double speed_z = sqrt(x3 + x5);
-  const double status_value = ((!(known)) ? 4.0 : (((kink_x) || (kink_y) || (kink_z)) ? 2.0 : ((flat) ? 1.0 : ((abnormal) ? 3.0 : 0.0))));
+  const double status_value = ((!(known)) ? 5.0 : (((kink_x) || (kink_y) || (kink_z)) ? 3.0 : ((flat) ? 2.0 : ((abnormal) ? 4.0 : ((near) ? 1.0 : 0.0)))));
   /* outputs */
   rate[0] = ((known) ? ((kink_x) ? ((matrix_1_1 > 0.0) ? speed_x : -speed_x) : (matrix_2_1*omega_3 - matrix_3_1*omega_2)*((kink_x) ? 1.0 : 1.0/sine_x)) : (double)NAN);
   rate[1] = ((known) ? ((kink_y) ? ((matrix_2_2 > 0.0) ? speed_y : -speed_y) : (matrix_3_2*omega_1 - matrix_1_2*omega_3)*((kink_y) ? 1.0 : 1.0/sine_y)) : (double)NAN);
@@ -87,7 +90,7 @@ void instantaneous_euler_motion_chi_rates_batch_f64(size_t count, const double *
     instantaneous_euler_motion_chi_rates_f64(matrix + 9 * i, omega + 3 * i, rate + 3 * i, determinant + i, status + i);
 }
 
-/* chi_rates: 35 add, 52 mul, 3 div, 6 sqrt, 17 select, 11 compare, 10 abs */
+/* chi_rates: 35 add, 53 mul, 3 div, 7 sqrt, 18 select, 12 compare, 10 abs */
 void instantaneous_euler_motion_chi_rates_f32(const float matrix[9], const float omega[3], float rate[3], float *determinant, int8_t *status) {
   /* inputs */
   const float matrix_1_1 = matrix[0];
@@ -118,7 +121,10 @@ void instantaneous_euler_motion_chi_rates_f32(const float matrix[9], const float
   const int kink_y = sine_y <= x6;
   const int kink_z = sine_z <= x6;
   const float volume = (matrix_3_2 - matrix_2_3)*(matrix_2_3 + matrix_3_2);
-  const int flat = fabsf(volume) <= 16.0f*FLT_EPSILON*sine_x*sine_y*sine_z;
+  const float most = sine_x*sine_y*sine_z;
+  const float x7 = fabsf(volume);
+  const int flat = x7 <= 16.0f*FLT_EPSILON*most;
+  const int near = x7 <= sqrtf(FLT_EPSILON)*most;
   const int known = (good) && (0.25f*fabsf(omega_1) + 0.25f*fabsf(omega_2) + 0.25f*fabsf(omega_3) <= FLT_MAX);
   const float x3 = (omega_2*omega_2);
   const float x4 = (omega_3*omega_3);
@@ -126,7 +132,7 @@ void instantaneous_euler_motion_chi_rates_f32(const float matrix[9], const float
   const float x5 = (omega_1*omega_1);
   const float speed_y = sqrtf(x4 + x5);
   const float speed_z = sqrtf(x3 + x5);
-  const float status_value = ((!(known)) ? 4.0f : (((kink_x) || (kink_y) || (kink_z)) ? 2.0f : ((flat) ? 1.0f : ((abnormal) ? 3.0f : 0.0f))));
+  const float status_value = ((!(known)) ? 5.0f : (((kink_x) || (kink_y) || (kink_z)) ? 3.0f : ((flat) ? 2.0f : ((abnormal) ? 4.0f : ((near) ? 1.0f : 0.0f)))));
   /* outputs */
   rate[0] = ((known) ? ((kink_x) ? ((matrix_1_1 > 0.0f) ? speed_x : -speed_x) : (matrix_2_1*omega_3 - matrix_3_1*omega_2)*((kink_x) ? 1.0f : 1.0f/sine_x)) : (float)NAN);
   rate[1] = ((known) ? ((kink_y) ? ((matrix_2_2 > 0.0f) ? speed_y : -speed_y) : (matrix_3_2*omega_1 - matrix_1_2*omega_3)*((kink_y) ? 1.0f : 1.0f/sine_y)) : (float)NAN);
@@ -140,7 +146,7 @@ void instantaneous_euler_motion_chi_rates_batch_f32(size_t count, const float *m
     instantaneous_euler_motion_chi_rates_f32(matrix + 9 * i, omega + 3 * i, rate + 3 * i, determinant + i, status + i);
 }
 
-/* chi_angular_velocity: 35 add, 60 mul, 1 div, 3 sqrt, 8 select, 8 compare, 10 abs */
+/* chi_angular_velocity: 35 add, 61 mul, 1 div, 4 sqrt, 9 select, 9 compare, 10 abs */
 void instantaneous_euler_motion_chi_angular_velocity_f64(const double matrix[9], const double rate[3], double omega[3], int8_t *status) {
   /* inputs */
   const double matrix_1_1 = matrix[0];
@@ -175,7 +181,10 @@ void instantaneous_euler_motion_chi_angular_velocity_f64(const double matrix[9],
   const int kink_y = sine_y <= x8;
   const int kink_z = sine_z <= x8;
   const double volume = (matrix_3_2 - matrix_2_3)*(matrix_2_3 + matrix_3_2);
-  const int flat = fabs(volume) <= 16.0*DBL_EPSILON*sine_x*sine_y*sine_z;
+  const double most = sine_x*sine_y*sine_z;
+  const double x9 = fabs(volume);
+  const int flat = x9 <= 16.0*DBL_EPSILON*most;
+  const int near = x9 <= sqrt(DBL_EPSILON)*most;
   const int known = (good) && (0.25*fabs(rate_1) + 0.25*fabs(rate_2) + 0.25*fabs(rate_3) <= DBL_MAX);
   const double b_x = rate_1*sine_x;
   const double b_y = rate_2*sine_y;
@@ -183,7 +192,7 @@ void instantaneous_euler_motion_chi_angular_velocity_f64(const double matrix[9],
   const int lost = (flat) || (kink_x) || (kink_y) || (kink_z);
   const double divisor = ((lost) ? 1.0 : volume);
   const double x7 = 1.0/divisor;
-  const double status_value = ((!(known)) ? 4.0 : (((kink_x) || (kink_y) || (kink_z)) ? 2.0 : ((flat) ? 1.0 : ((abnormal) ? 3.0 : 0.0))));
+  const double status_value = ((!(known)) ? 5.0 : (((kink_x) || (kink_y) || (kink_z)) ? 3.0 : ((flat) ? 2.0 : ((abnormal) ? 4.0 : ((near) ? 1.0 : 0.0)))));
   /* outputs */
   omega[0] = (((known) && (!(lost))) ? x7*(b_x*x5 + b_y*matrix_1_3*matrix_2_1 + b_z*matrix_1_2*matrix_3_1) : (double)NAN);
   omega[1] = (((known) && (!(lost))) ? x7*(b_x*x6 + b_y*x4 + b_z*matrix_2_1*matrix_3_2) : (double)NAN);
@@ -196,7 +205,7 @@ void instantaneous_euler_motion_chi_angular_velocity_batch_f64(size_t count, con
     instantaneous_euler_motion_chi_angular_velocity_f64(matrix + 9 * i, rate + 3 * i, omega + 3 * i, status + i);
 }
 
-/* chi_angular_velocity: 35 add, 60 mul, 1 div, 3 sqrt, 8 select, 8 compare, 10 abs */
+/* chi_angular_velocity: 35 add, 61 mul, 1 div, 4 sqrt, 9 select, 9 compare, 10 abs */
 void instantaneous_euler_motion_chi_angular_velocity_f32(const float matrix[9], const float rate[3], float omega[3], int8_t *status) {
   /* inputs */
   const float matrix_1_1 = matrix[0];
@@ -231,7 +240,10 @@ void instantaneous_euler_motion_chi_angular_velocity_f32(const float matrix[9], 
   const int kink_y = sine_y <= x8;
   const int kink_z = sine_z <= x8;
   const float volume = (matrix_3_2 - matrix_2_3)*(matrix_2_3 + matrix_3_2);
-  const int flat = fabsf(volume) <= 16.0f*FLT_EPSILON*sine_x*sine_y*sine_z;
+  const float most = sine_x*sine_y*sine_z;
+  const float x9 = fabsf(volume);
+  const int flat = x9 <= 16.0f*FLT_EPSILON*most;
+  const int near = x9 <= sqrtf(FLT_EPSILON)*most;
   const int known = (good) && (0.25f*fabsf(rate_1) + 0.25f*fabsf(rate_2) + 0.25f*fabsf(rate_3) <= FLT_MAX);
   const float b_x = rate_1*sine_x;
   const float b_y = rate_2*sine_y;
@@ -239,7 +251,7 @@ void instantaneous_euler_motion_chi_angular_velocity_f32(const float matrix[9], 
   const int lost = (flat) || (kink_x) || (kink_y) || (kink_z);
   const float divisor = ((lost) ? 1.0f : volume);
   const float x7 = 1.0f/divisor;
-  const float status_value = ((!(known)) ? 4.0f : (((kink_x) || (kink_y) || (kink_z)) ? 2.0f : ((flat) ? 1.0f : ((abnormal) ? 3.0f : 0.0f))));
+  const float status_value = ((!(known)) ? 5.0f : (((kink_x) || (kink_y) || (kink_z)) ? 3.0f : ((flat) ? 2.0f : ((abnormal) ? 4.0f : ((near) ? 1.0f : 0.0f)))));
   /* outputs */
   omega[0] = (((known) && (!(lost))) ? x7*(b_x*x5 + b_y*matrix_1_3*matrix_2_1 + b_z*matrix_1_2*matrix_3_1) : (float)NAN);
   omega[1] = (((known) && (!(lost))) ? x7*(b_x*x6 + b_y*x4 + b_z*matrix_2_1*matrix_3_2) : (float)NAN);
@@ -458,7 +470,7 @@ void instantaneous_euler_motion_chi_zyx_from_quaternion_f64(const double quatern
   const double third = half_sum - half_difference;
   const double x3 = 2.0*3.141592653589793;
   const double x6 = -3.141592653589793;
-  const double status_value = ((!(good)) ? 4.0 : (((high) || (low)) ? 1.0 : ((quaternion_deviation > 16.0*DBL_EPSILON) ? 3.0 : 0.0)));
+  const double status_value = ((!(good)) ? 5.0 : (((high) || (low)) ? 2.0 : ((quaternion_deviation > 16.0*DBL_EPSILON) ? 4.0 : 0.0)));
   /* outputs */
   angles[0] = ((good) ? ((first > 3.141592653589793) ? first - x3 : ((first <= x6) ? first + x3 : first)) : (double)NAN);
   angles[1] = ((good) ? atan2(2.0*quaternion_unit_1*quaternion_unit_3 - 2.0*quaternion_unit_2*quaternion_unit_4, 2.0*cosine*sine) : (double)NAN);
@@ -517,7 +529,7 @@ void instantaneous_euler_motion_chi_zyx_from_quaternion_f32(const float quaterni
   const float third = half_sum - half_difference;
   const float x3 = 2.0f*3.141592653589793f;
   const float x6 = -3.141592653589793f;
-  const float status_value = ((!(good)) ? 4.0f : (((high) || (low)) ? 1.0f : ((quaternion_deviation > 16.0f*FLT_EPSILON) ? 3.0f : 0.0f)));
+  const float status_value = ((!(good)) ? 5.0f : (((high) || (low)) ? 2.0f : ((quaternion_deviation > 16.0f*FLT_EPSILON) ? 4.0f : 0.0f)));
   /* outputs */
   angles[0] = ((good) ? ((first > 3.141592653589793f) ? first - x3 : ((first <= x6) ? first + x3 : first)) : (float)NAN);
   angles[1] = ((good) ? atan2f(2.0f*quaternion_unit_1*quaternion_unit_3 - 2.0f*quaternion_unit_2*quaternion_unit_4, 2.0f*cosine*sine) : (float)NAN);
@@ -571,7 +583,7 @@ void instantaneous_euler_motion_chi_zyz_from_quaternion_f64(const double quatern
   const double third = half_sum - half_difference;
   const double x2 = 2.0*3.141592653589793;
   const double x5 = -3.141592653589793;
-  const double status_value = ((!(good)) ? 4.0 : (((high) || (low)) ? 1.0 : ((quaternion_deviation > 16.0*DBL_EPSILON) ? 3.0 : 0.0)));
+  const double status_value = ((!(good)) ? 5.0 : (((high) || (low)) ? 2.0 : ((quaternion_deviation > 16.0*DBL_EPSILON) ? 4.0 : 0.0)));
   /* outputs */
   angles[0] = ((good) ? ((first > 3.141592653589793) ? first - x2 : ((first <= x5) ? first + x2 : first)) : (double)NAN);
   angles[1] = ((good) ? 2.0*atan2(sine, cosine) : (double)NAN);
@@ -625,7 +637,7 @@ void instantaneous_euler_motion_chi_zyz_from_quaternion_f32(const float quaterni
   const float third = half_sum - half_difference;
   const float x2 = 2.0f*3.141592653589793f;
   const float x5 = -3.141592653589793f;
-  const float status_value = ((!(good)) ? 4.0f : (((high) || (low)) ? 1.0f : ((quaternion_deviation > 16.0f*FLT_EPSILON) ? 3.0f : 0.0f)));
+  const float status_value = ((!(good)) ? 5.0f : (((high) || (low)) ? 2.0f : ((quaternion_deviation > 16.0f*FLT_EPSILON) ? 4.0f : 0.0f)));
   /* outputs */
   angles[0] = ((good) ? ((first > 3.141592653589793f) ? first - x2 : ((first <= x5) ? first + x2 : first)) : (float)NAN);
   angles[1] = ((good) ? 2.0f*atan2f(sine, cosine) : (float)NAN);

@@ -19,6 +19,8 @@ extern "C" {
 /* What rates, or the angles of a sequence, are.
  *
  * REGULAR: the ordinary case.
+ * NEAR_SINGULAR: of rates: the directions of the ridge lines are so near to one plane that an angular velocity that is
+ *     computed from the rates has fewer than half of its digits.
  * SINGULAR: of rates: the ridge lines have directions in one plane, and the rates do not tell the angular velocity
  *     (NaN where that is asked for). Of the angles of a sequence: gimbal lock; the first and the third angle are about
  *     one axis, and the third is given as 0.
@@ -28,15 +30,16 @@ extern "C" {
  */
 enum instantaneous_euler_motion_motion_status {
   INSTANTANEOUS_EULER_MOTION_REGULAR = 0,
-  INSTANTANEOUS_EULER_MOTION_SINGULAR = 1,
-  INSTANTANEOUS_EULER_MOTION_KINK = 2,
-  INSTANTANEOUS_EULER_MOTION_NOT_NORMAL = 3,
-  INSTANTANEOUS_EULER_MOTION_INVALID = 4
+  INSTANTANEOUS_EULER_MOTION_NEAR_SINGULAR = 1,
+  INSTANTANEOUS_EULER_MOTION_SINGULAR = 2,
+  INSTANTANEOUS_EULER_MOTION_KINK = 3,
+  INSTANTANEOUS_EULER_MOTION_NOT_NORMAL = 4,
+  INSTANTANEOUS_EULER_MOTION_INVALID = 5
 };
 
 /* Rates of the instantaneous Euler angles of a turning body.
  * Source: derivation instantaneous_euler_motion, entries rates, kink and volume
- * Operations: 35 add, 52 mul, 3 div, 6 sqrt, 17 select, 11 compare, 10 abs
+ * Operations: 35 add, 53 mul, 3 div, 7 sqrt, 18 select, 12 compare, 10 abs
  * matrix : array (3, 3), 1 rotation; its columns are the moved axes
  * omega : array (3), rad/time angular velocity, in fixed axes
  * rate : array (3), rad/time rates of the three angles
@@ -50,7 +53,7 @@ void instantaneous_euler_motion_chi_rates_batch_f32(size_t count, const float *m
 
 /* Angular velocity of a body whose instantaneous Euler angles change at given rates.
  * Source: derivation instantaneous_euler_motion, entry angular-velocity
- * Operations: 35 add, 60 mul, 1 div, 3 sqrt, 8 select, 8 compare, 10 abs
+ * Operations: 35 add, 61 mul, 1 div, 4 sqrt, 9 select, 9 compare, 10 abs
  * matrix : array (3, 3), 1 rotation; its columns are the moved axes
  * rate : array (3), rad/time rates of the three angles
  * omega : array (3), rad/time angular velocity, in fixed axes

@@ -8,7 +8,7 @@
 #include <float.h>
 #include <math.h>
 
-/* chi_ridge_lines: 33 add, 51 mul, 3 div, 3 sqrt, 25 select, 10 compare, 12 abs */
+/* chi_ridge_lines: 33 add, 51 mul, 3 div, 3 sqrt, 27 select, 10 compare, 12 abs */
 void instantaneous_euler_ridges_chi_ridge_lines_f64(const double matrix[9], const double point[3], double lines[18], int8_t *status_x, int8_t *status_y, int8_t *status_z) {
   /* inputs */
   const double matrix_1_1 = matrix[0];
@@ -34,16 +34,16 @@ void instantaneous_euler_ridges_chi_ridge_lines_f64(const double matrix[9], cons
   const int abnormal = deviation > 64.0*DBL_EPSILON;
   const double sine_x = sqrt(x0);
   const double height_x = matrix_1_1*point_1 + matrix_2_1*point_2 + matrix_3_1*point_3;
-  const double x10 = 4.0*DBL_EPSILON;
-  const int flat_x = sine_x <= x10;
+  const double x9 = 4.0*DBL_EPSILON;
+  const int flat_x = sine_x <= x9;
   const double length_x = ((flat_x) ? (double)NAN : sine_x);
   const double sine_y = sqrt(x1);
   const double height_y = matrix_1_2*point_1 + matrix_2_2*point_2 + matrix_3_2*point_3;
-  const int flat_y = sine_y <= x10;
+  const int flat_y = sine_y <= x9;
   const double length_y = ((flat_y) ? (double)NAN : sine_y);
   const double sine_z = sqrt(x2);
   const double height_z = matrix_1_3*point_1 + matrix_2_3*point_2 + matrix_3_3*point_3;
-  const int flat_z = sine_z <= x10;
+  const int flat_z = sine_z <= x9;
   const double length_z = ((flat_z) ? (double)NAN : sine_z);
   const double x3 = (((flat_x) || (!(good))) ? (double)NAN : 0.0);
   const double x4 = 1.0/length_x;
@@ -51,11 +51,10 @@ void instantaneous_euler_ridges_chi_ridge_lines_f64(const double matrix[9], cons
   const double x6 = (((flat_y) || (!(good))) ? (double)NAN : 0.0);
   const double x7 = 1.0/length_z;
   const double x8 = (((flat_z) || (!(good))) ? (double)NAN : 0.0);
-  const double x9 = ((abnormal) ? 3.0 : 0.0);
-  const double x11 = size*x10;
-  const double status_x_value = ((!(good)) ? 4.0 : (((flat_x) && (fabs(height_x) <= x11)) ? 1.0 : ((flat_x) ? 2.0 : x9)));
-  const double status_y_value = ((!(good)) ? 4.0 : (((flat_y) && (fabs(height_y) <= x11)) ? 1.0 : ((flat_y) ? 2.0 : x9)));
-  const double status_z_value = ((!(good)) ? 4.0 : (((flat_z) && (fabs(height_z) <= x11)) ? 1.0 : ((flat_z) ? 2.0 : x9)));
+  const double x10 = size*x9;
+  const double status_x_value = ((!(good)) ? 4.0 : ((abnormal) ? 3.0 : (((flat_x) && (fabs(height_x) <= x10)) ? 1.0 : ((flat_x) ? 2.0 : 0.0))));
+  const double status_y_value = ((!(good)) ? 4.0 : ((abnormal) ? 3.0 : (((flat_y) && (fabs(height_y) <= x10)) ? 1.0 : ((flat_y) ? 2.0 : 0.0))));
+  const double status_z_value = ((!(good)) ? 4.0 : ((abnormal) ? 3.0 : (((flat_z) && (fabs(height_z) <= x10)) ? 1.0 : ((flat_z) ? 2.0 : 0.0))));
   /* outputs */
   lines[0] = x3;
   lines[1] = (((flat_x) || (!(good))) ? (double)NAN : -matrix_3_1*x4);
@@ -85,7 +84,7 @@ void instantaneous_euler_ridges_chi_ridge_lines_batch_f64(size_t count, const do
     instantaneous_euler_ridges_chi_ridge_lines_f64(matrix + 9 * i, point + 3 * i, lines + 18 * i, status_x + i, status_y + i, status_z + i);
 }
 
-/* chi_ridge_lines: 33 add, 51 mul, 3 div, 3 sqrt, 25 select, 10 compare, 12 abs */
+/* chi_ridge_lines: 33 add, 51 mul, 3 div, 3 sqrt, 27 select, 10 compare, 12 abs */
 void instantaneous_euler_ridges_chi_ridge_lines_f32(const float matrix[9], const float point[3], float lines[18], int8_t *status_x, int8_t *status_y, int8_t *status_z) {
   /* inputs */
   const float matrix_1_1 = matrix[0];
@@ -111,16 +110,16 @@ void instantaneous_euler_ridges_chi_ridge_lines_f32(const float matrix[9], const
   const int abnormal = deviation > 64.0f*FLT_EPSILON;
   const float sine_x = sqrtf(x0);
   const float height_x = matrix_1_1*point_1 + matrix_2_1*point_2 + matrix_3_1*point_3;
-  const float x10 = 4.0f*FLT_EPSILON;
-  const int flat_x = sine_x <= x10;
+  const float x9 = 4.0f*FLT_EPSILON;
+  const int flat_x = sine_x <= x9;
   const float length_x = ((flat_x) ? (float)NAN : sine_x);
   const float sine_y = sqrtf(x1);
   const float height_y = matrix_1_2*point_1 + matrix_2_2*point_2 + matrix_3_2*point_3;
-  const int flat_y = sine_y <= x10;
+  const int flat_y = sine_y <= x9;
   const float length_y = ((flat_y) ? (float)NAN : sine_y);
   const float sine_z = sqrtf(x2);
   const float height_z = matrix_1_3*point_1 + matrix_2_3*point_2 + matrix_3_3*point_3;
-  const int flat_z = sine_z <= x10;
+  const int flat_z = sine_z <= x9;
   const float length_z = ((flat_z) ? (float)NAN : sine_z);
   const float x3 = (((flat_x) || (!(good))) ? (float)NAN : 0.0f);
   const float x4 = 1.0f/length_x;
@@ -128,11 +127,10 @@ void instantaneous_euler_ridges_chi_ridge_lines_f32(const float matrix[9], const
   const float x6 = (((flat_y) || (!(good))) ? (float)NAN : 0.0f);
   const float x7 = 1.0f/length_z;
   const float x8 = (((flat_z) || (!(good))) ? (float)NAN : 0.0f);
-  const float x9 = ((abnormal) ? 3.0f : 0.0f);
-  const float x11 = size*x10;
-  const float status_x_value = ((!(good)) ? 4.0f : (((flat_x) && (fabsf(height_x) <= x11)) ? 1.0f : ((flat_x) ? 2.0f : x9)));
-  const float status_y_value = ((!(good)) ? 4.0f : (((flat_y) && (fabsf(height_y) <= x11)) ? 1.0f : ((flat_y) ? 2.0f : x9)));
-  const float status_z_value = ((!(good)) ? 4.0f : (((flat_z) && (fabsf(height_z) <= x11)) ? 1.0f : ((flat_z) ? 2.0f : x9)));
+  const float x10 = size*x9;
+  const float status_x_value = ((!(good)) ? 4.0f : ((abnormal) ? 3.0f : (((flat_x) && (fabsf(height_x) <= x10)) ? 1.0f : ((flat_x) ? 2.0f : 0.0f))));
+  const float status_y_value = ((!(good)) ? 4.0f : ((abnormal) ? 3.0f : (((flat_y) && (fabsf(height_y) <= x10)) ? 1.0f : ((flat_y) ? 2.0f : 0.0f))));
+  const float status_z_value = ((!(good)) ? 4.0f : ((abnormal) ? 3.0f : (((flat_z) && (fabsf(height_z) <= x10)) ? 1.0f : ((flat_z) ? 2.0f : 0.0f))));
   /* outputs */
   lines[0] = x3;
   lines[1] = (((flat_x) || (!(good))) ? (float)NAN : -matrix_3_1*x4);

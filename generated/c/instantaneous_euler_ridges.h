@@ -21,7 +21,7 @@ extern "C" {
  * LINE: the two planes meet in it.
  * PLANES_COINCIDE: the angle is 0 or pi, and the moved origin is in the plane: every line of it; the result is NaN.
  * PLANES_PARALLEL: the angle is 0 or pi, and the planes have a distance: no line; the result is NaN.
- * NOT_NORMAL: a line, of a matrix that is not orthogonal.
+ * NOT_NORMAL: the matrix is not orthogonal; its line, and NaN where it has none.
  * INVALID: not finite, or a reflection; the result is NaN.
  */
 enum instantaneous_euler_ridges_ridge_status {
@@ -34,7 +34,7 @@ enum instantaneous_euler_ridges_ridge_status {
 
 /* Lines in which the coordinate planes meet their images.
  * Source: Zhou and Zhu, eqs. (9), (12), (15) put right
- * Operations: 33 add, 51 mul, 3 div, 3 sqrt, 25 select, 10 compare, 12 abs
+ * Operations: 33 add, 51 mul, 3 div, 3 sqrt, 27 select, 10 compare, 12 abs
  * matrix : array (3, 3), 1 rotation; its columns are the moved axes
  * point : array (3), length the moved origin
  * lines : array (3, 6), 1, length the ridge lines, one a row

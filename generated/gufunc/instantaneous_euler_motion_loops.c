@@ -24,8 +24,8 @@
 
 enum { BLOCK = 16 };
 
-/* chi_rates: 35 add, 52 mul, 3 div, 6 sqrt, 17 select, 11 compare, 10 abs */
-/* 35 add, 52 mul, 3 div, 6 sqrt, 17 select, 11 compare, 10 abs */
+/* chi_rates: 35 add, 53 mul, 3 div, 7 sqrt, 18 select, 12 compare, 10 abs */
+/* 35 add, 53 mul, 3 div, 7 sqrt, 18 select, 12 compare, 10 abs */
 static inline void chi_rates_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -56,7 +56,10 @@ static inline void chi_rates_f64(double (*restrict input)[BLOCK], double (*restr
     const int64_t kink_y = mask_f64(sine_y <= x6);
     const int64_t kink_z = mask_f64(sine_z <= x6);
     const double volume = (matrix_3_2 - matrix_2_3)*(matrix_2_3 + matrix_3_2);
-    const int64_t flat = mask_f64(fabs(volume) <= 16.0*DBL_EPSILON*sine_x*sine_y*sine_z);
+    const double most = sine_x*sine_y*sine_z;
+    const double x7 = fabs(volume);
+    const int64_t flat = mask_f64(x7 <= 16.0*DBL_EPSILON*most);
+    const int64_t near = mask_f64(x7 <= sqrt(DBL_EPSILON)*most);
     const int64_t known = (good) & (mask_f64(0.25*fabs(omega_1) + 0.25*fabs(omega_2) + 0.25*fabs(omega_3) <= DBL_MAX));
     const double x3 = (omega_2*omega_2);
     const double x4 = (omega_3*omega_3);
@@ -68,7 +71,7 @@ static inline void chi_rates_f64(double (*restrict input)[BLOCK], double (*restr
     const double rate_2 = blend_f64(known, blend_f64(kink_y, blend_f64(mask_f64(matrix_2_2 > 0.0), speed_y, -speed_y), (matrix_3_2*omega_1 - matrix_1_2*omega_3)*blend_f64(kink_y, 1.0, 1.0/sine_y)), (double)NAN);
     const double rate_3 = blend_f64(known, blend_f64(kink_z, blend_f64(mask_f64(matrix_3_3 > 0.0), speed_z, -speed_z), (matrix_1_3*omega_2 - matrix_2_3*omega_1)*blend_f64(kink_z, 1.0, 1.0/sine_z)), (double)NAN);
     const double determinant = blend_f64(good, volume, (double)NAN);
-    const double status = blend_f64(~(known), 4.0, blend_f64((kink_x) | (kink_y) | (kink_z), 2.0, blend_f64(flat, 1.0, blend_f64(abnormal, 3.0, 0.0))));
+    const double status = blend_f64(~(known), 5.0, blend_f64((kink_x) | (kink_y) | (kink_z), 3.0, blend_f64(flat, 2.0, blend_f64(abnormal, 4.0, blend_f64(near, 1.0, 0.0)))));
     output[0][i] = rate_1;
     output[1][i] = rate_2;
     output[2][i] = rate_3;
@@ -150,8 +153,8 @@ void LOOP(instantaneous_euler_motion_chi_rates_loop_f64)(char **args, const ptrd
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* chi_rates: 35 add, 52 mul, 3 div, 6 sqrt, 17 select, 11 compare, 10 abs */
-/* 35 add, 52 mul, 3 div, 6 sqrt, 17 select, 11 compare, 10 abs */
+/* chi_rates: 35 add, 53 mul, 3 div, 7 sqrt, 18 select, 12 compare, 10 abs */
+/* 35 add, 53 mul, 3 div, 7 sqrt, 18 select, 12 compare, 10 abs */
 static inline void chi_rates_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -182,7 +185,10 @@ static inline void chi_rates_f32(float (*restrict input)[BLOCK], float (*restric
     const int32_t kink_y = mask_f32(sine_y <= x6);
     const int32_t kink_z = mask_f32(sine_z <= x6);
     const float volume = (matrix_3_2 - matrix_2_3)*(matrix_2_3 + matrix_3_2);
-    const int32_t flat = mask_f32(fabsf(volume) <= 16.0f*FLT_EPSILON*sine_x*sine_y*sine_z);
+    const float most = sine_x*sine_y*sine_z;
+    const float x7 = fabsf(volume);
+    const int32_t flat = mask_f32(x7 <= 16.0f*FLT_EPSILON*most);
+    const int32_t near = mask_f32(x7 <= sqrtf(FLT_EPSILON)*most);
     const int32_t known = (good) & (mask_f32(0.25f*fabsf(omega_1) + 0.25f*fabsf(omega_2) + 0.25f*fabsf(omega_3) <= FLT_MAX));
     const float x3 = (omega_2*omega_2);
     const float x4 = (omega_3*omega_3);
@@ -194,7 +200,7 @@ static inline void chi_rates_f32(float (*restrict input)[BLOCK], float (*restric
     const float rate_2 = blend_f32(known, blend_f32(kink_y, blend_f32(mask_f32(matrix_2_2 > 0.0f), speed_y, -speed_y), (matrix_3_2*omega_1 - matrix_1_2*omega_3)*blend_f32(kink_y, 1.0f, 1.0f/sine_y)), (float)NAN);
     const float rate_3 = blend_f32(known, blend_f32(kink_z, blend_f32(mask_f32(matrix_3_3 > 0.0f), speed_z, -speed_z), (matrix_1_3*omega_2 - matrix_2_3*omega_1)*blend_f32(kink_z, 1.0f, 1.0f/sine_z)), (float)NAN);
     const float determinant = blend_f32(good, volume, (float)NAN);
-    const float status = blend_f32(~(known), 4.0f, blend_f32((kink_x) | (kink_y) | (kink_z), 2.0f, blend_f32(flat, 1.0f, blend_f32(abnormal, 3.0f, 0.0f))));
+    const float status = blend_f32(~(known), 5.0f, blend_f32((kink_x) | (kink_y) | (kink_z), 3.0f, blend_f32(flat, 2.0f, blend_f32(abnormal, 4.0f, blend_f32(near, 1.0f, 0.0f)))));
     output[0][i] = rate_1;
     output[1][i] = rate_2;
     output[2][i] = rate_3;
@@ -276,8 +282,8 @@ void LOOP(instantaneous_euler_motion_chi_rates_loop_f32)(char **args, const ptrd
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* chi_angular_velocity: 35 add, 60 mul, 1 div, 3 sqrt, 8 select, 8 compare, 10 abs */
-/* 35 add, 60 mul, 1 div, 3 sqrt, 8 select, 8 compare, 10 abs */
+/* chi_angular_velocity: 35 add, 61 mul, 1 div, 4 sqrt, 9 select, 9 compare, 10 abs */
+/* 35 add, 61 mul, 1 div, 4 sqrt, 9 select, 9 compare, 10 abs */
 static inline void chi_angular_velocity_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -312,7 +318,10 @@ static inline void chi_angular_velocity_f64(double (*restrict input)[BLOCK], dou
     const int64_t kink_y = mask_f64(sine_y <= x8);
     const int64_t kink_z = mask_f64(sine_z <= x8);
     const double volume = (matrix_3_2 - matrix_2_3)*(matrix_2_3 + matrix_3_2);
-    const int64_t flat = mask_f64(fabs(volume) <= 16.0*DBL_EPSILON*sine_x*sine_y*sine_z);
+    const double most = sine_x*sine_y*sine_z;
+    const double x9 = fabs(volume);
+    const int64_t flat = mask_f64(x9 <= 16.0*DBL_EPSILON*most);
+    const int64_t near = mask_f64(x9 <= sqrt(DBL_EPSILON)*most);
     const int64_t known = (good) & (mask_f64(0.25*fabs(rate_1) + 0.25*fabs(rate_2) + 0.25*fabs(rate_3) <= DBL_MAX));
     const double b_x = rate_1*sine_x;
     const double b_y = rate_2*sine_y;
@@ -323,7 +332,7 @@ static inline void chi_angular_velocity_f64(double (*restrict input)[BLOCK], dou
     const double omega_1 = blend_f64((known) & (~(lost)), x7*(b_x*x5 + b_y*matrix_1_3*matrix_2_1 + b_z*matrix_1_2*matrix_3_1), (double)NAN);
     const double omega_2 = blend_f64((known) & (~(lost)), x7*(b_x*x6 + b_y*x4 + b_z*matrix_2_1*matrix_3_2), (double)NAN);
     const double omega_3 = blend_f64((known) & (~(lost)), x7*(b_x*matrix_1_3*matrix_3_2 + b_y*matrix_2_3*matrix_3_1 + b_z*x3), (double)NAN);
-    const double status = blend_f64(~(known), 4.0, blend_f64((kink_x) | (kink_y) | (kink_z), 2.0, blend_f64(flat, 1.0, blend_f64(abnormal, 3.0, 0.0))));
+    const double status = blend_f64(~(known), 5.0, blend_f64((kink_x) | (kink_y) | (kink_z), 3.0, blend_f64(flat, 2.0, blend_f64(abnormal, 4.0, blend_f64(near, 1.0, 0.0)))));
     output[0][i] = omega_1;
     output[1][i] = omega_2;
     output[2][i] = omega_3;
@@ -389,8 +398,8 @@ void LOOP(instantaneous_euler_motion_chi_angular_velocity_loop_f64)(char **args,
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* chi_angular_velocity: 35 add, 60 mul, 1 div, 3 sqrt, 8 select, 8 compare, 10 abs */
-/* 35 add, 60 mul, 1 div, 3 sqrt, 8 select, 8 compare, 10 abs */
+/* chi_angular_velocity: 35 add, 61 mul, 1 div, 4 sqrt, 9 select, 9 compare, 10 abs */
+/* 35 add, 61 mul, 1 div, 4 sqrt, 9 select, 9 compare, 10 abs */
 static inline void chi_angular_velocity_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -425,7 +434,10 @@ static inline void chi_angular_velocity_f32(float (*restrict input)[BLOCK], floa
     const int32_t kink_y = mask_f32(sine_y <= x8);
     const int32_t kink_z = mask_f32(sine_z <= x8);
     const float volume = (matrix_3_2 - matrix_2_3)*(matrix_2_3 + matrix_3_2);
-    const int32_t flat = mask_f32(fabsf(volume) <= 16.0f*FLT_EPSILON*sine_x*sine_y*sine_z);
+    const float most = sine_x*sine_y*sine_z;
+    const float x9 = fabsf(volume);
+    const int32_t flat = mask_f32(x9 <= 16.0f*FLT_EPSILON*most);
+    const int32_t near = mask_f32(x9 <= sqrtf(FLT_EPSILON)*most);
     const int32_t known = (good) & (mask_f32(0.25f*fabsf(rate_1) + 0.25f*fabsf(rate_2) + 0.25f*fabsf(rate_3) <= FLT_MAX));
     const float b_x = rate_1*sine_x;
     const float b_y = rate_2*sine_y;
@@ -436,7 +448,7 @@ static inline void chi_angular_velocity_f32(float (*restrict input)[BLOCK], floa
     const float omega_1 = blend_f32((known) & (~(lost)), x7*(b_x*x5 + b_y*matrix_1_3*matrix_2_1 + b_z*matrix_1_2*matrix_3_1), (float)NAN);
     const float omega_2 = blend_f32((known) & (~(lost)), x7*(b_x*x6 + b_y*x4 + b_z*matrix_2_1*matrix_3_2), (float)NAN);
     const float omega_3 = blend_f32((known) & (~(lost)), x7*(b_x*matrix_1_3*matrix_3_2 + b_y*matrix_2_3*matrix_3_1 + b_z*x3), (float)NAN);
-    const float status = blend_f32(~(known), 4.0f, blend_f32((kink_x) | (kink_y) | (kink_z), 2.0f, blend_f32(flat, 1.0f, blend_f32(abnormal, 3.0f, 0.0f))));
+    const float status = blend_f32(~(known), 5.0f, blend_f32((kink_x) | (kink_y) | (kink_z), 3.0f, blend_f32(flat, 2.0f, blend_f32(abnormal, 4.0f, blend_f32(near, 1.0f, 0.0f)))));
     output[0][i] = omega_1;
     output[1][i] = omega_2;
     output[2][i] = omega_3;
@@ -1120,7 +1132,7 @@ static inline void chi_zyx_from_quaternion_f64(double (*restrict input)[BLOCK], 
     const double angles_1 = blend_f64(good, blend_f64(mask_f64(first > 3.141592653589793), first - x3, blend_f64(mask_f64(first <= x6), first + x3, first)), (double)NAN);
     const double angles_2 = blend_f64(good, vector_atan2_f64(2.0*quaternion_unit_1*quaternion_unit_3 - 2.0*quaternion_unit_2*quaternion_unit_4, 2.0*cosine*sine), (double)NAN);
     const double angles_3 = blend_f64(good, blend_f64(mask_f64(third > 3.141592653589793), third - x3, blend_f64(mask_f64(third <= x6), third + x3, third)), (double)NAN);
-    const double status = blend_f64(~(good), 4.0, blend_f64((high) | (low), 1.0, blend_f64(mask_f64(quaternion_deviation > 16.0*DBL_EPSILON), 3.0, 0.0)));
+    const double status = blend_f64(~(good), 5.0, blend_f64((high) | (low), 2.0, blend_f64(mask_f64(quaternion_deviation > 16.0*DBL_EPSILON), 4.0, 0.0)));
     output[0][i] = angles_1;
     output[1][i] = angles_2;
     output[2][i] = angles_3;
@@ -1230,7 +1242,7 @@ static inline void chi_zyx_from_quaternion_f32(float (*restrict input)[BLOCK], f
     const float angles_1 = blend_f32(good, blend_f32(mask_f32(first > 3.141592653589793f), first - x3, blend_f32(mask_f32(first <= x6), first + x3, first)), (float)NAN);
     const float angles_2 = blend_f32(good, vector_atan2_f32(2.0f*quaternion_unit_1*quaternion_unit_3 - 2.0f*quaternion_unit_2*quaternion_unit_4, 2.0f*cosine*sine), (float)NAN);
     const float angles_3 = blend_f32(good, blend_f32(mask_f32(third > 3.141592653589793f), third - x3, blend_f32(mask_f32(third <= x6), third + x3, third)), (float)NAN);
-    const float status = blend_f32(~(good), 4.0f, blend_f32((high) | (low), 1.0f, blend_f32(mask_f32(quaternion_deviation > 16.0f*FLT_EPSILON), 3.0f, 0.0f)));
+    const float status = blend_f32(~(good), 5.0f, blend_f32((high) | (low), 2.0f, blend_f32(mask_f32(quaternion_deviation > 16.0f*FLT_EPSILON), 4.0f, 0.0f)));
     output[0][i] = angles_1;
     output[1][i] = angles_2;
     output[2][i] = angles_3;
@@ -1335,7 +1347,7 @@ static inline void chi_zyz_from_quaternion_f64(double (*restrict input)[BLOCK], 
     const double angles_1 = blend_f64(good, blend_f64(mask_f64(first > 3.141592653589793), first - x2, blend_f64(mask_f64(first <= x5), first + x2, first)), (double)NAN);
     const double angles_2 = blend_f64(good, 2.0*vector_atan2_f64(sine, cosine), (double)NAN);
     const double angles_3 = blend_f64(good, blend_f64(mask_f64(third > 3.141592653589793), third - x2, blend_f64(mask_f64(third <= x5), third + x2, third)), (double)NAN);
-    const double status = blend_f64(~(good), 4.0, blend_f64((high) | (low), 1.0, blend_f64(mask_f64(quaternion_deviation > 16.0*DBL_EPSILON), 3.0, 0.0)));
+    const double status = blend_f64(~(good), 5.0, blend_f64((high) | (low), 2.0, blend_f64(mask_f64(quaternion_deviation > 16.0*DBL_EPSILON), 4.0, 0.0)));
     output[0][i] = angles_1;
     output[1][i] = angles_2;
     output[2][i] = angles_3;
@@ -1440,7 +1452,7 @@ static inline void chi_zyz_from_quaternion_f32(float (*restrict input)[BLOCK], f
     const float angles_1 = blend_f32(good, blend_f32(mask_f32(first > 3.141592653589793f), first - x2, blend_f32(mask_f32(first <= x5), first + x2, first)), (float)NAN);
     const float angles_2 = blend_f32(good, 2.0f*vector_atan2_f32(sine, cosine), (float)NAN);
     const float angles_3 = blend_f32(good, blend_f32(mask_f32(third > 3.141592653589793f), third - x2, blend_f32(mask_f32(third <= x5), third + x2, third)), (float)NAN);
-    const float status = blend_f32(~(good), 4.0f, blend_f32((high) | (low), 1.0f, blend_f32(mask_f32(quaternion_deviation > 16.0f*FLT_EPSILON), 3.0f, 0.0f)));
+    const float status = blend_f32(~(good), 5.0f, blend_f32((high) | (low), 2.0f, blend_f32(mask_f32(quaternion_deviation > 16.0f*FLT_EPSILON), 4.0f, 0.0f)));
     output[0][i] = angles_1;
     output[1][i] = angles_2;
     output[2][i] = angles_3;

@@ -24,8 +24,8 @@
 
 enum { BLOCK = 16 };
 
-/* chi_ridge_lines: 33 add, 51 mul, 3 div, 3 sqrt, 25 select, 10 compare, 12 abs */
-/* 33 add, 51 mul, 3 div, 3 sqrt, 25 select, 10 compare, 12 abs */
+/* chi_ridge_lines: 33 add, 51 mul, 3 div, 3 sqrt, 27 select, 10 compare, 12 abs */
+/* 33 add, 51 mul, 3 div, 3 sqrt, 27 select, 10 compare, 12 abs */
 static inline void chi_ridge_lines_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -51,16 +51,16 @@ static inline void chi_ridge_lines_f64(double (*restrict input)[BLOCK], double (
     const int64_t abnormal = mask_f64(deviation > 64.0*DBL_EPSILON);
     const double sine_x = sqrt(x0);
     const double height_x = matrix_1_1*point_1 + matrix_2_1*point_2 + matrix_3_1*point_3;
-    const double x10 = 4.0*DBL_EPSILON;
-    const int64_t flat_x = mask_f64(sine_x <= x10);
+    const double x9 = 4.0*DBL_EPSILON;
+    const int64_t flat_x = mask_f64(sine_x <= x9);
     const double length_x = blend_f64(flat_x, (double)NAN, sine_x);
     const double sine_y = sqrt(x1);
     const double height_y = matrix_1_2*point_1 + matrix_2_2*point_2 + matrix_3_2*point_3;
-    const int64_t flat_y = mask_f64(sine_y <= x10);
+    const int64_t flat_y = mask_f64(sine_y <= x9);
     const double length_y = blend_f64(flat_y, (double)NAN, sine_y);
     const double sine_z = sqrt(x2);
     const double height_z = matrix_1_3*point_1 + matrix_2_3*point_2 + matrix_3_3*point_3;
-    const int64_t flat_z = mask_f64(sine_z <= x10);
+    const int64_t flat_z = mask_f64(sine_z <= x9);
     const double length_z = blend_f64(flat_z, (double)NAN, sine_z);
     const double x3 = blend_f64((flat_x) | (~(good)), (double)NAN, 0.0);
     const double lines_1_1 = x3;
@@ -86,11 +86,10 @@ static inline void chi_ridge_lines_f64(double (*restrict input)[BLOCK], double (
     const double lines_3_4 = x8;
     const double lines_3_5 = x8;
     const double lines_3_6 = blend_f64((flat_z) | (~(good)), (double)NAN, height_z*x7);
-    const double x9 = blend_f64(abnormal, 3.0, 0.0);
-    const double x11 = size*x10;
-    const double status_x = blend_f64(~(good), 4.0, blend_f64((flat_x) & (mask_f64(fabs(height_x) <= x11)), 1.0, blend_f64(flat_x, 2.0, x9)));
-    const double status_y = blend_f64(~(good), 4.0, blend_f64((flat_y) & (mask_f64(fabs(height_y) <= x11)), 1.0, blend_f64(flat_y, 2.0, x9)));
-    const double status_z = blend_f64(~(good), 4.0, blend_f64((flat_z) & (mask_f64(fabs(height_z) <= x11)), 1.0, blend_f64(flat_z, 2.0, x9)));
+    const double x10 = size*x9;
+    const double status_x = blend_f64(~(good), 4.0, blend_f64(abnormal, 3.0, blend_f64((flat_x) & (mask_f64(fabs(height_x) <= x10)), 1.0, blend_f64(flat_x, 2.0, 0.0))));
+    const double status_y = blend_f64(~(good), 4.0, blend_f64(abnormal, 3.0, blend_f64((flat_y) & (mask_f64(fabs(height_y) <= x10)), 1.0, blend_f64(flat_y, 2.0, 0.0))));
+    const double status_z = blend_f64(~(good), 4.0, blend_f64(abnormal, 3.0, blend_f64((flat_z) & (mask_f64(fabs(height_z) <= x10)), 1.0, blend_f64(flat_z, 2.0, 0.0))));
     output[0][i] = lines_1_1;
     output[1][i] = lines_1_2;
     output[2][i] = lines_1_3;
@@ -181,8 +180,8 @@ void LOOP(instantaneous_euler_ridges_chi_ridge_lines_loop_f64)(char **args, cons
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* chi_ridge_lines: 33 add, 51 mul, 3 div, 3 sqrt, 25 select, 10 compare, 12 abs */
-/* 33 add, 51 mul, 3 div, 3 sqrt, 25 select, 10 compare, 12 abs */
+/* chi_ridge_lines: 33 add, 51 mul, 3 div, 3 sqrt, 27 select, 10 compare, 12 abs */
+/* 33 add, 51 mul, 3 div, 3 sqrt, 27 select, 10 compare, 12 abs */
 static inline void chi_ridge_lines_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -208,16 +207,16 @@ static inline void chi_ridge_lines_f32(float (*restrict input)[BLOCK], float (*r
     const int32_t abnormal = mask_f32(deviation > 64.0f*FLT_EPSILON);
     const float sine_x = sqrtf(x0);
     const float height_x = matrix_1_1*point_1 + matrix_2_1*point_2 + matrix_3_1*point_3;
-    const float x10 = 4.0f*FLT_EPSILON;
-    const int32_t flat_x = mask_f32(sine_x <= x10);
+    const float x9 = 4.0f*FLT_EPSILON;
+    const int32_t flat_x = mask_f32(sine_x <= x9);
     const float length_x = blend_f32(flat_x, (float)NAN, sine_x);
     const float sine_y = sqrtf(x1);
     const float height_y = matrix_1_2*point_1 + matrix_2_2*point_2 + matrix_3_2*point_3;
-    const int32_t flat_y = mask_f32(sine_y <= x10);
+    const int32_t flat_y = mask_f32(sine_y <= x9);
     const float length_y = blend_f32(flat_y, (float)NAN, sine_y);
     const float sine_z = sqrtf(x2);
     const float height_z = matrix_1_3*point_1 + matrix_2_3*point_2 + matrix_3_3*point_3;
-    const int32_t flat_z = mask_f32(sine_z <= x10);
+    const int32_t flat_z = mask_f32(sine_z <= x9);
     const float length_z = blend_f32(flat_z, (float)NAN, sine_z);
     const float x3 = blend_f32((flat_x) | (~(good)), (float)NAN, 0.0f);
     const float lines_1_1 = x3;
@@ -243,11 +242,10 @@ static inline void chi_ridge_lines_f32(float (*restrict input)[BLOCK], float (*r
     const float lines_3_4 = x8;
     const float lines_3_5 = x8;
     const float lines_3_6 = blend_f32((flat_z) | (~(good)), (float)NAN, height_z*x7);
-    const float x9 = blend_f32(abnormal, 3.0f, 0.0f);
-    const float x11 = size*x10;
-    const float status_x = blend_f32(~(good), 4.0f, blend_f32((flat_x) & (mask_f32(fabsf(height_x) <= x11)), 1.0f, blend_f32(flat_x, 2.0f, x9)));
-    const float status_y = blend_f32(~(good), 4.0f, blend_f32((flat_y) & (mask_f32(fabsf(height_y) <= x11)), 1.0f, blend_f32(flat_y, 2.0f, x9)));
-    const float status_z = blend_f32(~(good), 4.0f, blend_f32((flat_z) & (mask_f32(fabsf(height_z) <= x11)), 1.0f, blend_f32(flat_z, 2.0f, x9)));
+    const float x10 = size*x9;
+    const float status_x = blend_f32(~(good), 4.0f, blend_f32(abnormal, 3.0f, blend_f32((flat_x) & (mask_f32(fabsf(height_x) <= x10)), 1.0f, blend_f32(flat_x, 2.0f, 0.0f))));
+    const float status_y = blend_f32(~(good), 4.0f, blend_f32(abnormal, 3.0f, blend_f32((flat_y) & (mask_f32(fabsf(height_y) <= x10)), 1.0f, blend_f32(flat_y, 2.0f, 0.0f))));
+    const float status_z = blend_f32(~(good), 4.0f, blend_f32(abnormal, 3.0f, blend_f32((flat_z) & (mask_f32(fabsf(height_z) <= x10)), 1.0f, blend_f32(flat_z, 2.0f, 0.0f))));
     output[0][i] = lines_1_1;
     output[1][i] = lines_1_2;
     output[2][i] = lines_1_3;

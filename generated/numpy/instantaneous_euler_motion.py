@@ -21,6 +21,8 @@ class MotionStatus(IntEnum):
     """What rates, or the angles of a sequence, are.
 
     REGULAR: the ordinary case.
+    NEAR_SINGULAR: of rates: the directions of the ridge lines are so near to one plane that an angular velocity that is
+        computed from the rates has fewer than half of its digits.
     SINGULAR: of rates: the ridge lines have directions in one plane, and the rates do not tell the angular velocity
         (NaN where that is asked for). Of the angles of a sequence: gimbal lock; the first and the third angle are about
         one axis, and the third is given as 0.
@@ -30,10 +32,11 @@ class MotionStatus(IntEnum):
     """
 
     REGULAR = 0
-    SINGULAR = 1
-    KINK = 2
-    NOT_NORMAL = 3
-    INVALID = 4
+    NEAR_SINGULAR = 1
+    SINGULAR = 2
+    KINK = 3
+    NOT_NORMAL = 4
+    INVALID = 5
 
 
 def chi_rates(matrix, omega, *, out=None):
@@ -72,7 +75,7 @@ chi_rates.types = ["dd->ddb", "ff->ffb"]
 
 
 def _chi_rates(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, omega_1, omega_2, omega_3, eps, largest):
-    # 35 add, 52 mul, 3 div, 6 sqrt, 17 select, 11 compare, 10 abs
+    # 35 add, 53 mul, 3 div, 7 sqrt, 18 select, 12 compare, 10 abs
     x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1)
     x1 = (matrix_1_2*matrix_1_2) + (matrix_3_2*matrix_3_2)
     x2 = (matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3)
@@ -94,7 +97,11 @@ def _chi_rates(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matri
     kink_z = sine_z <= x6
     del x6
     volume = (matrix_3_2 - matrix_2_3)*(matrix_2_3 + matrix_3_2)
-    flat = np.abs(volume) <= 16.0*eps*sine_x*sine_y*sine_z
+    most = sine_x*sine_y*sine_z
+    x7 = np.abs(volume)
+    flat = x7 <= 16.0*eps*most
+    near = x7 <= np.sqrt(eps)*most
+    del most, x7
     known = (good) & (0.25*np.abs(omega_1) + 0.25*np.abs(omega_2) + 0.25*np.abs(omega_3) <= largest)
     x3 = (omega_2*omega_2)
     x4 = (omega_3*omega_3)
@@ -112,8 +119,8 @@ def _chi_rates(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matri
     del sine_z, speed_z
     determinant = np.where(good, volume, np.nan)
     del good, volume
-    status = np.where(~(known), 4.0, np.where((kink_x) | (kink_y) | (kink_z), 2.0, np.where(flat, 1.0, np.where(abnormal, 3.0, 0.0))))
-    del abnormal, flat, kink_x, kink_y, kink_z, known
+    status = np.where(~(known), 5.0, np.where((kink_x) | (kink_y) | (kink_z), 3.0, np.where(flat, 2.0, np.where(abnormal, 4.0, np.where(near, 1.0, 0.0)))))
+    del abnormal, flat, kink_x, kink_y, kink_z, known, near
     return (rate_1, rate_2, rate_3, determinant, status)
 
 
@@ -151,7 +158,7 @@ chi_angular_velocity.types = ["dd->db", "ff->fb"]
 
 
 def _chi_angular_velocity(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, rate_1, rate_2, rate_3, eps, largest):
-    # 35 add, 60 mul, 1 div, 3 sqrt, 8 select, 8 compare, 10 abs
+    # 35 add, 61 mul, 1 div, 4 sqrt, 9 select, 9 compare, 10 abs
     x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1)
     x1 = (matrix_1_2*matrix_1_2) + (matrix_3_2*matrix_3_2)
     x2 = (matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3)
@@ -177,7 +184,11 @@ def _chi_angular_velocity(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix
     kink_z = sine_z <= x8
     del x8
     volume = (matrix_3_2 - matrix_2_3)*(matrix_2_3 + matrix_3_2)
-    flat = np.abs(volume) <= 16.0*eps*sine_x*sine_y*sine_z
+    most = sine_x*sine_y*sine_z
+    x9 = np.abs(volume)
+    flat = x9 <= 16.0*eps*most
+    near = x9 <= np.sqrt(eps)*most
+    del most, x9
     known = (good) & (0.25*np.abs(rate_1) + 0.25*np.abs(rate_2) + 0.25*np.abs(rate_3) <= largest)
     del good
     b_x = rate_1*sine_x
@@ -197,8 +208,8 @@ def _chi_angular_velocity(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix
     del x4, x6
     omega_3 = np.where((known) & (~(lost)), x7*(b_x*matrix_1_3*matrix_3_2 + b_y*matrix_2_3*matrix_3_1 + b_z*x3), np.nan)
     del b_x, b_y, b_z, lost, x3, x7
-    status = np.where(~(known), 4.0, np.where((kink_x) | (kink_y) | (kink_z), 2.0, np.where(flat, 1.0, np.where(abnormal, 3.0, 0.0))))
-    del abnormal, flat, kink_x, kink_y, kink_z, known
+    status = np.where(~(known), 5.0, np.where((kink_x) | (kink_y) | (kink_z), 3.0, np.where(flat, 2.0, np.where(abnormal, 4.0, np.where(near, 1.0, 0.0)))))
+    del abnormal, flat, kink_x, kink_y, kink_z, known, near
     return (omega_1, omega_2, omega_3, status)
 
 
@@ -428,7 +439,7 @@ def _chi_zyx_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quaternio
     del cosine, quaternion_unit_1, quaternion_unit_2, quaternion_unit_3, quaternion_unit_4, sine
     angles_3 = np.where(good, np.where(third > 3.141592653589793, third - x3, np.where(third <= x6, third + x3, third)), np.nan)
     del third, x3, x6
-    status = np.where(~(good), 4.0, np.where((high) | (low), 1.0, np.where(quaternion_deviation > 16.0*eps, 3.0, 0.0)))
+    status = np.where(~(good), 5.0, np.where((high) | (low), 2.0, np.where(quaternion_deviation > 16.0*eps, 4.0, 0.0)))
     del good, high, low, quaternion_deviation
     return (angles_1, angles_2, angles_3, status)
 
@@ -519,7 +530,7 @@ def _chi_zyz_from_quaternion(quaternion_1, quaternion_2, quaternion_3, quaternio
     del cosine, sine
     angles_3 = np.where(good, np.where(third > 3.141592653589793, third - x2, np.where(third <= x5, third + x2, third)), np.nan)
     del third, x2, x5
-    status = np.where(~(good), 4.0, np.where((high) | (low), 1.0, np.where(quaternion_deviation > 16.0*eps, 3.0, 0.0)))
+    status = np.where(~(good), 5.0, np.where((high) | (low), 2.0, np.where(quaternion_deviation > 16.0*eps, 4.0, 0.0)))
     del good, high, low, quaternion_deviation
     return (angles_1, angles_2, angles_3, status)
 

@@ -23,7 +23,7 @@ class RidgeStatus(IntEnum):
     LINE: the two planes meet in it.
     PLANES_COINCIDE: the angle is 0 or pi, and the moved origin is in the plane: every line of it; the result is NaN.
     PLANES_PARALLEL: the angle is 0 or pi, and the planes have a distance: no line; the result is NaN.
-    NOT_NORMAL: a line, of a matrix that is not orthogonal.
+    NOT_NORMAL: the matrix is not orthogonal; its line, and NaN where it has none.
     INVALID: not finite, or a reflection; the result is NaN.
     """
 
@@ -74,7 +74,7 @@ chi_ridge_lines.types = ["dd->dbbb", "ff->fbbb"]
 
 
 def _chi_ridge_lines(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, matrix_2_3, matrix_3_1, matrix_3_2, matrix_3_3, point_1, point_2, point_3, eps, largest):
-    # 33 add, 51 mul, 3 div, 3 sqrt, 25 select, 10 compare, 12 abs
+    # 33 add, 51 mul, 3 div, 3 sqrt, 27 select, 10 compare, 12 abs
     x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1)
     x1 = (matrix_1_2*matrix_1_2) + (matrix_3_2*matrix_3_2)
     x2 = (matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3)
@@ -88,20 +88,20 @@ def _chi_ridge_lines(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2,
     sine_x = np.sqrt(x0)
     del x0
     height_x = matrix_1_1*point_1 + matrix_2_1*point_2 + matrix_3_1*point_3
-    x10 = 4.0*eps
-    flat_x = sine_x <= x10
+    x9 = 4.0*eps
+    flat_x = sine_x <= x9
     length_x = np.where(flat_x, np.nan, sine_x)
     del sine_x
     sine_y = np.sqrt(x1)
     del x1
     height_y = matrix_1_2*point_1 + matrix_2_2*point_2 + matrix_3_2*point_3
-    flat_y = sine_y <= x10
+    flat_y = sine_y <= x9
     length_y = np.where(flat_y, np.nan, sine_y)
     del sine_y
     sine_z = np.sqrt(x2)
     del x2
     height_z = matrix_1_3*point_1 + matrix_2_3*point_2 + matrix_3_3*point_3
-    flat_z = sine_z <= x10
+    flat_z = sine_z <= x9
     length_z = np.where(flat_z, np.nan, sine_z)
     del sine_z
     x3 = np.where((flat_x) | (~(good)), np.nan, 0.0)
@@ -137,16 +137,14 @@ def _chi_ridge_lines(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2,
     del x8
     lines_3_6 = np.where((flat_z) | (~(good)), np.nan, height_z*x7)
     del x7
-    x9 = np.where(abnormal, 3.0, 0.0)
-    del abnormal
-    x11 = size*x10
-    del size, x10
-    status_x = np.where(~(good), 4.0, np.where((flat_x) & (np.abs(height_x) <= x11), 1.0, np.where(flat_x, 2.0, x9)))
+    x10 = size*x9
+    del size, x9
+    status_x = np.where(~(good), 4.0, np.where(abnormal, 3.0, np.where((flat_x) & (np.abs(height_x) <= x10), 1.0, np.where(flat_x, 2.0, 0.0))))
     del flat_x, height_x
-    status_y = np.where(~(good), 4.0, np.where((flat_y) & (np.abs(height_y) <= x11), 1.0, np.where(flat_y, 2.0, x9)))
+    status_y = np.where(~(good), 4.0, np.where(abnormal, 3.0, np.where((flat_y) & (np.abs(height_y) <= x10), 1.0, np.where(flat_y, 2.0, 0.0))))
     del flat_y, height_y
-    status_z = np.where(~(good), 4.0, np.where((flat_z) & (np.abs(height_z) <= x11), 1.0, np.where(flat_z, 2.0, x9)))
-    del flat_z, good, height_z, x11, x9
+    status_z = np.where(~(good), 4.0, np.where(abnormal, 3.0, np.where((flat_z) & (np.abs(height_z) <= x10), 1.0, np.where(flat_z, 2.0, 0.0))))
+    del abnormal, flat_z, good, height_z, x10
     return (lines_1_1, lines_1_2, lines_1_3, lines_1_4, lines_1_5, lines_1_6, lines_2_1, lines_2_2, lines_2_3, lines_2_4, lines_2_5, lines_2_6, lines_3_1, lines_3_2, lines_3_3, lines_3_4, lines_3_5, lines_3_6, status_x, status_y, status_z)
 
 
