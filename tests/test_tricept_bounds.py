@@ -482,3 +482,34 @@ def test_bad_input_is_one_line(arguments: list[str], words: str, capsys: pytest.
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert words in error
+
+
+def test_the_pages_table_is_what_is_computed(found: tricept.Bounds) -> None:
+    page = (Path(__file__).parent.parent / "docs/tricept.md").read_text(encoding="utf-8").replace("−", "-")
+    for n, name in enumerate(ELEMENTS):
+        row = next(line for line in page.splitlines() if line.startswith(f"| {name} |"))
+        numbers = [[float(x) for x in cell.split(" … ")] for cell in row.split("|")[2:7] if "…" in cell]
+        size = 1e6 * np.abs(found.inner[n]).max()
+        for shown, here, room in (
+            (numbers[0], 1e6 * np.array(PRINTED[name]), 1e-9),
+            (numbers[1], 1e6 * found.base_inner[n], 1e-3 * size),
+            (numbers[2], 1e6 * found.outer[n], 1.1e-3 * size),
+            (numbers[3], 1e6 * found.inner[n], 1e-4 * size),
+        ):
+            np.testing.assert_allclose(shown, here, atol=room)
+
+
+def test_a_grid_of_beams_gives_what_the_paper_prints() -> None:
+    step = 0.36
+    angles = np.radians((np.arange(-24, 24) + 0.5) * step)
+    for n, (element, printed) in enumerate(PRINTED.items()):
+        total = np.zeros(2)
+        for i, name in enumerate(("A0", "A1", "A-1", "r", "R")):
+            beams = tricept.influence_map(
+                angles[:, None], angles, PAPER, (name, name), element, box=(LOW, HIGH)
+            )
+            total += U_PAPER[i, i] * np.array([np.nanmin(beams.least), np.nanmax(beams.greatest)])
+        if n < 3:  # printed in units of 1e-7 mm²
+            assert (np.round(total, 7) == np.round(printed, 7)).all(), element
+        else:
+            np.testing.assert_allclose(total, printed, rtol=3e-3)
