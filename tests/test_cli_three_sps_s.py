@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pyarrow.csv as csv
@@ -94,6 +95,21 @@ def test_the_machine_comes_from_a_file(attitudes, capsys):
     assert np.allclose(np.array([row[4:7] for row in rows], float), three_sps_s.legs(matrices, GEOMETRY))
 
 
+def test_the_start_of_a_machine_file_chooses_the_mode(tmp_path, capsys):
+    text = Path("examples/machines/three_sps_s/machine.toml").read_text()
+    file = tmp_path / "machine.toml"
+    file.write_text(text.replace("h = 260 ", "start = [0, 0, -40]\nh = 260 "))
+    legs = tmp_path / "legs.csv"
+    legs.write_text("L1 [mm],L2 [mm],L3 [mm]\n273,273,273\n")
+    signs = {}
+    for more in ([], ["--near", "0,0,40deg"]):
+        assert main(["euler", "direct", str(legs), "--machine", str(file), *more]) == 0
+        row = capsys.readouterr().out.splitlines()[1].split(",")
+        assert row[-1] == "converged"
+        signs[bool(more)] = float(row[6])
+    assert signs[False] == -signs[True] < 0
+
+
 def test_the_workspace_is_told_drawn_and_written(tmp_path, capsys):
     plot, grid = tmp_path / "map.png", tmp_path / "grid.parquet"
     more = ["--limits", "230,330mm", "--samples", "12", "--plot", str(plot), "-o", str(grid), *MACHINE]
@@ -118,6 +134,7 @@ def test_bad_input_is_one_line(attitudes, tmp_path, capsys):
     assert "L3" in complaint(capsys, ["euler", "direct", legs, *MACHINE])
     legs.write_text("L1 [mm],L2 [mm],L3 [mm]\n300,300,300\n")
     assert "--h: nothing" in complaint(capsys, ["euler", "direct", legs, *MACHINE[:4]])
+    assert "--R: unit 'deg'" in complaint(capsys, ["euler", "legs", path, "--R", "200deg", *MACHINE[2:]])
     assert "R is -200.0" in complaint(capsys, ["euler", "legs", path, "--R=-200mm", *MACHINE[2:]])
     assert "least length first" in complaint(capsys, ["euler", "legs", path, "--limits", "3,2mm", *MACHINE])
     assert "no rotation vector" in complaint(capsys, ["euler", "direct", legs, "--near", "1,2", *MACHINE])

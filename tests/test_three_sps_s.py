@@ -387,7 +387,29 @@ def test_every_status_of_the_nearest_mode():
     found, status = three_sps_s.direct(pure, MACHINE, near=Rotation.from_rotvec([0, 0, 0.1]).as_matrix())
     assert status == DirectStatus.CONVERGED
     assert np.allclose(Rotation.from_matrix(found).as_rotvec(), [0, 0, 0.4])
-    assert three_sps_s.direct(pure, MACHINE, near=np.full((3, 3), np.nan))[1] == DirectStatus.INVALID
+    for no_rotation in (np.full((3, 3), np.nan), np.zeros((3, 3)), 2 * np.eye(3), -np.eye(3)):
+        found, status = three_sps_s.direct(pure, MACHINE, near=no_rotation)
+        assert status == DirectStatus.INVALID
+        assert np.isnan(found).all()
+    few_digits = Rotation.from_rotvec([0, 0, 0.1]).as_matrix().round(5)
+    assert three_sps_s.direct(pure, MACHINE, near=few_digits)[1] == DirectStatus.CONVERGED
+
+
+def test_what_is_no_rotation_has_no_legs():
+    for bad in (2 * np.eye(3), np.zeros((3, 3)), -np.eye(3), np.diag([1, 1, np.nan])):
+        assert np.isnan(three_sps_s.legs(bad, MACHINE)).all()
+        assert np.isnan(three_sps_s.jacobian(bad, MACHINE)).all()
+        assert np.isnan(three_sps_s.singularity(bad, MACHINE).determinant)
+        assert np.isnan(three_sps_s.tilt_torsion(bad)).all()
+        assert three_sps_s.orientation_status(bad, MACHINE)[0] == OrientationStatus.INVALID
+    with pytest.raises(TypeError, match="complex"):
+        three_sps_s.legs(1j * np.eye(3), MACHINE)
+    with pytest.raises(ValueError, match=r"expected \(..., 3, 3\)"):
+        three_sps_s.legs(np.ones(3), MACHINE)
+
+
+def test_legs_longer_than_everything_have_no_mode_and_no_warning():
+    assert three_sps_s.direct_all([[1e300] * 3, [9, 1, 1], [0, 0, 0]], MACHINE)[2].tolist() == [2, 2, 2]
 
 
 def test_following_a_motion_keeps_the_mode():
@@ -449,7 +471,7 @@ def test_every_status_of_an_orientation():
         np.eye(3),
         Rotation.from_rotvec([1.5, 0.2, 0.7]).as_matrix(),
         np.full((3, 3), np.nan),
-        1.001 * allowed,
+        1.0001 * allowed,
         -allowed,
     ]
     status, determinant = three_sps_s.orientation_status(given, MACHINE, (1.0, 2.4), side=1)

@@ -21,8 +21,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rodgen._kernels import kernels
+from rodgen.generated.numpy.rotations import RotationStatus
 from rodgen.three_sps_s._geometry import Geometry
-from rodgen.three_sps_s._legs import SINGULAR
+from rodgen.three_sps_s._legs import SINGULAR, proper
 from rodgen.three_sps_s._starts import spread, starts
 
 __all__ = ["DirectStatus", "direct", "direct_all", "follow"]
@@ -55,7 +56,7 @@ class DirectStatus(IntEnum):
     NO_ASSEMBLY: no rotation has these legs.
     AMBIGUOUS: two modes are equally near the start; one of them is given.
     INCOMPLETE: the signs of the determinants do not balance: a mode is missing.
-    INVALID: a leg is negative, NaN or infinite.
+    INVALID: a leg is negative, NaN or infinite, or the start is no rotation.
     """
 
     CONVERGED = 0
@@ -160,12 +161,7 @@ def direct(legs: ArrayLike, geometry: Geometry, *, near: ArrayLike) -> tuple[Any
     >>> bool(abs(found - turned).max() < 1e-12), int(status)
     (True, 0)
     """
-    start = np.asarray(near)
-    if np.iscomplexobj(start):
-        raise TypeError("near is complex; expected real numbers")
-    start = start.astype(float)
-    if start.ndim < 2 or start.shape[-2:] != (3, 3):
-        raise ValueError(f"near has the shape {start.shape}; expected (..., 3, 3)")
+    start = _start(near, "near")
     rotations, count, status = direct_all(legs, geometry)
     shape = np.broadcast_shapes(np.shape(count), start.shape[:-2])
     rotations = np.broadcast_to(rotations, (*shape, MODES, 3, 3))
@@ -206,7 +202,7 @@ def follow(legs: ArrayLike, geometry: Geometry, *, start: ArrayLike) -> tuple[An
     >>> bool(abs(found - motion).max() < 1e-12), int(status.max())
     (True, 0)
     """
-    now = np.asarray(start, float)
+    now = _start(start, "start")
     if now.shape != (3, 3):
         raise ValueError(f"start has the shape {now.shape}; expected (3, 3)")
     rotations, _, known = direct_all(legs, geometry)
@@ -218,6 +214,17 @@ def follow(legs: ArrayLike, geometry: Geometry, *, start: ArrayLike) -> tuple[An
         if np.isfinite(found[n, 0, 0]):
             now = found[n]
     return found, status
+
+
+def _start(rotation: ArrayLike, name: str) -> Any:
+    """Return rotations to start from, NaN for what is none."""
+    try:
+        matrix, kind = proper(rotation)
+    except (TypeError, ValueError) as error:
+        raise type(error)(str(error).replace("the rotation", name)) from None
+    rough = (kind == RotationStatus.NOT_NORMAL)[..., None, None]
+    nearest = kernels.matrix_from_quaternion(kernels.quaternion_from_matrix(matrix)[0])[0]
+    return np.where(rough, nearest, matrix)
 
 
 def _nearest(rotations: Any, status: Any, start: Any, geometry: Geometry) -> tuple[Any, Any]:
@@ -258,23 +265,26 @@ def _modes(legs: Any, geometry: Geometry) -> tuple[Any, Any, Any]:
     """Quaternions (n, 8, 4), counts and statuses for legs (n, 3)."""
     with np.errstate(invalid="ignore"):
         valid = (np.isfinite(legs) & (legs >= 0)).all(axis=-1)
-    safe = np.where(valid[:, None], legs, geometry.home_leg)
+    # legs longer than all dimensions together have no mode, and their squares might not fit into a number
+    longest = geometry.R + geometry.r + abs(geometry.h)
+    reach = valid & (legs <= 2 * longest).all(axis=-1)
+    safe = np.where(reach[:, None], legs, geometry.home_leg)
     modes, count, determinant = _distinct(*_polished(starts(safe, geometry), safe, geometry), safe, geometry)
     singular = (np.abs(determinant) <= SINGULAR).any(axis=-1)
-    lopsided = valid & ~singular & (np.nansum(np.sign(determinant), axis=-1) != 0)
+    lopsided = reach & ~singular & (np.nansum(np.sign(determinant), axis=-1) != 0)
     if lopsided.any():
         rows = np.flatnonzero(lopsided)
         more = np.concatenate([modes[rows], np.broadcast_to(spread(), (len(rows), *spread().shape))], axis=1)
         again = _distinct(*_polished(more, safe[rows], geometry), safe[rows], geometry)
         modes[rows], count[rows], determinant[rows] = again
         singular = (np.abs(determinant) <= SINGULAR).any(axis=-1)
-        lopsided = valid & ~singular & (np.nansum(np.sign(determinant), axis=-1) != 0)
+        lopsided = reach & ~singular & (np.nansum(np.sign(determinant), axis=-1) != 0)
+    modes[~reach], count[~reach] = np.nan, 0
     status = np.select(
         [~valid, count == 0, lopsided, singular],
         [DirectStatus.INVALID, DirectStatus.NO_ASSEMBLY, DirectStatus.INCOMPLETE, DirectStatus.SINGULAR],
         DirectStatus.CONVERGED,
     )
-    modes[~valid], count[~valid] = np.nan, 0
     return modes, count, status
 
 

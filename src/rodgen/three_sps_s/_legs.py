@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rodgen._batched import call
 from rodgen._kernels import kernels
+from rodgen.generated.numpy.rotations import RotationStatus
 from rodgen.three_sps_s._geometry import Geometry
 
 __all__ = [
@@ -31,6 +31,29 @@ __all__ = [
 SINGULAR = 1e-6
 """Normed determinant up to which a pose counts as singular. The angle that errors of the legs open grows by about its
 inverse, and two assembly modes are about as far apart, in rad: below 1e-6 rounding of the legs is more than 1e-10."""
+
+
+NO_ROTATION = 1e-3
+"""Largest entry of RᵀR - 1 beyond which a matrix is taken for a slip, not for a rotation with few digits."""
+
+
+def proper(rotation: ArrayLike) -> tuple[Any, Any]:
+    """Return matrices as they are, with NaN for what is no rotation by far, and codes of `RotationStatus`."""
+    given = np.asarray(rotation)
+    if np.iscomplexobj(given):
+        raise TypeError("the rotation is complex; expected real numbers")
+    matrix = given.astype(float, copy=False)
+    if matrix.ndim < 2 or matrix.shape[-2:] != (3, 3):
+        raise ValueError(f"the rotation has the shape {matrix.shape}; expected (..., 3, 3)")
+    kind = np.array(kernels.quaternion_from_matrix(matrix)[1])
+    rough = kind == RotationStatus.NOT_NORMAL
+    if rough.any():
+        gram = np.swapaxes(matrix[rough], -1, -2) @ matrix[rough]
+        far = np.abs(gram - np.eye(3)).max(axis=(-2, -1)) > NO_ROTATION
+        kind[rough] = np.where(far, RotationStatus.INVALID, RotationStatus.NOT_NORMAL)
+    if (kind == RotationStatus.INVALID).any():
+        matrix = np.where((kind == RotationStatus.INVALID)[..., None, None], np.nan, matrix)
+    return matrix, kind
 
 
 class Singularity(NamedTuple):
@@ -54,7 +77,7 @@ def legs(rotation: ArrayLike, geometry: Geometry) -> Any:
     Returns
     -------
     array (..., 3)
-        Lengths of the legs at -30°, 90° and 210°; NaN where an entry is.
+        Lengths of the legs at -30°, 90° and 210°; NaN where the matrix is no rotation to 1e-3.
 
     Notes
     -----
@@ -67,7 +90,7 @@ def legs(rotation: ArrayLike, geometry: Geometry) -> Any:
     >>> three_sps_s.legs(np.eye(3), three_sps_s.Geometry(2, 1, 1.5)).round(6)
     array([1.802776, 1.802776, 1.802776])
     """
-    return call(kernels.sps_legs, (rotation, *geometry.lengths), None)
+    return kernels.sps_legs(proper(rotation)[0], *geometry.lengths)
 
 
 def legs_from_quaternion(quaternion: ArrayLike, geometry: Geometry) -> Any:
@@ -91,7 +114,7 @@ def legs_from_quaternion(quaternion: ArrayLike, geometry: Geometry) -> Any:
     >>> three_sps_s.legs_from_quaternion([-0.8, 0.6, 0, 0], three_sps_s.Geometry(4, 1, 1.5)).round(6)
     array([3.758989, 3.758989, 3.758989])
     """
-    return call(kernels.sps_legs_from_quaternion, (quaternion, *geometry.lengths), None)
+    return kernels.sps_legs_from_quaternion(quaternion, *geometry.lengths)
 
 
 def jacobian(rotation: ArrayLike, geometry: Geometry) -> Any:
@@ -108,7 +131,7 @@ def jacobian(rotation: ArrayLike, geometry: Geometry) -> Any:
     -------
     array (..., 3, 3)
         Row k holds the rate of leg k by each component of the angular velocity, in machine axes: length per rad. Not
-        finite where a leg has no length.
+        finite where a leg has no length, or the matrix is no rotation.
 
     Examples
     --------
@@ -117,7 +140,7 @@ def jacobian(rotation: ArrayLike, geometry: Geometry) -> Any:
     >>> three_sps_s.jacobian(np.eye(3), three_sps_s.Geometry(2, 1, 1.5)).round(4)[:, 2] + 0.0  # yaw at the start
     array([0., 0., 0.])
     """
-    return call(kernels.sps_jacobian, (rotation, *geometry.lengths), None)
+    return kernels.sps_jacobian(proper(rotation)[0], *geometry.lengths)
 
 
 def leg_rates(rotation: ArrayLike, angular_velocity: ArrayLike, geometry: Geometry) -> Any:
@@ -178,9 +201,9 @@ def singularity(rotation: ArrayLike, geometry: Geometry) -> Singularity:
     >>> bool(abs(found.determinant) < 1e-15), bool(found.condition > 1e15)
     (True, True)
     """
-    matrix = np.asarray(rotation, float)
-    determinant = call(kernels.sps_singularity, (matrix, geometry.R, geometry.h), None)
-    rows = np.asarray(jacobian(matrix, geometry), float)
+    matrix, _ = proper(rotation)
+    determinant = kernels.sps_singularity(matrix, geometry.R, geometry.h)
+    rows = np.asarray(kernels.sps_jacobian(matrix, *geometry.lengths))
     good = np.isfinite(rows).all(axis=(-2, -1))
     gains = np.linalg.svd(np.where(good[..., None, None], rows, 0.0), compute_uv=False)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -238,7 +261,7 @@ def tilt_torsion(rotation: ArrayLike) -> Any:
     >>> three_sps_s.tilt_torsion(turned).round(6)
     array([ 0.5,  0.3, -0.2])
     """
-    quaternion = kernels.quaternion_from_matrix(np.asarray(rotation, float))[0]
+    quaternion = kernels.quaternion_from_matrix(proper(rotation)[0])[0]
     w, x, y, z = np.moveaxis(np.asarray(quaternion), -1, 0)
     along, across = np.hypot(w, z), np.hypot(x, y)
     rounding = 4 * np.finfo(float).eps

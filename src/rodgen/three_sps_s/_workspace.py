@@ -19,7 +19,7 @@ from rodgen._kernels import kernels
 from rodgen.errors import RodgenError
 from rodgen.generated.numpy.rotations import RotationStatus
 from rodgen.three_sps_s._geometry import Geometry
-from rodgen.three_sps_s._legs import SINGULAR, legs, rotation_from_tilt_torsion
+from rodgen.three_sps_s._legs import SINGULAR, proper, rotation_from_tilt_torsion
 
 __all__ = ["OrientationStatus", "Workspace", "orientation_status", "workspace"]
 
@@ -33,7 +33,7 @@ class OrientationStatus(IntEnum):
     NEAR_SINGULAR: the normed determinant is not larger than the margin.
     OTHER_SIDE: the determinant has the sign of the other side.
     NOT_NORMAL: allowed, but the matrix is no rotation to rounding; the nearest one was looked at.
-    INVALID: a number is NaN or infinite, or the matrix a reflection.
+    INVALID: a number is NaN or infinite, or the matrix is no rotation by far: to 1e-3, or a reflection.
     """
 
     ALLOWED = 0
@@ -117,16 +117,17 @@ def orientation_status(
     """
     low, high = _limits(limits)
     _check(side, margin)
-    quaternion, kind = kernels.quaternion_from_matrix(np.asarray(rotation, float))
-    finite = kind != RotationStatus.INVALID
+    matrix, kind = proper(rotation)
     rough = (kind == RotationStatus.NOT_NORMAL)[..., None, None]
-    matrix = np.where(rough, kernels.matrix_from_quaternion(quaternion)[0], rotation)
-    lengths = np.asarray(legs(matrix, geometry))
+    if rough.any():
+        nearest = kernels.matrix_from_quaternion(kernels.quaternion_from_matrix(matrix)[0])[0]
+        matrix = np.where(rough, nearest, matrix)
+    lengths = np.asarray(kernels.sps_legs(matrix, *geometry.lengths))
     determinant = np.asarray(kernels.sps_singularity(matrix, geometry.R, geometry.h))
     with np.errstate(invalid="ignore"):
         status = np.select(
             [
-                ~finite,
+                kind == RotationStatus.INVALID,
                 (lengths < low).any(axis=-1),
                 (lengths > high).any(axis=-1),
                 np.abs(determinant) <= margin,

@@ -40,9 +40,13 @@ def add_limits(parser: argparse.ArgumentParser) -> None:
 
 
 def machine_of(options: argparse.Namespace, unit: str = "") -> tuple[Geometry, str]:
-    """Return the machine, and the unit of its lengths: the one asked for, or that in which it is given."""
+    """Return the machine, and the unit of its lengths: the one asked for, or that in which it is given.
+
+    A machine file's start, a rotation vector in rad, is left in `options.start`; None where there is none.
+    """
     from rodgen.three_sps_s import Geometry
 
+    options.start = None
     given = {name: getattr(options, name) for name in ("R", "r", "h")}
     if options.machine is not None:
         if any(given.values()):
@@ -54,11 +58,14 @@ def machine_of(options: argparse.Namespace, unit: str = "") -> tuple[Geometry, s
         if chain is None or chain.family != "3-sps-s":
             found = "a machine of joints" if chain is None else f'family = "{chain.family}"'
             raise InputFileError(options.machine, "family", found, 'family = "3-sps-s"')
+        options.start = chain.start
         given = {name: Lengths((getattr(chain, name),), machine.length_unit, "--machine") for name in given}
     missing = [f"--{name}" for name, value in given.items() if value is None]
     if missing:
         expected = "all of --R, --r and --h, each with its unit, or --machine"
         raise InputFileError("command line", ", ".join(missing), "nothing", expected)
+    for value in given.values():
+        value.to("mm")  # each is a length, and says so under its own name
     unit = unit or given["R"].unit
     R, r, h = (value.to(unit)[0] for value in given.values())
     try:

@@ -46,7 +46,8 @@ def add_to(command: Command) -> None:
         "--near",
         metavar="X,Y,Z",
         type=_rotation_vector,
-        help="rotation vector (axis times angle) with its unit, such as 0,0,30deg; default: no rotation",
+        help="rotation vector (axis times angle) with its unit, such as 0,0,30deg; default: the start in the machine "
+        "file, else no rotation",
     )
     parser.add_argument(
         "--follow", action="store_true", help="the rows are a motion, which begins near --near"
@@ -70,9 +71,6 @@ def _run(options: argparse.Namespace) -> int:
 
     if options.all and (options.follow or options.near is not None):
         raise InputFileError("command line", "--all", "beside --near or --follow", "one of the two")
-    near = np.zeros(3) if options.near is None else options.near
-    angle = float(np.linalg.norm(near))
-    start = matrix_from_axis_angle(near / angle if angle else [0.0, 0.0, 1.0], angle)[0]
     results = [
         *([Result("mode", "count")] if options.all else []),
         *(Result(name, "number") for name in ("q0", "qx", "qy", "qz")),
@@ -82,6 +80,11 @@ def _run(options: argparse.Namespace) -> int:
 
     def prepare(unit: str) -> Any:
         geometry, _ = machine_of(options, unit)
+        near = np.zeros(3)
+        if options.near is not None or options.start is not None:
+            near = np.array(options.start if options.near is None else options.near)
+        angle = float(np.linalg.norm(near))
+        start = matrix_from_axis_angle(near / angle if angle else [0.0, 0.0, 1.0], angle)[0]
 
         def function(values: Any) -> Any:
             legs = np.column_stack(values)
