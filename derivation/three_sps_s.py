@@ -113,6 +113,8 @@ d.state(
     text="The joints stand at -30°, 90° and 210°.",
     place="eq. (21)",
 ).prove()
+
+# %%
 d.state(
     "22",
     equal(
@@ -190,6 +192,8 @@ d.check(
     text="Three combinations of the squares of the legs.",
 ).prove(modulo=UNIT)
 
+# %%
+
 
 def parts(value):
     """Real and imaginary part of a polynomial in I and real symbols."""
@@ -207,6 +211,8 @@ d.check(
     equal(Z_im, Z_parts[1]),
     text="In v and w: A = 2 Re v² and Z = 4 h v w̄ + 2 R w², with |v|² + |w|² = 1.",
 ).prove(modulo=UNIT)
+
+# %%
 legs_again = [
     K - r * R * cos_sum + r * (Z_re * sp.cos(turn) + Z_im * sp.sin(turn))
     for turn in (2 * sp.pi / 3, 0, -2 * sp.pi / 3)
@@ -293,6 +299,8 @@ d.check(
     equal(4 * R * along, y),
     text="4 R Re(Z W̄) = y(ρ).",
 ).prove(given=in_q, modulo=UNIT)
+
+# %%
 lifted = parts((Z_of_q - 2 * R * w**2) * w)
 d.check(
     "back-substitution",
@@ -300,12 +308,16 @@ d.check(
     equal(4 * h * rho * q3, lifted[1]),
     text="4 h ρ v = (Z - 2 R W) w.",
 ).prove()
+
+# %%
 v_square = parts(v**2)
 d.check(
     "P",
     equal(64 * h**2 * R * (cube_re * v_square[0] + cube_im * v_square[1]), P),
     text="64 h² R Re(Z³ v̄²) = P(ρ).",
 ).prove(given=in_q, modulo=UNIT)
+
+# %%
 tau = d.symbol("tau", r"\tau", "Im v²", "1")
 Re3 = d.symbol("Z3_re", r"Z^3_r", "real part of Z³, as a letter", "length³")
 Im3 = d.symbol("Z3_im", r"Z^3_i", "imaginary part of Z³, as a letter", "length³")
@@ -324,6 +336,8 @@ octic_entry.prove(
     given={P_letter: 64 * h**2 * R * (Re3 * a_letter / 2 + Im3 * tau)},
     modulo={tau: tau**2 + a_letter**2 / 4 - (1 - rho_letter) ** 2},
 )
+
+# %%
 d.check(
     "square-of-v",
     equal(v_square[0] ** 2 + v_square[1] ** 2, (1 - rho) ** 2),
@@ -356,6 +370,8 @@ leading = d.symbol("leading", "c_8", "leading coefficient of the octic", "length
 d.check(
     "degree", equal(leading, k_rho**6), text="The octic's degree is 8; its leading coefficient is k⁶."
 ).prove()
+
+# %%
 equal_legs = d.symbol(
     "octic_equal_legs",
     r"O_0(\varrho)",
@@ -368,6 +384,8 @@ d.check(
     equal(equal_legs, rho_letter**2 * (k_rho * rho_letter - 16 * h**2) ** 6),
     text="For equal legs (Z = 0) two modes are pure torsions (ρ = 0), and six have ρ = 4h²/(R² + 4h²).",
 ).prove()
+
+# %%
 psi = d.symbol("psi", r"\psi", "phase of w", "rad")
 tilted = 2 * h / sp.sqrt(R**2 + 4 * h**2)
 w_phase = sp.Matrix([sp.cos(psi), sp.sin(psi)])
@@ -436,6 +454,8 @@ d.check(
     equal(octic_in_x, 16 * z**6 * (quartic_value**2 - taken_off)),
     text="The octic in x, from which z⁶ is gone.",
 ).prove()
+
+# %%
 d.check(
     "phase-of-w",
     equal(z**2 + 4 * (1 + 4 * eta**2) * (beta + mu * x) ** 2 - 16 * eta**2 * (beta + mu * x),
@@ -463,14 +483,17 @@ rates = {
     q2: (spin[1] * q0 + spin[2] * q1 - spin[0] * q3) / 2,
     q3: (spin[2] * q0 + spin[0] * q2 - spin[1] * q1) / 2,
 }
-for n, square in enumerate(length_squared):
+half_rates = []
+for square in length_squared:
     written = sp.expand(d.value(square))
-    change = sum(sp.diff(written, part) * rate for part, rate in rates.items())
-    d.check(
-        f"leg-rate-{n + 1}",
-        equal(change / 2, dot(rows[n], spin)),
-        text=f"Half the rate of L_{n + 1}².",
-    ).prove(modulo=UNIT)
+    half_rates.append(sum((sp.diff(written, part) * rate for part, rate in rates.items()), sp.S.Zero) / 2)
+d.check(
+    "leg-rates",
+    *(equal(half, dot(row, spin)) for half, row in zip(half_rates, rows, strict=True)),
+    text="Half the rates of the squares of the legs.",
+).prove(modulo=UNIT)
+
+# %%
 determinant = d.symbol(
     "determinant",
     r"\Delta",
@@ -492,6 +515,8 @@ d.check(
     equal(determinant, determinant_short),
     text="The determinant: (3√3/2) R r³ (Im v² (h² (|v|² - |w|²) - R² |w|²) + R h Im(v w³)).",
 ).prove(modulo=UNIT)
+
+# %%
 
 T = d.symbol("tilt_half", r"\tfrac T2", "half the tilt, χz/2", "rad")
 F = d.symbol("azimuth", "F", "azimuth: the tilt is towards it", "rad")
@@ -532,6 +557,8 @@ d.check(
           sp.ImmutableMatrix(turn_z(sp.cos(F), sp.sin(F)) * turn_y * last)),
     text="Tilt T towards the azimuth F, and torsion σ: the Z-Y-Z angles F, T, σ - F.",
 ).prove()  # fmt: skip
+
+# %%
 determinant_tilt = (
     sp.Rational(3, 2)
     * root3
@@ -561,6 +588,8 @@ d.check(
     equal(determinant_tilt.xreplace({T: 0}), sp.Rational(3, 2) * root3 * R * r**3 * h**2 * sin_torsion),
     text="For pure torsion the determinant is (3√3/2) R r³ h² sin σ.",
 ).prove()
+
+# %%
 untwisted = d.symbol(
     "untwisted",
     r"\Delta_{\sigma=0}",
@@ -576,11 +605,15 @@ d.check(
     ),
     text="Without torsion it is -(3√3/2) R² r³ h cos(T/2) sin³(T/2) cos 3F: zero at every tilt towards F = 30°, 90°, …",
 ).prove()
+
+# %%
 d.check(
     "half-turn-tilt",
     equal(determinant_tilt.xreplace({T: sp.pi / 2}), 0),
     text="At a tilt by π it is zero, whatever azimuth and torsion.",
 ).prove()
+
+# %%
 at_home = d.symbol(
     "determinant_home",
     r"\Delta_0",
@@ -626,6 +659,12 @@ if in_notebook():
         panel.set_title(f"torsion {torsion}°")
     figure.colorbar(shades, ax=panels, label="normed determinant", shrink=0.7)
     plt.show()
+
+# %% [markdown]
+# ## All symbols
+
+# %%
+d
 
 # %% [markdown]
 # ## The kernels
@@ -1060,6 +1099,8 @@ octic_unit = d.symbol(
 d.check(
     "kernel-octic", equal(kernel_in_rho, octic_unit), text="sps_octic holds the octic's coefficients."
 ).prove()
+
+# %%
 shifted = scaled_octic.expand("octic", keep=("a", "eta", "z", "c3", "s3", "beta", "mu", "b_4"))
 top = d.symbol("top", "t", "the quartic's leading coefficient", "1")
 beta_letter, mu_letter = (d.symbol(n, rf"\{n}", f"{n}, as a letter", "1") for n in ("beta", "mu"))
