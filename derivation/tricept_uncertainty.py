@@ -179,6 +179,8 @@ d.check(
     ),
     text="Derivatives by the pose.",
 ).prove()
+
+# %%
 d.check(
     "by-guide",
     equal(sp.ImmutableMatrix(placed(X).jacobian(guide).xreplace(none)), sp.ImmutableMatrix(by_guide(X))),
@@ -277,6 +279,8 @@ d.check(
     ),
     text="W is half the derivative of the closures by the pose.",
 ).prove()
+
+# %%
 d.check(
     "loop-by-parameters",
     equal(
@@ -285,6 +289,8 @@ d.check(
     ),
     text="V is half their derivative by the parameters.",
 ).prove()
+
+# %%
 d.check(
     "place-by-parameters",
     equal(
@@ -293,6 +299,8 @@ d.check(
     ),
     text="The tool's own derivative by the parameters, at a held pose.",
 ).prove()
+
+# %%
 w = sp.Matrix(3, 3, sp.symbols("w_1_1:4 w_2_1:4 w_3_1:4", real=True))
 
 
@@ -403,25 +411,35 @@ d.check(
     equal(sp.ImmutableMatrix(W33), sp.ImmutableMatrix(2 * T * W)),
     text="The paper's W33 is 2 T W.",
 ).prove(given=circles)
+
+# %%
 d.check(
     "paper-W35",
     equal(sp.ImmutableMatrix(W35), sp.ImmutableMatrix(2 * T * V[:, :5])),
     text="The paper's W35 is 2 T times the first five columns of V; det T = -2√3/9.",
 ).prove(given=circles)
+
+# %%
 d.check(
     "T-regular", equal(T.det(), -2 * root3 / 9), text="T is regular, so that it drops out of W33⁻¹W35."
 ).prove()
+
+# %%
 d.check(
     "paper-M33",
     equal(sp.ImmutableMatrix(-G33), sp.ImmutableMatrix(F33 * Q_pose)),
     text="The paper's M33 = -F33⁻¹G33 is the derivative of Q by the pose; so A = M33 (-W33⁻¹W35) is the first five "
     "columns of the sensitivity, on which Q has no further, direct dependence.",
 ).prove()
+
+# %%
 d.check(
     "paper-direct",
     equal(sp.ImmutableMatrix(Q_direct[:, :5]), sp.ImmutableMatrix(sp.zeros(3, 5))),
     text="None of the five moves Q at a held pose.",
 ).prove()
+
+# %%
 d.check(
     "radius-of-fixed-joints",
     equal(
@@ -480,6 +498,8 @@ d.state(
     text="The covariance matrix of A x is the expectation of (A dx)(A dx)ᵀ, for any U_x.",
     place="eq. (21)",
 ).prove()
+
+# %%
 d.state(
     "eq-22",
     equal(
@@ -490,6 +510,8 @@ d.state(
     text="A covariance matrix is symmetric: fifteen numbers, and fifteen base matrices.",
     place="eq. (22), sec. 4",
 ).prove()
+
+# %%
 d.state(
     "linear-in-bases",
     equal(
@@ -500,6 +522,8 @@ d.state(
     "(non-base) symmetric matrix Ux",
     place="sec. 4",
 ).prove(because="At one position this is so; what it means for intervals over many positions stands below.")
+
+# %%
 root = sp.Matrix(5, 5, sp.symbols("l_1:6_1:6", real=True))
 v = sp.Matrix(sp.symbols("v_1:4", real=True))
 image = root.T * a.T * v
@@ -519,6 +543,8 @@ d.state(
     text="A deviation that is anywhere between -h and h with equal probability has the variance h²/3.",
     place="eq. (23), Table 1",
 ).prove()
+
+# %%
 d.state(
     "table-1-rods",
     equal(sp.Rational(29, 10000) ** 2, rod_u**2 / 3),
@@ -531,6 +557,8 @@ d.state(
     because="0.0029 mm is 0.005 mm/√3 rounded to two digits: variances from Table 1 are 0.92 % greater than those of "
     "(23).",
 )
+
+# %%
 d.state(
     "table-1-radii",
     equal(sp.Rational(58, 10000) ** 2, fixed_u**2 / 3),
@@ -566,6 +594,8 @@ d.check(
     text="M33 where the tool is P' (q = 0).",
 ).prove(given=no_tool)
 
+# %%
+
 
 def mirrored(m):
     """The matrix at -alpha, with the rods B and C exchanged."""
@@ -577,11 +607,15 @@ d.check(
     equal(sp.ImmutableMatrix(mirrored(W33)), sp.ImmutableMatrix(change * W33 * flip)),
     text="W33 at -α.",
 ).prove()
+
+# %%
 d.check(
     "mirror-W35",
     equal(sp.ImmutableMatrix(mirrored(W35)), sp.ImmutableMatrix(change * W35 * swap)),
     text="W35 at -α, with the rods exchanged.",
 ).prove()
+
+# %%
 d.check(
     "mirror-M33",
     equal(sp.ImmutableMatrix(mirrored(M33)), sp.ImmutableMatrix(mirror * M33 * flip)),
@@ -643,6 +677,8 @@ d.state(
     "degree 10.",
     place="sec. 4",
 ).prove()
+
+# %%
 functions = {name: sp.Function(name)(z) for name in ("S", "P", "D")}
 S_z, P_z, D_z = functions.values()
 rates = {sp.diff(f, z): sp.Symbol(f"{name}1", real=True) for name, f in functions.items()}
@@ -753,6 +789,8 @@ d.state(
     "where both rods' influences rise together. Eq. (24) is such an outer enclosure. (Here: the rods B and C, Q_z, at "
     "sin α = ±20/101, β = 0, z = 700 mm.)",
 )
+
+# %%
 printed = sp.Matrix(
     3,
     3,
@@ -944,3 +982,41 @@ derivation.kernel(
 if in_notebook():
     for kernel in derivation.kernels.values():
         print(f"{kernel.name:30} {sum(kernel.operations.values()):5d} operations")
+
+# %% [markdown]
+# ## Figures 3 to 10
+#
+# The influence of one element of $U_x$ on the least or the greatest value of one element of $U_y$ along each beam, for
+# the machine and the limits of Table 1. The paper's figures have no scales to compare with; the shapes are these.
+
+# %%
+if in_notebook():
+    import matplotlib.pyplot as plt
+    import numpy as np
+
+    from rodgen import tricept as machine
+
+    FIGURES = (
+        (3, ("A0", "A1"), "xx", "least"),
+        (4, ("A0", "r"), "xx", "greatest"),
+        (5, ("r", "r"), "xx", "greatest"),
+        (6, ("r", "R"), "xx", "least"),
+        (7, ("R", "R"), "xx", "greatest"),
+        (8, ("r", "r"), "xy", "least"),
+        (9, ("r", "r"), "yy", "least"),
+        (10, ("R", "R"), "zz", "least"),
+    )
+    beams = np.radians(np.linspace(-39, 39, 79))
+    figure, panels = plt.subplots(
+        2, 4, figsize=(13, 6), layout="constrained", subplot_kw={"projection": "3d"}
+    )
+    for panel, (number, pair, element, end) in zip(panels.flat, FIGURES, strict=True):
+        found = machine.influence_map(
+            beams[:, None], beams, machine.PAPER, pair, element, limits=machine.LEG_LIMITS
+        )
+        panel.plot_surface(
+            np.degrees(found.alpha), np.degrees(found.beta), getattr(found, end), cmap="cividis", linewidth=0
+        )
+        panel.set(xlabel="α [°]", ylabel="β [°]")
+        panel.set_title(f"Figure {number}: U_x[{', '.join(pair)}], {end} U_y[{element}]", fontsize=9)
+    plt.show()

@@ -64,7 +64,7 @@ def certified_extremes(
     *,
     gap: Floats,
     parts: int = 16,
-    most_boxes: int = 400_000,
+    most_boxes: int = 1_000_000,
 ) -> Extremes:
     """Enclose the range of functions over a box.
 
