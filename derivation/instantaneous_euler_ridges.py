@@ -599,8 +599,8 @@ d.check(
 d.state(
     "third-rotation-zyx",
     equal(cross(cross(ez, turns("zyx", (alpha, beta, 0))[:, 2]), Nz), sp.zeros(3, 1)),
-    said="the conventional ridge line appears at the completion of the second rotation, and the third rotation does "
-    "not affect the position of the ridge lines",
+    said="the conventional ridge line of a single rigid body appears at the completion of the second rotation, and the "
+    "third rotation does not affect the position of the ridge lines",
     text="For Z-Y-X, of the xy planes.",
     place="sec. 2.1",
 ).refute(
@@ -622,8 +622,8 @@ d.state(
 d.state(
     "third-rotation-zyz",
     equal(Nz, sin(theta) * column(-sin(phi), cos(phi), 0)),
-    said="the conventional ridge line appears at the completion of the second rotation, and the third rotation does "
-    "not affect the position of the ridge lines",
+    said="the conventional ridge line of a single rigid body appears at the completion of the second rotation, and the "
+    "third rotation does not affect the position of the ridge lines",
     text="For Z-Y-Z, of the xy planes: sin θ times y1, the line of nodes.",
     place="sec. 2.1",
 ).prove(given=by_zyz)
