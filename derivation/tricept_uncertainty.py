@@ -340,7 +340,8 @@ d.state(
     place="sec. 3, e)",
 ).refute(
     {**home, q: (0, 0, 0), alpha: 0, beta: 0, z: 700},
-    [
+    equal(shift, 0),
+    proof=[
         equal(sp.ImmutableMatrix(V[:, rod_z]), sp.ImmutableMatrix(W[:, 2])),
         equal(sp.ImmutableMatrix(Q_direct[:, rod_z]), sp.ImmutableMatrix(Q_pose[:, 2])),
     ],
@@ -547,12 +548,14 @@ d.state(
 # %%
 d.state(
     "table-1-rods",
-    equal(sp.Rational(29, 10000) ** 2, rod_u**2 / 3),
-    text="The standard uncertainty of a rod, as printed, and as eq. (23) has it.",
+    equal(sp.Rational(29, 10000), h / sp.sqrt(3)),
+    text="The standard uncertainty of a rod, as printed, and as eq. (23) has it of the permissible deviation.",
     place="Table 1",
+    assumptions=[equal(h, sp.Rational(1, 200))],
 ).refute(
-    {},
-    equal(sp.Rational(29, 10000) ** 2, (1 + sp.Rational(92, 10000)) * rod_u**2 / 3),
+    {h: sp.Rational(1, 200)},
+    equal(sp.Rational(29, 10000) ** 2, (1 + sp.Rational(92, 10000)) * h**2 / 3),
+    given={h: sp.Rational(1, 200)},
     label="V2",
     because="0.0029 mm is 0.005 mm/√3 rounded to two digits: variances from Table 1 are 0.92 % greater than those of "
     "(23).",
@@ -561,12 +564,14 @@ d.state(
 # %%
 d.state(
     "table-1-radii",
-    equal(sp.Rational(58, 10000) ** 2, fixed_u**2 / 3),
-    text="The same for the radii.",
+    equal(sp.Rational(58, 10000), h / sp.sqrt(3)),
+    text="The standard uncertainty of a radius, as printed, and as eq. (23) has it of the permissible deviation.",
     place="Table 1",
+    assumptions=[equal(h, sp.Rational(1, 100))],
 ).refute(
-    {},
-    equal(sp.Rational(58, 10000) ** 2, (1 + sp.Rational(92, 10000)) * fixed_u**2 / 3),
+    {h: sp.Rational(1, 100)},
+    equal(sp.Rational(58, 10000) ** 2, (1 + sp.Rational(92, 10000)) * h**2 / 3),
+    given={h: sp.Rational(1, 100)},
     label="V3",
     because="0.0058 mm is 0.01 mm/√3 rounded to two digits.",
 )
