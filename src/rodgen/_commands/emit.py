@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from rodgen._commands._console import FAILED, OK, Command, fitting, show, show_json
+from rodgen._commands._console import FAILED, OK, Command, fitting, show, show_json, tell
 from rodgen._commands._machine import FILES, add_files, add_json, add_loss, load_data
 
 __all__ = ["add_to"]
@@ -31,17 +31,23 @@ def add_to(command: Command) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
+    from rodgen.discrepancy._closing import not_found_by_code
     from rodgen.machines.machine import Machine
 
-    machine, travel, converged = Machine.load(options.machine), None, True
+    machine, travel, converged, lost = Machine.load(options.machine), None, True, 0.0
     if options.data:
         data = load_data(options.data)
         with fitting() as progress:
             fit = machine.fit(data, loss=options.loss, progress=progress)
         machine, travel, converged = fit.machine, fit.observations.travel, fit.solution.converged
+        lost = not_found_by_code(machine, fit.observations)
     files = [str(path) for path in machine.emit(options.lang, options.output, travel=travel)]
     if options.json:
         show_json({"files": files, "converged": converged})
     else:
         show("\n".join(files))
+    if lost > 0:
+        tell(
+            f"In {lost:.1%} of the rows the emitted code does not find the platform, and gives NaN or another pose."
+        )
     return OK if converged else FAILED

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rodgen.errors import InputFileError
 from rodgen.machines._rigid import rotation_matrix, rotation_vector
-from rodgen.machines.closing import assembly_modes, holding, physical_pose, placed_at
+from rodgen.machines.closing import assembly_modes, found_from, holding, legs_at, physical_pose, placed_at
 
 if TYPE_CHECKING:
     from rodgen.discrepancy._bind import Observations
@@ -29,9 +29,11 @@ __all__ = [
     "found_again",
     "in_another_mode",
     "in_its_mode",
+    "not_found_by_code",
     "pose_start",
     "weakest",
     "with_commands",
+    "with_what_was_seen",
     "within_reach",
 ]
 
@@ -45,6 +47,10 @@ FAR = 3e-3
 """In rad, or radii of the base. A pose that starts no farther off than this is found to rounding in two steps."""
 SLACK = 0.02
 """Part of its way by which a freedom may be moved farther than in the data: legs are commanded in round numbers."""
+FROM_AFAR, MOST_SEEN = 8, 32
+"""Newton's steps of emitted code, and poses at most that it chooses from to begin."""
+NEAR = 0.02
+"""In rad. The nominal pose may be so far from that of the fitted geometry and still be the same one."""
 WEAK = 0.1
 """How well legs hold a platform, 1 at best, below which a row is worth a look."""
 LOOKED_AT = 2000
@@ -313,5 +319,42 @@ def in_its_mode(machine: Machine, o: Observations) -> Machine:
         return machine
     turns = o.pose_start.reshape(-1, 3, 3)
     middle = turns[int(np.argmax(np.einsum("nij,ij->n", turns, turns.mean(axis=0))))]
-    x, y, z = (float(c) for c in rotation_vector(middle))
-    return replace(machine, geometry=replace(geometry, start=(x, y, z)))
+    return replace(machine, geometry=replace(geometry, start=_vector(middle)))
+
+
+def with_what_was_seen(machine: Machine, o: Observations) -> Machine:
+    """Return a machine that knows poses from which all that were measured are found, for the code that it emits."""
+    geometry = machine.geometry
+    if geometry is None or geometry.start is None or o.pose_start is None:
+        return machine
+    begins = rotation_matrix(geometry.start)[None]
+    while len(begins) <= MOST_SEEN:
+        turns, legs = _not_found(geometry, begins, o)
+        if not len(turns):
+            break
+        apart = np.sum((legs[:, None] - legs_at(geometry, begins)) ** 2, axis=2).min(axis=1)
+        begins = np.concatenate([begins, turns[[np.argmax(apart)]]])
+    return replace(machine, geometry=replace(geometry, seen=tuple(_vector(turn) for turn in begins[1:])))
+
+
+def not_found_by_code(machine: Machine, o: Observations) -> float:
+    """Return in which part of the rows emitted code of a fitted machine does not find the platform."""
+    geometry = machine.geometry
+    if geometry is None or geometry.start is None or o.pose_start is None:
+        return 0.0
+    begins = rotation_matrix([geometry.start, *geometry.seen])
+    return len(_not_found(geometry, begins, o)[0]) / min(o.n, LOOKED_AT)
+
+
+def _not_found(geometry: ClosedChain, begins: Array, o: Observations) -> tuple[Array, Array]:
+    """Return the poses and legs of those rows that code which begins there does not find."""
+    some = np.linspace(0, o.n - 1, min(o.n, LOOKED_AT)).astype(int)
+    turns, legs = np.asarray(o.pose_start)[some].reshape(-1, 3, 3), o.q[some]
+    found = found_from(geometry, begins, legs, FROM_AFAR)
+    lost = ~(np.abs(found - turns).max(axis=(1, 2)) < NEAR)
+    return turns[lost], legs[lost]
+
+
+def _vector(turn: Array) -> tuple[float, float, float]:
+    x, y, z = (float(c) for c in rotation_vector(turn))
+    return x, y, z

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.discrepancy._bind import Observations, bind
-from rodgen.discrepancy._closing import in_its_mode
+from rodgen.discrepancy._closing import in_its_mode, with_what_was_seen
 from rodgen.discrepancy._determinacy import Determinacy, determinacy
 from rodgen.discrepancy._lack_of_fit import LackOfFit, lack_of_fit
 from rodgen.discrepancy._least_squares import Solution, minimise
@@ -303,6 +303,7 @@ def _finished(problem: Problem, solution: Solution, free: Sequence[int], outlier
         for j, joint in enumerate(model.machine.joints)
     )
     machine = in_its_mode(replace(model.machine, values=values, joints=joints), problem.observations)
+    machine = with_what_was_seen(machine, problem.observations)
     return Fit(machine, problem.observations, problem, solution, tuple(free), outliers)
 
 

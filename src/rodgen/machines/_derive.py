@@ -99,6 +99,7 @@ class _Model:
         self.count = 0
         self.done: dict[tuple[Any, ...], Any] = {}
         self.tension: dict[int, sp.Expr] = {}
+        self.begins: list[list[sp.Expr]] = []
         self.inputs()
 
     def inputs(self) -> None:

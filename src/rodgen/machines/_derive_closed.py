@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import sympy as sp
 
 from rodgen.machines.closed_chain import FAMILIES
-from rodgen.symbolic import select
+from rodgen.symbolic import select, skew
 
 if TYPE_CHECKING:
     from rodgen.codegen.kernel import Kernel
@@ -31,8 +31,6 @@ STEPS = 3
 """Newton's steps. From 3 % off the nominal pose, more than any machine that is to be calibrated, they leave 1e-12."""
 FROM_AFAR = 8
 """Newton's steps from where the platform may be to where it is, all over the workspace."""
-STAGES = 4
-"""Parts in which a way from one pose to another is gone, so that the assembly mode stays the same."""
 CLOSED = sp.Rational(1, 10**12)
 """Square of the last step, in rad or radii of the base, above which the legs do not close: after a smaller one what is
 left is its square, which is below rounding."""
@@ -237,17 +235,30 @@ class _Pivot(_Chain):
         return self.pose(sp.Matrix(3, 3, self.start))
 
     def from_afar(self) -> _Pose:
-        wanted, pose = self.lengths(lambda term: True), self.first()
-        begun = [self.m.let("half_square", leg.dot(leg) / 2) for leg in self.legs(pose)]
-        for stage in range(1, STAGES + 1):
-            part = sp.Rational(stage, STAGES)
-            half = [
-                self.m.let("half_square", (1 - part) * a + part * b)
-                for a, b in zip(begun, wanted, strict=True)
-            ]
-            for _ in range(FROM_AFAR // STAGES):
-                pose, _step = self.nearer(pose, half)
+        half = self.lengths(lambda term: True)
+        pose = self.pose(self.nearest([self.m.column["q", k] for k in range(3)]))
+        for _ in range(FROM_AFAR):
+            pose, _step = self.nearer(pose, half)
         return pose
+
+    def nearest(self, legs: Sequence[sp.Expr]) -> Vector:
+        """Return the rotation, of those to begin with, whose legs are the nearest: no branch, a select each."""
+        least, chosen = None, sp.zeros(4, 1)
+        for begin in self.m.begins:
+            apart = self.m.let(
+                "apart", sum(((a - b) ** 2 for a, b in zip(legs, begin[:3], strict=True)), sp.S.Zero)
+            )
+            quaternion = sp.Matrix(begin[3:])
+            if least is None:
+                least, chosen = apart, quaternion
+                continue
+            here = apart < least
+            chosen = self.m.let(
+                "chosen", sp.Matrix([select(here, a, b) for a, b in zip(quaternion, chosen, strict=True)])
+            )
+            least = self.m.let("least", select(here, apart, least))
+        w, v = chosen[0], sp.Matrix(chosen[1:])
+        return self.m.let("turn", sp.eye(3) + 2 * w * skew(v) + 2 * skew(v) ** 2)
 
     def numbers(self, pose: _Pose) -> list[sp.Expr]:
         return list(pose.turn)
@@ -317,17 +328,25 @@ def pose_of(model: _Model) -> Kernel:
     return model.builder.build()
 
 
-def pose_from_afar(model: _Model) -> Kernel:
+def pose_from_afar(model: _Model, begins: int = 0) -> Kernel:
     """Return the kernel that finds the pose on the nominal machine, all by itself.
 
     It replaces what else comes with each row. Of a family that counts one assembly mode as the physical one it begins
-    in the middle; of others at the ``start`` of its rows, and goes from there with the lengths of the legs.
+    in the middle; of others at that of some poses whose legs are the nearest.
 
     Parameters
     ----------
     model : _Model
         Without terms and freedoms.
+    begins : int
+        How many poses there are to begin with: the kernel has an input ``begin``, (begins, 7), of their legs and unit
+        quaternions, scalar part first.
     """
+    if begins:
+        port = model.builder.input(
+            "begin", (begins, 7), unit="1", doc="legs and quaternions of poses to begin with"
+        )
+        model.begins = port.tolist()
     chain = CHAINS[model.structure.family](model)
     found = chain.numbers(chain.from_afar())
     model.builder.output("start", sp.Matrix(found), unit="1", doc="pose on the nominal machine")

@@ -7,7 +7,7 @@ follows from all of them together (the direct problem), and may have several ans
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 __all__ = ["FAMILIES", "ClosedChain", "Family"]
@@ -69,6 +69,9 @@ class ClosedChain:
         Of a 3-sps-s: height of the pivot above the base.
     start : tuple of float, length 3, or None
         Of a 3-sps-s: rotation vector in radians; the assembly mode is the one nearest to it, else nearest the readings.
+    seen : tuple of tuple of float
+        Of a 3-sps-s that was measured: further rotation vectors of that mode, from which all that were measured are
+        found; for code that finds poses by itself. They stand in no file.
     """
 
     family: str
@@ -77,6 +80,7 @@ class ClosedChain:
     q: tuple[float, float, float] = (0.0, 0.0, 0.0)
     h: float = 0.0
     start: tuple[float, float, float] | None = None
+    seen: tuple[tuple[float, float, float], ...] = field(default=(), compare=False, repr=False)
 
     @property
     def of(self) -> Family:

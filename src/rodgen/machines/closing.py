@@ -11,7 +11,15 @@ from rodgen.errors import RodgenError
 from rodgen.machines._rigid import rotation_matrix
 from rodgen.machines.closed_chain import ClosedChain
 
-__all__ = ["assembly_modes", "holding", "physical_pose", "placed_at", "usual_leg"]
+__all__ = [
+    "assembly_modes",
+    "found_from",
+    "holding",
+    "legs_at",
+    "physical_pose",
+    "placed_at",
+    "usual_leg",
+]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -96,7 +104,9 @@ def holding(geometry: ClosedChain, starts: Array) -> Array:
         alpha, beta, z = starts.T
         ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
         zero = np.zeros_like(z)
-        turn = np.array([[cb, -sb * sa, sb * ca], [zero, ca, sa], [-sb, -cb * sa, cb * ca]]).transpose(2, 0, 1)
+        turn = np.array([[cb, -sb * sa, sb * ca], [zero, ca, sa], [-sb, -cb * sa, cb * ca]]).transpose(
+            2, 0, 1
+        )
         arms = np.einsum("nij,kj->nki", turn, geometry.r * across) + (turn[:, :, 2] * z[:, None])[:, None]
         legs = _unit(arms - geometry.R * across)
         moments = np.cross(arms, legs) / geometry.R
@@ -104,8 +114,8 @@ def holding(geometry: ClosedChain, starts: Array) -> Array:
         slide = np.einsum("nki,ni->nk", legs, turn[:, :, 2])
         rows = np.stack([np.einsum("nki,ni->nk", moments, about), moments[:, :, 1], slide], axis=2)
     else:
-        arms = np.einsum("nij,kj->nki", starts.reshape(-1, 3, 3), geometry.r * across)
-        legs = _unit(arms + np.array([0.0, 0.0, geometry.h]) - geometry.R * across)
+        arms, along = _joints(geometry, starts.reshape(-1, 3, 3))
+        legs = _unit(along)
         rows = np.cross(arms, legs) / geometry.r
     found = np.full(len(rows), np.nan)
     known = np.isfinite(rows).all(axis=(1, 2))
@@ -115,6 +125,46 @@ def holding(geometry: ClosedChain, starts: Array) -> Array:
 
 def _unit(vectors: Array) -> Array:
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
+
+
+def _joints(geometry: ClosedChain, turns: Array) -> tuple[Array, Array]:
+    """Return the joints on the platform from the pivot, and the legs as vectors, of a 3-sps-s, (n, 3, 3) each."""
+    angles = np.radians(list(geometry.of.legs.values()))
+    across = np.stack([np.cos(angles), np.sin(angles), np.zeros(3)], axis=1)
+    arms = np.einsum("nij,kj->nki", turns, geometry.r * across)
+    return arms, arms + np.array([0.0, 0.0, geometry.h]) - geometry.R * across
+
+
+def legs_at(geometry: ClosedChain, turns: Array) -> Array:
+    """Return the lengths of the legs of a 3-sps-s, (n, 3), at rotations, (n, 3, 3)."""
+    return np.asarray(np.linalg.norm(_joints(geometry, turns)[1], axis=2))
+
+
+def found_from(geometry: ClosedChain, begins: Array, legs: Array, steps: int) -> Array:
+    """Return the rotations, (n, 3, 3), that Newton's steps find from the one of some whose legs are the nearest.
+
+    Parameters
+    ----------
+    geometry : ClosedChain
+        A 3-sps-s.
+    begins : ndarray, shape (k, 3, 3)
+    legs : ndarray, shape (n, 3)
+    steps : int
+    """
+    apart = np.sum((legs[:, None] - legs_at(geometry, begins)) ** 2, axis=2)
+    turns = begins[np.argmin(apart, axis=1)]
+    with np.errstate(all="ignore"):
+        for _ in range(steps):
+            arms, along = _joints(geometry, turns)
+            gap = (np.sum(along**2, axis=2) - legs**2) / 2
+            slopes = np.cross(arms, along)
+            slopes[~np.isfinite(np.linalg.cond(slopes))] = np.nan
+            half = -np.linalg.solve(slopes, gap[:, :, None])[:, None, :, 0] / 2
+            columns = turns.swapaxes(1, 2)
+            across = np.cross(half, columns)
+            factor = 2 / (1 + np.sum(half**2, axis=2, keepdims=True))
+            turns = (columns + factor * (across + np.cross(half, across))).swapaxes(1, 2)
+    return np.asarray(turns)
 
 
 def usual_leg(geometry: ClosedChain, leg: int) -> tuple[float, float]:

@@ -227,7 +227,7 @@ _PARTS = {
     "r": "radius of the joints on the platform, {length}",
     "q": "from the middle of the platform's joints to its centre, {length}",
     "h": "height of the pivot, {length}",
-    "begin": "turn of the platform in the assembly mode",
+    "begin": "of a pose to begin with: lengths of the legs, unit quaternion",
 }
 
 

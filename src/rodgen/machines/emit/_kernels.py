@@ -28,6 +28,9 @@ from rodgen.machines._derive_closed import pose_from_afar
 from rodgen.machines._model import Frame, Model
 from rodgen.machines._rigid import rotation_matrix
 from rodgen.machines._structure import Structure, Term, row_effects
+from rodgen.machines.closed_chain import ClosedChain
+from rodgen.machines.closing import legs_at
+from rodgen.rotation import quaternion_from_matrix
 from rodgen.symbolic import select
 
 __all__ = ["Constant", "MachineKernels", "aim_kernel", "machine_kernels", "step_kernel"]
@@ -40,6 +43,8 @@ TINY = sp.Rational(1, 10**300)
 
 OF_A_JOINT = frozenset({"axis", "point", "u", "v", "start", "length"})
 """Parts of the geometry that each joint has."""
+BEGIN = ("leg1", "leg2", "leg3", "w", "x", "y", "z")
+"""What is said of a pose to begin with."""
 OF_A_CLOSED_CHAIN = {"R": "base_radius", "r": "platform_radius", "q": "offset", "h": "pivot_height"}
 """Parts of the geometry of a closed chain, and what they are called in code."""
 SWEEPS = 5
@@ -178,21 +183,30 @@ def machine_kernels(model: Model, name: str = "place", prefix: str = "") -> Mach
 def _pose_kernel(model: Model, structure: Structure, numbers: _Numbers) -> Kernel:
     """Write the kernel that finds the pose of a closed chain on the nominal machine."""
     bare = replace(structure, terms=(), shift=False, frame=False)
-    general = pose_from_afar(_Model(bare, "pose", with_residual=False))
+    begins = _begins(model.machine.geometry)
+    general = pose_from_afar(_Model(bare, "pose", with_residual=False), len(begins))
     q = _port("q", (len(structure.joints),), "commanded coordinates")
-    begin: Mapping[int, float] = {}
-    if model.machine.geometry is not None and model.machine.geometry.start is not None:
-        begin = dict(enumerate(rotation_matrix(model.machine.geometry.start).ravel().tolist()))
     stands_for: dict[sp.Symbol, sp.Expr] = {}
     for (kind, of), symbol in zip(bare.columns, general.port("rows").symbols, strict=True):
         if kind == "q":
             stands_for[symbol] = q.symbols[int(of)]
-        elif kind == "start" and begin:
-            stands_for[symbol] = numbers.number(begin[int(of)], "begin", 0, _component(int(of), 9))
+    if len(begins):
+        symbols = iter(general.port("begin").symbols)
+        for k, begin in enumerate(begins.tolist()):
+            for name, value in zip(BEGIN, begin, strict=True):
+                stands_for[next(symbols)] = numbers.number(value, "begin", k, name)
     slots = [(slot, n, _component(i, length)) for slot, n, length in bare.geometry for i in range(length)]
     for slot, symbol in zip(slots, general.port("g").symbols, strict=True):
         stands_for[symbol] = numbers.by_slot[slot]
     return _folded(general, stands_for, [q], numbers)
+
+
+def _begins(geometry: ClosedChain | None) -> Array:
+    """Return the poses that a closed chain may begin with, (k, 7): lengths of the legs, and unit quaternions."""
+    if geometry is None or geometry.start is None:
+        return np.zeros((0, 7))
+    turns = rotation_matrix([geometry.start, *geometry.seen])
+    return np.concatenate([legs_at(geometry, turns), quaternion_from_matrix(turns)[0]], axis=1)
 
 
 def _folded(
@@ -283,7 +297,7 @@ class _Numbers:
 
 def _slot_name(part: str, number: int, component: str) -> str:
     part = OF_A_CLOSED_CHAIN.get(part, part)
-    of = f"{part}{number}" if part in OF_A_JOINT | {"acts"} else part
+    of = f"{part}{number}" if part in OF_A_JOINT | {"acts", "begin"} else part
     return "_".join(filter(None, [of, component]))
 
 

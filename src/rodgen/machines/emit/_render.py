@@ -185,12 +185,14 @@ def _about_poses(content: Content) -> Iterator[str]:
         return
     mode = "upright, alpha and beta within a quarter turn and z positive"
     if geometry.start is not None:
-        begin = ", ".join(f"{x:.6g}" for x in geometry.start)
-        mode = (
-            f"in the assembly mode of the rotation vector ({begin}) rad, from where it goes as the legs grow"
-        )
+        x = ", ".join(f"{c:.6g}" for c in geometry.start)
+        mode = f"in the assembly mode of the rotation vector ({x}) rad, by Newton's steps from there"
+        if geometry.seen:
+            mode += (
+                f" or from {len(geometry.seen)} more poses that were measured, whichever has the nearest legs"
+            )
     yield from _wrapped(
-        f"The platform is found from the lengths of its legs, {mode}. Where they do not close there, all is NaN."
+        f"The platform is found from the lengths of its legs, {mode}. Where that finds none, all is NaN."
     )
 
 
