@@ -908,6 +908,26 @@ def inverse_kernel():
     return k.build()
 
 
+def pose_kernel():
+    k = builder(
+        "pose",
+        "The physical pose in which the platform's point is at a given point, and its rods.",
+        "conditions below eq. (4)",
+        "The first row of tricept_inverse alone.",
+    )
+    point, (r, R), q, limits, parts, valid, none = inverse_parts(k)
+    alpha, beta = alpha_of(k, "plus", 1, point, q, parts), beta_of(k, "plus", 1, point, q, parts)
+    z = k.let("z", parts[1] - q[2])
+    rows = rod_rows((*alpha, *beta), (z, r, R))
+    length = lengths(k, [k.let(f"rod_{n}", row[0]) for n, row in zip("abc", rows, strict=True)])
+    there, hidden = k.let("there", valid & sp.Not(none)), sp.ones(3, 1) * sp.nan
+    found = sp.Matrix([sp.atan2(*alpha), sp.atan2(*beta), z])
+    k.output("pose", select(there, found, hidden), unit="rad, rad, length", doc="alpha, beta, z")
+    k.output("legs", select(there, length, hidden), unit="length", doc="A0, A1, A-1")
+    k.status("status", pose_status(k, length, limits), TriceptStatus, doc="what the pose is")
+    return k.build()
+
+
 def cofactors(M):
     """Transposed cofactors of a 3x3 matrix: its adjugate."""
     return sp.Matrix(
@@ -1200,6 +1220,7 @@ kernels = {
         point_kernel(),
         legs_kernel(),
         inverse_kernel(),
+        pose_kernel(),
         direct_kernel(),
         matrices_kernel(),
         sensitivity_kernel(),

@@ -566,6 +566,154 @@ void tricept_tricept_inverse_batch_f32(size_t count, const float *point, const f
     tricept_tricept_inverse_f32(point + 3 * i, r[i], R[i], q_x[i], q_y[i], q_z[i], shortest[i], longest[i], poses + 12 * i, legs + 12 * i, status + 4 * i);
 }
 
+/* tricept_pose: 44 add, 53 mul, 2 div, 7 sqrt, 20 select, 20 compare, 8 abs, 2 atan2 */
+void tricept_tricept_pose_f64(const double point[3], double r, double R, double q_x, double q_y, double q_z, double shortest, double longest, double pose[3], double legs[3], int8_t *status) {
+  /* inputs */
+  const double point_1 = point[0];
+  const double point_2 = point[1];
+  const double point_3 = point[2];
+  /* intermediate terms */
+  const double level_squared = (point_1*point_1) + (point_3*point_3);
+  const double level = sqrt(level_squared);
+  const double x0 = fabs(q_x);
+  const double g_squared = (level - x0)*(level + x0);
+  const double x1 = 16.0*DBL_EPSILON;
+  const double g_band = x1*(level_squared + (q_x*q_x));
+  const double u_squared = (point_2 - q_y)*(point_2 + q_y) + ((g_squared > 0.0) ? g_squared : 0.0);
+  const double x2 = (point_2*point_2);
+  const double u_band = g_band + x1*((q_y*q_y) + x2);
+  const int no_root = (g_squared < -g_band) || (u_squared < -u_band);
+  const int double_root = (g_squared <= g_band) || (u_squared <= u_band);
+  const double g = ((g_squared > 0.0) ? sqrt(g_squared) : 0.0);
+  const double u = ((u_squared > 0.0) ? sqrt(u_squared) : 0.0);
+  const double whole = (g*g) + x2;
+  const int free_beta = level_squared == 0.0;
+  const int free_alpha = whole == 0.0;
+  const double by_level = ((free_beta) ? 1.0 : 1.0/level_squared);
+  const double by_whole = ((free_alpha) ? 1.0 : 1.0/whole);
+  const int valid = (shortest <= longest) && (whole <= DBL_MAX) && (x0 + fabs(R) + fabs(point_1) + fabs(point_2) + fabs(point_3) + fabs(q_y) + fabs(q_z) + fabs(r) <= DBL_MAX) && (R > 0.0) && (r > 0.0);
+  const double sa_plus = ((free_alpha) ? 0.0 : by_whole*(point_2*u - g*q_y));
+  const double ca_plus = ((free_alpha) ? 1.0 : by_whole*(g*u + point_2*q_y));
+  const double sb_plus = ((free_beta) ? 0.0 : by_level*(g*point_1 - point_3*q_x));
+  const double cb_plus = ((free_beta) ? 1.0 : by_level*(g*point_3 + point_1*q_x));
+  const double z = u - q_z;
+  const double x3 = ca_plus*z;
+  const double x4 = sb_plus*x3;
+  const double rod_a_1 = cb_plus*r + x4 - R;
+  const double x5 = sa_plus*z;
+  const double rod_a_2 = x5;
+  const double x6 = cb_plus*x3;
+  const double rod_a_3 = x6 - r*sb_plus;
+  const double x7 = 0.5*cb_plus;
+  const double x8 = 0.5*sb_plus;
+  const double x9 = sqrt(3.0);
+  const double x10 = sa_plus*x9;
+  const double x11 = x10*x8;
+  const double x12 = 0.5*R;
+  const double x13 = x12 + x4;
+  const double rod_b_1 = r*(-x11 - x7) + x13;
+  const double x14 = x12*x9;
+  const double x15 = 0.5*ca_plus*r*x9;
+  const double rod_b_2 = x15 + x5 - x14;
+  const double x16 = x10*x7;
+  const double rod_b_3 = r*(0.5*sb_plus - x16) + x6;
+  const double rod_c_1 = r*(x11 - x7) + x13;
+  const double rod_c_2 = x14 + x5 - x15;
+  const double rod_c_3 = r*(x16 + x8) + x6;
+  const double rod_length_1 = sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3));
+  const double rod_length_2 = sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3));
+  const double rod_length_3 = sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3));
+  const int there = (valid) && (!(no_root));
+  const double status_value = ((!(valid)) ? 7.0 : ((no_root) ? 4.0 : (((free_alpha) || (free_beta)) ? 3.0 : ((double_root) ? 2.0 : (((rod_length_1 > longest) || (rod_length_2 > longest) || (rod_length_3 > longest) || (rod_length_1 < shortest) || (rod_length_2 < shortest) || (rod_length_3 < shortest)) ? 1.0 : 0.0)))));
+  /* outputs */
+  pose[0] = ((there) ? atan2(sa_plus, ca_plus) : (double)NAN);
+  pose[1] = ((there) ? atan2(sb_plus, cb_plus) : (double)NAN);
+  pose[2] = ((there) ? z : (double)NAN);
+  legs[0] = ((there) ? rod_length_1 : (double)NAN);
+  legs[1] = ((there) ? rod_length_2 : (double)NAN);
+  legs[2] = ((there) ? rod_length_3 : (double)NAN);
+  *status = (int8_t)status_value;
+}
+
+void tricept_tricept_pose_batch_f64(size_t count, const double *point, const double *r, const double *R, const double *q_x, const double *q_y, const double *q_z, const double *shortest, const double *longest, double *pose, double *legs, int8_t *status) {
+  for (size_t i = 0; i < count; ++i)
+    tricept_tricept_pose_f64(point + 3 * i, r[i], R[i], q_x[i], q_y[i], q_z[i], shortest[i], longest[i], pose + 3 * i, legs + 3 * i, status + i);
+}
+
+/* tricept_pose: 44 add, 53 mul, 2 div, 7 sqrt, 20 select, 20 compare, 8 abs, 2 atan2 */
+void tricept_tricept_pose_f32(const float point[3], float r, float R, float q_x, float q_y, float q_z, float shortest, float longest, float pose[3], float legs[3], int8_t *status) {
+  /* inputs */
+  const float point_1 = point[0];
+  const float point_2 = point[1];
+  const float point_3 = point[2];
+  /* intermediate terms */
+  const float level_squared = (point_1*point_1) + (point_3*point_3);
+  const float level = sqrtf(level_squared);
+  const float x0 = fabsf(q_x);
+  const float g_squared = (level - x0)*(level + x0);
+  const float x1 = 16.0f*FLT_EPSILON;
+  const float g_band = x1*(level_squared + (q_x*q_x));
+  const float u_squared = (point_2 - q_y)*(point_2 + q_y) + ((g_squared > 0.0f) ? g_squared : 0.0f);
+  const float x2 = (point_2*point_2);
+  const float u_band = g_band + x1*((q_y*q_y) + x2);
+  const int no_root = (g_squared < -g_band) || (u_squared < -u_band);
+  const int double_root = (g_squared <= g_band) || (u_squared <= u_band);
+  const float g = ((g_squared > 0.0f) ? sqrtf(g_squared) : 0.0f);
+  const float u = ((u_squared > 0.0f) ? sqrtf(u_squared) : 0.0f);
+  const float whole = (g*g) + x2;
+  const int free_beta = level_squared == 0.0f;
+  const int free_alpha = whole == 0.0f;
+  const float by_level = ((free_beta) ? 1.0f : 1.0f/level_squared);
+  const float by_whole = ((free_alpha) ? 1.0f : 1.0f/whole);
+  const int valid = (shortest <= longest) && (whole <= FLT_MAX) && (x0 + fabsf(R) + fabsf(point_1) + fabsf(point_2) + fabsf(point_3) + fabsf(q_y) + fabsf(q_z) + fabsf(r) <= FLT_MAX) && (R > 0.0f) && (r > 0.0f);
+  const float sa_plus = ((free_alpha) ? 0.0f : by_whole*(point_2*u - g*q_y));
+  const float ca_plus = ((free_alpha) ? 1.0f : by_whole*(g*u + point_2*q_y));
+  const float sb_plus = ((free_beta) ? 0.0f : by_level*(g*point_1 - point_3*q_x));
+  const float cb_plus = ((free_beta) ? 1.0f : by_level*(g*point_3 + point_1*q_x));
+  const float z = u - q_z;
+  const float x3 = ca_plus*z;
+  const float x4 = sb_plus*x3;
+  const float rod_a_1 = cb_plus*r + x4 - R;
+  const float x5 = sa_plus*z;
+  const float rod_a_2 = x5;
+  const float x6 = cb_plus*x3;
+  const float rod_a_3 = x6 - r*sb_plus;
+  const float x7 = 0.5f*cb_plus;
+  const float x8 = 0.5f*sb_plus;
+  const float x9 = sqrtf(3.0f);
+  const float x10 = sa_plus*x9;
+  const float x11 = x10*x8;
+  const float x12 = 0.5f*R;
+  const float x13 = x12 + x4;
+  const float rod_b_1 = r*(-x11 - x7) + x13;
+  const float x14 = x12*x9;
+  const float x15 = 0.5f*ca_plus*r*x9;
+  const float rod_b_2 = x15 + x5 - x14;
+  const float x16 = x10*x7;
+  const float rod_b_3 = r*(0.5f*sb_plus - x16) + x6;
+  const float rod_c_1 = r*(x11 - x7) + x13;
+  const float rod_c_2 = x14 + x5 - x15;
+  const float rod_c_3 = r*(x16 + x8) + x6;
+  const float rod_length_1 = sqrtf((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3));
+  const float rod_length_2 = sqrtf((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3));
+  const float rod_length_3 = sqrtf((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3));
+  const int there = (valid) && (!(no_root));
+  const float status_value = ((!(valid)) ? 7.0f : ((no_root) ? 4.0f : (((free_alpha) || (free_beta)) ? 3.0f : ((double_root) ? 2.0f : (((rod_length_1 > longest) || (rod_length_2 > longest) || (rod_length_3 > longest) || (rod_length_1 < shortest) || (rod_length_2 < shortest) || (rod_length_3 < shortest)) ? 1.0f : 0.0f)))));
+  /* outputs */
+  pose[0] = ((there) ? atan2f(sa_plus, ca_plus) : (float)NAN);
+  pose[1] = ((there) ? atan2f(sb_plus, cb_plus) : (float)NAN);
+  pose[2] = ((there) ? z : (float)NAN);
+  legs[0] = ((there) ? rod_length_1 : (float)NAN);
+  legs[1] = ((there) ? rod_length_2 : (float)NAN);
+  legs[2] = ((there) ? rod_length_3 : (float)NAN);
+  *status = (int8_t)status_value;
+}
+
+void tricept_tricept_pose_batch_f32(size_t count, const float *point, const float *r, const float *R, const float *q_x, const float *q_y, const float *q_z, const float *shortest, const float *longest, float *pose, float *legs, int8_t *status) {
+  for (size_t i = 0; i < count; ++i)
+    tricept_tricept_pose_f32(point + 3 * i, r[i], R[i], q_x[i], q_y[i], q_z[i], shortest[i], longest[i], pose + 3 * i, legs + 3 * i, status + i);
+}
+
 /* tricept_direct: 237 add, 491 mul, 19 div, 6 sqrt, 48 select, 56 compare, 24 abs, 2 atan2 */
 void tricept_tricept_direct_f64(const double legs[3], double r, double R, double pose[3], int8_t *status) {
   /* inputs */

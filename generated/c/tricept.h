@@ -86,6 +86,26 @@ void tricept_tricept_inverse_batch_f64(size_t count, const double *point, const 
 void tricept_tricept_inverse_f32(const float point[3], float r, float R, float q_x, float q_y, float q_z, float shortest, float longest, float poses[12], float legs[12], int8_t status[4]);
 void tricept_tricept_inverse_batch_f32(size_t count, const float *point, const float *r, const float *R, const float *q_x, const float *q_y, const float *q_z, const float *shortest, const float *longest, float *poses, float *legs, int8_t *status);
 
+/* The physical pose in which the platform's point is at a given point, and its rods.
+ * Source: Kureková et al., Acta IMEKO 4(4), 2015, conditions below eq. (4)
+ * Operations: 44 add, 53 mul, 2 div, 7 sqrt, 20 select, 20 compare, 8 abs, 2 atan2
+ * point : array (3), length the point, from the base's centre
+ * r : array (), length radius of the joints of the platform
+ * R : array (), length radius of the joints of the base
+ * q_x : array (), length x of the point on the platform
+ * q_y : array (), length y of the point on the platform
+ * q_z : array (), length z of the point on the platform
+ * shortest : array (), length least length of a rod
+ * longest : array (), length greatest length of a rod
+ * pose : array (3), rad, rad, length alpha, beta, z
+ * legs : array (3), length A0, A1, A-1
+ * status : int8 array (), codes of TriceptStatus what the pose is
+ */
+void tricept_tricept_pose_f64(const double point[3], double r, double R, double q_x, double q_y, double q_z, double shortest, double longest, double pose[3], double legs[3], int8_t *status);
+void tricept_tricept_pose_batch_f64(size_t count, const double *point, const double *r, const double *R, const double *q_x, const double *q_y, const double *q_z, const double *shortest, const double *longest, double *pose, double *legs, int8_t *status);
+void tricept_tricept_pose_f32(const float point[3], float r, float R, float q_x, float q_y, float q_z, float shortest, float longest, float pose[3], float legs[3], int8_t *status);
+void tricept_tricept_pose_batch_f32(size_t count, const float *point, const float *r, const float *R, const float *q_x, const float *q_y, const float *q_z, const float *shortest, const float *longest, float *pose, float *legs, int8_t *status);
+
 /* The physical pose of the platform with given rods.
  * Source: Kureková et al., Acta IMEKO 4(4), 2015, eqs. (7) to (9)
  * Operations: 237 add, 491 mul, 19 div, 6 sqrt, 48 select, 56 compare, 24 abs, 2 atan2

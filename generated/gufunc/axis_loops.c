@@ -287,8 +287,8 @@ void LOOP(axis_solve_axis_loop_f64)(char **args, const ptrdiff_t *dimensions, co
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
@@ -296,9 +296,17 @@ void LOOP(axis_solve_axis_loop_f64)(char **args, const ptrdiff_t *dimensions, co
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[4], total * 6 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] != 0)
+        load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
       if (steps[2] == 0)
         fill_f64(input[6], args[2]);
       else
@@ -598,8 +606,8 @@ void LOOP(axis_solve_axis_loop_f32)(char **args, const ptrdiff_t *dimensions, co
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
@@ -607,9 +615,17 @@ void LOOP(axis_solve_axis_loop_f32)(char **args, const ptrdiff_t *dimensions, co
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[4], total * 6 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] != 0)
+        load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
       if (steps[2] == 0)
         fill_f32(input[6], args[2]);
       else
@@ -706,15 +722,23 @@ void LOOP(axis_length_mismatch_loop_f64)(char **args, const ptrdiff_t *dimension
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[2], total * 1 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] != 0)
+        load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
       length_mismatch_block_f64(input, output);
       {
         double rows[1 * BLOCK], scratch[1 * BLOCK];
@@ -798,15 +822,23 @@ void LOOP(axis_length_mismatch_loop_f32)(char **args, const ptrdiff_t *dimension
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[2], total * 1 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] != 0)
+        load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
       length_mismatch_block_f32(input, output);
       {
         float rows[1 * BLOCK], scratch[1 * BLOCK];
@@ -942,16 +974,24 @@ void LOOP(axis_axis_condition_loop_f64)(char **args, const ptrdiff_t *dimensions
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[3], total * 1 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] != 0)
+        load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
       if (steps[2] == 0)
         fill_f64(input[6], args[2]);
       else
@@ -1092,16 +1132,24 @@ void LOOP(axis_axis_condition_loop_f32)(char **args, const ptrdiff_t *dimensions
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[3], total * 1 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] != 0)
+        load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
       if (steps[2] == 0)
         fill_f32(input[6], args[2]);
       else
@@ -1814,8 +1862,8 @@ void LOOP(axis_axis_jacobian_loop_f64)(char **args, const ptrdiff_t *dimensions,
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 42, steps[4], width) & is_aligned(args[4], width));
@@ -1823,9 +1871,17 @@ void LOOP(axis_axis_jacobian_loop_f64)(char **args, const ptrdiff_t *dimensions,
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[4], total * 42 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] != 0)
+        load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
       if (steps[2] == 0)
         fill_f64(input[6], args[2]);
       else
@@ -2546,8 +2602,8 @@ void LOOP(axis_axis_jacobian_loop_f32)(char **args, const ptrdiff_t *dimensions,
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 42, steps[4], width) & is_aligned(args[4], width));
@@ -2555,9 +2611,17 @@ void LOOP(axis_axis_jacobian_loop_f32)(char **args, const ptrdiff_t *dimensions,
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[4], total * 42 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] != 0)
+        load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
       if (steps[2] == 0)
         fill_f32(input[6], args[2]);
       else
@@ -3348,21 +3412,35 @@ void LOOP(axis_axis_covariance_loop_f64)(char **args, const ptrdiff_t *dimension
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 9, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 9, steps[5], width) & is_aligned(args[5], width));
+  packed &= ((steps[4] == 0) & is_packed(offsets_4, 9, 9 * width, width)) | (is_packed(offsets_4, 9, steps[4], width) & is_aligned(args[4], width));
+  packed &= ((steps[5] == 0) & is_packed(offsets_5, 9, 9 * width, width)) | (is_packed(offsets_5, 9, steps[5], width) & is_aligned(args[5], width));
   packed &= (steps[6] == 0) | (is_packed(offsets_6, 1, steps[6], width) & is_aligned(args[6], width));
   packed &= (is_packed(offsets_7, 18, steps[7], width) & is_aligned(args[7], width));
   packed &= steps[8] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[7], total * 18 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[3 + k], args[1] + k * width);
+    if (steps[4] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f64(input[8 + k], args[4] + k * width);
+    if (steps[5] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f64(input[17 + k], args[5] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] != 0)
+        load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
       if (steps[2] == 0)
         fill_f64(input[6], args[2]);
       else
@@ -3371,8 +3449,10 @@ void LOOP(axis_axis_covariance_loop_f64)(char **args, const ptrdiff_t *dimension
         fill_f64(input[7], args[3]);
       else
         load_f64(input[7], BLOCK, args[3] + start * width, 1);
-      load_f64(input[8], BLOCK, args[4] + start * 9 * width, 9);
-      load_f64(input[17], BLOCK, args[5] + start * 9 * width, 9);
+      if (steps[4] != 0)
+        load_f64(input[8], BLOCK, args[4] + start * 9 * width, 9);
+      if (steps[5] != 0)
+        load_f64(input[17], BLOCK, args[5] + start * 9 * width, 9);
       if (steps[6] == 0)
         fill_f64(input[26], args[6]);
       else
@@ -4162,21 +4242,35 @@ void LOOP(axis_axis_covariance_loop_f32)(char **args, const ptrdiff_t *dimension
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 9, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 9, steps[5], width) & is_aligned(args[5], width));
+  packed &= ((steps[4] == 0) & is_packed(offsets_4, 9, 9 * width, width)) | (is_packed(offsets_4, 9, steps[4], width) & is_aligned(args[4], width));
+  packed &= ((steps[5] == 0) & is_packed(offsets_5, 9, 9 * width, width)) | (is_packed(offsets_5, 9, steps[5], width) & is_aligned(args[5], width));
   packed &= (steps[6] == 0) | (is_packed(offsets_6, 1, steps[6], width) & is_aligned(args[6], width));
   packed &= (is_packed(offsets_7, 18, steps[7], width) & is_aligned(args[7], width));
   packed &= steps[8] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[7], total * 18 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[3 + k], args[1] + k * width);
+    if (steps[4] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f32(input[8 + k], args[4] + k * width);
+    if (steps[5] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f32(input[17 + k], args[5] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] != 0)
+        load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
       if (steps[2] == 0)
         fill_f32(input[6], args[2]);
       else
@@ -4185,8 +4279,10 @@ void LOOP(axis_axis_covariance_loop_f32)(char **args, const ptrdiff_t *dimension
         fill_f32(input[7], args[3]);
       else
         load_f32(input[7], BLOCK, args[3] + start * width, 1);
-      load_f32(input[8], BLOCK, args[4] + start * 9 * width, 9);
-      load_f32(input[17], BLOCK, args[5] + start * 9 * width, 9);
+      if (steps[4] != 0)
+        load_f32(input[8], BLOCK, args[4] + start * 9 * width, 9);
+      if (steps[5] != 0)
+        load_f32(input[17], BLOCK, args[5] + start * 9 * width, 9);
       if (steps[6] == 0)
         fill_f32(input[26], args[6]);
       else
@@ -4403,11 +4499,11 @@ void LOOP(axis_axis_residual_loop_f64)(char **args, const ptrdiff_t *dimensions,
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
+  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
+  packed &= ((steps[4] == 0) & is_packed(offsets_4, 3, 3 * width, width)) | (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
   packed &= (is_packed(offsets_5, 3, steps[5], width) & is_aligned(args[5], width));
   packed &= (is_packed(offsets_6, 18, steps[6], width) & is_aligned(args[6], width));
   if (packed) {
@@ -4415,15 +4511,31 @@ void LOOP(axis_axis_residual_loop_f64)(char **args, const ptrdiff_t *dimensions,
     open_writer(&writer_0, args[5], total * 3 * width);
     struct writer writer_1;
     open_writer(&writer_1, args[6], total * 18 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[3 + k], args[1] + k * width);
+    if (steps[3] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[7 + k], args[3] + k * width);
+    if (steps[4] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[10 + k], args[4] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] != 0)
+        load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
       if (steps[2] == 0)
         fill_f64(input[6], args[2]);
       else
         load_f64(input[6], BLOCK, args[2] + start * width, 1);
-      load_f64(input[7], BLOCK, args[3] + start * 3 * width, 3);
-      load_f64(input[10], BLOCK, args[4] + start * 3 * width, 3);
+      if (steps[3] != 0)
+        load_f64(input[7], BLOCK, args[3] + start * 3 * width, 3);
+      if (steps[4] != 0)
+        load_f64(input[10], BLOCK, args[4] + start * 3 * width, 3);
       axis_residual_block_f64(input, output);
       {
         double rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -4640,11 +4752,11 @@ void LOOP(axis_axis_residual_loop_f32)(char **args, const ptrdiff_t *dimensions,
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
+  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
+  packed &= ((steps[4] == 0) & is_packed(offsets_4, 3, 3 * width, width)) | (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
   packed &= (is_packed(offsets_5, 3, steps[5], width) & is_aligned(args[5], width));
   packed &= (is_packed(offsets_6, 18, steps[6], width) & is_aligned(args[6], width));
   if (packed) {
@@ -4652,15 +4764,31 @@ void LOOP(axis_axis_residual_loop_f32)(char **args, const ptrdiff_t *dimensions,
     open_writer(&writer_0, args[5], total * 3 * width);
     struct writer writer_1;
     open_writer(&writer_1, args[6], total * 18 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[3 + k], args[1] + k * width);
+    if (steps[3] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[7 + k], args[3] + k * width);
+    if (steps[4] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[10 + k], args[4] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] != 0)
+        load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
       if (steps[2] == 0)
         fill_f32(input[6], args[2]);
       else
         load_f32(input[6], BLOCK, args[2] + start * width, 1);
-      load_f32(input[7], BLOCK, args[3] + start * 3 * width, 3);
-      load_f32(input[10], BLOCK, args[4] + start * 3 * width, 3);
+      if (steps[3] != 0)
+        load_f32(input[7], BLOCK, args[3] + start * 3 * width, 3);
+      if (steps[4] != 0)
+        load_f32(input[10], BLOCK, args[4] + start * 3 * width, 3);
       axis_residual_block_f32(input, output);
       {
         float rows[3 * BLOCK], scratch[3 * BLOCK];

@@ -82,6 +82,7 @@ DECLARE_ALL(three_sps_s_sps_polish)
 DECLARE_ALL(tricept_tricept_point)
 DECLARE_ALL(tricept_tricept_legs)
 DECLARE_ALL(tricept_tricept_inverse)
+DECLARE_ALL(tricept_tricept_pose)
 DECLARE_ALL(tricept_tricept_direct)
 DECLARE_ALL(tricept_tricept_matrices)
 DECLARE_ALL(tricept_tricept_sensitivity)
@@ -295,6 +296,10 @@ static const char types_tricept_tricept_inverse[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 };
+static const char types_tricept_tricept_pose[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
+};
 static const char types_tricept_tricept_direct[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
@@ -425,6 +430,8 @@ static const struct definition definitions[] = {
    ALL_LOOPS(tricept_tricept_legs), types_tricept_tricept_legs},
   {"tricept_inverse", "(3),(),(),(),(),(),(),()->(4,3),(4,3),(4)", "All four poses in which the platform's point is at a given point, and their rods.", 8, 3, 11,
    ALL_LOOPS(tricept_tricept_inverse), types_tricept_tricept_inverse},
+  {"tricept_pose", "(3),(),(),(),(),(),(),()->(3),(3),()", "The physical pose in which the platform's point is at a given point, and its rods.", 8, 3, 11,
+   ALL_LOOPS(tricept_tricept_pose), types_tricept_tricept_pose},
   {"tricept_direct", "(3),(),()->(3),()", "The physical pose of the platform with given rods.", 3, 2, 5,
    ALL_LOOPS(tricept_tricept_direct), types_tricept_tricept_direct},
   {"tricept_matrices", "(3),(),(),(),(),()->(3,3),(3,5),(3,3),(3,5),(3,5)", "The matrices W33, W35, M33, M35 and A35 in a pose.", 6, 5, 11,

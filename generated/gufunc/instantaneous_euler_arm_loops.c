@@ -171,8 +171,8 @@ void LOOP(instantaneous_euler_arm_chi_arm_pose_loop_f64)(char **args, const ptrd
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 6, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 6, 6 * width, width)) | (is_packed(offsets_0, 6, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 4, 4 * width, width)) | (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
@@ -183,9 +183,17 @@ void LOOP(instantaneous_euler_arm_chi_arm_pose_loop_f64)(char **args, const ptrd
     open_writer(&writer_1, args[3], total * 3 * width);
     struct writer writer_2;
     open_writer(&writer_2, args[4], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 6; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 4; ++k)
+        fill_f64(input[6 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 6 * width, 6);
-      load_f64(input[6], BLOCK, args[1] + start * 4 * width, 4);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 6 * width, 6);
+      if (steps[1] != 0)
+        load_f64(input[6], BLOCK, args[1] + start * 4 * width, 4);
       chi_arm_pose_block_f64(input, output);
       {
         double rows[9 * BLOCK], scratch[9 * BLOCK];
@@ -374,8 +382,8 @@ void LOOP(instantaneous_euler_arm_chi_arm_pose_loop_f32)(char **args, const ptrd
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 6, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 6, 6 * width, width)) | (is_packed(offsets_0, 6, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 4, 4 * width, width)) | (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
@@ -386,9 +394,17 @@ void LOOP(instantaneous_euler_arm_chi_arm_pose_loop_f32)(char **args, const ptrd
     open_writer(&writer_1, args[3], total * 3 * width);
     struct writer writer_2;
     open_writer(&writer_2, args[4], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 6; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 4; ++k)
+        fill_f32(input[6 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 6 * width, 6);
-      load_f32(input[6], BLOCK, args[1] + start * 4 * width, 4);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 6 * width, 6);
+      if (steps[1] != 0)
+        load_f32(input[6], BLOCK, args[1] + start * 4 * width, 4);
       chi_arm_pose_block_f32(input, output);
       {
         float rows[9 * BLOCK], scratch[9 * BLOCK];

@@ -264,7 +264,7 @@ void LOOP(instantaneous_euler_inverse_chi_rotations_loop_f64)(char **args, const
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 32, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
@@ -277,8 +277,12 @@ void LOOP(instantaneous_euler_inverse_chi_rotations_loop_f64)(char **args, const
     open_writer(&writer_1, args[3], total * 1 * width);
     struct writer writer_2;
     open_writer(&writer_2, args[4], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f64(input[3], args[1]);
       else
@@ -567,7 +571,7 @@ void LOOP(instantaneous_euler_inverse_chi_rotations_loop_f32)(char **args, const
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 32, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
@@ -580,8 +584,12 @@ void LOOP(instantaneous_euler_inverse_chi_rotations_loop_f32)(char **args, const
     open_writer(&writer_1, args[3], total * 1 * width);
     struct writer writer_2;
     open_writer(&writer_2, args[4], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f32(input[3], args[1]);
       else

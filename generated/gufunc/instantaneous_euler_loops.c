@@ -105,14 +105,18 @@ void LOOP(instantaneous_euler_chi_from_quaternion_loop_f64)(char **args, const p
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 4; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
       chi_from_quaternion_block_f64(input, output);
       {
         double rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -219,14 +223,18 @@ void LOOP(instantaneous_euler_chi_from_quaternion_loop_f32)(char **args, const p
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 4; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
       chi_from_quaternion_block_f32(input, output);
       {
         float rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -371,14 +379,18 @@ void LOOP(instantaneous_euler_chi_from_matrix_loop_f64)(char **args, const ptrdi
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
       chi_from_matrix_block_f64(input, output);
       {
         double rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -523,14 +535,18 @@ void LOOP(instantaneous_euler_chi_from_matrix_loop_f32)(char **args, const ptrdi
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
       chi_from_matrix_block_f32(input, output);
       {
         float rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -664,14 +680,18 @@ void LOOP(instantaneous_euler_chi_from_zyx_loop_f64)(char **args, const ptrdiff_
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
       chi_from_zyx_block_f64(input, output);
       {
         double rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -805,14 +825,18 @@ void LOOP(instantaneous_euler_chi_from_zyx_loop_f32)(char **args, const ptrdiff_
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
       chi_from_zyx_block_f32(input, output);
       {
         float rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -934,14 +958,18 @@ void LOOP(instantaneous_euler_chi_from_zyz_loop_f64)(char **args, const ptrdiff_
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
       chi_from_zyz_block_f64(input, output);
       {
         double rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -1063,14 +1091,18 @@ void LOOP(instantaneous_euler_chi_from_zyz_loop_f32)(char **args, const ptrdiff_
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
       chi_from_zyz_block_f32(input, output);
       {
         float rows[3 * BLOCK], scratch[3 * BLOCK];

@@ -105,8 +105,8 @@ void LOOP(instantaneous_euler_motion_chi_rates_loop_f64)(char **args, const ptrd
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
   packed &= steps[4] == 1;
@@ -115,9 +115,17 @@ void LOOP(instantaneous_euler_motion_chi_rates_loop_f64)(char **args, const ptrd
     open_writer(&writer_0, args[2], total * 3 * width);
     struct writer writer_1;
     open_writer(&writer_1, args[3], total * 1 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[9 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      load_f64(input[9], BLOCK, args[1] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
+      if (steps[1] != 0)
+        load_f64(input[9], BLOCK, args[1] + start * 3 * width, 3);
       chi_rates_block_f64(input, output);
       {
         double rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -234,8 +242,8 @@ void LOOP(instantaneous_euler_motion_chi_rates_loop_f32)(char **args, const ptrd
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
   packed &= steps[4] == 1;
@@ -244,9 +252,17 @@ void LOOP(instantaneous_euler_motion_chi_rates_loop_f32)(char **args, const ptrd
     open_writer(&writer_0, args[2], total * 3 * width);
     struct writer writer_1;
     open_writer(&writer_1, args[3], total * 1 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[9 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      load_f32(input[9], BLOCK, args[1] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
+      if (steps[1] != 0)
+        load_f32(input[9], BLOCK, args[1] + start * 3 * width, 3);
       chi_rates_block_f32(input, output);
       {
         float rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -362,16 +378,24 @@ void LOOP(instantaneous_euler_motion_chi_angular_velocity_loop_f64)(char **args,
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
   packed &= steps[3] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[2], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[9 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      load_f64(input[9], BLOCK, args[1] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
+      if (steps[1] != 0)
+        load_f64(input[9], BLOCK, args[1] + start * 3 * width, 3);
       chi_angular_velocity_block_f64(input, output);
       {
         double rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -478,16 +502,24 @@ void LOOP(instantaneous_euler_motion_chi_angular_velocity_loop_f32)(char **args,
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
   packed &= steps[3] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[2], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[9 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      load_f32(input[9], BLOCK, args[1] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
+      if (steps[1] != 0)
+        load_f32(input[9], BLOCK, args[1] + start * 3 * width, 3);
       chi_angular_velocity_block_f32(input, output);
       {
         float rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -612,8 +644,8 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyx_loop_f64)(char **args, 
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
   if (packed) {
@@ -621,9 +653,17 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyx_loop_f64)(char **args, 
     open_writer(&writer_0, args[2], total * 9 * width);
     struct writer writer_1;
     open_writer(&writer_1, args[3], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] != 0)
+        load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
       chi_motion_from_zyx_block_f64(input, output);
       {
         double rows[9 * BLOCK], scratch[9 * BLOCK];
@@ -754,8 +794,8 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyx_loop_f32)(char **args, 
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
   if (packed) {
@@ -763,9 +803,17 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyx_loop_f32)(char **args, 
     open_writer(&writer_0, args[2], total * 9 * width);
     struct writer writer_1;
     open_writer(&writer_1, args[3], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] != 0)
+        load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
       chi_motion_from_zyx_block_f32(input, output);
       {
         float rows[9 * BLOCK], scratch[9 * BLOCK];
@@ -896,8 +944,8 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyz_loop_f64)(char **args, 
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
   if (packed) {
@@ -905,9 +953,17 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyz_loop_f64)(char **args, 
     open_writer(&writer_0, args[2], total * 9 * width);
     struct writer writer_1;
     open_writer(&writer_1, args[3], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] != 0)
+        load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
       chi_motion_from_zyz_block_f64(input, output);
       {
         double rows[9 * BLOCK], scratch[9 * BLOCK];
@@ -1038,8 +1094,8 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyz_loop_f32)(char **args, 
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
   if (packed) {
@@ -1047,9 +1103,17 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyz_loop_f32)(char **args, 
     open_writer(&writer_0, args[2], total * 9 * width);
     struct writer writer_1;
     open_writer(&writer_1, args[3], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] != 0)
+        load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
       chi_motion_from_zyz_block_f32(input, output);
       {
         float rows[9 * BLOCK], scratch[9 * BLOCK];
@@ -1159,14 +1223,18 @@ void LOOP(instantaneous_euler_motion_chi_zyx_from_quaternion_loop_f64)(char **ar
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 4; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
       chi_zyx_from_quaternion_block_f64(input, output);
       {
         double rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -1269,14 +1337,18 @@ void LOOP(instantaneous_euler_motion_chi_zyx_from_quaternion_loop_f32)(char **ar
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 4; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
       chi_zyx_from_quaternion_block_f32(input, output);
       {
         float rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -1374,14 +1446,18 @@ void LOOP(instantaneous_euler_motion_chi_zyz_from_quaternion_loop_f64)(char **ar
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 4; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
       chi_zyz_from_quaternion_block_f64(input, output);
       {
         double rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -1479,14 +1555,18 @@ void LOOP(instantaneous_euler_motion_chi_zyz_from_quaternion_loop_f32)(char **ar
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 4; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
       chi_zyz_from_quaternion_block_f32(input, output);
       {
         float rows[3 * BLOCK], scratch[3 * BLOCK];

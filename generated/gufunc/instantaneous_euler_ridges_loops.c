@@ -136,8 +136,8 @@ void LOOP(instantaneous_euler_ridges_chi_ridge_lines_loop_f64)(char **args, cons
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 18, steps[2], width) & is_aligned(args[2], width));
   packed &= steps[3] == 1;
   packed &= steps[4] == 1;
@@ -145,9 +145,17 @@ void LOOP(instantaneous_euler_ridges_chi_ridge_lines_loop_f64)(char **args, cons
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[2], total * 18 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[9 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      load_f64(input[9], BLOCK, args[1] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
+      if (steps[1] != 0)
+        load_f64(input[9], BLOCK, args[1] + start * 3 * width, 3);
       chi_ridge_lines_block_f64(input, output);
       {
         double rows[18 * BLOCK], scratch[18 * BLOCK];
@@ -292,8 +300,8 @@ void LOOP(instantaneous_euler_ridges_chi_ridge_lines_loop_f32)(char **args, cons
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 18, steps[2], width) & is_aligned(args[2], width));
   packed &= steps[3] == 1;
   packed &= steps[4] == 1;
@@ -301,9 +309,17 @@ void LOOP(instantaneous_euler_ridges_chi_ridge_lines_loop_f32)(char **args, cons
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[2], total * 18 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[9 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      load_f32(input[9], BLOCK, args[1] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
+      if (steps[1] != 0)
+        load_f32(input[9], BLOCK, args[1] + start * 3 * width, 3);
       chi_ridge_lines_block_f32(input, output);
       {
         float rows[18 * BLOCK], scratch[18 * BLOCK];

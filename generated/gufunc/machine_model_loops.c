@@ -143,7 +143,7 @@ void LOOP(machine_model_rotation_from_vector_loop_f64)(char **args, const ptrdif
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
   if (packed) {
@@ -151,8 +151,12 @@ void LOOP(machine_model_rotation_from_vector_loop_f64)(char **args, const ptrdif
     open_writer(&writer_0, args[1], total * 9 * width);
     struct writer writer_1;
     open_writer(&writer_1, args[2], total * 9 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
       rotation_from_vector_block_f64(input, output);
       {
         double rows[9 * BLOCK], scratch[9 * BLOCK];
@@ -303,7 +307,7 @@ void LOOP(machine_model_rotation_from_vector_loop_f32)(char **args, const ptrdif
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
   if (packed) {
@@ -311,8 +315,12 @@ void LOOP(machine_model_rotation_from_vector_loop_f32)(char **args, const ptrdif
     open_writer(&writer_0, args[1], total * 9 * width);
     struct writer writer_1;
     open_writer(&writer_1, args[2], total * 9 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
       rotation_from_vector_block_f32(input, output);
       {
         float rows[9 * BLOCK], scratch[9 * BLOCK];
@@ -470,10 +478,10 @@ void LOOP(machine_model_tilted_axis_loop_f64)(char **args, const ptrdiff_t *dime
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 2, steps[3], width) & is_aligned(args[3], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
+  packed &= ((steps[3] == 0) & is_packed(offsets_3, 2, 2 * width, width)) | (is_packed(offsets_3, 2, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
   packed &= (is_packed(offsets_5, 6, steps[5], width) & is_aligned(args[5], width));
   if (packed) {
@@ -481,11 +489,27 @@ void LOOP(machine_model_tilted_axis_loop_f64)(char **args, const ptrdiff_t *dime
     open_writer(&writer_0, args[4], total * 3 * width);
     struct writer writer_1;
     open_writer(&writer_1, args[5], total * 6 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[3 + k], args[1] + k * width);
+    if (steps[2] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[6 + k], args[2] + k * width);
+    if (steps[3] == 0)
+      for (int k = 0; k < 2; ++k)
+        fill_f64(input[9 + k], args[3] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
-      load_f64(input[6], BLOCK, args[2] + start * 3 * width, 3);
-      load_f64(input[9], BLOCK, args[3] + start * 2 * width, 2);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] != 0)
+        load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
+      if (steps[2] != 0)
+        load_f64(input[6], BLOCK, args[2] + start * 3 * width, 3);
+      if (steps[3] != 0)
+        load_f64(input[9], BLOCK, args[3] + start * 2 * width, 2);
       tilted_axis_block_f64(input, output);
       {
         double rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -646,10 +670,10 @@ void LOOP(machine_model_tilted_axis_loop_f32)(char **args, const ptrdiff_t *dime
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 2, steps[3], width) & is_aligned(args[3], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
+  packed &= ((steps[3] == 0) & is_packed(offsets_3, 2, 2 * width, width)) | (is_packed(offsets_3, 2, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
   packed &= (is_packed(offsets_5, 6, steps[5], width) & is_aligned(args[5], width));
   if (packed) {
@@ -657,11 +681,27 @@ void LOOP(machine_model_tilted_axis_loop_f32)(char **args, const ptrdiff_t *dime
     open_writer(&writer_0, args[4], total * 3 * width);
     struct writer writer_1;
     open_writer(&writer_1, args[5], total * 6 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[3 + k], args[1] + k * width);
+    if (steps[2] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[6 + k], args[2] + k * width);
+    if (steps[3] == 0)
+      for (int k = 0; k < 2; ++k)
+        fill_f32(input[9 + k], args[3] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
-      load_f32(input[6], BLOCK, args[2] + start * 3 * width, 3);
-      load_f32(input[9], BLOCK, args[3] + start * 2 * width, 2);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] != 0)
+        load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
+      if (steps[2] != 0)
+        load_f32(input[6], BLOCK, args[2] + start * 3 * width, 3);
+      if (steps[3] != 0)
+        load_f32(input[9], BLOCK, args[3] + start * 2 * width, 2);
       tilted_axis_block_f32(input, output);
       {
         float rows[3 * BLOCK], scratch[3 * BLOCK];

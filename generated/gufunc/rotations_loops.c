@@ -77,15 +77,23 @@ void LOOP(rotations_rotate_loop_f64)(char **args, const ptrdiff_t *dimensions, c
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[2], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] != 0)
+        load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
       rotate_block_f64(input, output);
       {
         double rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -162,15 +170,23 @@ void LOOP(rotations_rotate_loop_f32)(char **args, const ptrdiff_t *dimensions, c
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[2], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] != 0)
+        load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
       rotate_block_f32(input, output);
       {
         float rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -285,15 +301,19 @@ void LOOP(rotations_rodrigues_vector_from_axis_angle_loop_f64)(char **args, cons
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
   packed &= steps[3] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[2], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f64(input[3], args[1]);
       else
@@ -415,15 +435,19 @@ void LOOP(rotations_rodrigues_vector_from_axis_angle_loop_f32)(char **args, cons
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
   packed &= steps[3] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[2], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f32(input[3], args[1]);
       else
@@ -566,15 +590,19 @@ void LOOP(rotations_matrix_from_axis_angle_loop_f64)(char **args, const ptrdiff_
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
   packed &= steps[3] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[2], total * 9 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f64(input[3], args[1]);
       else
@@ -717,15 +745,19 @@ void LOOP(rotations_matrix_from_axis_angle_loop_f32)(char **args, const ptrdiff_
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
   packed &= steps[3] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[2], total * 9 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f32(input[3], args[1]);
       else
@@ -848,15 +880,19 @@ void LOOP(rotations_quaternion_from_axis_angle_loop_f64)(char **args, const ptrd
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 4, steps[2], width) & is_aligned(args[2], width));
   packed &= steps[3] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[2], total * 4 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f64(input[3], args[1]);
       else
@@ -979,15 +1015,19 @@ void LOOP(rotations_quaternion_from_axis_angle_loop_f32)(char **args, const ptrd
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 4, steps[2], width) & is_aligned(args[2], width));
   packed &= steps[3] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[2], total * 4 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f32(input[3], args[1]);
       else
@@ -1081,7 +1121,7 @@ void LOOP(rotations_axis_angle_from_rodrigues_vector_loop_f64)(char **args, cons
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= steps[3] == 1;
@@ -1090,8 +1130,12 @@ void LOOP(rotations_axis_angle_from_rodrigues_vector_loop_f64)(char **args, cons
     open_writer(&writer_0, args[1], total * 3 * width);
     struct writer writer_1;
     open_writer(&writer_1, args[2], total * 1 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
       axis_angle_from_rodrigues_vector_block_f64(input, output);
       {
         double rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -1189,7 +1233,7 @@ void LOOP(rotations_axis_angle_from_rodrigues_vector_loop_f32)(char **args, cons
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= steps[3] == 1;
@@ -1198,8 +1242,12 @@ void LOOP(rotations_axis_angle_from_rodrigues_vector_loop_f32)(char **args, cons
     open_writer(&writer_0, args[1], total * 3 * width);
     struct writer writer_1;
     open_writer(&writer_1, args[2], total * 1 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
       axis_angle_from_rodrigues_vector_block_f32(input, output);
       {
         float rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -1312,14 +1360,18 @@ void LOOP(rotations_matrix_from_rodrigues_vector_loop_f64)(char **args, const pt
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 9 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
       matrix_from_rodrigues_vector_block_f64(input, output);
       {
         double rows[9 * BLOCK], scratch[9 * BLOCK];
@@ -1423,14 +1475,18 @@ void LOOP(rotations_matrix_from_rodrigues_vector_loop_f32)(char **args, const pt
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 9 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
       matrix_from_rodrigues_vector_block_f32(input, output);
       {
         float rows[9 * BLOCK], scratch[9 * BLOCK];
@@ -1514,14 +1570,18 @@ void LOOP(rotations_quaternion_from_rodrigues_vector_loop_f64)(char **args, cons
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 4 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
       quaternion_from_rodrigues_vector_block_f64(input, output);
       {
         double rows[4 * BLOCK], scratch[4 * BLOCK];
@@ -1605,14 +1665,18 @@ void LOOP(rotations_quaternion_from_rodrigues_vector_loop_f32)(char **args, cons
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 4 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
       quaternion_from_rodrigues_vector_block_f32(input, output);
       {
         float rows[4 * BLOCK], scratch[4 * BLOCK];
@@ -1744,7 +1808,7 @@ void LOOP(rotations_axis_angle_from_matrix_loop_f64)(char **args, const ptrdiff_
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= steps[3] == 1;
@@ -1753,8 +1817,12 @@ void LOOP(rotations_axis_angle_from_matrix_loop_f64)(char **args, const ptrdiff_
     open_writer(&writer_0, args[1], total * 3 * width);
     struct writer writer_1;
     open_writer(&writer_1, args[2], total * 1 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
       axis_angle_from_matrix_block_f64(input, output);
       {
         double rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -1895,7 +1963,7 @@ void LOOP(rotations_axis_angle_from_matrix_loop_f32)(char **args, const ptrdiff_
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= steps[3] == 1;
@@ -1904,8 +1972,12 @@ void LOOP(rotations_axis_angle_from_matrix_loop_f32)(char **args, const ptrdiff_
     open_writer(&writer_0, args[1], total * 3 * width);
     struct writer writer_1;
     open_writer(&writer_1, args[2], total * 1 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
       axis_angle_from_matrix_block_f32(input, output);
       {
         float rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -2040,14 +2112,18 @@ void LOOP(rotations_rodrigues_vector_from_matrix_loop_f64)(char **args, const pt
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
       rodrigues_vector_from_matrix_block_f64(input, output);
       {
         double rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -2173,14 +2249,18 @@ void LOOP(rotations_rodrigues_vector_from_matrix_loop_f32)(char **args, const pt
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
       rodrigues_vector_from_matrix_block_f32(input, output);
       {
         float rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -2307,14 +2387,18 @@ void LOOP(rotations_quaternion_from_matrix_loop_f64)(char **args, const ptrdiff_
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 4 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
       quaternion_from_matrix_block_f64(input, output);
       {
         double rows[4 * BLOCK], scratch[4 * BLOCK];
@@ -2441,14 +2525,18 @@ void LOOP(rotations_quaternion_from_matrix_loop_f32)(char **args, const ptrdiff_
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 4 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
       quaternion_from_matrix_block_f32(input, output);
       {
         float rows[4 * BLOCK], scratch[4 * BLOCK];
@@ -2544,7 +2632,7 @@ void LOOP(rotations_axis_angle_from_quaternion_loop_f64)(char **args, const ptrd
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= steps[3] == 1;
@@ -2553,8 +2641,12 @@ void LOOP(rotations_axis_angle_from_quaternion_loop_f64)(char **args, const ptrd
     open_writer(&writer_0, args[1], total * 3 * width);
     struct writer writer_1;
     open_writer(&writer_1, args[2], total * 1 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 4; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
       axis_angle_from_quaternion_block_f64(input, output);
       {
         double rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -2659,7 +2751,7 @@ void LOOP(rotations_axis_angle_from_quaternion_loop_f32)(char **args, const ptrd
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= steps[3] == 1;
@@ -2668,8 +2760,12 @@ void LOOP(rotations_axis_angle_from_quaternion_loop_f32)(char **args, const ptrd
     open_writer(&writer_0, args[1], total * 3 * width);
     struct writer writer_1;
     open_writer(&writer_1, args[2], total * 1 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 4; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
       axis_angle_from_quaternion_block_f32(input, output);
       {
         float rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -2768,14 +2864,18 @@ void LOOP(rotations_rodrigues_vector_from_quaternion_loop_f64)(char **args, cons
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 4; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
       rodrigues_vector_from_quaternion_block_f64(input, output);
       {
         double rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -2865,14 +2965,18 @@ void LOOP(rotations_rodrigues_vector_from_quaternion_loop_f32)(char **args, cons
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 4; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
       rodrigues_vector_from_quaternion_block_f32(input, output);
       {
         float rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -2983,14 +3087,18 @@ void LOOP(rotations_matrix_from_quaternion_loop_f64)(char **args, const ptrdiff_
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 9 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 4; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
       matrix_from_quaternion_block_f64(input, output);
       {
         double rows[9 * BLOCK], scratch[9 * BLOCK];
@@ -3101,14 +3209,18 @@ void LOOP(rotations_matrix_from_quaternion_loop_f32)(char **args, const ptrdiff_
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 9 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 4; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
       matrix_from_quaternion_block_f32(input, output);
       {
         float rows[9 * BLOCK], scratch[9 * BLOCK];

@@ -96,7 +96,7 @@ void LOOP(three_sps_s_sps_legs_loop_f64)(char **args, const ptrdiff_t *dimension
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
@@ -104,8 +104,12 @@ void LOOP(three_sps_s_sps_legs_loop_f64)(char **args, const ptrdiff_t *dimension
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[4], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
       if (steps[1] == 0)
         fill_f64(input[9], args[1]);
       else
@@ -215,7 +219,7 @@ void LOOP(three_sps_s_sps_legs_loop_f32)(char **args, const ptrdiff_t *dimension
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
@@ -223,8 +227,12 @@ void LOOP(three_sps_s_sps_legs_loop_f32)(char **args, const ptrdiff_t *dimension
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[4], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
       if (steps[1] == 0)
         fill_f32(input[9], args[1]);
       else
@@ -349,7 +357,7 @@ void LOOP(three_sps_s_sps_legs_from_quaternion_loop_f64)(char **args, const ptrd
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
@@ -357,8 +365,12 @@ void LOOP(three_sps_s_sps_legs_from_quaternion_loop_f64)(char **args, const ptrd
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[4], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 4; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
       if (steps[1] == 0)
         fill_f64(input[4], args[1]);
       else
@@ -483,7 +495,7 @@ void LOOP(three_sps_s_sps_legs_from_quaternion_loop_f32)(char **args, const ptrd
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
@@ -491,8 +503,12 @@ void LOOP(three_sps_s_sps_legs_from_quaternion_loop_f32)(char **args, const ptrd
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[4], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 4; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
       if (steps[1] == 0)
         fill_f32(input[4], args[1]);
       else
@@ -636,7 +652,7 @@ void LOOP(three_sps_s_sps_jacobian_loop_f64)(char **args, const ptrdiff_t *dimen
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
@@ -644,8 +660,12 @@ void LOOP(three_sps_s_sps_jacobian_loop_f64)(char **args, const ptrdiff_t *dimen
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[4], total * 9 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
       if (steps[1] == 0)
         fill_f64(input[9], args[1]);
       else
@@ -789,7 +809,7 @@ void LOOP(three_sps_s_sps_jacobian_loop_f32)(char **args, const ptrdiff_t *dimen
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
@@ -797,8 +817,12 @@ void LOOP(three_sps_s_sps_jacobian_loop_f32)(char **args, const ptrdiff_t *dimen
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[4], total * 9 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
       if (steps[1] == 0)
         fill_f32(input[9], args[1]);
       else
@@ -907,15 +931,19 @@ void LOOP(three_sps_s_sps_singularity_loop_f64)(char **args, const ptrdiff_t *di
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[3], total * 1 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
       if (steps[1] == 0)
         fill_f64(input[9], args[1]);
       else
@@ -1019,15 +1047,19 @@ void LOOP(three_sps_s_sps_singularity_loop_f32)(char **args, const ptrdiff_t *di
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[3], total * 1 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
       if (steps[1] == 0)
         fill_f32(input[9], args[1]);
       else
@@ -1132,15 +1164,19 @@ void LOOP(three_sps_s_sps_singularity_tilt_torsion_loop_f64)(char **args, const 
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[3], total * 1 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f64(input[3], args[1]);
       else
@@ -1245,15 +1281,19 @@ void LOOP(three_sps_s_sps_singularity_tilt_torsion_loop_f32)(char **args, const 
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[3], total * 1 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f32(input[3], args[1]);
       else
@@ -1350,7 +1390,7 @@ void LOOP(three_sps_s_sps_invariants_loop_f64)(char **args, const ptrdiff_t *dim
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
@@ -1361,8 +1401,12 @@ void LOOP(three_sps_s_sps_invariants_loop_f64)(char **args, const ptrdiff_t *dim
     open_writer(&writer_0, args[4], total * 1 * width);
     struct writer writer_1;
     open_writer(&writer_1, args[5], total * 2 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f64(input[3], args[1]);
       else
@@ -1473,7 +1517,7 @@ void LOOP(three_sps_s_sps_invariants_loop_f32)(char **args, const ptrdiff_t *dim
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
@@ -1484,8 +1528,12 @@ void LOOP(three_sps_s_sps_invariants_loop_f32)(char **args, const ptrdiff_t *dim
     open_writer(&writer_0, args[4], total * 1 * width);
     struct writer writer_1;
     open_writer(&writer_1, args[5], total * 2 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f32(input[3], args[1]);
       else
@@ -1629,7 +1677,7 @@ void LOOP(three_sps_s_sps_octic_loop_f64)(char **args, const ptrdiff_t *dimensio
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
@@ -1637,8 +1685,12 @@ void LOOP(three_sps_s_sps_octic_loop_f64)(char **args, const ptrdiff_t *dimensio
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[4], total * 9 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f64(input[3], args[1]);
       else
@@ -1773,7 +1825,7 @@ void LOOP(three_sps_s_sps_octic_loop_f32)(char **args, const ptrdiff_t *dimensio
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
@@ -1781,8 +1833,12 @@ void LOOP(three_sps_s_sps_octic_loop_f32)(char **args, const ptrdiff_t *dimensio
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[4], total * 9 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f32(input[3], args[1]);
       else
@@ -1939,7 +1995,7 @@ void LOOP(three_sps_s_sps_octic_scaled_loop_f64)(char **args, const ptrdiff_t *d
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
@@ -1956,8 +2012,12 @@ void LOOP(three_sps_s_sps_octic_scaled_loop_f64)(char **args, const ptrdiff_t *d
     open_writer(&writer_2, args[6], total * 1 * width);
     struct writer writer_3;
     open_writer(&writer_3, args[7], total * 1 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f64(input[3], args[1]);
       else
@@ -2141,7 +2201,7 @@ void LOOP(three_sps_s_sps_octic_scaled_loop_f32)(char **args, const ptrdiff_t *d
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
@@ -2158,8 +2218,12 @@ void LOOP(three_sps_s_sps_octic_scaled_loop_f32)(char **args, const ptrdiff_t *d
     open_writer(&writer_2, args[6], total * 1 * width);
     struct writer writer_3;
     open_writer(&writer_3, args[7], total * 1 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f32(input[3], args[1]);
       else
@@ -2325,7 +2389,7 @@ void LOOP(three_sps_s_sps_mode_loop_f64)(char **args, const ptrdiff_t *dimension
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
@@ -2335,8 +2399,12 @@ void LOOP(three_sps_s_sps_mode_loop_f64)(char **args, const ptrdiff_t *dimension
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[6], total * 4 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f64(input[3], args[1]);
       else
@@ -2485,7 +2553,7 @@ void LOOP(three_sps_s_sps_mode_loop_f32)(char **args, const ptrdiff_t *dimension
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
@@ -2495,8 +2563,12 @@ void LOOP(three_sps_s_sps_mode_loop_f32)(char **args, const ptrdiff_t *dimension
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[6], total * 4 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f32(input[3], args[1]);
       else
@@ -3080,9 +3152,9 @@ void LOOP(three_sps_s_sps_polish_loop_f64)(char **args, const ptrdiff_t *dimensi
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
+  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
   packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
   packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
@@ -3093,13 +3165,21 @@ void LOOP(three_sps_s_sps_polish_loop_f64)(char **args, const ptrdiff_t *dimensi
     open_writer(&writer_0, args[6], total * 4 * width);
     struct writer writer_1;
     open_writer(&writer_1, args[7], total * 1 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 4; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    if (steps[2] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[5 + k], args[2] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
       if (steps[1] == 0)
         fill_f64(input[4], args[1]);
       else
         load_f64(input[4], BLOCK, args[1] + start * width, 1);
-      load_f64(input[5], BLOCK, args[2] + start * 3 * width, 3);
+      if (steps[2] != 0)
+        load_f64(input[5], BLOCK, args[2] + start * 3 * width, 3);
       if (steps[3] == 0)
         fill_f64(input[8], args[3]);
       else
@@ -3684,9 +3764,9 @@ void LOOP(three_sps_s_sps_polish_loop_f32)(char **args, const ptrdiff_t *dimensi
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
+  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
   packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
   packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
@@ -3697,13 +3777,21 @@ void LOOP(three_sps_s_sps_polish_loop_f32)(char **args, const ptrdiff_t *dimensi
     open_writer(&writer_0, args[6], total * 4 * width);
     struct writer writer_1;
     open_writer(&writer_1, args[7], total * 1 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 4; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    if (steps[2] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[5 + k], args[2] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
       if (steps[1] == 0)
         fill_f32(input[4], args[1]);
       else
         load_f32(input[4], BLOCK, args[1] + start * width, 1);
-      load_f32(input[5], BLOCK, args[2] + start * 3 * width, 3);
+      if (steps[2] != 0)
+        load_f32(input[5], BLOCK, args[2] + start * 3 * width, 3);
       if (steps[3] == 0)
         fill_f32(input[8], args[3]);
       else

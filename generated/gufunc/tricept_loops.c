@@ -135,7 +135,7 @@ void LOOP(tricept_tricept_point_loop_f64)(char **args, const ptrdiff_t *dimensio
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
@@ -146,8 +146,12 @@ void LOOP(tricept_tricept_point_loop_f64)(char **args, const ptrdiff_t *dimensio
     open_writer(&writer_0, args[4], total * 3 * width);
     struct writer writer_1;
     open_writer(&writer_1, args[5], total * 9 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f64(input[3], args[1]);
       else
@@ -305,7 +309,7 @@ void LOOP(tricept_tricept_point_loop_f32)(char **args, const ptrdiff_t *dimensio
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
@@ -316,8 +320,12 @@ void LOOP(tricept_tricept_point_loop_f32)(char **args, const ptrdiff_t *dimensio
     open_writer(&writer_0, args[4], total * 3 * width);
     struct writer writer_1;
     open_writer(&writer_1, args[5], total * 9 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f32(input[3], args[1]);
       else
@@ -462,15 +470,19 @@ void LOOP(tricept_tricept_legs_loop_f64)(char **args, const ptrdiff_t *dimension
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[3], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f64(input[3], args[1]);
       else
@@ -601,15 +613,19 @@ void LOOP(tricept_tricept_legs_loop_f32)(char **args, const ptrdiff_t *dimension
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[3], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f32(input[3], args[1]);
       else
@@ -905,7 +921,7 @@ void LOOP(tricept_tricept_inverse_loop_f64)(char **args, const ptrdiff_t *dimens
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
@@ -921,8 +937,12 @@ void LOOP(tricept_tricept_inverse_loop_f64)(char **args, const ptrdiff_t *dimens
     open_writer(&writer_0, args[8], total * 12 * width);
     struct writer writer_1;
     open_writer(&writer_1, args[9], total * 12 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f64(input[3], args[1]);
       else
@@ -1258,7 +1278,7 @@ void LOOP(tricept_tricept_inverse_loop_f32)(char **args, const ptrdiff_t *dimens
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
@@ -1274,8 +1294,12 @@ void LOOP(tricept_tricept_inverse_loop_f32)(char **args, const ptrdiff_t *dimens
     open_writer(&writer_0, args[8], total * 12 * width);
     struct writer writer_1;
     open_writer(&writer_1, args[9], total * 12 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f32(input[3], args[1]);
       else
@@ -1344,6 +1368,440 @@ void LOOP(tricept_tricept_inverse_loop_f32)(char **args, const ptrdiff_t *dimens
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 4; ++k)
         args[10][(start + i) * steps[10] + offsets_10[k]] = (char)output[24 + k][i];
+  }
+  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+}
+
+/* tricept_pose: 44 add, 53 mul, 2 div, 7 sqrt, 20 select, 20 compare, 8 abs, 2 atan2 */
+/* 44 add, 53 mul, 2 div, 7 sqrt, 20 select, 20 compare, 8 abs, 2 atan2 */
+static inline void tricept_pose_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const double point_1 = input[0][i];
+    const double point_2 = input[1][i];
+    const double point_3 = input[2][i];
+    const double r = input[3][i];
+    const double R = input[4][i];
+    const double q_x = input[5][i];
+    const double q_y = input[6][i];
+    const double q_z = input[7][i];
+    const double shortest = input[8][i];
+    const double longest = input[9][i];
+    const double level_squared = (point_1*point_1) + (point_3*point_3);
+    const double level = sqrt(level_squared);
+    const double x0 = fabs(q_x);
+    const double g_squared = (level - x0)*(level + x0);
+    const double x1 = 16.0*DBL_EPSILON;
+    const double g_band = x1*(level_squared + (q_x*q_x));
+    const double u_squared = (point_2 - q_y)*(point_2 + q_y) + blend_f64(mask_f64(g_squared > 0.0), g_squared, 0.0);
+    const double x2 = (point_2*point_2);
+    const double u_band = g_band + x1*((q_y*q_y) + x2);
+    const int64_t no_root = (mask_f64(g_squared < -g_band)) | (mask_f64(u_squared < -u_band));
+    const int64_t double_root = (mask_f64(g_squared <= g_band)) | (mask_f64(u_squared <= u_band));
+    const double g = blend_f64(mask_f64(g_squared > 0.0), sqrt(g_squared), 0.0);
+    const double u = blend_f64(mask_f64(u_squared > 0.0), sqrt(u_squared), 0.0);
+    const double whole = (g*g) + x2;
+    const int64_t free_beta = mask_f64(level_squared == 0.0);
+    const int64_t free_alpha = mask_f64(whole == 0.0);
+    const double by_level = blend_f64(free_beta, 1.0, 1.0/level_squared);
+    const double by_whole = blend_f64(free_alpha, 1.0, 1.0/whole);
+    const int64_t valid = (mask_f64(shortest <= longest)) & (mask_f64(whole <= DBL_MAX)) & (mask_f64(x0 + fabs(R) + fabs(point_1) + fabs(point_2) + fabs(point_3) + fabs(q_y) + fabs(q_z) + fabs(r) <= DBL_MAX)) & (mask_f64(R > 0.0)) & (mask_f64(r > 0.0));
+    const double sa_plus = blend_f64(free_alpha, 0.0, by_whole*(point_2*u - g*q_y));
+    const double ca_plus = blend_f64(free_alpha, 1.0, by_whole*(g*u + point_2*q_y));
+    const double sb_plus = blend_f64(free_beta, 0.0, by_level*(g*point_1 - point_3*q_x));
+    const double cb_plus = blend_f64(free_beta, 1.0, by_level*(g*point_3 + point_1*q_x));
+    const double z = u - q_z;
+    const double x3 = ca_plus*z;
+    const double x4 = sb_plus*x3;
+    const double rod_a_1 = cb_plus*r + x4 - R;
+    const double x5 = sa_plus*z;
+    const double rod_a_2 = x5;
+    const double x6 = cb_plus*x3;
+    const double rod_a_3 = x6 - r*sb_plus;
+    const double x7 = 0.5*cb_plus;
+    const double x8 = 0.5*sb_plus;
+    const double x9 = sqrt(3.0);
+    const double x10 = sa_plus*x9;
+    const double x11 = x10*x8;
+    const double x12 = 0.5*R;
+    const double x13 = x12 + x4;
+    const double rod_b_1 = r*(-x11 - x7) + x13;
+    const double x14 = x12*x9;
+    const double x15 = 0.5*ca_plus*r*x9;
+    const double rod_b_2 = x15 + x5 - x14;
+    const double x16 = x10*x7;
+    const double rod_b_3 = r*(0.5*sb_plus - x16) + x6;
+    const double rod_c_1 = r*(x11 - x7) + x13;
+    const double rod_c_2 = x14 + x5 - x15;
+    const double rod_c_3 = r*(x16 + x8) + x6;
+    const double rod_length_1 = sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3));
+    const double rod_length_2 = sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3));
+    const double rod_length_3 = sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3));
+    const int64_t there = (valid) & (~(no_root));
+    const double pose_1 = blend_f64(there, vector_atan2_f64(sa_plus, ca_plus), (double)NAN);
+    const double pose_2 = blend_f64(there, vector_atan2_f64(sb_plus, cb_plus), (double)NAN);
+    const double pose_3 = blend_f64(there, z, (double)NAN);
+    const double legs_1 = blend_f64(there, rod_length_1, (double)NAN);
+    const double legs_2 = blend_f64(there, rod_length_2, (double)NAN);
+    const double legs_3 = blend_f64(there, rod_length_3, (double)NAN);
+    const double status = blend_f64(~(valid), 7.0, blend_f64(no_root, 4.0, blend_f64((free_alpha) | (free_beta), 3.0, blend_f64(double_root, 2.0, blend_f64((mask_f64(rod_length_1 > longest)) | (mask_f64(rod_length_2 > longest)) | (mask_f64(rod_length_3 > longest)) | (mask_f64(rod_length_1 < shortest)) | (mask_f64(rod_length_2 < shortest)) | (mask_f64(rod_length_3 < shortest)), 1.0, 0.0)))));
+    output[0][i] = pose_1;
+    output[1][i] = pose_2;
+    output[2][i] = pose_3;
+    output[3][i] = legs_1;
+    output[4][i] = legs_2;
+    output[5][i] = legs_3;
+    output[6][i] = status;
+  }
+}
+
+static inline void tricept_pose_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  tricept_pose_f64(input, output);
+}
+
+void LOOP(tricept_tricept_pose_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+  const ptrdiff_t *core = steps + 11;
+  (void)data, (void)core, (void)width;
+  ptrdiff_t offsets_0[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_0[k] = (k / 1) % 3 * core[0];
+  ptrdiff_t offsets_1[1];
+  for (int k = 0; k < 1; ++k)
+    offsets_1[k] = 0;
+  ptrdiff_t offsets_2[1];
+  for (int k = 0; k < 1; ++k)
+    offsets_2[k] = 0;
+  ptrdiff_t offsets_3[1];
+  for (int k = 0; k < 1; ++k)
+    offsets_3[k] = 0;
+  ptrdiff_t offsets_4[1];
+  for (int k = 0; k < 1; ++k)
+    offsets_4[k] = 0;
+  ptrdiff_t offsets_5[1];
+  for (int k = 0; k < 1; ++k)
+    offsets_5[k] = 0;
+  ptrdiff_t offsets_6[1];
+  for (int k = 0; k < 1; ++k)
+    offsets_6[k] = 0;
+  ptrdiff_t offsets_7[1];
+  for (int k = 0; k < 1; ++k)
+    offsets_7[k] = 0;
+  ptrdiff_t offsets_8[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_8[k] = (k / 1) % 3 * core[1];
+  ptrdiff_t offsets_9[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_9[k] = (k / 1) % 3 * core[2];
+  double input[10][BLOCK], output[7][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
+  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
+  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
+  packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
+  packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
+  packed &= (steps[6] == 0) | (is_packed(offsets_6, 1, steps[6], width) & is_aligned(args[6], width));
+  packed &= (steps[7] == 0) | (is_packed(offsets_7, 1, steps[7], width) & is_aligned(args[7], width));
+  packed &= (is_packed(offsets_8, 3, steps[8], width) & is_aligned(args[8], width));
+  packed &= (is_packed(offsets_9, 3, steps[9], width) & is_aligned(args[9], width));
+  packed &= steps[10] == 1;
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[8], total * 3 * width);
+    struct writer writer_1;
+    open_writer(&writer_1, args[9], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] == 0)
+        fill_f64(input[3], args[1]);
+      else
+        load_f64(input[3], BLOCK, args[1] + start * width, 1);
+      if (steps[2] == 0)
+        fill_f64(input[4], args[2]);
+      else
+        load_f64(input[4], BLOCK, args[2] + start * width, 1);
+      if (steps[3] == 0)
+        fill_f64(input[5], args[3]);
+      else
+        load_f64(input[5], BLOCK, args[3] + start * width, 1);
+      if (steps[4] == 0)
+        fill_f64(input[6], args[4]);
+      else
+        load_f64(input[6], BLOCK, args[4] + start * width, 1);
+      if (steps[5] == 0)
+        fill_f64(input[7], args[5]);
+      else
+        load_f64(input[7], BLOCK, args[5] + start * width, 1);
+      if (steps[6] == 0)
+        fill_f64(input[8], args[6]);
+      else
+        load_f64(input[8], BLOCK, args[6] + start * width, 1);
+      if (steps[7] == 0)
+        fill_f64(input[9], args[7]);
+      else
+        load_f64(input[9], BLOCK, args[7] + start * width, 1);
+      tricept_pose_block_f64(input, output);
+      {
+        double rows[3 * BLOCK], scratch[3 * BLOCK];
+        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+      {
+        double rows[3 * BLOCK], scratch[3 * BLOCK];
+        interleave_f64(rows, output[3], BLOCK, 3, scratch);
+        write_block(&writer_1, rows, sizeof rows);
+      }
+      store_codes_f64((int8_t *)args[10] + start, output[6]);
+    }
+    close_writer(&writer_0);
+    close_writer(&writer_1);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    gather_f64(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    gather_f64(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    gather_f64(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+    gather_f64(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+    gather_f64(input[8], BLOCK, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
+    gather_f64(input[9], BLOCK, args[7] + start * steps[7], steps[7], offsets_7, 1, count);
+    tricept_pose_block_f64(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 3; ++k)
+        put_f64(args[8] + (start + i) * steps[8] + offsets_8[k], output[0 + k][i]);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 3; ++k)
+        put_f64(args[9] + (start + i) * steps[9] + offsets_9[k], output[3 + k][i]);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      args[10][(start + i) * steps[10]] = (char)output[6][i];
+  }
+  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+}
+
+/* tricept_pose: 44 add, 53 mul, 2 div, 7 sqrt, 20 select, 20 compare, 8 abs, 2 atan2 */
+/* 44 add, 53 mul, 2 div, 7 sqrt, 20 select, 20 compare, 8 abs, 2 atan2 */
+static inline void tricept_pose_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const float point_1 = input[0][i];
+    const float point_2 = input[1][i];
+    const float point_3 = input[2][i];
+    const float r = input[3][i];
+    const float R = input[4][i];
+    const float q_x = input[5][i];
+    const float q_y = input[6][i];
+    const float q_z = input[7][i];
+    const float shortest = input[8][i];
+    const float longest = input[9][i];
+    const float level_squared = (point_1*point_1) + (point_3*point_3);
+    const float level = sqrtf(level_squared);
+    const float x0 = fabsf(q_x);
+    const float g_squared = (level - x0)*(level + x0);
+    const float x1 = 16.0f*FLT_EPSILON;
+    const float g_band = x1*(level_squared + (q_x*q_x));
+    const float u_squared = (point_2 - q_y)*(point_2 + q_y) + blend_f32(mask_f32(g_squared > 0.0f), g_squared, 0.0f);
+    const float x2 = (point_2*point_2);
+    const float u_band = g_band + x1*((q_y*q_y) + x2);
+    const int32_t no_root = (mask_f32(g_squared < -g_band)) | (mask_f32(u_squared < -u_band));
+    const int32_t double_root = (mask_f32(g_squared <= g_band)) | (mask_f32(u_squared <= u_band));
+    const float g = blend_f32(mask_f32(g_squared > 0.0f), sqrtf(g_squared), 0.0f);
+    const float u = blend_f32(mask_f32(u_squared > 0.0f), sqrtf(u_squared), 0.0f);
+    const float whole = (g*g) + x2;
+    const int32_t free_beta = mask_f32(level_squared == 0.0f);
+    const int32_t free_alpha = mask_f32(whole == 0.0f);
+    const float by_level = blend_f32(free_beta, 1.0f, 1.0f/level_squared);
+    const float by_whole = blend_f32(free_alpha, 1.0f, 1.0f/whole);
+    const int32_t valid = (mask_f32(shortest <= longest)) & (mask_f32(whole <= FLT_MAX)) & (mask_f32(x0 + fabsf(R) + fabsf(point_1) + fabsf(point_2) + fabsf(point_3) + fabsf(q_y) + fabsf(q_z) + fabsf(r) <= FLT_MAX)) & (mask_f32(R > 0.0f)) & (mask_f32(r > 0.0f));
+    const float sa_plus = blend_f32(free_alpha, 0.0f, by_whole*(point_2*u - g*q_y));
+    const float ca_plus = blend_f32(free_alpha, 1.0f, by_whole*(g*u + point_2*q_y));
+    const float sb_plus = blend_f32(free_beta, 0.0f, by_level*(g*point_1 - point_3*q_x));
+    const float cb_plus = blend_f32(free_beta, 1.0f, by_level*(g*point_3 + point_1*q_x));
+    const float z = u - q_z;
+    const float x3 = ca_plus*z;
+    const float x4 = sb_plus*x3;
+    const float rod_a_1 = cb_plus*r + x4 - R;
+    const float x5 = sa_plus*z;
+    const float rod_a_2 = x5;
+    const float x6 = cb_plus*x3;
+    const float rod_a_3 = x6 - r*sb_plus;
+    const float x7 = 0.5f*cb_plus;
+    const float x8 = 0.5f*sb_plus;
+    const float x9 = sqrtf(3.0f);
+    const float x10 = sa_plus*x9;
+    const float x11 = x10*x8;
+    const float x12 = 0.5f*R;
+    const float x13 = x12 + x4;
+    const float rod_b_1 = r*(-x11 - x7) + x13;
+    const float x14 = x12*x9;
+    const float x15 = 0.5f*ca_plus*r*x9;
+    const float rod_b_2 = x15 + x5 - x14;
+    const float x16 = x10*x7;
+    const float rod_b_3 = r*(0.5f*sb_plus - x16) + x6;
+    const float rod_c_1 = r*(x11 - x7) + x13;
+    const float rod_c_2 = x14 + x5 - x15;
+    const float rod_c_3 = r*(x16 + x8) + x6;
+    const float rod_length_1 = sqrtf((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3));
+    const float rod_length_2 = sqrtf((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3));
+    const float rod_length_3 = sqrtf((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3));
+    const int32_t there = (valid) & (~(no_root));
+    const float pose_1 = blend_f32(there, vector_atan2_f32(sa_plus, ca_plus), (float)NAN);
+    const float pose_2 = blend_f32(there, vector_atan2_f32(sb_plus, cb_plus), (float)NAN);
+    const float pose_3 = blend_f32(there, z, (float)NAN);
+    const float legs_1 = blend_f32(there, rod_length_1, (float)NAN);
+    const float legs_2 = blend_f32(there, rod_length_2, (float)NAN);
+    const float legs_3 = blend_f32(there, rod_length_3, (float)NAN);
+    const float status = blend_f32(~(valid), 7.0f, blend_f32(no_root, 4.0f, blend_f32((free_alpha) | (free_beta), 3.0f, blend_f32(double_root, 2.0f, blend_f32((mask_f32(rod_length_1 > longest)) | (mask_f32(rod_length_2 > longest)) | (mask_f32(rod_length_3 > longest)) | (mask_f32(rod_length_1 < shortest)) | (mask_f32(rod_length_2 < shortest)) | (mask_f32(rod_length_3 < shortest)), 1.0f, 0.0f)))));
+    output[0][i] = pose_1;
+    output[1][i] = pose_2;
+    output[2][i] = pose_3;
+    output[3][i] = legs_1;
+    output[4][i] = legs_2;
+    output[5][i] = legs_3;
+    output[6][i] = status;
+  }
+}
+
+static inline void tricept_pose_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  tricept_pose_f32(input, output);
+}
+
+void LOOP(tricept_tricept_pose_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
+  const ptrdiff_t *core = steps + 11;
+  (void)data, (void)core, (void)width;
+  ptrdiff_t offsets_0[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_0[k] = (k / 1) % 3 * core[0];
+  ptrdiff_t offsets_1[1];
+  for (int k = 0; k < 1; ++k)
+    offsets_1[k] = 0;
+  ptrdiff_t offsets_2[1];
+  for (int k = 0; k < 1; ++k)
+    offsets_2[k] = 0;
+  ptrdiff_t offsets_3[1];
+  for (int k = 0; k < 1; ++k)
+    offsets_3[k] = 0;
+  ptrdiff_t offsets_4[1];
+  for (int k = 0; k < 1; ++k)
+    offsets_4[k] = 0;
+  ptrdiff_t offsets_5[1];
+  for (int k = 0; k < 1; ++k)
+    offsets_5[k] = 0;
+  ptrdiff_t offsets_6[1];
+  for (int k = 0; k < 1; ++k)
+    offsets_6[k] = 0;
+  ptrdiff_t offsets_7[1];
+  for (int k = 0; k < 1; ++k)
+    offsets_7[k] = 0;
+  ptrdiff_t offsets_8[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_8[k] = (k / 1) % 3 * core[1];
+  ptrdiff_t offsets_9[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_9[k] = (k / 1) % 3 * core[2];
+  float input[10][BLOCK], output[7][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
+  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
+  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
+  packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
+  packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
+  packed &= (steps[6] == 0) | (is_packed(offsets_6, 1, steps[6], width) & is_aligned(args[6], width));
+  packed &= (steps[7] == 0) | (is_packed(offsets_7, 1, steps[7], width) & is_aligned(args[7], width));
+  packed &= (is_packed(offsets_8, 3, steps[8], width) & is_aligned(args[8], width));
+  packed &= (is_packed(offsets_9, 3, steps[9], width) & is_aligned(args[9], width));
+  packed &= steps[10] == 1;
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[8], total * 3 * width);
+    struct writer writer_1;
+    open_writer(&writer_1, args[9], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] == 0)
+        fill_f32(input[3], args[1]);
+      else
+        load_f32(input[3], BLOCK, args[1] + start * width, 1);
+      if (steps[2] == 0)
+        fill_f32(input[4], args[2]);
+      else
+        load_f32(input[4], BLOCK, args[2] + start * width, 1);
+      if (steps[3] == 0)
+        fill_f32(input[5], args[3]);
+      else
+        load_f32(input[5], BLOCK, args[3] + start * width, 1);
+      if (steps[4] == 0)
+        fill_f32(input[6], args[4]);
+      else
+        load_f32(input[6], BLOCK, args[4] + start * width, 1);
+      if (steps[5] == 0)
+        fill_f32(input[7], args[5]);
+      else
+        load_f32(input[7], BLOCK, args[5] + start * width, 1);
+      if (steps[6] == 0)
+        fill_f32(input[8], args[6]);
+      else
+        load_f32(input[8], BLOCK, args[6] + start * width, 1);
+      if (steps[7] == 0)
+        fill_f32(input[9], args[7]);
+      else
+        load_f32(input[9], BLOCK, args[7] + start * width, 1);
+      tricept_pose_block_f32(input, output);
+      {
+        float rows[3 * BLOCK], scratch[3 * BLOCK];
+        interleave_f32(rows, output[0], BLOCK, 3, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+      {
+        float rows[3 * BLOCK], scratch[3 * BLOCK];
+        interleave_f32(rows, output[3], BLOCK, 3, scratch);
+        write_block(&writer_1, rows, sizeof rows);
+      }
+      store_codes_f32((int8_t *)args[10] + start, output[6]);
+    }
+    close_writer(&writer_0);
+    close_writer(&writer_1);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    gather_f32(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    gather_f32(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    gather_f32(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+    gather_f32(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+    gather_f32(input[8], BLOCK, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
+    gather_f32(input[9], BLOCK, args[7] + start * steps[7], steps[7], offsets_7, 1, count);
+    tricept_pose_block_f32(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 3; ++k)
+        put_f32(args[8] + (start + i) * steps[8] + offsets_8[k], output[0 + k][i]);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 3; ++k)
+        put_f32(args[9] + (start + i) * steps[9] + offsets_9[k], output[3 + k][i]);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      args[10][(start + i) * steps[10]] = (char)output[6][i];
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
@@ -1726,7 +2184,7 @@ void LOOP(tricept_tricept_direct_loop_f64)(char **args, const ptrdiff_t *dimensi
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
@@ -1734,8 +2192,12 @@ void LOOP(tricept_tricept_direct_loop_f64)(char **args, const ptrdiff_t *dimensi
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[3], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f64(input[3], args[1]);
       else
@@ -2149,7 +2611,7 @@ void LOOP(tricept_tricept_direct_loop_f32)(char **args, const ptrdiff_t *dimensi
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
@@ -2157,8 +2619,12 @@ void LOOP(tricept_tricept_direct_loop_f32)(char **args, const ptrdiff_t *dimensi
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[3], total * 3 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f32(input[3], args[1]);
       else
@@ -2553,7 +3019,7 @@ void LOOP(tricept_tricept_matrices_loop_f64)(char **args, const ptrdiff_t *dimen
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
@@ -2575,8 +3041,12 @@ void LOOP(tricept_tricept_matrices_loop_f64)(char **args, const ptrdiff_t *dimen
     open_writer(&writer_3, args[9], total * 15 * width);
     struct writer writer_4;
     open_writer(&writer_4, args[10], total * 15 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f64(input[3], args[1]);
       else
@@ -3019,7 +3489,7 @@ void LOOP(tricept_tricept_matrices_loop_f32)(char **args, const ptrdiff_t *dimen
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
@@ -3041,8 +3511,12 @@ void LOOP(tricept_tricept_matrices_loop_f32)(char **args, const ptrdiff_t *dimen
     open_writer(&writer_3, args[9], total * 15 * width);
     struct writer writer_4;
     open_writer(&writer_4, args[10], total * 15 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f32(input[3], args[1]);
       else
@@ -3352,7 +3826,7 @@ void LOOP(tricept_tricept_sensitivity_loop_f64)(char **args, const ptrdiff_t *di
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
@@ -3362,8 +3836,12 @@ void LOOP(tricept_tricept_sensitivity_loop_f64)(char **args, const ptrdiff_t *di
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[6], total * 15 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f64(input[3], args[1]);
       else
@@ -3637,7 +4115,7 @@ void LOOP(tricept_tricept_sensitivity_loop_f32)(char **args, const ptrdiff_t *di
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
@@ -3647,8 +4125,12 @@ void LOOP(tricept_tricept_sensitivity_loop_f32)(char **args, const ptrdiff_t *di
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[6], total * 15 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f32(input[3], args[1]);
       else
@@ -4040,7 +4522,7 @@ void LOOP(tricept_tricept_propagate_loop_f64)(char **args, const ptrdiff_t *dime
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
@@ -4048,14 +4530,21 @@ void LOOP(tricept_tricept_propagate_loop_f64)(char **args, const ptrdiff_t *dime
   packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
   packed &= (steps[6] == 0) | (is_packed(offsets_6, 1, steps[6], width) & is_aligned(args[6], width));
   packed &= (steps[7] == 0) | (is_packed(offsets_7, 1, steps[7], width) & is_aligned(args[7], width));
-  packed &= (is_packed(offsets_8, 25, steps[8], width) & is_aligned(args[8], width));
+  packed &= ((steps[8] == 0) & is_packed(offsets_8, 25, 25 * width, width)) | (is_packed(offsets_8, 25, steps[8], width) & is_aligned(args[8], width));
   packed &= (is_packed(offsets_9, 9, steps[9], width) & is_aligned(args[9], width));
   packed &= steps[10] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[9], total * 9 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    if (steps[8] == 0)
+      for (int k = 0; k < 25; ++k)
+        fill_f64(input[10 + k], args[8] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f64(input[3], args[1]);
       else
@@ -4084,7 +4573,8 @@ void LOOP(tricept_tricept_propagate_loop_f64)(char **args, const ptrdiff_t *dime
         fill_f64(input[9], args[7]);
       else
         load_f64(input[9], BLOCK, args[7] + start * width, 1);
-      load_f64(input[10], BLOCK, args[8] + start * 25 * width, 25);
+      if (steps[8] != 0)
+        load_f64(input[10], BLOCK, args[8] + start * 25 * width, 25);
       tricept_propagate_block_f64(input, output);
       {
         double rows[9 * BLOCK], scratch[9 * BLOCK];
@@ -4462,7 +4952,7 @@ void LOOP(tricept_tricept_propagate_loop_f32)(char **args, const ptrdiff_t *dime
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
@@ -4470,14 +4960,21 @@ void LOOP(tricept_tricept_propagate_loop_f32)(char **args, const ptrdiff_t *dime
   packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
   packed &= (steps[6] == 0) | (is_packed(offsets_6, 1, steps[6], width) & is_aligned(args[6], width));
   packed &= (steps[7] == 0) | (is_packed(offsets_7, 1, steps[7], width) & is_aligned(args[7], width));
-  packed &= (is_packed(offsets_8, 25, steps[8], width) & is_aligned(args[8], width));
+  packed &= ((steps[8] == 0) & is_packed(offsets_8, 25, 25 * width, width)) | (is_packed(offsets_8, 25, steps[8], width) & is_aligned(args[8], width));
   packed &= (is_packed(offsets_9, 9, steps[9], width) & is_aligned(args[9], width));
   packed &= steps[10] == 1;
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[9], total * 9 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    if (steps[8] == 0)
+      for (int k = 0; k < 25; ++k)
+        fill_f32(input[10 + k], args[8] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f32(input[3], args[1]);
       else
@@ -4506,7 +5003,8 @@ void LOOP(tricept_tricept_propagate_loop_f32)(char **args, const ptrdiff_t *dime
         fill_f32(input[9], args[7]);
       else
         load_f32(input[9], BLOCK, args[7] + start * width, 1);
-      load_f32(input[10], BLOCK, args[8] + start * 25 * width, 25);
+      if (steps[8] != 0)
+        load_f32(input[10], BLOCK, args[8] + start * 25 * width, 25);
       tricept_propagate_block_f32(input, output);
       {
         float rows[9 * BLOCK], scratch[9 * BLOCK];
@@ -4676,7 +5174,7 @@ void LOOP(tricept_tricept_singularity_loop_f64)(char **args, const ptrdiff_t *di
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
@@ -4692,8 +5190,12 @@ void LOOP(tricept_tricept_singularity_loop_f64)(char **args, const ptrdiff_t *di
     open_writer(&writer_1, args[7], total * 1 * width);
     struct writer writer_2;
     open_writer(&writer_2, args[8], total * 1 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f64(input[3], args[1]);
       else
@@ -4895,7 +5397,7 @@ void LOOP(tricept_tricept_singularity_loop_f32)(char **args, const ptrdiff_t *di
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
@@ -4911,8 +5413,12 @@ void LOOP(tricept_tricept_singularity_loop_f32)(char **args, const ptrdiff_t *di
     open_writer(&writer_1, args[7], total * 1 * width);
     struct writer writer_2;
     open_writer(&writer_2, args[8], total * 1 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
         fill_f32(input[3], args[1]);
       else

@@ -784,10 +784,10 @@ void LOOP(tricept_uncertainty_tricept_parameter_sensitivity_loop_f64)(char **arg
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 9, 9 * width, width)) | (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[2] == 0) & is_packed(offsets_2, 9, 9 * width, width)) | (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
+  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
   packed &= (is_packed(offsets_5, 3, steps[5], width) & is_aligned(args[5], width));
   packed &= (is_packed(offsets_6, 129, steps[6], width) & is_aligned(args[6], width));
@@ -801,11 +801,27 @@ void LOOP(tricept_uncertainty_tricept_parameter_sensitivity_loop_f64)(char **arg
     open_writer(&writer_2, args[6], total * 129 * width);
     struct writer writer_3;
     open_writer(&writer_3, args[7], total * 1 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f64(input[3 + k], args[1] + k * width);
+    if (steps[2] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f64(input[12 + k], args[2] + k * width);
+    if (steps[3] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[21 + k], args[3] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      load_f64(input[3], BLOCK, args[1] + start * 9 * width, 9);
-      load_f64(input[12], BLOCK, args[2] + start * 9 * width, 9);
-      load_f64(input[21], BLOCK, args[3] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] != 0)
+        load_f64(input[3], BLOCK, args[1] + start * 9 * width, 9);
+      if (steps[2] != 0)
+        load_f64(input[12], BLOCK, args[2] + start * 9 * width, 9);
+      if (steps[3] != 0)
+        load_f64(input[21], BLOCK, args[3] + start * 3 * width, 3);
       tricept_parameter_sensitivity_block_f64(input, output);
       {
         double rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -1618,10 +1634,10 @@ void LOOP(tricept_uncertainty_tricept_parameter_sensitivity_loop_f32)(char **arg
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 9, 9 * width, width)) | (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[2] == 0) & is_packed(offsets_2, 9, 9 * width, width)) | (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
+  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
   packed &= (is_packed(offsets_5, 3, steps[5], width) & is_aligned(args[5], width));
   packed &= (is_packed(offsets_6, 129, steps[6], width) & is_aligned(args[6], width));
@@ -1635,11 +1651,27 @@ void LOOP(tricept_uncertainty_tricept_parameter_sensitivity_loop_f32)(char **arg
     open_writer(&writer_2, args[6], total * 129 * width);
     struct writer writer_3;
     open_writer(&writer_3, args[7], total * 1 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f32(input[3 + k], args[1] + k * width);
+    if (steps[2] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f32(input[12 + k], args[2] + k * width);
+    if (steps[3] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[21 + k], args[3] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      load_f32(input[3], BLOCK, args[1] + start * 9 * width, 9);
-      load_f32(input[12], BLOCK, args[2] + start * 9 * width, 9);
-      load_f32(input[21], BLOCK, args[3] + start * 3 * width, 3);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] != 0)
+        load_f32(input[3], BLOCK, args[1] + start * 9 * width, 9);
+      if (steps[2] != 0)
+        load_f32(input[12], BLOCK, args[2] + start * 9 * width, 9);
+      if (steps[3] != 0)
+        load_f32(input[21], BLOCK, args[3] + start * 3 * width, 3);
       tricept_parameter_sensitivity_block_f32(input, output);
       {
         float rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -2051,12 +2083,12 @@ void LOOP(tricept_uncertainty_tricept_closure_loop_f64)(char **args, const ptrdi
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 9, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 14, steps[5], width) & is_aligned(args[5], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[2] == 0) & is_packed(offsets_2, 9, 9 * width, width)) | (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
+  packed &= ((steps[3] == 0) & is_packed(offsets_3, 9, 9 * width, width)) | (is_packed(offsets_3, 9, steps[3], width) & is_aligned(args[3], width));
+  packed &= ((steps[4] == 0) & is_packed(offsets_4, 3, 3 * width, width)) | (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
+  packed &= ((steps[5] == 0) & is_packed(offsets_5, 14, 14 * width, width)) | (is_packed(offsets_5, 14, steps[5], width) & is_aligned(args[5], width));
   packed &= (is_packed(offsets_6, 3, steps[6], width) & is_aligned(args[6], width));
   packed &= (is_packed(offsets_7, 3, steps[7], width) & is_aligned(args[7], width));
   packed &= (is_packed(offsets_8, 9, steps[8], width) & is_aligned(args[8], width));
@@ -2070,13 +2102,37 @@ void LOOP(tricept_uncertainty_tricept_closure_loop_f64)(char **args, const ptrdi
     open_writer(&writer_2, args[8], total * 9 * width);
     struct writer writer_3;
     open_writer(&writer_3, args[9], total * 9 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[3 + k], args[1] + k * width);
+    if (steps[2] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f64(input[6 + k], args[2] + k * width);
+    if (steps[3] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f64(input[15 + k], args[3] + k * width);
+    if (steps[4] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[24 + k], args[4] + k * width);
+    if (steps[5] == 0)
+      for (int k = 0; k < 14; ++k)
+        fill_f64(input[27 + k], args[5] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
-      load_f64(input[6], BLOCK, args[2] + start * 9 * width, 9);
-      load_f64(input[15], BLOCK, args[3] + start * 9 * width, 9);
-      load_f64(input[24], BLOCK, args[4] + start * 3 * width, 3);
-      load_f64(input[27], BLOCK, args[5] + start * 14 * width, 14);
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] != 0)
+        load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
+      if (steps[2] != 0)
+        load_f64(input[6], BLOCK, args[2] + start * 9 * width, 9);
+      if (steps[3] != 0)
+        load_f64(input[15], BLOCK, args[3] + start * 9 * width, 9);
+      if (steps[4] != 0)
+        load_f64(input[24], BLOCK, args[4] + start * 3 * width, 3);
+      if (steps[5] != 0)
+        load_f64(input[27], BLOCK, args[5] + start * 14 * width, 14);
       tricept_closure_block_f64(input, output);
       {
         double rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -2490,12 +2546,12 @@ void LOOP(tricept_uncertainty_tricept_closure_loop_f32)(char **args, const ptrdi
 
   /* the usual layout: every array packed or one number for all */
   int packed = 1;
-  packed &= (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 9, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 14, steps[5], width) & is_aligned(args[5], width));
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[2] == 0) & is_packed(offsets_2, 9, 9 * width, width)) | (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
+  packed &= ((steps[3] == 0) & is_packed(offsets_3, 9, 9 * width, width)) | (is_packed(offsets_3, 9, steps[3], width) & is_aligned(args[3], width));
+  packed &= ((steps[4] == 0) & is_packed(offsets_4, 3, 3 * width, width)) | (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
+  packed &= ((steps[5] == 0) & is_packed(offsets_5, 14, 14 * width, width)) | (is_packed(offsets_5, 14, steps[5], width) & is_aligned(args[5], width));
   packed &= (is_packed(offsets_6, 3, steps[6], width) & is_aligned(args[6], width));
   packed &= (is_packed(offsets_7, 3, steps[7], width) & is_aligned(args[7], width));
   packed &= (is_packed(offsets_8, 9, steps[8], width) & is_aligned(args[8], width));
@@ -2509,13 +2565,37 @@ void LOOP(tricept_uncertainty_tricept_closure_loop_f32)(char **args, const ptrdi
     open_writer(&writer_2, args[8], total * 9 * width);
     struct writer writer_3;
     open_writer(&writer_3, args[9], total * 9 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[3 + k], args[1] + k * width);
+    if (steps[2] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f32(input[6 + k], args[2] + k * width);
+    if (steps[3] == 0)
+      for (int k = 0; k < 9; ++k)
+        fill_f32(input[15 + k], args[3] + k * width);
+    if (steps[4] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[24 + k], args[4] + k * width);
+    if (steps[5] == 0)
+      for (int k = 0; k < 14; ++k)
+        fill_f32(input[27 + k], args[5] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
-      load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
-      load_f32(input[6], BLOCK, args[2] + start * 9 * width, 9);
-      load_f32(input[15], BLOCK, args[3] + start * 9 * width, 9);
-      load_f32(input[24], BLOCK, args[4] + start * 3 * width, 3);
-      load_f32(input[27], BLOCK, args[5] + start * 14 * width, 14);
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      if (steps[1] != 0)
+        load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
+      if (steps[2] != 0)
+        load_f32(input[6], BLOCK, args[2] + start * 9 * width, 9);
+      if (steps[3] != 0)
+        load_f32(input[15], BLOCK, args[3] + start * 9 * width, 9);
+      if (steps[4] != 0)
+        load_f32(input[24], BLOCK, args[4] + start * 3 * width, 3);
+      if (steps[5] != 0)
+        load_f32(input[27], BLOCK, args[5] + start * 14 * width, 14);
       tricept_closure_block_f32(input, output);
       {
         float rows[3 * BLOCK], scratch[3 * BLOCK];
@@ -3184,7 +3264,7 @@ void LOOP(tricept_uncertainty_tricept_beam_loop_f64)(char **args, const ptrdiff_
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
+  packed &= ((steps[4] == 0) & is_packed(offsets_4, 3, 3 * width, width)) | (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
   packed &= (is_packed(offsets_5, 75, steps[5], width) & is_aligned(args[5], width));
   packed &= (is_packed(offsets_6, 4, steps[6], width) & is_aligned(args[6], width));
   packed &= (is_packed(offsets_7, 9, steps[7], width) & is_aligned(args[7], width));
@@ -3195,6 +3275,9 @@ void LOOP(tricept_uncertainty_tricept_beam_loop_f64)(char **args, const ptrdiff_
     open_writer(&writer_1, args[6], total * 4 * width);
     struct writer writer_2;
     open_writer(&writer_2, args[7], total * 9 * width);
+    if (steps[4] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[4 + k], args[4] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] == 0)
         fill_f64(input[0], args[0]);
@@ -3212,7 +3295,8 @@ void LOOP(tricept_uncertainty_tricept_beam_loop_f64)(char **args, const ptrdiff_
         fill_f64(input[3], args[3]);
       else
         load_f64(input[3], BLOCK, args[3] + start * width, 1);
-      load_f64(input[4], BLOCK, args[4] + start * 3 * width, 3);
+      if (steps[4] != 0)
+        load_f64(input[4], BLOCK, args[4] + start * 3 * width, 3);
       tricept_beam_block_f64(input, output);
       {
         double rows[75 * BLOCK], scratch[75 * BLOCK];
@@ -3871,7 +3955,7 @@ void LOOP(tricept_uncertainty_tricept_beam_loop_f32)(char **args, const ptrdiff_
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
+  packed &= ((steps[4] == 0) & is_packed(offsets_4, 3, 3 * width, width)) | (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
   packed &= (is_packed(offsets_5, 75, steps[5], width) & is_aligned(args[5], width));
   packed &= (is_packed(offsets_6, 4, steps[6], width) & is_aligned(args[6], width));
   packed &= (is_packed(offsets_7, 9, steps[7], width) & is_aligned(args[7], width));
@@ -3882,6 +3966,9 @@ void LOOP(tricept_uncertainty_tricept_beam_loop_f32)(char **args, const ptrdiff_
     open_writer(&writer_1, args[6], total * 4 * width);
     struct writer writer_2;
     open_writer(&writer_2, args[7], total * 9 * width);
+    if (steps[4] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[4 + k], args[4] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] == 0)
         fill_f32(input[0], args[0]);
@@ -3899,7 +3986,8 @@ void LOOP(tricept_uncertainty_tricept_beam_loop_f32)(char **args, const ptrdiff_
         fill_f32(input[3], args[3]);
       else
         load_f32(input[3], BLOCK, args[3] + start * width, 1);
-      load_f32(input[4], BLOCK, args[4] + start * 3 * width, 3);
+      if (steps[4] != 0)
+        load_f32(input[4], BLOCK, args[4] + start * 3 * width, 3);
       tricept_beam_block_f32(input, output);
       {
         float rows[75 * BLOCK], scratch[75 * BLOCK];

@@ -68,6 +68,7 @@ ALL = SimpleNamespace(
     tricept_point=tricept.tricept_point,
     tricept_legs=tricept.tricept_legs,
     tricept_inverse=tricept.tricept_inverse,
+    tricept_pose=tricept.tricept_pose,
     tricept_direct=tricept.tricept_direct,
     tricept_matrices=tricept.tricept_matrices,
     tricept_sensitivity=tricept.tricept_sensitivity,

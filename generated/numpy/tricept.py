@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-__all__ = ["TriceptStatus", "tricept_point", "tricept_legs", "tricept_inverse", "tricept_direct", "tricept_matrices", "tricept_sensitivity", "tricept_propagate", "tricept_singularity"]
+__all__ = ["TriceptStatus", "tricept_point", "tricept_legs", "tricept_inverse", "tricept_pose", "tricept_direct", "tricept_matrices", "tricept_sensitivity", "tricept_propagate", "tricept_singularity"]
 
 # Elements evaluated at a time: few enough for the intermediates to stay in the cache.
 BLOCK = 8192
@@ -523,6 +523,145 @@ def _tricept_inverse(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, l
     status_4 = np.where(~(valid), 7.0, np.where(no_root, 4.0, np.where((free_alpha) | (free_beta), 3.0, np.where(double_root, 2.0, np.where((rods_d_length_1 > longest) | (rods_d_length_2 > longest) | (rods_d_length_3 > longest) | (rods_d_length_1 < shortest) | (rods_d_length_2 < shortest) | (rods_d_length_3 < shortest), 1.0, 0.0)))))
     del double_root, free_alpha, free_beta, no_root, rods_d_length_1, rods_d_length_2, rods_d_length_3, valid
     return (poses_1_1, poses_1_2, poses_1_3, poses_2_1, poses_2_2, poses_2_3, poses_3_1, poses_3_2, poses_3_3, poses_4_1, poses_4_2, poses_4_3, legs_1_1, legs_1_2, legs_1_3, legs_2_1, legs_2_2, legs_2_3, legs_3_1, legs_3_2, legs_3_3, legs_4_1, legs_4_2, legs_4_3, status_1, status_2, status_3, status_4)
+
+
+def tricept_pose(point, r, R, q_x, q_y, q_z, shortest, longest, *, out=None):
+    """The physical pose in which the platform's point is at a given point, and its rods.
+
+    Source: Kureková et al., Acta IMEKO 4(4), 2015, conditions below eq. (4)
+
+    The first row of tricept_inverse alone.
+
+    Parameters
+    ----------
+    point : array (..., 3), length
+        the point, from the base's centre
+    r : array (...), length
+        radius of the joints of the platform
+    R : array (...), length
+        radius of the joints of the base
+    q_x : array (...), length
+        x of the point on the platform
+    q_y : array (...), length
+        y of the point on the platform
+    q_z : array (...), length
+        z of the point on the platform
+    shortest : array (...), length
+        least length of a rod
+    longest : array (...), length
+        greatest length of a rod
+
+    Returns
+    -------
+    pose : array (..., 3), rad, rad, length
+        alpha, beta, z
+    legs : array (..., 3), length
+        A0, A1, A-1
+    status : int8 array (...), codes of TriceptStatus
+        what the pose is
+    """
+    return _evaluate(
+        _tricept_pose, None,
+        "tricept_pose",
+        (point, r, R, q_x, q_y, q_z, shortest, longest),
+        (("point", (3,)), ("r", ()), ("R", ()), ("q_x", ()), ("q_y", ()), ("q_z", ()), ("shortest", ()), ("longest", ())),
+        (("pose", (3,), False), ("legs", (3,), False), ("status", (), True)),
+        out,
+    )
+
+
+tricept_pose.signature = "(3),(),(),(),(),(),(),()->(3),(3),()"
+tricept_pose.types = ["dddddddd->ddb", "ffffffff->ffb"]
+
+
+def _tricept_pose(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, longest, eps, largest):
+    # 44 add, 53 mul, 2 div, 7 sqrt, 20 select, 20 compare, 8 abs, 2 atan2
+    level_squared = (point_1*point_1) + (point_3*point_3)
+    level = np.sqrt(level_squared)
+    x0 = np.abs(q_x)
+    g_squared = (level - x0)*(level + x0)
+    del level
+    x1 = 16.0*eps
+    g_band = x1*(level_squared + (q_x*q_x))
+    u_squared = (point_2 - q_y)*(point_2 + q_y) + np.where(g_squared > 0.0, g_squared, 0.0)
+    x2 = (point_2*point_2)
+    u_band = g_band + x1*((q_y*q_y) + x2)
+    del x1
+    no_root = (g_squared < -g_band) | (u_squared < -u_band)
+    double_root = (g_squared <= g_band) | (u_squared <= u_band)
+    del g_band, u_band
+    g = np.where(g_squared > 0.0, np.sqrt(g_squared), 0.0)
+    del g_squared
+    u = np.where(u_squared > 0.0, np.sqrt(u_squared), 0.0)
+    del u_squared
+    whole = (g*g) + x2
+    del x2
+    free_beta = level_squared == 0.0
+    free_alpha = whole == 0.0
+    by_level = np.where(free_beta, 1.0, 1.0/level_squared)
+    del level_squared
+    by_whole = np.where(free_alpha, 1.0, 1.0/whole)
+    valid = (shortest <= longest) & (whole <= largest) & (x0 + np.abs(R) + np.abs(point_1) + np.abs(point_2) + np.abs(point_3) + np.abs(q_y) + np.abs(q_z) + np.abs(r) <= largest) & (R > 0.0) & (r > 0.0)
+    del whole, x0
+    sa_plus = np.where(free_alpha, 0.0, by_whole*(point_2*u - g*q_y))
+    ca_plus = np.where(free_alpha, 1.0, by_whole*(g*u + point_2*q_y))
+    del by_whole
+    sb_plus = np.where(free_beta, 0.0, by_level*(g*point_1 - point_3*q_x))
+    cb_plus = np.where(free_beta, 1.0, by_level*(g*point_3 + point_1*q_x))
+    del by_level, g
+    z = u - q_z
+    del u
+    x3 = ca_plus*z
+    x4 = sb_plus*x3
+    rod_a_1 = cb_plus*r + x4 - R
+    x5 = sa_plus*z
+    rod_a_2 = x5
+    x6 = cb_plus*x3
+    del x3
+    rod_a_3 = x6 - r*sb_plus
+    x7 = 0.5*cb_plus
+    x8 = 0.5*sb_plus
+    x9 = np.sqrt(3.0)
+    x10 = sa_plus*x9
+    x11 = x10*x8
+    x12 = 0.5*R
+    x13 = x12 + x4
+    del x4
+    rod_b_1 = r*(-x11 - x7) + x13
+    x14 = x12*x9
+    del x12
+    x15 = 0.5*ca_plus*r*x9
+    del x9
+    rod_b_2 = x15 + x5 - x14
+    x16 = x10*x7
+    del x10
+    rod_b_3 = r*(0.5*sb_plus - x16) + x6
+    rod_c_1 = r*(x11 - x7) + x13
+    del x11, x13, x7
+    rod_c_2 = x14 + x5 - x15
+    del x14, x15, x5
+    rod_c_3 = r*(x16 + x8) + x6
+    del x16, x6, x8
+    rod_length_1 = np.sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3))
+    del rod_a_1, rod_a_2, rod_a_3
+    rod_length_2 = np.sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3))
+    del rod_b_1, rod_b_2, rod_b_3
+    rod_length_3 = np.sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3))
+    del rod_c_1, rod_c_2, rod_c_3
+    there = (valid) & (~(no_root))
+    pose_1 = np.where(there, np.arctan2(sa_plus, ca_plus), np.nan)
+    del ca_plus, sa_plus
+    pose_2 = np.where(there, np.arctan2(sb_plus, cb_plus), np.nan)
+    del cb_plus, sb_plus
+    pose_3 = np.where(there, z, np.nan)
+    del z
+    legs_1 = np.where(there, rod_length_1, np.nan)
+    legs_2 = np.where(there, rod_length_2, np.nan)
+    legs_3 = np.where(there, rod_length_3, np.nan)
+    del there
+    status = np.where(~(valid), 7.0, np.where(no_root, 4.0, np.where((free_alpha) | (free_beta), 3.0, np.where(double_root, 2.0, np.where((rod_length_1 > longest) | (rod_length_2 > longest) | (rod_length_3 > longest) | (rod_length_1 < shortest) | (rod_length_2 < shortest) | (rod_length_3 < shortest), 1.0, 0.0)))))
+    del double_root, free_alpha, free_beta, no_root, rod_length_1, rod_length_2, rod_length_3, valid
+    return (pose_1, pose_2, pose_3, legs_1, legs_2, legs_3, status)
 
 
 def tricept_direct(legs, r, R, *, out=None):
