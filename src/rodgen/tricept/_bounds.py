@@ -141,7 +141,7 @@ def bounds(
     >>> U_x = np.diag([0.005**2 / 3] * 3 + [0.01**2 / 3] * 2)
     >>> found = tricept.bounds([-80, -80, 605], [80, 80, 765], tricept.PAPER, U_x)
     >>> (found.outer[2] * 1e6).round(2), (found.base_outer[2] * 1e6).round(2)  # u²(Qz) in µm²
-    (array([6.81, 9.63]), array([ 3.8 , 13.84]))
+    (array([6.8 , 9.64]), array([ 3.79, 13.85]))
     """
     low, high = _box(low, high)
     U = check_covariance(U_x, 5)

@@ -103,7 +103,7 @@ def influence_map(
     --------
     >>> from rodgen import tricept
     >>> found = tricept.influence_map(0.0, 0.0, tricept.PAPER, ("A0", "A0"), "zz", limits=tricept.LEG_LIMITS)
-    >>> found.least.round(5), found.z_least.round(2)  # A²/(9z²), A² = z² + (R - r)²
+    >>> round(float(found.least), 5), round(float(found.z_least), 2)  # A²/(9z²), A² = z² + (R - r)²
     (0.11684, 836.7)
     """
     i, j = _parameters(pair)
