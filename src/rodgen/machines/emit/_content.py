@@ -23,6 +23,7 @@ from rodgen.machines.emit._kernels import (
     MachineKernels,
     aim_kernel,
     machine_kernels,
+    poses_to_begin,
     step_kernel,
 )
 from rodgen.machines.emit._scope import Scope, scope_of
@@ -35,6 +36,8 @@ Array: TypeAlias = NDArray[np.float64]
 SAMPLES = 16
 TRIES = 40 * SAMPLES
 """Points that are tried until enough of them have a place: a formula may have none at some."""
+BESIDE = 0.01
+"""Part of their lengths by which the legs of a sample differ from those of a pose that code begins with."""
 HELD = 0.1
 """How well legs hold a platform, 1 at best, from which it is no matter of rounding."""
 MARGIN = 0.1
@@ -322,10 +325,13 @@ def _samples(scope: Scope, fitted: MachineKernels, ideal: MachineKernels, size: 
         else usual_leg(machine.geometry, j)
         for j, (joint, travel) in enumerate(zip(joints, scope.model.travel, strict=True))
     ]
-    found = 0
+    found, begins = 0, poses_to_begin(machine.geometry)
     for n, point in enumerate(_even(len(joints) + len(fitted.columns), TRIES)):
         inside = MARGIN + (1 - 2 * MARGIN) * point[: len(joints)]
         q = tuple(float(low + x * (high - low)) for x, (low, high) in zip(inside, spans, strict=True))
+        if len(begins):  # of several modes the one that is meant is only sure near these
+            near = begins[n % len(begins), :3] * (1 + BESIDE * (2 * point[: len(joints)] - 1))
+            q = tuple(float(x) for x in near)
         columns = {
             name: _column(kind, float(x), spans[int(of)] if kind == "v" else None)
             for (name, (kind, of)), x in zip(fitted.columns, point[len(joints) :], strict=True)

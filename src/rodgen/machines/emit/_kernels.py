@@ -33,7 +33,7 @@ from rodgen.machines.closing import legs_at
 from rodgen.rotation import quaternion_from_matrix
 from rodgen.symbolic import select
 
-__all__ = ["Constant", "MachineKernels", "aim_kernel", "machine_kernels", "step_kernel"]
+__all__ = ["Constant", "MachineKernels", "aim_kernel", "machine_kernels", "poses_to_begin", "step_kernel"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -183,7 +183,7 @@ def machine_kernels(model: Model, name: str = "place", prefix: str = "") -> Mach
 def _pose_kernel(model: Model, structure: Structure, numbers: _Numbers) -> Kernel:
     """Write the kernel that finds the pose of a closed chain on the nominal machine."""
     bare = replace(structure, terms=(), shift=False, frame=False)
-    begins = _begins(model.machine.geometry)
+    begins = poses_to_begin(model.machine.geometry)
     general = pose_from_afar(_Model(bare, "pose", with_residual=False), len(begins))
     q = _port("q", (len(structure.joints),), "commanded coordinates")
     stands_for: dict[sp.Symbol, sp.Expr] = {}
@@ -201,7 +201,7 @@ def _pose_kernel(model: Model, structure: Structure, numbers: _Numbers) -> Kerne
     return _folded(general, stands_for, [q], numbers)
 
 
-def _begins(geometry: ClosedChain | None) -> Array:
+def poses_to_begin(geometry: ClosedChain | None) -> Array:
     """Return the poses that a closed chain may begin with, (k, 7): lengths of the legs, and unit quaternions."""
     if geometry is None or geometry.start is None:
         return np.zeros((0, 7))
