@@ -49,7 +49,7 @@ def test_what_is_said_or_taken_for_granted_is_marked_and_refuted():
 
 def test_nothing_is_open_and_all_kernels_carry_the_prefix():
     assert derivation.open == []
-    assert len(derivation.kernels) == 8
+    assert len(derivation.kernels) == 9
     assert all(name.startswith("tricept_") for name in derivation.kernels)
 
 

@@ -114,6 +114,18 @@ def test_all_four_poses_reach_the_point_and_the_first_is_the_machines(geometry):
     assert (apart[:, *np.triu_indices(4, 1)] > 0.1).all()
 
 
+def test_pose_is_the_first_of_the_four():
+    points = np.concatenate(
+        [reference_point(random_poses(50), WITH_Q), [[0, 700, 0], [0, 0, 5], [np.nan, 0, 600], [0, 0, 400]]]
+    )
+    poses, legs, status = tricept.inverse(points, WITH_Q, LEG_LIMITS)
+    pose, rods, code = tricept.pose(points, WITH_Q, LEG_LIMITS)
+    np.testing.assert_array_equal(code, status[:, 0])
+    assert set(code.tolist()) >= {TriceptStatus.REACHABLE, TriceptStatus.OUT_OF_LIMITS, TriceptStatus.INVALID}
+    np.testing.assert_allclose(pose, poses[:, 0], rtol=1e-14, atol=1e-15)
+    np.testing.assert_allclose(rods, legs[:, 0], rtol=1e-14)
+
+
 @pytest.mark.parametrize("geometry", [PAPER, WITH_Q])
 def test_there_are_no_other_poses(geometry):
     """SciPy's solver, from many starts, comes to nothing but the four."""
@@ -333,7 +345,7 @@ def test_covariances_are_taken_and_others_refused():
         -np.eye(5),
         np.full((5, 5), np.nan),
         np.diag([1, 1, 1, 1, -1e-300]),
-        np.eye(5) * np.inf,
+        np.diag([np.inf, 1, 1, 1, 1]),
     ]
     lone = np.zeros((5, 5))
     lone[0, 1] = lone[1, 0] = 1e-9
@@ -349,6 +361,10 @@ def test_propagation_tells_unreachable_out_of_limits_and_invalid():
     U_y, status = tricept.propagate([[30, 100, 39], [np.nan, 0, 600]], geometry, U_x)
     assert status.tolist() == [TriceptStatus.UNREACHABLE, TriceptStatus.INVALID]
     assert np.isnan(U_y).all()
+    # a constant covariance over more points than a block of the loops, and one that is none
+    many = np.tile([[30.0, 20.0, 650.0]], (100, 1))
+    assert (tricept.propagate(many, PAPER, U_x)[1] == TriceptStatus.REACHABLE).all()
+    assert (tricept.propagate(many, PAPER, -U_x)[1] == TriceptStatus.NOT_COVARIANCE).all()
     U_y, status = tricept.propagate([0, 0, 500], PAPER, U_x, LEG_LIMITS)
     assert status == TriceptStatus.OUT_OF_LIMITS
     assert np.isfinite(U_y).all()
