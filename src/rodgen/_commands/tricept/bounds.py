@@ -134,7 +134,8 @@ def _run(options: argparse.Namespace) -> int:
         raise
     except RodgenError as error:
         what, _, expected = str(error).partition("; expected ")
-        raise InputFileError("command line", "cube", what, expected or "another one") from None
+        place = "--influence" if options.influence else "cube"
+        raise InputFileError("command line", place, what, expected or "another one") from None
     if options.output:
         _write_bounds(options.output, found, unit)
     inside = limits is None or bool(
