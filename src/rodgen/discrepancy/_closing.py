@@ -30,6 +30,7 @@ __all__ = [
     "in_another_mode",
     "in_its_mode",
     "not_found_by_code",
+    "open_legs",
     "pose_start",
     "weakest",
     "with_commands",
@@ -81,15 +82,7 @@ def closed(observations: Observations, *, by_readings: bool = True) -> Observati
     start = pose_start(o)
     missing = np.isnan(start).any(axis=1)
     if missing.any():
-        row = int(np.argmax(missing))
-        geometry = o.machine.geometry
-        assert geometry is not None
-        lengths = ", ".join(f"{x:.9g}" for x in o.q[row])
-        unit = o.machine.length_unit
-        found = f"legs of {lengths} {unit}, which close in no pose of this {geometry.family}"
-        raise InputFileError(
-            o.data.file, o.data.place(row), found, "lengths from joint to joint, or another geometry"
-        )
+        raise open_legs(o, int(np.argmax(missing)), f"this {o.machine.geometry.family}")  # type: ignore[union-attr]
     held = holding(o.machine.geometry, start)  # type: ignore[arg-type]
     if held.min(initial=1.0) < SINGULAR:
         row = int(np.argmin(held))
@@ -98,6 +91,14 @@ def closed(observations: Observations, *, by_readings: bool = True) -> Observati
             o.data.file, o.data.place(row), found, "poses away from it: this one tells nothing"
         )
     return replace(observations, pose_start=start)
+
+
+def open_legs(o: Observations, row: int, which: str) -> InputFileError:
+    """Say that the legs of a row close in no pose of a machine: the nominal one, the fitted one."""
+    lengths = ", ".join(f"{x:.9g}" for x in o.q[row])
+    found = f"legs of {lengths} {o.machine.length_unit}, which close in no pose of {which}"
+    expected = "lengths from joint to joint, or another geometry"
+    return InputFileError(o.data.file, o.data.place(row), found, expected)
 
 
 def with_commands(o: Observations, like: Observations) -> Observations:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.discrepancy._closing import open_legs
 from rodgen.discrepancy._problem import Problem
 from rodgen.discrepancy.fit import fit
 from rodgen.errors import InputFileError, RodgenError, shown
@@ -124,9 +125,11 @@ class Lab:
             found = problem.places(theta, frame)
         bad = ~np.isfinite(found).all(axis=1)
         if bad.any():
-            place = o.data.place(int(np.argmax(bad)))
-            found_there, expected = "the model is not finite here", "formulas and numbers that are"
-            raise InputFileError(o.data.file, place, found_there, expected)
+            row = int(np.argmax(bad))
+            if machine.geometry is not None:
+                raise open_legs(o, row, "the machine with these effects")
+            expected = "formulas and numbers that are"
+            raise InputFileError(o.data.file, o.data.place(row), "the model is not finite here", expected)
         return found
 
     def noisy(self, exact: Array) -> Array:

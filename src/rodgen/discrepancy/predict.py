@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.discrepancy._bind import READINGS, Observations, bind
+from rodgen.discrepancy._closing import open_legs
 from rodgen.discrepancy._problem import Problem, one_thread_in_blas
 from rodgen.errors import InputFileError, shown
 
@@ -88,7 +89,7 @@ def predict(fit: Fit, design: Measurements) -> Prediction:
     Raises
     ------
     InputFileError
-        When the design does not fit the machine, or is of a set-up that was not measured.
+        When the design does not fit the machine, is of a set-up that was not measured, or has legs that do not close.
 
     Notes
     -----
@@ -118,6 +119,9 @@ def predict(fit: Fit, design: Measurements) -> Prediction:
     with one_thread_in_blas():
         whole = kind == "distance"
         place = reading - problem.residuals(theta, frame) if whole else problem.places(theta, frame)
+        if problem.is_closed_chain and not np.isfinite(place).all():
+            row = int(np.argmin(np.isfinite(place).all(axis=1)))
+            raise open_legs(o, row, "the fitted machine")
         if kind == "direction":  # whose residuals are angles beside the direction that is read
             problem = Problem(model, replace(problem.observations, reading=place))
         jacobian = problem.jacobian(theta, frame)

@@ -95,8 +95,9 @@ def _found(comparison: Comparison) -> Iterator[str]:
         yield f"{said}{_change(comparison, found)}."
         along = [other for other in found.along if isinstance(other, Covariate) and id(other) not in members]
         if along:
-            names = _listed(_names(comparison, along))
-            many = len(along) > 1 or " and " in names
+            said_of = _names(comparison, along)
+            names = _listed(said_of)
+            many = len(said_of) > 1 or " and " in names
             verb = "go along with it and explain" if many else "goes along with it and explains"
             yield f"{_capital(names)} {verb} nothing beyond."
 
