@@ -112,20 +112,11 @@ d.state(
 )
 
 # %%
-d.state(
-    "figure-6-smaller-everywhere",
-    sp.Lt(chi_x, t),
-    said="the peaks of the instantaneous Euler angles are smaller than the conventional Euler angles",
-    text="Read of each instant instead of the peaks.",
-    place="sec. 5.1, figure 6",
-    assumptions=[sp.Gt(t, 0), sp.Lt(t, 2 * sp.pi)],
-).refute(
-    {t: sp.pi / 4},
+d.check(
+    "figure-6-greater-at-first",
     equal(cos(t) - cos(chi_x), cos(t) * (1 - cos(t))),
-    given=by_t,
-    label="Z42",
-    because="At 45° χ_x is 60°. Up to 90° it is always greater than α, because β adds to it.",
-)
+    text="That is so of the peaks, not of each instant: up to 90° χ_x is greater than α, because β adds to it.",
+).prove(given=by_t)
 
 # %%
 d.state(
@@ -165,7 +156,7 @@ d.state(
     {alpha: 0, beta: sp.pi / 3, gamma: 0},
     [equal(cos(chi_x), ca * cb), equal(cos(chi_y), sa * sb * sg + ca * cg), equal(cos(chi_z), cb * cg)],
     given={R: zyx},
-    label="Z43",
+    label="Z42",
     because="Each depends on two or three of the angles: a rotation about y0 alone turns the yz and the xy plane.",
 )
 
@@ -226,7 +217,6 @@ if in_notebook():
             marked(
                 "figure-6-do-not-follow",
                 "figure-6-peaks",
-                "figure-6-smaller-everywhere",
                 "figure-6-tend-to-zero",
                 "figure-6-zeros",
                 "independent-of-others",
@@ -307,7 +297,7 @@ d.state(
     {x: sp.pi / 2},
     equal(cos(curve_alpha) - cos(chi_x), cos(sin(x)) * (1 - cos(cos(x)))),
     given=by_curve_2,
-    label="Z44",
+    label="Z43",
     because="Not smaller is right: where cos x = 0 both are equal, everywhere else it is greater than |α|.",
 )
 
@@ -321,7 +311,7 @@ d.state(
     {x: -sp.pi / 2},
     equal(cos(chi_y), cos(sin(x))),
     given=by_curve_2,
-    label="Z45",
+    label="Z44",
     because="It is |α| = |sin x|, a rectified sine with kinks and half the period.",
 )
 
@@ -335,7 +325,7 @@ d.state(
     {x: 0},
     equal(cos(chi_z), cos(cos(x))),
     given=by_curve_2,
-    label="Z46",
+    label="Z45",
     because="It is |β| = |cos x|: at x = 0 there is no α, and χ_z is 57.3°. What is |α| is χ_y.",
 )
 
@@ -358,7 +348,7 @@ d.state(
     {alpha: sp.pi / 3, beta: 0, gamma: sp.pi / 3},
     equal(cos(chi_x), cos(alpha) * cos(beta)),
     given={R: zyx},
-    label="Z47",
+    label="Z46",
     because="Only χ_y depends on all three: χ_x does not on γ, nor χ_z on α.",
 )
 

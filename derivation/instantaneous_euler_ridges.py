@@ -355,7 +355,7 @@ d.state(
     {alpha: 0, beta: sp.pi / 3, gamma: sp.pi / 4, Q: (1, 1, 0), c1: 0, c2: 0, c3: 1},
     equal(self_product(member), condition),
     given=by_zyx,
-    label="Z48",
+    label="Z47",
     because="It is a screw, in general with a pitch; to be a line its direction and moment must be perpendicular, too.",
 )
 

@@ -163,8 +163,8 @@ d.state(
     "23-changes",
     equal(change_2, L2_now),
     text="The prismatic joints' changes.",
-    said="if the rotation angles are specified, the corresponding changes in the prismatic joint will be realized: "
-    "L_i = |B_i - A_i|",
+    said="if the rotation angles (α, β, γ) are specified, the corresponding changes in the prismatic joint will be "
+    "realized",
     place="eq. (23)",
 ).refute(
     {q0: 1, q1: 0, q2: 0, q3: 0, R: 2, r: 1, h: 1},
@@ -625,8 +625,8 @@ d.state(
     "home-is-regular",
     sp.Ne(determinant, 0, evaluate=False),
     text="At the start, R = 1, the three legs drive three rotations.",
-    said="the singularities within the cycle are neglected",
-    place="sec. 3.1",
+    tacit=True,
+    place="sec. 5.1",
     assumptions=[sp.Eq(q0, 1), sp.Eq(q1, 0), sp.Eq(q2, 0), sp.Eq(q3, 0)],
 ).refute(
     {q0: 1, q1: 0, q2: 0, q3: 0, R: 2, r: 1, h: sp.Rational(3, 2)},

@@ -55,7 +55,8 @@ def _run(options: argparse.Namespace) -> int:
         status = np.where(abnormal & (status == Status.ALLOWED), Status.NOT_NORMAL, status)
         # the legs, too, are those of the nearest rotation
         rotation = np.where(abnormal[:, None, None], _made_normal(rotation), rotation)
-        return [*three_sps_s.legs(rotation, geometry).T, determinant, status], None
+        legs = np.where((status == Status.INVALID)[:, None], np.nan, three_sps_s.legs(rotation, geometry))
+        return [*legs.T, np.where(status == Status.INVALID, np.nan, determinant), status], None
 
     return run(options, columns_of(options.form), results, function)
 
