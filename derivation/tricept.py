@@ -1048,7 +1048,8 @@ def covariance_fault(k, U):
     band = 256 * EPS
     scale = k.let(
         "correlation_scale",
-        sp.Matrix([1 / sp.sqrt(select(U[i, i] > 0, U[i, i], 1)) for i in range(n)]),
+        # beside a variance of nothing a covariance is a fault, however small: this makes it large
+        sp.Matrix([1 / sp.sqrt(select(U[i, i] > 0, U[i, i], EPS**5)) for i in range(n)]),
     )
     faults = [sp.Not((U[i, i] >= 0) & (U[i, i] <= LARGEST)) for i in range(n)]
     C = sp.eye(n)

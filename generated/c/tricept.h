@@ -158,7 +158,7 @@ void tricept_tricept_sensitivity_batch_f32(size_t count, const float *pose, cons
 
 /* Covariance of a point from that of the rods and the two radii, in the physical pose S = K = +1.
  * Source: Kureková et al., Acta IMEKO 4(4), 2015, eqs. (20) and (21)
- * Operations: 227 add, 363 mul, 12 div, 12 sqrt, 37 select, 70 compare, 22 abs
+ * Operations: 227 add, 363 mul, 13 div, 12 sqrt, 37 select, 70 compare, 22 abs, 1 pow
  * point : array (3), length the point, from the base's centre
  * r : array (), length radius of the joints of the platform
  * R : array (), length radius of the joints of the base

@@ -1838,7 +1838,7 @@ tricept_propagate.types = ["ddddddddd->db", "fffffffff->fb"]
 
 
 def _tricept_propagate(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest, longest, U_x_1_1, U_x_1_2, U_x_1_3, U_x_1_4, U_x_1_5, U_x_2_1, U_x_2_2, U_x_2_3, U_x_2_4, U_x_2_5, U_x_3_1, U_x_3_2, U_x_3_3, U_x_3_4, U_x_3_5, U_x_4_1, U_x_4_2, U_x_4_3, U_x_4_4, U_x_4_5, U_x_5_1, U_x_5_2, U_x_5_3, U_x_5_4, U_x_5_5, eps, largest):
-    # 227 add, 363 mul, 12 div, 12 sqrt, 37 select, 70 compare, 22 abs
+    # 227 add, 363 mul, 13 div, 12 sqrt, 37 select, 70 compare, 22 abs, 1 pow
     level_squared = (point_1*point_1) + (point_3*point_3)
     level = np.sqrt(level_squared)
     x0 = np.abs(q_x)
@@ -2037,105 +2037,107 @@ def _tricept_propagate(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest,
     del by_r_1, by_r_2, by_r_3
     A_3_5 = by_R_1*point_by_P_3_1 + by_R_2*point_by_P_3_2 + by_R_3*point_by_P_3_3
     del by_R_1, by_R_2, by_R_3, point_by_P_3_1, point_by_P_3_2, point_by_P_3_3
-    correlation_scale_1 = np.where(U_x_1_1 > 0.0, 1.0/np.sqrt(U_x_1_1), 1.0)
-    correlation_scale_2 = np.where(U_x_2_2 > 0.0, 1.0/np.sqrt(U_x_2_2), 1.0)
-    correlation_scale_3 = np.where(U_x_3_3 > 0.0, 1.0/np.sqrt(U_x_3_3), 1.0)
-    correlation_scale_4 = np.where(U_x_4_4 > 0.0, 1.0/np.sqrt(U_x_4_4), 1.0)
-    correlation_scale_5 = np.where(U_x_5_5 > 0.0, 1.0/np.sqrt(U_x_5_5), 1.0)
+    x45 = 1.0/np.power(eps, 2.5)
+    correlation_scale_1 = np.where(U_x_1_1 > 0.0, 1.0/np.sqrt(U_x_1_1), x45)
+    correlation_scale_2 = np.where(U_x_2_2 > 0.0, 1.0/np.sqrt(U_x_2_2), x45)
+    correlation_scale_3 = np.where(U_x_3_3 > 0.0, 1.0/np.sqrt(U_x_3_3), x45)
+    correlation_scale_4 = np.where(U_x_4_4 > 0.0, 1.0/np.sqrt(U_x_4_4), x45)
+    correlation_scale_5 = np.where(U_x_5_5 > 0.0, 1.0/np.sqrt(U_x_5_5), x45)
+    del x45
     correlation_00 = np.where(U_x_1_1 > 0.0, 1.0, 0.0)
     correlation_11 = np.where(U_x_2_2 > 0.0, 1.0, 0.0)
-    x45 = correlation_scale_1*correlation_scale_2
-    correlation_10 = U_x_2_1*x45
+    x46 = correlation_scale_1*correlation_scale_2
+    correlation_10 = U_x_2_1*x46
     correlation_22 = np.where(U_x_3_3 > 0.0, 1.0, 0.0)
-    x46 = correlation_scale_1*correlation_scale_3
-    correlation_20 = U_x_3_1*x46
-    x47 = correlation_scale_2*correlation_scale_3
-    correlation_21 = U_x_3_2*x47
+    x47 = correlation_scale_1*correlation_scale_3
+    correlation_20 = U_x_3_1*x47
+    x48 = correlation_scale_2*correlation_scale_3
+    correlation_21 = U_x_3_2*x48
     correlation_33 = np.where(U_x_4_4 > 0.0, 1.0, 0.0)
-    x48 = correlation_scale_1*correlation_scale_4
-    correlation_30 = U_x_4_1*x48
-    x49 = correlation_scale_2*correlation_scale_4
-    correlation_31 = U_x_4_2*x49
-    x50 = correlation_scale_3*correlation_scale_4
-    correlation_32 = U_x_4_3*x50
+    x49 = correlation_scale_1*correlation_scale_4
+    correlation_30 = U_x_4_1*x49
+    x50 = correlation_scale_2*correlation_scale_4
+    correlation_31 = U_x_4_2*x50
+    x51 = correlation_scale_3*correlation_scale_4
+    correlation_32 = U_x_4_3*x51
     correlation_44 = np.where(U_x_5_5 > 0.0, 1.0, 0.0)
-    x51 = correlation_scale_1*correlation_scale_5
+    x52 = correlation_scale_1*correlation_scale_5
     del correlation_scale_1
-    correlation_40 = U_x_5_1*x51
-    x52 = correlation_scale_2*correlation_scale_5
+    correlation_40 = U_x_5_1*x52
+    x53 = correlation_scale_2*correlation_scale_5
     del correlation_scale_2
-    correlation_41 = U_x_5_2*x52
-    x53 = correlation_scale_3*correlation_scale_5
+    correlation_41 = U_x_5_2*x53
+    x54 = correlation_scale_3*correlation_scale_5
     del correlation_scale_3
-    correlation_42 = U_x_5_3*x53
-    x54 = correlation_scale_4*correlation_scale_5
+    correlation_42 = U_x_5_3*x54
+    x55 = correlation_scale_4*correlation_scale_5
     del correlation_scale_4, correlation_scale_5
-    correlation_43 = U_x_5_4*x54
-    x77 = 256.0*eps
-    pivot_0 = correlation_00 > x77
+    correlation_43 = U_x_5_4*x55
+    x78 = 256.0*eps
+    pivot_0 = correlation_00 > x78
     pivot_0_inverse = np.where(pivot_0, 1.0/correlation_00, 0.0)
-    x55 = (correlation_10*correlation_10)
-    left_0_11 = correlation_11 - pivot_0_inverse*x55
+    x56 = (correlation_10*correlation_10)
+    left_0_11 = correlation_11 - pivot_0_inverse*x56
     del correlation_11
-    x57 = correlation_10*pivot_0_inverse
-    left_0_21 = correlation_21 - correlation_20*x57
-    x58 = (correlation_20*correlation_20)
-    left_0_22 = correlation_22 - pivot_0_inverse*x58
+    x58 = correlation_10*pivot_0_inverse
+    left_0_21 = correlation_21 - correlation_20*x58
+    x59 = (correlation_20*correlation_20)
+    left_0_22 = correlation_22 - pivot_0_inverse*x59
     del correlation_22
-    left_0_31 = correlation_31 - correlation_30*x57
-    x61 = correlation_20*pivot_0_inverse
-    left_0_32 = correlation_32 - correlation_30*x61
-    x62 = (correlation_30*correlation_30)
-    left_0_33 = correlation_33 - pivot_0_inverse*x62
+    left_0_31 = correlation_31 - correlation_30*x58
+    x62 = correlation_20*pivot_0_inverse
+    left_0_32 = correlation_32 - correlation_30*x62
+    x63 = (correlation_30*correlation_30)
+    left_0_33 = correlation_33 - pivot_0_inverse*x63
     del correlation_33
-    left_0_41 = correlation_41 - correlation_40*x57
-    del x57
-    left_0_42 = correlation_42 - correlation_40*x61
-    del x61
+    left_0_41 = correlation_41 - correlation_40*x58
+    del x58
+    left_0_42 = correlation_42 - correlation_40*x62
+    del x62
     left_0_43 = correlation_43 - correlation_30*correlation_40*pivot_0_inverse
-    x66 = (correlation_40*correlation_40)
-    left_0_44 = correlation_44 - pivot_0_inverse*x66
+    x67 = (correlation_40*correlation_40)
+    left_0_44 = correlation_44 - pivot_0_inverse*x67
     del correlation_44, pivot_0_inverse
-    pivot_1 = left_0_11 > x77
+    pivot_1 = left_0_11 > x78
     pivot_1_inverse = np.where(pivot_1, 1.0/left_0_11, 0.0)
-    x67 = (left_0_21*left_0_21)
-    left_1_22 = left_0_22 - pivot_1_inverse*x67
+    x68 = (left_0_21*left_0_21)
+    left_1_22 = left_0_22 - pivot_1_inverse*x68
     del left_0_22
-    x68 = left_0_21*pivot_1_inverse
+    x69 = left_0_21*pivot_1_inverse
     del left_0_21
-    left_1_32 = left_0_32 - left_0_31*x68
+    left_1_32 = left_0_32 - left_0_31*x69
     del left_0_32
-    x69 = (left_0_31*left_0_31)
-    left_1_33 = left_0_33 - pivot_1_inverse*x69
+    x70 = (left_0_31*left_0_31)
+    left_1_33 = left_0_33 - pivot_1_inverse*x70
     del left_0_33
-    left_1_42 = left_0_42 - left_0_41*x68
-    del left_0_42, x68
+    left_1_42 = left_0_42 - left_0_41*x69
+    del left_0_42, x69
     left_1_43 = left_0_43 - left_0_31*left_0_41*pivot_1_inverse
     del left_0_31, left_0_43
-    x70 = (left_0_41*left_0_41)
+    x71 = (left_0_41*left_0_41)
     del left_0_41
-    left_1_44 = left_0_44 - pivot_1_inverse*x70
+    left_1_44 = left_0_44 - pivot_1_inverse*x71
     del left_0_44, pivot_1_inverse
-    pivot_2 = left_1_22 > x77
+    pivot_2 = left_1_22 > x78
     pivot_2_inverse = np.where(pivot_2, 1.0/left_1_22, 0.0)
-    x71 = (left_1_32*left_1_32)
-    left_2_33 = left_1_33 - pivot_2_inverse*x71
+    x72 = (left_1_32*left_1_32)
+    left_2_33 = left_1_33 - pivot_2_inverse*x72
     del left_1_33
     left_2_43 = left_1_43 - left_1_32*left_1_42*pivot_2_inverse
     del left_1_32, left_1_43
-    x72 = (left_1_42*left_1_42)
+    x73 = (left_1_42*left_1_42)
     del left_1_42
-    left_2_44 = left_1_44 - pivot_2_inverse*x72
+    left_2_44 = left_1_44 - pivot_2_inverse*x73
     del left_1_44, pivot_2_inverse
-    pivot_3 = left_2_33 > x77
+    pivot_3 = left_2_33 > x78
     pivot_3_inverse = np.where(pivot_3, 1.0/left_2_33, 0.0)
-    x73 = (left_2_43*left_2_43)
+    x74 = (left_2_43*left_2_43)
     del left_2_43
-    left_3_44 = left_2_44 - pivot_3_inverse*x73
+    left_3_44 = left_2_44 - pivot_3_inverse*x74
     del left_2_44, pivot_3_inverse
-    x78 = 512.0*eps
-    no_covariance = ((~(pivot_0)) & (x55 > x78)) | ((~(pivot_0)) & (x58 > x78)) | ((~(pivot_0)) & (x62 > x78)) | ((~(pivot_0)) & (x66 > x78)) | ((~(pivot_1)) & (x67 > x78)) | ((~(pivot_1)) & (x69 > x78)) | ((~(pivot_1)) & (x70 > x78)) | ((~(pivot_2)) & (x71 > x78)) | ((~(pivot_2)) & (x72 > x78)) | ((~(pivot_3)) & (x73 > x78)) | (~((U_x_1_1 >= 0.0) & (U_x_1_1 <= largest))) | (~((U_x_2_2 >= 0.0) & (U_x_2_2 <= largest))) | (~((U_x_3_3 >= 0.0) & (U_x_3_3 <= largest))) | (~((U_x_4_4 >= 0.0) & (U_x_4_4 <= largest))) | (~((U_x_5_5 >= 0.0) & (U_x_5_5 <= largest))) | (np.abs(U_x_1_2*x45 - correlation_10) > x77) | (np.abs(U_x_1_3*x46 - correlation_20) > x77) | (np.abs(U_x_1_4*x48 - correlation_30) > x77) | (np.abs(U_x_1_5*x51 - correlation_40) > x77) | (np.abs(U_x_2_3*x47 - correlation_21) > x77) | (np.abs(U_x_2_4*x49 - correlation_31) > x77) | (np.abs(U_x_2_5*x52 - correlation_41) > x77) | (np.abs(U_x_3_4*x50 - correlation_32) > x77) | (np.abs(U_x_3_5*x53 - correlation_42) > x77) | (np.abs(U_x_4_5*x54 - correlation_43) > x77) | (correlation_00 < -x77) | (left_0_11 < -x77) | (left_1_22 < -x77) | (left_2_33 < -x77) | (left_3_44 < -x77)
-    del correlation_00, correlation_10, correlation_20, correlation_21, correlation_30, correlation_31, correlation_32, correlation_40, correlation_41, correlation_42, correlation_43, left_0_11, left_1_22, left_2_33, left_3_44, pivot_0, pivot_1, pivot_2, pivot_3, x45, x46, x47, x48, x49, x50, x51, x52, x53, x54, x55, x58, x62, x66, x67, x69, x70, x71, x72, x73, x77, x78
+    x79 = 512.0*eps
+    no_covariance = ((~(pivot_0)) & (x56 > x79)) | ((~(pivot_0)) & (x59 > x79)) | ((~(pivot_0)) & (x63 > x79)) | ((~(pivot_0)) & (x67 > x79)) | ((~(pivot_1)) & (x68 > x79)) | ((~(pivot_1)) & (x70 > x79)) | ((~(pivot_1)) & (x71 > x79)) | ((~(pivot_2)) & (x72 > x79)) | ((~(pivot_2)) & (x73 > x79)) | ((~(pivot_3)) & (x74 > x79)) | (~((U_x_1_1 >= 0.0) & (U_x_1_1 <= largest))) | (~((U_x_2_2 >= 0.0) & (U_x_2_2 <= largest))) | (~((U_x_3_3 >= 0.0) & (U_x_3_3 <= largest))) | (~((U_x_4_4 >= 0.0) & (U_x_4_4 <= largest))) | (~((U_x_5_5 >= 0.0) & (U_x_5_5 <= largest))) | (np.abs(U_x_1_2*x46 - correlation_10) > x78) | (np.abs(U_x_1_3*x47 - correlation_20) > x78) | (np.abs(U_x_1_4*x49 - correlation_30) > x78) | (np.abs(U_x_1_5*x52 - correlation_40) > x78) | (np.abs(U_x_2_3*x48 - correlation_21) > x78) | (np.abs(U_x_2_4*x50 - correlation_31) > x78) | (np.abs(U_x_2_5*x53 - correlation_41) > x78) | (np.abs(U_x_3_4*x51 - correlation_32) > x78) | (np.abs(U_x_3_5*x54 - correlation_42) > x78) | (np.abs(U_x_4_5*x55 - correlation_43) > x78) | (correlation_00 < -x78) | (left_0_11 < -x78) | (left_1_22 < -x78) | (left_2_33 < -x78) | (left_3_44 < -x78)
+    del correlation_00, correlation_10, correlation_20, correlation_21, correlation_30, correlation_31, correlation_32, correlation_40, correlation_41, correlation_42, correlation_43, left_0_11, left_1_22, left_2_33, left_3_44, pivot_0, pivot_1, pivot_2, pivot_3, x46, x47, x48, x49, x50, x51, x52, x53, x54, x55, x56, x59, x63, x67, x68, x70, x71, x72, x73, x74, x78, x79
     half_1_1 = A_1_1*U_x_1_1 + A_1_2*U_x_2_1 + A_1_3*U_x_3_1 + A_1_4*U_x_4_1 + A_1_5*U_x_5_1
     half_1_2 = A_1_1*U_x_1_2 + A_1_2*U_x_2_2 + A_1_3*U_x_3_2 + A_1_4*U_x_4_2 + A_1_5*U_x_5_2
     half_1_3 = A_1_1*U_x_1_3 + A_1_2*U_x_2_3 + A_1_3*U_x_3_3 + A_1_4*U_x_4_3 + A_1_5*U_x_5_3
@@ -2165,23 +2167,23 @@ def _tricept_propagate(point_1, point_2, point_3, r, R, q_x, q_y, q_z, shortest,
     there = (valid) & (~(no_covariance)) & (~(no_root)) & (~(singular))
     U_y_1_1 = np.where(there, covariance_00, np.nan)
     del covariance_00
-    x74 = np.where(there, covariance_01, np.nan)
+    x75 = np.where(there, covariance_01, np.nan)
     del covariance_01
-    U_y_1_2 = x74
-    x75 = np.where(there, covariance_02, np.nan)
+    U_y_1_2 = x75
+    x76 = np.where(there, covariance_02, np.nan)
     del covariance_02
-    U_y_1_3 = x75
-    U_y_2_1 = x74
-    del x74
+    U_y_1_3 = x76
+    U_y_2_1 = x75
+    del x75
     U_y_2_2 = np.where(there, covariance_11, np.nan)
     del covariance_11
-    x76 = np.where(there, covariance_12, np.nan)
+    x77 = np.where(there, covariance_12, np.nan)
     del covariance_12
-    U_y_2_3 = x76
-    U_y_3_1 = x75
-    del x75
-    U_y_3_2 = x76
+    U_y_2_3 = x77
+    U_y_3_1 = x76
     del x76
+    U_y_3_2 = x77
+    del x77
     U_y_3_3 = np.where(there, covariance_22, np.nan)
     del covariance_22, there
     status = np.where(~(valid), 7.0, np.where(no_covariance, 6.0, np.where(no_root, 4.0, np.where(singular, 5.0, np.where((free_alpha) | (free_beta), 3.0, np.where(double_root, 2.0, np.where((rod_length_1 > longest) | (rod_length_2 > longest) | (rod_length_3 > longest) | (rod_length_1 < shortest) | (rod_length_2 < shortest) | (rod_length_3 < shortest), 1.0, 0.0)))))))
