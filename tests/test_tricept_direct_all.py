@@ -153,6 +153,25 @@ def test_the_answer_does_not_depend_on_the_unit_or_the_batch():
     np.testing.assert_allclose(parts(one), parts(poses[17]), atol=1e-9)
 
 
+@pytest.mark.parametrize("tilt", [0.01, 0.5, 3.1])
+@pytest.mark.parametrize(
+    ("R", "r", "height"), [(330, 330, 20), (330, 330, 50), (330, 140, 20), (330, 140, 0.5)]
+)
+def test_low_poses_are_found(R, r, height, tilt):
+    """Rods nearly in the base's plane: z² is nothing beside the squares of rods and radii."""
+    rng = np.random.default_rng(3)
+    geometry = Geometry(R, r)
+    pose = np.column_stack([rng.uniform(-tilt, tilt, (100, 2)), height * rng.uniform(0.9, 1.1, 100)])
+    legs = tricept.legs(pose, geometry)
+    poses, _ = tricept.direct_all(legs, geometry)
+    apart = np.abs(parts(poses) - parts(pose)[:, None]).max(axis=-1)
+    assert np.nanmin(apart, axis=1).max() < 1e-5  # rounding of rods over z/R = 0.0015
+    if tilt < 1:
+        found, status = tricept.direct(legs, geometry)
+        assert (status == tricept.TriceptStatus.REACHABLE).all()
+        np.testing.assert_allclose(tricept.legs(found, geometry), legs, rtol=1e-11)
+
+
 def test_rods_of_a_singular_pose():
     """All rods R − r: the platform lies in the base, where two mirrored poses meet."""
     poses, count = tricept.direct_all([190.0, 190.0, 190.0], PAPER)

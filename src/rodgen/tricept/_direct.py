@@ -1,12 +1,12 @@
 """All poses of a Tricept with given rods, assembled or not.
 
-Problem: (7) to (9) of Kureková et al. are three equations for α, β and z. With w = z², m = cos α + cos β, e = (m r +
-k₃)/2 and p = r − z sin β the cosines are e/p and m − e/p, and both circles sin² + cos² = 1 are polynomials in p and
-w. Their resultant in p is the determinant of a 7x7 Sylvester matrix whose elements are polynomials of degree 4 in w.
-Where it is singular w belongs to a solution, so the solutions are among the eigenvalues of a matrix polynomial: no
-root is found by search, and none can be lost by a bad start. Real solutions have |m| ≤ 2, so w lies in a known
-interval. Each candidate is polished by Newton's method on the three equations, and counts when it solves them to
-rounding.
+Problem: (7) to (9) of Kureková et al. are three equations for α, β and z. With w = z², m = cos α + cos β, e = (m r
++ k₃)/2 and p = r − z sin β the cosines are e/p and m − e/p, and both circles sin² + cos² = 1 are polynomials in p
+and w. Their resultant in p is the determinant of a 7x7 Sylvester matrix whose elements are polynomials of degree 4
+in w. Where it is singular w belongs to a solution, so the solutions are among the eigenvalues of a matrix
+polynomial: no root is searched for, and none depends on a start. What rounding may hide are solutions that nearly
+meet. Real solutions have |m| ≤ 2, so w lies in a known interval. Each candidate is polished by Newton's method on
+the three equations, and counts when it solves them to rounding.
 
 Proved in the derivation ``tricept``, entries elimination, two-circles, in-pairs and degree: 28 solutions at most, in
 pairs (α, β, z), (−α, −β, −z).
@@ -88,10 +88,12 @@ def direct_all(legs: ArrayLike, geometry: Geometry) -> tuple[Any, Any]:
     poses = np.full((len(rows), MOST_POSES, 3), np.nan)
     count = np.zeros(len(rows), int)
     with np.errstate(all="ignore"):
-        unit = np.sqrt((rows**2).mean(axis=1))
-        good = np.flatnonzero(
-            np.isfinite(unit) & (rows > 0).all(axis=1) & (unit**2 > (geometry.R - geometry.r) ** 2)
-        )
+        square = (rows**2).mean(axis=1)
+        unit = np.sqrt(
+            square + geometry.R**2 + geometry.r**2
+        )  # no term of an equation is much greater than 1
+        possible = (rows > 0).all(axis=1) & (square > (geometry.R - geometry.r) ** 2)
+        good = np.flatnonzero(np.isfinite(unit) & possible)
         for start in range(0, len(good), _ROWS_AT_ONCE):
             part = good[start : start + _ROWS_AT_ONCE]
             poses[part], count[part] = _solved(_Rods(rows[part], geometry, unit[part]))
@@ -99,7 +101,7 @@ def direct_all(legs: ArrayLike, geometry: Geometry) -> tuple[Any, Any]:
 
 
 class _Rods:
-    """The three equations of many rows, in units of each row's mean rod."""
+    """The three equations of many rows, in a unit of each row's size."""
 
     def __init__(self, rods: Numbers, geometry: Geometry, unit: Numbers) -> None:
         self.unit = unit
@@ -131,80 +133,98 @@ def _solved(rods: _Rods) -> tuple[Numbers, NDArray[np.int64]]:
 
 
 def _candidates(rods: _Rods) -> tuple[NDArray[np.int64], Numbers]:
-    """Return starts near every real solution with z > 0, and the row of each."""
+    """Return starts near every real solution with z > 0, and the row of each.
+
+    With h the greatest possible z, w = h² ω and p = r − h s: then ω and s are numbers up to 1, however low the
+    platform.
+    """
     R, r = rods.R, rods.r
     high = -rods.c1 + 2 * R * r
-    low = np.maximum(-rods.c1 - 2 * R * r, 0)
-    middle, half = (high + low) / 2, (high - low) / 2
-    eigenvalues = _eigenvalues(rods, middle, half)
+    low = np.maximum(-rods.c1 - 2 * R * r, 0) / high
+    middle, half = (1 + low) / 2, (1 - low) / 2
+    top = np.sqrt(high)
+    eigenvalues = _eigenvalues(rods, top, middle, half)
     real = (np.abs(eigenvalues.imag) < _NEAR_REAL) & (np.abs(eigenvalues.real) < 1 + _NEAR_REAL)
     row, at = np.nonzero(real)
-    some = rods.take(row)
-    w = np.clip(middle[row] + half[row] * eigenvalues.real[row, at], 1e-12, None)
-    m = (w + some.c1) / (some.R * some.r)
+    some, h = rods.take(row), top[row]
+    omega = np.clip(middle[row] + half[row] * eigenvalues.real[row, at], 1e-12, None)
+    m = (h * h * omega + some.c1) / (some.R * some.r)
     e = (m * some.r + some.c3 / some.R) / 2
     k2 = some.c2 / some.R
 
-    f = _circle_of_beta(w, m, e, some.r)
-    companion = np.zeros((len(w), 4, 4))
-    companion[:, 0, :] = -np.stack(f[1:], axis=1)
+    f = _circle_of_beta(omega, m, e, some.r, h)
+    companion = np.zeros((len(omega), 4, 4))
+    companion[:, 0, :] = -np.stack(f[1:], axis=1) / f[0][:, None]
     companion[:, (1, 2, 3), (0, 1, 2)] = 1.0
-    roots = np.linalg.eigvals(companion) if len(w) else np.zeros((0, 4))
+    roots = np.linalg.eigvals(companion) if len(omega) else np.zeros((0, 4))
     near = np.abs(roots.imag) < 0.03 * (1 + np.abs(roots))
     at, which = np.nonzero(near)
-    p, row, w, m, e, k2, r = roots.real[at, which], row[at], w[at], m[at], e[at], k2[at], some.r[at]
+    s, row, omega, m, e, k2 = roots.real[at, which], row[at], omega[at], m[at], e[at], k2[at]
+    r, h = some.r[at], h[at]
 
-    z = np.sqrt(w)
-    spread = 2 * w + r**2 - r * p
-    sin_beta = (r - p) / z
+    root_of_omega = np.sqrt(omega)
+    p = r - h * s
+    spread = 2 * h * omega + r * s
+    sin_beta = s / root_of_omega
     cos_alpha = e / p
-    sin_alpha = -k2 * z / spread
+    sin_alpha = -k2 * root_of_omega / spread
     off_circle = np.abs(np.hypot(cos_alpha, sin_alpha) - 1)
     starts = []
 
     def add(keep: NDArray[np.bool_], sine: Numbers, cosine: Numbers, cosine_beta: Numbers) -> None:
-        pose = np.stack([np.arctan2(sine, cosine), np.arctan2(sin_beta, cosine_beta), z], axis=1)
+        angles = np.arctan2(sine, cosine), np.arctan2(sin_beta, cosine_beta)
+        pose = np.stack([*angles, h * root_of_omega], axis=1)
         keep = keep & np.isfinite(pose).all(axis=1)
         starts.append((row[keep], pose[keep]))
 
     add(off_circle < 0.2, sin_alpha, cos_alpha, m - cos_alpha)
     # where (8) is 0 = 0 both signs of sin α may solve it, and near there the formula is no good start
-    unknown = (np.abs(spread) < 0.1) & (np.abs(cos_alpha) < 1.1)
+    unknown = (np.abs(spread) < 0.2 * (h + r)) & (np.abs(cos_alpha) < 1.1)
     root = np.sqrt(np.clip(1 - cos_alpha**2, 0, None))
     for sign in (1.0, -1.0):
         add(unknown, sign * root, cos_alpha, m - cos_alpha)
     # where p and e are nothing their quotient is unknown: cos α follows from the other circle
-    lost = (np.abs(p) < 1e-3) & (np.abs(sin_beta) < 1.1)
+    lost = (np.abs(p) < 3e-3 * r) & (np.abs(sin_beta) < 1.1)
     root = np.sqrt(np.clip(1 - sin_beta**2, 0, None))
     for sign in (1.0, -1.0):
         for other in (1.0, -1.0):
             cosine = np.clip(m - sign * root, -1, 1)
             add(lost, other * np.sqrt(1 - cosine**2), cosine, sign * root)
-    return np.concatenate([s[0] for s in starts]), np.concatenate([s[1] for s in starts])
+    return np.concatenate([x[0] for x in starts]), np.concatenate([x[1] for x in starts])
 
 
-def _circle_of_beta(w: Any, m: Any, e: Any, r: Any) -> tuple[Any, ...]:
-    """Coefficients in p of w (m p − e)² + p² (r − p)² − p² w, the highest first."""
-    return 1 + 0 * w, -2 * r + 0 * w, r * r - w + w * m * m, -2 * w * m * e, w * e * e
+def _circle_of_beta(omega: Any, m: Any, e: Any, r: Any, h: Any) -> tuple[Any, ...]:
+    """Coefficients in s of ω (m p − e)² + p² (s² − ω), p = r − h s, the highest first."""
+    a, b = m * r - e, m * h * -1
+    none = omega * 0
+    return (
+        none + h * h,
+        none + r * h * -2,
+        omega * (b * b - h * h) + r * r,
+        omega * (a * b + r * h) * 2,
+        omega * (a * a - r * r),
+    )
 
 
-def _eigenvalues(rods: _Rods, middle: Numbers, half: Numbers) -> NDArray[np.complex128]:
-    """Where the Sylvester matrix is singular: values of t in w = middle + half t."""
-    r = Polynomials(rods.r[:, None])
+def _eigenvalues(rods: _Rods, top: Numbers, middle: Numbers, half: Numbers) -> NDArray[np.complex128]:
+    """Where the Sylvester matrix is singular: values of t in ω = middle + half t."""
+
+    def constant(values: Numbers) -> Polynomials:
+        return Polynomials(values[:, None])
+
+    r, h = constant(rods.r), constant(top)
     w = Polynomials(np.stack([middle + half * _SHIFT, half + 0j], axis=1))
-    c1, c3 = (Polynomials(x[:, None]) for x in (rods.c1, rods.c3))
-    k2_squared = Polynomials(((rods.c2 / rods.R) ** 2)[:, None])
-    one_over = Polynomials((1 / (rods.R * rods.r))[:, None])
-    m = (w + c1) * one_over
-    e = (m * r + c3 * Polynomials((1 / rods.R)[:, None])) * 0.5
-    f = _circle_of_beta(w, m, e, r)
-    # the circle of α, with the other one times r² added, which takes its p⁴ away
-    twice = w * 2 + r * r
+    k2_squared = constant((rods.c2 / rods.R) ** 2)
+    m = (w * constant(top**2) + constant(rods.c1)) * constant(1 / (rods.R * rods.r))
+    e = (m * r + constant(rods.c3 / rods.R)) * 0.5
+    f = _circle_of_beta(w, m, e, r, h)
+    # e² D² + k₂² ω p² − p² D² with D = 2 h ω + r s, the circle of α, with r² times the other added: no s⁴ is left
+    a, b, square = m * r - e, m * h * -1, e * e
     g = (
-        w * r * 4,
-        e * e * r * r + w * (k2_squared - w * 4 - r * r * 5 + r * r * m * m),
-        e * e * twice * r * -2 - r * r * w * m * e * 2,
-        e * e * twice * twice + r * r * w * e * e,
+        w * h * h * h * r * -4,
+        square * r * r + w * (h * h * (k2_squared + r * r * 7) + r * r * b * b) - w * w * h * h * h * h * 4,
+        w * r * (h * (square * 4 - k2_squared * 2 - r * r * 2 + w * h * h * 8) + r * a * b * 2),
+        w * (w * h * h * (square - r * r) * 4 + r * r * (k2_squared + a * a - r * r)),
     )
     sylvester = np.zeros((5, len(rods), 7, 7), complex)
     for rows, coefficients in ((range(3), f), (range(3, 7), g)):
