@@ -15,7 +15,14 @@ from numpy.typing import NDArray
 
 from rodgen.errors import InputFileError
 from rodgen.machines._rigid import rotation_matrix, rotation_vector
-from rodgen.machines.closing import assembly_modes, found_from, holding, legs_at, physical_pose, placed_at
+from rodgen.machines.closing import (
+    assembly_modes,
+    found_from,
+    holding,
+    legs_at,
+    physical_pose,
+    placed_at,
+)
 
 if TYPE_CHECKING:
     from rodgen.discrepancy._bind import Observations
@@ -240,10 +247,10 @@ def _chosen(o: Observations, geometry: ClosedChain, modes: Array) -> NDArray[np.
         seen = placed_at(geometry, modes, targets[:, None])
     if o.machine.measured.kind == "distance":
         distance = np.linalg.norm(seen - np.array(o.machine.measured.origin), axis=2)
-        return _least(np.abs(distance - o.reading))
+        return _nearest((distance - o.reading) ** 2, o.pose)
     if o.machine.measured.frame == "machine":
-        return _least(_apart(seen, o.reading))
-    return _in_a_free_frame(seen, o.reading, o.machine.measured.kind == "point")
+        return _nearest(_apart(seen, o.reading), o.pose)
+    return _in_a_free_frame(seen, o.reading, o.machine.measured.kind == "point", o.pose)
 
 
 def _least(distance: Array) -> NDArray[np.intp]:
@@ -251,11 +258,19 @@ def _least(distance: Array) -> NDArray[np.intp]:
     return np.asarray(np.argmin(np.where(np.isnan(distance), np.inf, distance), axis=1), np.intp)
 
 
+def _nearest(squares: Array, pose: NDArray[np.int32]) -> NDArray[np.intp]:
+    """Return the number of the mode that is the nearest in all rows of a pose together: they are one attitude."""
+    _, of = np.unique(pose, return_inverse=True)
+    sums = np.zeros((int(of.max(initial=-1)) + 1, squares.shape[1]))
+    np.add.at(sums, of, np.where(np.isnan(squares), np.inf, squares))
+    return _least(sums)[of]
+
+
 def _apart(seen: Array, reading: Array) -> Array:
     return np.asarray(np.sum((seen - reading[:, None]) ** 2, axis=2))
 
 
-def _in_a_free_frame(seen: Array, reading: Array, moves: bool) -> NDArray[np.intp]:
+def _in_a_free_frame(seen: Array, reading: Array, moves: bool, pose: NDArray[np.int32]) -> NDArray[np.intp]:
     """Return the modes of which some frame meets the readings best: each mode of a row is once the first guess."""
     closing = np.flatnonzero(np.isfinite(seen[:, 0, 0]))
     if not len(closing):
@@ -267,10 +282,10 @@ def _in_a_free_frame(seen: Array, reading: Array, moves: bool) -> NDArray[np.int
             at = seen[np.arange(len(seen)), chosen]
             turn, shift = _frame(at[closing], reading[closing], moves)
             apart = _apart(seen @ turn.T + shift, reading)
-            before, chosen = chosen, _least(apart)
+            before, chosen = chosen, _nearest(apart, pose)
             if np.array_equal(before, chosen):
                 break
-        cost = float(np.nansum(np.nanmin(apart[closing], axis=1)))
+        cost = float(np.nansum(apart[closing, chosen[closing]]))
         if best is None or cost < best[0]:
             best = cost, chosen
     assert best is not None

@@ -122,7 +122,8 @@ def inverse(
     -------
     poses : array (..., 4, 3)
         α and β in rad, and z. The rows are for the signs (S, K) = (+, +), (+, −), (−, +), (−, −) of the two roots; the
-        first is that of the machine as it is assembled. With K = −1 the platform is turned by half a turn about the
+        first is that of the machine as it is assembled, for points before the base. A point behind it, where Qz is
+        negative, has no such pose: there cos β is not positive in the first row, either. With K = −1 the platform is turned by half a turn about the
         middle rod, with S = −1 it is below the base; the rods may be within the limits there, too.
     legs : array (..., 4, 3)
         A0, A1, A-1.
@@ -160,7 +161,8 @@ def pose(point: ArrayLike, geometry: Geometry, limits: Sequence[float] | None = 
     Returns
     -------
     pose : array (..., 3)
-        α and β in rad, and z; the first row of what :func:`inverse` gives.
+        α and β in rad, and z; the first row of what :func:`inverse` gives. For points behind the base cos β is not
+        positive in it: no pose of the assembled machine reaches them, as :func:`reachable` tells.
     legs : array (..., 3)
         A0, A1, A-1.
     status : array (...) of int8

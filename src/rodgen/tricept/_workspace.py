@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from rodgen.errors import RodgenError
 from rodgen.generated.numpy.tricept import TriceptStatus
 from rodgen.tricept._geometry import Geometry, kernel_limits
-from rodgen.tricept._kinematics import inverse
+from rodgen.tricept._kinematics import pose
 from rodgen.tricept._matrices import singularity
 
 __all__ = ["Beams", "Slice", "Workspace", "beams", "reachable", "workspace", "workspace_slice"]
@@ -103,7 +103,7 @@ class Slice:
     points : array (n, n, 3)
         A grid in the plane.
     status : array (n, n) of int8
-        Codes of `TriceptStatus` of the assembled machine's pose.
+        Codes of `TriceptStatus` of the assembled machine's pose; UNREACHABLE also where only another assembly has one.
     ratio : array (n, n)
         det W33 / (8 R² z³) there, NaN where there is no pose.
     """
@@ -136,7 +136,14 @@ def reachable(point: ArrayLike, geometry: Geometry, limits: Sequence[float]) -> 
     >>> tricept.reachable([[0, 0, 600], [0, 0, 500]], tricept.PAPER, tricept.LEG_LIMITS)
     array([ True, False])
     """
-    return inverse(point, geometry, limits)[2][..., 0] == TriceptStatus.REACHABLE
+    found, _, status = pose(point, geometry, limits)
+    return (status == TriceptStatus.REACHABLE) & assembled(found)
+
+
+def assembled(pose: Any) -> Any:
+    """Tell poses that the machine has without being taken apart: cos α, cos β and z are positive."""
+    angles = np.asarray(pose)[..., :2]
+    return (np.cos(angles) > 0).all(axis=-1) & (np.asarray(pose)[..., 2] > 0)
 
 
 def beams(
@@ -316,8 +323,11 @@ def workspace_slice(
     grids = np.meshgrid(first, second, indexing="ij")
     for n, grid in zip(others, grids, strict=True):
         points[..., n] = grid
-    poses, _, status = inverse(points, geometry, limits)
-    return Slice(points, status[..., 0], singularity(poses[..., 0, :], geometry).ratio)
+    poses, _, status = pose(points, geometry, limits)
+    status = np.where(
+        (status <= TriceptStatus.OUT_OF_LIMITS) & ~assembled(poses), TriceptStatus.UNREACHABLE, status
+    )
+    return Slice(points, status.astype(np.int8), singularity(poses, geometry).ratio)
 
 
 def _tilts(geometry: Geometry, limits: tuple[float, float]) -> Numbers:

@@ -88,7 +88,8 @@ def geometry_of(options: argparse.Namespace, unit: str) -> Geometry:
     except InputFileError:
         raise
     except RodgenError as error:
-        raise InputFileError("command line", "--R, --r, --q", str(error), "positive radii") from None
+        found, expected = str(error).split("; expected ")
+        raise InputFileError("command line", "--R, --r, --q", found, expected) from None
 
 
 def limits_of(options: argparse.Namespace, unit: str) -> tuple[float, float] | None:
