@@ -126,6 +126,16 @@ def test_a_slice_has_the_status_of_its_points(paper):
         tricept.workspace_slice(PAPER, LEG_LIMITS, "w", 50.0, 31, paper.extents)
 
 
+def test_points_behind_the_base_are_not_reached():
+    """Rods within the limits, but with the platform turned over."""
+    point = [0.0, 0.0, -700.0]
+    assert tricept.inverse(point, PAPER, LEG_LIMITS)[2][0] == TriceptStatus.REACHABLE
+    assert not tricept.reachable(point, PAPER, LEG_LIMITS)
+    box = [[-1, 1], [-1, 1], [-700, -600]]
+    found = tricept.workspace_slice(PAPER, LEG_LIMITS, "z", -700.0, 3, box)
+    assert (found.status == TriceptStatus.UNREACHABLE).all()
+
+
 def test_rods_that_allow_nothing():
     with pytest.raises(RodgenError, match="allow no pose"):
         tricept.workspace(PAPER, (1.0, 2.0))

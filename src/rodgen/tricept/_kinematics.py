@@ -123,8 +123,9 @@ def inverse(
     poses : array (..., 4, 3)
         α and β in rad, and z. The rows are for the signs (S, K) = (+, +), (+, −), (−, +), (−, −) of the two roots; the
         first is that of the machine as it is assembled, for points before the base. A point behind it, where Qz is
-        negative, has no such pose: there cos β is not positive in the first row, either. With K = −1 the platform is turned by half a turn about the
-        middle rod, with S = −1 it is below the base; the rods may be within the limits there, too.
+        negative, has no such pose: there cos β is not positive in the first row, either. With K = −1 the platform is
+        turned by half a turn about the middle rod, with S = −1 it is below the base; the rods may be within the limits
+        there, too.
     legs : array (..., 4, 3)
         A0, A1, A-1.
     status : array (..., 4) of int8
