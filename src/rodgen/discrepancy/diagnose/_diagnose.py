@@ -155,6 +155,17 @@ class _Diagnosing:
     # the way -------------------------------------------------------------------------------------------------
 
     def run(self) -> Diagnosis:
+        try:
+            return self._run()
+        except FitError:
+            if not self.fitted.problem.is_closed_chain:
+                raise
+            return self._undecided(
+                "With a further effect legs do not close any more: the geometry, or the order of the legs, is far from "
+                "right."
+            )
+
+    def _run(self) -> Diagnosis:
         reason = self._cannot_tell(self.fitted)
         if reason:
             return self._undecided(reason)
