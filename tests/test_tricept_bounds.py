@@ -463,8 +463,35 @@ def test_influence_map_from_the_command_line(tmp_path: Path, capsys: pytest.Capt
 
 
 @pytest.mark.parametrize(
+    ("centre", "edge", "more", "geometry"),
+    [
+        ((7.0, 3.0, 700.0), 4.0, [], PAPER),
+        ((-40.0, 0.0, 650.0), 0.5, [], PAPER),
+        ((30.0, 110.0, 690.0), 3.0, ["--q", "20,-35,60mm"], TOOL),
+    ],
+)
+def test_beams_of_a_small_cube_span_its_angles(
+    centre: tuple, edge: float, more: list[str], geometry: Geometry, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = ",".join(map(str, centre)) + "mm"
+    arguments = [f"--centre={place}", "--edge", f"{edge}mm", "--influence", "A0,xx", "--beams", "61", *more]
+    assert cli.main(["tricept", "bounds", *arguments, "--json"]) == 0
+    least, greatest = json.loads(capsys.readouterr().out)["range"]
+    spots = np.linspace(-0.5, 0.5, 15) * edge
+    points = np.array(centre) + np.stack(np.meshgrid(spots, spots, spots), axis=-1).reshape(-1, 3)
+    poses = tricept.pose(points, geometry)[0]
+    values = tricept.sensitivity(poses, geometry)[:, 0, 0] ** 2
+    width = values.max() - values.min()
+    # the samples have the corners, which beams come near to; 61 of them are 2 % of the width apart
+    assert values.min() - 1e-3 * width <= least <= values.min() + 0.1 * width
+    assert values.max() + 1e-3 * width >= greatest >= values.max() - 0.1 * width
+
+
+@pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        (["--centre", "0,0,-700mm", "--edge", "9mm", "--influence", "A0,xx"], "a cube before the base"),
+        (["--centre", "0,0,5000mm", "--edge", "9mm", "--influence", "A0,xx"], "that the rods reach"),
         ([], "a cube, or --largest"),
         (["--centre", "0,0,685mm"], "both, or --largest"),
         (["--centre", "0,0,0mm", "--edge", "5mm"], "no pose"),

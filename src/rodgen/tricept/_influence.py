@@ -17,10 +17,11 @@ from rodgen._kernels import kernels
 from rodgen.errors import RodgenError
 from rodgen.tricept._bounds import ELEMENTS
 from rodgen.tricept._geometry import Geometry, kernel_limits
-from rodgen.tricept._kinematics import point
+from rodgen.tricept._kinematics import point, pose
 from rodgen.tricept._parameters import PARAMETERS
+from rodgen.tricept._workspace import assembled
 
-__all__ = ["Influence", "influence_map"]
+__all__ = ["Influence", "influence_map", "search_angles"]
 
 Floats = NDArray[np.float64]
 Box = tuple[ArrayLike, ArrayLike]
@@ -29,6 +30,12 @@ Box = tuple[ArrayLike, ArrayLike]
 _NEGLIGIBLE = 1e-13
 # A complex root this near the beam may be a double real one; it costs nothing to look there, too.
 _NEARLY_REAL = 1e-3
+
+# Where the beams of a machine are searched when no box says it, and how finely, rad.
+_WIDEST = np.radians(85.0)
+_BEAMS = 171
+# A box's angles are those of so many points along each edge: between them an angle goes on by less than a step.
+_ALONG_EDGE = 33
 
 
 @dataclass(frozen=True)
@@ -144,6 +151,31 @@ def influence_map(
     return Influence(
         angles[0], angles[1], least, greatest, z_least, z_greatest, (PARAMETERS[i], PARAMETERS[j]), element
     )
+
+
+def search_angles(geometry: Geometry, box: Box | None = None) -> tuple[Floats, Floats]:
+    """Return α and β, rad, between which all beams of a box are, or of any machine where there is no box.
+
+    Raises
+    ------
+    RodgenError
+        When the assembled machine reaches no point of the box.
+    """
+    if box is None:
+        every = np.linspace(-_WIDEST, _WIDEST, _BEAMS)
+        return every, every
+    low, high = (np.asarray(corner, float) for corner in box)
+    axes = np.linspace(low, high, _ALONG_EDGE).T
+    poses = np.asarray(pose(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3), geometry)[0])
+    angles = poses[assembled(poses), :2]
+    if not len(angles):
+        raise RodgenError("no beam in the region; expected a cube before the base")
+    least, greatest = angles.min(axis=0), angles.max(axis=0)
+    room = (greatest - least) / (_ALONG_EDGE - 1)
+    limit = np.radians(89.9)
+    first, last = (np.clip(end, -limit, limit) for end in (least - room, greatest + room))
+    alpha, beta = np.linspace(first, last, _BEAMS).T
+    return alpha, beta
 
 
 def _parameters(pair: Sequence[str]) -> tuple[int, int]:

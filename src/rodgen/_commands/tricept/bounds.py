@@ -229,18 +229,21 @@ def _write_bounds(path: str, found: Any, unit: str) -> None:
 
 def _influence(options: argparse.Namespace, geometry: Any, limits: Any, box: Any, unit: str) -> int:
     from rodgen import tricept
+    from rodgen.tricept._influence import search_angles
     from rodgen.tricept._maps import figure_kind
 
     if options.plot:
         figure_kind(options.plot)
     pair, element = options.influence
-    coarse = np.radians(np.linspace(-85.0, 85.0, 171))
-    found = _followed((coarse, coarse), geometry, options.influence, limits, box)
+    coarse = search_angles(geometry, box)
+    found = _followed(coarse, geometry, options.influence, limits, box)
     # once to find where the beams are, once to map them
     known = np.isfinite(found.least)
     ends = [
-        np.linspace(coarse[max(some[0] - 1, 0)], coarse[min(some[-1] + 1, 170)], options.beams)
-        for some in (np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0)))
+        np.linspace(angles[max(some[0] - 1, 0)], angles[min(some[-1] + 1, len(angles) - 1)], options.beams)
+        for angles, some in zip(
+            coarse, (np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))), strict=True
+        )
     ]
     found = _followed((ends[0], ends[1]), geometry, options.influence, limits, box)
     known = np.isfinite(found.least)
