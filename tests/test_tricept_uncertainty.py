@@ -207,6 +207,9 @@ def test_points_without_a_pose_are_told() -> None:
         ({"rods": np.nan}, {}, "from 0 up"),
         ({"rods": 1.0}, {("A0", "A1"): 2.0}, "-1 to 1"),
         ({"rods": 1.0}, {("rods", "rods"): -0.9}, "not positive semidefinite"),
+        ({}, {("A0", "A1"): 0.5}, "uncertainty of A0 is 0; expected one above 0"),
+        ({"rods": 1.0}, {("A0", "q_x"): 0.5}, "uncertainty of q_x is 0"),
+        ({"A0": 1.0, "A1": 1.0}, {("rods", "rods"): 0.5}, "uncertainty of A-1 is 0"),
     ],
 )
 def test_bad_uncertainties_are_refused(uncertainties: dict, correlations: dict, words: str) -> None:
@@ -269,6 +272,20 @@ def test_budget_with_correlations_adds_up_and_can_take_away() -> None:
     shares = [line.share for line in tricept.budget([0, 0, 700], PAPER, opposite).lines(0)]
     assert min(shares) < 0
     assert sum(shares) == pytest.approx(1)
+
+
+@pytest.mark.parametrize("count", [5, len(PARAMETERS)])
+def test_budget_has_no_shares_of_rounding(count: int) -> None:
+    U = np.diag([1e-6] + [0.0] * 2 + [1e-6] * 2 + [1e-10] * (count - 5))[:count, :count]
+    found = tricept.budget([0.0, 0.0, 700.0], PAPER, U)
+    # on the axis neither the rod in the plane y = 0 nor the radii move the tool along y
+    assert (found.sensitivity[1, [0, 3, 4]] == 0).all()
+    assert (found.parts[1, [0, 3, 4]] == 0).all()
+    U_y, _ = tricept.place_covariance([0.0, 0.0, 700.0], PAPER, U)
+    np.testing.assert_allclose(found.U_y, U_y, rtol=1e-13, atol=1e-20)
+    if count == 5:
+        assert found.U_y[1, 1] == 0
+        assert "share" not in found.summary("mm").split("u(Qy)")[1].split("u(Qz)")[0]
 
 
 def test_budget_of_a_point_without_pose_is_refused() -> None:
@@ -451,6 +468,37 @@ def test_covariance_from_files_and_options_is_one(
         assert answer["cov(Qx,Qz)"] == pytest.approx(answers[0]["cov(Qx,Qz)"])
 
 
+def test_correlations_without_uncertainties_apply_to_the_papers(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    toml = tmp_path / "u.toml"
+    toml.write_text('[correlation]\n"A0, A1" = 0.5\n', encoding="utf-8")
+    U = U_PAPER.copy()
+    U[0, 1] = U[1, 0] = 0.5 * U[0, 0]
+    U_y, _ = tricept.propagate([100.0, 50.0, 650.0], PAPER, U)
+    for given in (["--correlation", "A0,A1=0.5"], ["--covariance", str(toml)]):
+        assert cli.main(["tricept", "uncertainty", "--point", "100,50,650mm", "--json", *given]) == 0
+        answer = json.loads(capsys.readouterr().out)
+        found = [answer[f"u(Q{axis})"] for axis in "xyz"]
+        np.testing.assert_allclose(found, np.sqrt(np.diagonal(U_y)), rtol=1e-12)
+
+
+def test_budget_and_monte_carlo_tell_the_status_of_the_point(
+    points: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    far = ["tricept", "uncertainty", "--point", "0,0,5000mm"]
+    assert cli.main([*far, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["status"] == "out_of_limits"
+    for asked in (["--budget"], ["--monte-carlo", "1000"]):
+        assert cli.main([*far, *asked, "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)[0]["status"] == "out_of_limits"
+        assert cli.main([*far, *asked]) == 0
+        assert capsys.readouterr().out.startswith("Q = (0, 0, 5000) mm, out_of_limits\n")
+    assert cli.main(["tricept", "uncertainty", points, "--budget", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert [entry["status"] for entry in answer] == ["reachable", "reachable", "out_of_limits"]
+
+
 def test_budget_and_monte_carlo_as_json(points: str, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["tricept", "uncertainty", "--point", "0,0,700mm", "--budget", "--monte-carlo", "2000"]
     assert cli.main([*arguments, "--json", "--rectangular"]) == 0
@@ -474,7 +522,14 @@ def test_plot_from_the_command_line(tmp_path: Path) -> None:
         ([], "a table"),
         (["--point", "0,0,700mm", "--u", "foo=3mm"], "'foo'"),
         (["--point", "0,0,700mm", "--u", "rods=3kg"], "kg"),
-        (["--point", "0,0,700mm", "--u", "rods=3mm", "--correlation", "A0,A1=3"], "-1 to 1"),
+        (["--point", "0,0,700mm", "--u", "rods=3mm", "--correlation", "A0,A1=3"], "--correlation: the corr"),
+        (["--point", "0,0,700mm", "--correlation", "A0,A1=3"], "-1 to 1"),
+        (
+            ["--point", "0,0,700mm", "--correlation", "A0,q_x=0.5"],
+            "--correlation: A0 and q_x are correlated, but",
+        ),
+        (["--point", "0,0,700mm", "--correlation", "rods,rods=-0.9"], "not positive semidefinite"),
+        (["--point", "0,0,700mm", "--R", "0mm"], "--R: R = 0 mm; expected a positive length\n"),
         (["--point", "0,0,700mm", "--covariance", "nowhere.toml"], "cannot be read"),
         (["--point", "0,0,0mm", "--budget"], "no regular pose"),
         (["--plot", "x.gif", "--slice", "y=0mm"], ".png"),
@@ -496,6 +551,8 @@ def test_bad_input_is_one_line(arguments: list[str], words: str, capsys: pytest.
         ("u.toml", "[v]\n", "not known"),
         ("u.toml", "[u\n", "no TOML"),
         ("u.toml", '[u]\nrods = "1 um"\n[correlation]\n"A0" = 1\n', "two names"),
+        ("u.toml", '[correlation]\n"A0, A1" = 2\n', "[correlation]: the correlation of A0 and A1 is 2"),
+        ("u.toml", '[correlation]\n"A0, q_x" = 0.5\n', "the uncertainty of q_x is 0"),
         ("u.csv", "", "nothing"),
         ("u.csv", "A0 [mm],A0 [mm]\n1,0\n0,1\n", "each once"),
         ("u.csv", "A0 [mm],A1 [mm]\n1,0\n", "1 rows"),

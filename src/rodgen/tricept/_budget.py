@@ -17,12 +17,15 @@ from rodgen.tricept._covariance import check_covariance
 from rodgen.tricept._geometry import Geometry
 from rodgen.tricept._kinematics import inverse
 from rodgen.tricept._matrices import sensitivity
-from rodgen.tricept._parameters import PARAMETERS
+from rodgen.tricept._parameters import ANGLES, PARAMETERS
 from rodgen.tricept._uncertainty import parameter_sensitivity
 
 __all__ = ["Budget", "BudgetLine", "budget"]
 
 Floats = NDArray[np.float64]
+
+# Sensitivities this small beside the greatest of their unit are rounding, as those that vanish by symmetry.
+_ROUNDING = 64 * 2.0**-52
 
 
 class BudgetLine(NamedTuple):
@@ -174,8 +177,16 @@ def budget(point: ArrayLike, geometry: Geometry, U: ArrayLike) -> Budget:
         raise RodgenError(
             f"the point {place.tolist()} has no regular pose; expected one that the machine reaches"
         )
+    S = _without_rounding(S)
     parts = S * (S @ matrix)
     off = matrix[~np.eye(count, dtype=bool)]
     return Budget(
         PARAMETERS[:count], S, np.sqrt(np.diagonal(matrix)), parts, S @ matrix @ S.T, bool((off != 0).any())
     )
+
+
+def _without_rounding(S: Floats) -> Floats:
+    """Set to 0 what is rounding beside the greatest sensitivity, of lengths and of angles."""
+    angle = np.array([name in ANGLES for name in PARAMETERS[: S.shape[1]]])
+    greatest = np.where(angle, np.abs(S[:, angle]).max(initial=0.0), np.abs(S[:, ~angle]).max(initial=0.0))
+    return np.where(np.abs(S) > _ROUNDING * greatest, S, 0.0)

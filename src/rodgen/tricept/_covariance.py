@@ -111,7 +111,8 @@ def covariance(
         Standard uncertainty of a parameter (see ``PARAMETERS``) or of each of a group (see ``GROUPS``), lengths in one
         unit, angles in rad. Every other is 0. A parameter's own beats its group's.
     correlations : mapping of pairs of str to float, optional
-        Correlation of two parameters, or of each pair in a group given twice, such as ``("rods", "rods")``.
+        Correlation of two parameters, or of each pair in a group given twice, such as ``("rods", "rods")``; each must
+        have an uncertainty.
 
     Returns
     -------
@@ -121,7 +122,8 @@ def covariance(
     Raises
     ------
     RodgenError
-        When a name is none, a number is negative, or the correlations cannot be together.
+        When a name is none, a number is negative, a parameter without an uncertainty is correlated, or the correlations
+        cannot be together.
 
     Examples
     --------
@@ -139,6 +141,11 @@ def covariance(
     for (one, two), value in (correlations or {}).items():
         if not -1 <= value <= 1:
             raise RodgenError(f"the correlation of {one} and {two} is {value}; expected -1 to 1")
+        for n in (*_members(one), *_members(two)):
+            if sizes[n] == 0:
+                raise RodgenError(
+                    f"{one} and {two} are correlated, but the uncertainty of {PARAMETERS[n]} is 0; expected one above 0"
+                )
         for i in _members(one):
             for j in _members(two):
                 if i != j:

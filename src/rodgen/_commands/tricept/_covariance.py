@@ -27,8 +27,8 @@ one parameter or of each of a group:
   guide_angles = "5 arcsec"
   [correlation]
   "A0, A1" = 0.5
-or a covariance matrix, FILE.csv: a header of parameters with units, A0 [mm],A1 [mm],..., then a row for each. Without
-any of these it is the paper's (23): 0.005 mm/√3 for the rods, 0.01 mm/√3 for r and R.
+or a covariance matrix, FILE.csv: a header of parameters with units, A0 [mm],A1 [mm],..., then a row for each. Where no
+uncertainty is given it is the paper's (23): 0.005 mm/√3 for the rods, 0.01 mm/√3 for r and R; correlations apply to it.
 """
 
 _PAPER = {"rods": (0.005 / 3**0.5, "mm"), "radii": (0.01 / 3**0.5, "mm")}
@@ -87,10 +87,8 @@ def covariance_of(options: argparse.Namespace, unit: str) -> Any:
         When what was given is no covariance.
     """
     if options.covariance is None:
-        given, correlations = dict(options.u), dict(options.correlation)
-        if not given and not correlations:
-            given = dict(_PAPER)
-        return _made(given, correlations, unit, "command line", "--u")
+        places = ("--u", "--correlation")
+        return _made(dict(options.u), dict(options.correlation), unit, "command line", places)
     if options.u or options.correlation:
         raise InputFileError("command line", "--covariance", "beside --u or --correlation", "one of the two")
     try:
@@ -109,18 +107,25 @@ def covariance_of(options: argparse.Namespace, unit: str) -> Any:
 
 
 def _made(
-    given: dict[str, Quantity], correlations: dict[tuple[str, str], float], unit: str, file: str, place: str
+    given: dict[str, Quantity],
+    correlations: dict[tuple[str, str], float],
+    unit: str,
+    file: str,
+    places: tuple[str, str],
 ) -> Any:
     from rodgen import tricept
 
+    place, other = places
     values = {}
-    for name, (value, written) in given.items():
+    for name, (value, written) in (given or _PAPER).items():
         members = tricept.GROUPS.get(name, (name,))
         if not set(members) <= set(tricept.PARAMETERS):
             groups = ", ".join(tricept.GROUPS)
             raise InputFileError(file, place, shown(name), f"a parameter, or one of {groups}")
         values[name] = value * _factor(written, members[0], unit, file, place)
     try:
+        tricept.covariance(values)
+        place = other
         return tricept.covariance(values, correlations)
     except RodgenError as error:
         raise _told(error, file, place) from None
@@ -167,7 +172,7 @@ def _from_toml(file: str, text: str, unit: str) -> Any:
                 file, f"[correlation], {shown(key)}", shown(value), 'two names and a number, "A0, A1" = 0.5'
             )
         correlations[pair[0], pair[1]] = float(value)
-    return _made(given, correlations, unit, file, "[u]")
+    return _made(given, correlations, unit, file, ("[u]", "[correlation]"))
 
 
 def _from_csv(file: str, text: str, unit: str) -> Any:

@@ -83,6 +83,10 @@ def geometry_of(options: argparse.Namespace, unit: str) -> Geometry:
     R = options.R or Lengths((PAPER.R,), "mm", "--R")
     r = options.r or Lengths((PAPER.r,), "mm", "--r")
     q = options.q.to(unit) if options.q else (0.0, 0.0, 0.0)
+    for name, given in (("R", R), ("r", r)):
+        if not given.numbers[0] > 0:
+            found = f"{name} = {given.numbers[0]:g} {given.unit}"
+            raise InputFileError("command line", given.option, found, "a positive length")
     try:
         return Geometry(R.to(unit)[0], r.to(unit)[0], q)
     except InputFileError:

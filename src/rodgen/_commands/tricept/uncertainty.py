@@ -28,8 +28,8 @@ in any unit of length. The output gets every column of the table, then
   a1 [mm] a2 [mm] a3 [mm]                            semi-axes of the ellipsoid, the greatest first
   a1_x a1_y ... a3_z                                 their directions
   status                                             reachable; out_of_limits; unreachable; singular; ...
-With --budget or --monte-carlo, these are printed for each point instead. With --plot and --slice a map is drawn, and
-the table may be left out.
+With --budget or --monte-carlo, these are printed for each point instead, with its status. With --plot and --slice a map
+is drawn, and the table may be left out.
 
 {COVARIANCE_TEXT}"""
 
@@ -174,18 +174,20 @@ def _told(options: argparse.Namespace) -> int:
     from rodgen import tricept
 
     points, unit = _points(options)
-    geometry, U = geometry_of(options, unit), covariance_of(options, unit)
+    geometry, limits, U = geometry_of(options, unit), limits_of(options, unit), covariance_of(options, unit)
+    states = np.atleast_1d(tricept.place_covariance(points, geometry, U, limits)[1])
     rectangular = [name for n, name in enumerate(tricept.PARAMETERS) if U[n, n] > 0]
     answers = []
     for number, point in enumerate(points, start=1):
-        answer: dict[str, Any] = {"point": point.tolist(), "unit": unit}
-        where = ", ".join(f"{x:g}" for x in point)
+        status = tricept.TriceptStatus(states[number - 1]).name.lower()
+        answer: dict[str, Any] = {"point": point.tolist(), "unit": unit, "status": status}
+        head = f"Q = ({', '.join(f'{x:g}' for x in point)}) {unit}, {status}"
         try:
             if options.budget:
                 made = tricept.budget(point, geometry, U)
                 answer["budget"] = made.to_dict()
                 if not options.json:
-                    show(f"Q = ({where}) {unit}\n{made.summary(unit)}")
+                    show(f"{head}\n{made.summary(unit)}")
             if options.monte_carlo:
                 drawn = tricept.monte_carlo(
                     point,
@@ -198,7 +200,7 @@ def _told(options: argparse.Namespace) -> int:
                 )
                 answer["monte_carlo"] = drawn.to_dict()
                 if not options.json:
-                    show(f"Q = ({where}) {unit}\n{drawn.summary(unit)}")
+                    show(f"{head}\n{drawn.summary(unit)}")
         except RodgenError as error:
             what, _, expected = str(error).partition("; expected ")
             file = "command line" if options.point else options.points
