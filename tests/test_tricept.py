@@ -450,3 +450,29 @@ def test_dask_arrays_pass_through():
     np.testing.assert_array_equal(np.asarray(legs.compute()), tricept.legs(poses, PAPER))
     pose, _ = tricept.direct(legs, PAPER)
     np.testing.assert_allclose(np.asarray(pose.compute()), poses, atol=1e-10)
+
+
+@pytest.mark.parametrize("q", [(0.0, 0.0, 0.0), (40.0, -25.0, 60.0)])
+def test_points_behind_the_base_are_not_of_the_assembled_machine(q):
+    geometry = tricept.Geometry(330.0, 140.0, q)
+    random = np.random.default_rng(8)
+    points = random.uniform(-700, 700, (4000, 3))
+    pose, rods, status = tricept.pose(points, geometry)
+    cosines = np.cos(tricept.inverse(points, geometry)[0][:, 0, :2])
+    with np.errstate(invalid="ignore"):
+        assembled = (cosines > 0).all(axis=1)
+    reached = status == tricept.TriceptStatus.REACHABLE
+    assert 500 < reached.sum() < 3500
+    np.testing.assert_array_equal(reached, assembled)
+    assert np.isfinite(pose[reached]).all()
+    assert np.isnan(rods[~reached]).all()
+    U_x = np.diag([0.005**2 / 3] * 3 + [0.01**2 / 3] * 2)
+    U_y, code = tricept.propagate(points, geometry, U_x)
+    np.testing.assert_array_equal(code == tricept.TriceptStatus.REACHABLE, reached)
+    assert np.isnan(U_y[~reached]).all()
+    # within the limits, where there is one pose, it comes back by the direct problem
+    low, high = tricept.LEG_LIMITS
+    within = ((rods > low) & (rods < high)).all(axis=1)
+    assert within.sum() > 50
+    back, _ = tricept.direct(rods[within], geometry)
+    np.testing.assert_allclose(tricept.point(back, geometry), points[within], atol=1e-6)

@@ -19,7 +19,7 @@ from rodgen.generated.numpy.tricept import TriceptStatus
 from rodgen.tricept._direct import direct_all
 from rodgen.tricept._geometry import Geometry, kernel_limits
 
-__all__ = ["direct", "inverse", "legs", "point", "pose", "rotation"]
+__all__ = ["behind", "direct", "inverse", "legs", "point", "pose", "rotation"]
 
 
 def point(pose: ArrayLike, geometry: Geometry) -> Any:
@@ -162,12 +162,12 @@ def pose(point: ArrayLike, geometry: Geometry, limits: Sequence[float] | None = 
     Returns
     -------
     pose : array (..., 3)
-        α and β in rad, and z; the first row of what :func:`inverse` gives. For points behind the base cos β is not
-        positive in it: no pose of the assembled machine reaches them, as :func:`reachable` tells.
+        α and β in rad, and z; the first row of what :func:`inverse` gives.
     legs : array (..., 3)
         A0, A1, A-1.
     status : array (...) of int8
-        Codes of :class:`TriceptStatus`, as for :func:`inverse`.
+        Codes of :class:`TriceptStatus`, as for :func:`inverse`. UNREACHABLE, too, for points behind the base: there
+        neither cosine is positive in the first row, and the assembled machine has no such pose.
 
     Notes
     -----
@@ -181,7 +181,26 @@ def pose(point: ArrayLike, geometry: Geometry, limits: Sequence[float] | None = 
     array([637.318, 689.585, 730.485])
     """
     arguments = (point, *geometry.radii, *geometry.q, *kernel_limits(limits))
-    return call(kernels.tricept_pose, arguments, None)  # type: ignore[no-any-return]
+    found, rods, status = call(kernels.tricept_pose, arguments, None)
+    lost = (status <= TriceptStatus.OUT_OF_LIMITS) & behind(point, geometry)
+    if isinstance(lost, np.ndarray | np.bool_) and not lost.any():
+        return found, rods, status
+    found, rods = (np.where(lost[..., None], np.nan, x) for x in (found, rods))
+    return found, rods, np.where(lost, np.int8(TriceptStatus.UNREACHABLE), status)
+
+
+def behind(point: Any, geometry: Geometry) -> Any:
+    """Tell points that are reached by no pose with positive cosines, (...); others may be out of reach, too.
+
+    cos α and cos β have the signs of √(|Q|² − qx² − qy²) g + qy Qy and qx Qx + g Qz, with g = √(Qx² + Qz² − qx²).
+    """
+    x, y, z = np.moveaxis(np.asarray(point, dtype=float) if np.ndim(point) < 2 else point, -1, 0)
+    if geometry.q == (0.0, 0.0, 0.0):
+        return z <= 0
+    qx, qy, _ = geometry.q
+    g = np.sqrt(np.maximum(x * x + z * z - qx * qx, 0))
+    root = np.sqrt(np.maximum(x * x + y * y + z * z - qx * qx - qy * qy, 0))
+    return (qx * x + g * z <= 0) | (root * g + qy * y <= 0)
 
 
 def direct(legs: ArrayLike, geometry: Geometry) -> tuple[Any, Any]:

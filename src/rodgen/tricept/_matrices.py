@@ -15,7 +15,9 @@ from numpy.typing import ArrayLike
 
 from rodgen._batched import call
 from rodgen._kernels import kernels
+from rodgen.generated.numpy.tricept import TriceptStatus
 from rodgen.tricept._geometry import Geometry, kernel_limits
+from rodgen.tricept._kinematics import behind
 
 __all__ = ["Matrices", "Singularity", "matrices", "propagate", "sensitivity", "singularity"]
 
@@ -162,7 +164,13 @@ def propagate(
     array([5.18, 5.18, 2.81])
     """
     arguments = (point, *geometry.radii, *geometry.q, *kernel_limits(limits), U_x)
-    return call(kernels.tricept_propagate, arguments, None)  # type: ignore[no-any-return]
+    U_y, status = call(kernels.tricept_propagate, arguments, None)
+    lost = (status <= TriceptStatus.OUT_OF_LIMITS) & behind(point, geometry)
+    if isinstance(lost, np.ndarray | np.bool_) and not lost.any():
+        return U_y, status
+    return np.where(lost[..., None, None], np.nan, U_y), np.where(
+        lost, np.int8(TriceptStatus.UNREACHABLE), status
+    )
 
 
 def singularity(pose: ArrayLike, geometry: Geometry) -> Singularity:

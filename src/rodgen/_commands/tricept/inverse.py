@@ -27,7 +27,7 @@ in any unit of length, and may have further ones. The output gets every column o
   status                          reachable; out_of_limits; double_pose (two poses meet); gimbal_lock (an angle is not
                                   determined, 0 stands for it); unreachable; invalid
 With --all there are four rows for each point, with the signs S and K of the two roots; the first is the assembled
-machine's.
+machine's for points before the base.
 """
 
 
@@ -61,9 +61,11 @@ def _run(options: argparse.Namespace) -> int:
         geometry, limits = geometry_of(options, unit), limits_of(options, unit)
 
         def function(values: Sequence[Any]) -> Answer:
-            poses, legs, status = tricept.inverse(np.column_stack(values), geometry, limits)
+            points = np.column_stack(values)
             if not options.all:
-                return [*poses[:, 0].T, *legs[:, 0].T, status[:, 0]], None
+                pose, legs, status = tricept.pose(points, geometry, limits)
+                return [*pose.T, *legs.T, status], None
+            poses, legs, status = tricept.inverse(points, geometry, limits)
             index = np.repeat(np.arange(len(poses)), 4)
             both = np.tile(signs, (len(poses), 1)).T
             return [*both, *poses.reshape(-1, 3).T, *legs.reshape(-1, 3).T, status.ravel()], index
