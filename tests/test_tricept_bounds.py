@@ -540,3 +540,14 @@ def test_a_grid_of_beams_gives_what_the_paper_prints() -> None:
             assert (np.round(total, 7) == np.round(printed, 7)).all(), element
         else:
             np.testing.assert_allclose(total, printed, rtol=3e-3)
+
+
+@pytest.mark.parametrize("gap", [0.0, -1.0, np.nan, np.inf])
+def test_a_gap_that_is_none_is_refused(gap):
+    with pytest.raises(RodgenError, match="expected a positive number"):
+        tricept.bounds([-1, -1, 700], [1, 1, 701], tricept.PAPER, np.eye(5) * 1e-6, gap=gap)
+
+
+def test_a_box_behind_the_base_is_refused():
+    with pytest.raises(RodgenError, match="expected a box before the base"):
+        tricept.bounds([-80, -80, -765], [80, 80, -605], tricept.PAPER, np.eye(5) * 1e-6)

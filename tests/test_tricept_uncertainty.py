@@ -570,3 +570,9 @@ def test_bad_covariance_files_are_one_line(
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert words in error
+
+
+def test_a_matrix_that_is_no_covariance_has_no_ellipsoid():
+    axes = tricept.ellipsoid(np.array([-np.eye(3), np.diag([4.0, 1.0, 0.0])])).semi_axes
+    assert np.isnan(axes[0]).all()
+    np.testing.assert_allclose(axes[1], [2, 1, 0], atol=1e-12)

@@ -21,6 +21,7 @@ from rodgen.tricept._covariance import check_covariance
 from rodgen.tricept._enclosure import enclose
 from rodgen.tricept._geometry import Geometry
 from rodgen.tricept._interval import Jet, stack
+from rodgen.tricept._kinematics import behind
 
 __all__ = ["ELEMENTS", "Bounds", "bounds", "rod_bounds"]
 
@@ -127,7 +128,8 @@ def bounds(
     Raises
     ------
     RodgenError
-        When the box is none, U_x is no covariance matrix, or the box reaches where the pose or A35 is not determined.
+        When the box is none, U_x is no covariance matrix, the gap is not positive, or the box reaches where the pose or
+        A35 is not determined, or where the assembled machine has no pose.
 
     Notes
     -----
@@ -144,8 +146,12 @@ def bounds(
     (array([6.8 , 9.64]), array([ 3.79, 13.85]))
     """
     low, high = _box(low, high)
+    if not 0 < gap < np.inf:
+        raise RodgenError(f"gap is {gap}; expected a positive number, such as 1e-3")
     U = check_covariance(U_x, 5)
     _check_regular(low, high, geometry)
+    if np.any(behind(lattice(low, high).T, geometry)):
+        raise RodgenError("a part of the box is behind the base; expected a box before the base")
     pairs = list(ELEMENTS.values())
     points = lattice(low, high)
     sample = enclose(points, points, geometry, False).A.value[0]

@@ -18,7 +18,7 @@ from rodgen.errors import RodgenError
 from rodgen.generated.numpy.tricept import TriceptStatus
 from rodgen.tricept._covariance import is_covariance
 from rodgen.tricept._geometry import Geometry
-from rodgen.tricept._kinematics import inverse
+from rodgen.tricept._kinematics import pose
 from rodgen.tricept._matrices import propagate
 from rodgen.tricept._parameters import PARAMETERS, joints
 
@@ -121,9 +121,9 @@ def place_covariance(
         )
     if size == 5:
         return propagate(point, geometry, matrix, limits)
-    poses, _, status = inverse(point, geometry, limits)
-    S, regular = parameter_sensitivity(poses[..., 0, :], geometry)
-    status = np.asarray(status)[..., 0]
+    found, _, status = pose(point, geometry, limits)
+    S, regular = parameter_sensitivity(found, geometry)
+    status = np.asarray(status)
     known = np.isin(status, (TriceptStatus.UNREACHABLE, TriceptStatus.INVALID), invert=True)
     good = np.asarray(is_covariance(matrix))
     status = np.where(known & (regular == TriceptStatus.SINGULAR), TriceptStatus.SINGULAR, status)
@@ -131,6 +131,10 @@ def place_covariance(
     status = np.where(~np.isfinite(matrix).all(axis=(-1, -2)), TriceptStatus.INVALID, status).astype(np.int8)
     U_y = S @ np.where(good[..., None, None], matrix, np.nan) @ np.swapaxes(S, -1, -2)
     return (U_y + np.swapaxes(U_y, -1, -2)) / 2, status
+
+
+NEGATIVE = 1e-12
+"""Eigenvalues below zero by more than this part of the greatest are no rounding: the matrix is no covariance."""
 
 
 class Ellipsoid(NamedTuple):
@@ -177,6 +181,7 @@ def ellipsoid(U_y: ArrayLike, probability: float | None = None) -> Ellipsoid:
     good = np.isfinite(matrix).all(axis=(-1, -2))
     safe = np.where(good[..., None, None], matrix, np.eye(3))
     values, vectors = np.linalg.eigh((safe + np.swapaxes(safe, -1, -2)) / 2)
+    good &= values[..., 0] >= -NEGATIVE * np.abs(values).max(axis=-1)
     axes = k * np.sqrt(np.maximum(values[..., ::-1], 0.0))
     vectors = vectors[..., ::-1]
     # of two opposite directions the one whose largest part is positive
