@@ -18,7 +18,9 @@ from rodgen.machines.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, 
 
 NUMPY = {name: getattr(np, name) for name in ("sin", "cos", "tan", "exp", "log", "sqrt", "sign", "abs")}
 RNG = np.random.default_rng(20)
-NUMBERS = dict(zip("q s v t T F M M_perp L tan_zenith leg_tension".split(), RNG.uniform(0.5, 2.5, 11), strict=True))
+NUMBERS = dict(
+    zip("q s v t T F M M_perp L tan_zenith leg_tension".split(), RNG.uniform(0.5, 2.5, 11), strict=True)
+)
 VECTORS = {name: RNG.normal(size=3) for name in ("U", "V", "N", "EX", "EY", "EZ", "M_across", "M_guide")}
 ZETA = 0.37
 LEGENDRE = {f"P{k}": legendre.legval(2 * ZETA - 1, [0] * k + [1]) for k in range(1, 5)}
