@@ -41,7 +41,7 @@ from rodgen.derivation.instantaneous_euler import (
     zyx,
 )
 from rodgen.derivation.rotations import matrix_from_quaternion
-from rodgen.symbolic import EPS, Derivation, cross, equal, in_notebook, select
+from rodgen.symbolic import EPS, Derivation, cross, equal, factored, in_notebook, select
 
 derivation = Derivation(
     "instantaneous_euler_inverse",
@@ -236,7 +236,7 @@ def ridge_z(signs):
 
 
 def across(a, b):
-    return sp.factor(a[0] * b[1] - a[1] * b[0])
+    return factored(a[0] * b[1] - a[1] * b[0])
 
 
 four = [(1, 1, 1), (-1, -1, -1), (-1, 1, 1), (-1, 1, -1)]

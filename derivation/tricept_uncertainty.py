@@ -28,7 +28,7 @@
 import sympy as sp
 
 from rodgen.codegen import KernelBuilder
-from rodgen.symbolic import Derivation, equal, in_notebook
+from rodgen.symbolic import Derivation, equal, factored, in_notebook
 
 derivation = Derivation(
     "tricept_uncertainty",
@@ -920,7 +920,7 @@ def beam_kernel():
         geometry[letter] = k.let(name, value)
 
     def coefficients(polynomial, count):
-        return [sp.factor(polynomial.coeff_monomial(z**n)).xreplace(geometry) for n in range(count)]
+        return [factored(polynomial.coeff_monomial(z**n)).xreplace(geometry) for n in range(count)]
 
     k.output(
         "numerator",

@@ -6,6 +6,7 @@ A derivation of one's own needs :class:`Derivation`, :func:`equal` and SymPy; se
 
 from rodgen.symbolic._errata import errata
 from rodgen.symbolic.derivation import Derivation, DerivationError, Entry, Refutation, SymbolRow, equal
+from rodgen.symbolic.factors import factored
 from rodgen.symbolic.functions import EPS, LARGEST, power_of_two_scale, select
 from rodgen.symbolic.notebook import in_notebook
 from rodgen.symbolic.reduction import remainder
@@ -46,6 +47,7 @@ __all__ = [
     "equal",
     "errata",
     "explicit",
+    "factored",
     "formal_determinant",
     "in_notebook",
     "line_along",

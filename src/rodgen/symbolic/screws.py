@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import sympy as sp
 
+from rodgen.symbolic.factors import factored
 from rodgen.symbolic.reduction import remainder
 from rodgen.symbolic.vectors import cross, dot, skew
 
@@ -155,7 +156,7 @@ class ReciprocalSystem:
 
         A product of linear factors means families of lines: planes of the system in which every member is one.
         """
-        return sp.factor(sp.together(sp.expand(self_product(self.member(coefficients)))))
+        return factored(sp.together(sp.expand(self_product(self.member(coefficients)))))
 
     def contains(self, candidate: sp.MatrixBase) -> bool:
         """Tell whether a screw is in the system: exactly where adding it to the basis leaves the rank."""
