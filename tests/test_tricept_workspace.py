@@ -99,7 +99,7 @@ def test_no_point_lies_beyond_the_extents_and_an_optimiser_comes_no_farther(pape
                 )
                 if done.success:
                     best = max(best, -done.fun)
-            assert best <= sign * end + 1e-5
+            assert best <= sign * end + 1e-4  # the optimiser keeps the limits of the rods to some 1e-5 mm
             assert best == pytest.approx(sign * end, abs=0.05)  # SLSQP reaches it from one of the starts
 
 
