@@ -38,6 +38,10 @@ from rodgen.rotation import (
 )
 
 if _TYPE_CHECKING:
+    from rodgen import instantaneous_euler as instantaneous_euler
+    from rodgen import screws as screws
+    from rodgen import three_sps_s as three_sps_s
+    from rodgen import tricept as tricept
     from rodgen.discrepancy.measurements import Measurements as Measurements
     from rodgen.machines.machine import Machine as Machine
 

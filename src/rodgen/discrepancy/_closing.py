@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.discrepancy._nearest_frame import nearest_frame
 from rodgen.errors import InputFileError
 from rodgen.machines._rigid import rotation_matrix, rotation_vector
 from rodgen.machines.closing import (
@@ -55,8 +56,8 @@ FAR = 3e-3
 """In rad, or radii of the base. A pose that starts no farther off than this is found to rounding in two steps."""
 SLACK = 0.02
 """Part of its way by which a freedom may be moved farther than in the data: legs are commanded in round numbers."""
-FROM_AFAR, MOST_SEEN = 8, 32
-"""Newton's steps of emitted code, and poses at most that it chooses from to begin."""
+MOST_SEEN = 32
+"""Poses at most, beside the first, that emitted code chooses from to begin."""
 NEAR = 0.02
 """In rad. The nominal pose may be so far from that of the fitted geometry and still be the same one."""
 WEAK = 0.1
@@ -158,8 +159,7 @@ def found_again(o: Observations, numbers: Mapping[str, tuple[float, ...]]) -> Ar
         found = physical_pose(geometry, o.q)
     else:
         modes = assembly_modes(geometry, o.q)
-        nearest = _least(-np.einsum("nmij,nij->nm", modes, before.reshape(-1, 3, 3)))
-        found = modes[np.arange(o.n), nearest].reshape(o.n, 9)
+        found = _taken(modes, _least_turned(modes, before.reshape(-1, 3, 3)))
     return np.where(np.isfinite(found).all(axis=1, keepdims=True), found, before)
 
 
@@ -174,10 +174,15 @@ def in_another_mode(o: Observations, machine: Machine) -> float:
     geometry = machine.geometry
     if geometry is None or geometry.start is None or o.pose_start is None:
         return 0.0
-    some = o.take(np.linspace(0, o.n - 1, min(o.n, LOOKED_AT)).astype(int))
+    some = o.take(_looked_at(o))
     asked = pose_start(replace(some, machine=machine))
     free = replace(machine, geometry=replace(geometry, start=None))
     return float(np.mean(far_apart(pose_start(replace(some, machine=free)), asked, machine)))
+
+
+def _looked_at(o: Observations) -> NDArray[np.intp]:
+    """Return the numbers of the rows in which assembly modes are compared."""
+    return np.linspace(0, o.n - 1, min(o.n, LOOKED_AT)).astype(np.intp)
 
 
 def weakest(o: Observations) -> int | None:
@@ -224,15 +229,24 @@ def pose_start(o: Observations) -> Array:
     if geometry.family == "tricept":
         return physical_pose(geometry, o.q)
     modes = assembly_modes(geometry, o.q)
-    chosen = _chosen(o, geometry, modes)
-    return np.asarray(modes[np.arange(o.n), chosen].reshape(o.n, 9))
+    return _taken(modes, _chosen(o, geometry, modes))
+
+
+def _taken(modes: Array, chosen: NDArray[np.intp]) -> Array:
+    """Return the chosen mode of each row as the numbers that a model starts from, (n, 9)."""
+    return np.asarray(modes[np.arange(len(modes)), chosen].reshape(-1, 9))
+
+
+def _least_turned(modes: Array, turns: Array) -> NDArray[np.intp]:
+    """Return the number of each row's mode that is turned least from a rotation, one for all or one a row."""
+    # the largest trace of the turn from one to the other is the smallest angle
+    return _least(-np.einsum("nmij,nij->nm", modes, np.broadcast_to(turns, (len(modes), 3, 3))))
 
 
 def _chosen(o: Observations, geometry: ClosedChain, modes: Array) -> NDArray[np.intp]:
     """Return the number of each row's mode."""
     if geometry.start is not None:
-        # the largest trace of the turn from one to the other is the smallest angle
-        return _least(-np.einsum("nmij,ij->nm", modes, rotation_matrix(geometry.start)))
+        return _least_turned(modes, rotation_matrix(geometry.start))
     if not np.isfinite(o.reading).all():
         raise InputFileError(
             o.machine.file or o.machine.name,
@@ -280,8 +294,8 @@ def _in_a_free_frame(seen: Array, reading: Array, moves: bool, pose: NDArray[np.
         chosen = np.where(np.isfinite(seen[:, first, 0]), first, 0)
         for _ in range(TURNS):
             at = seen[np.arange(len(seen)), chosen]
-            turn, shift = _frame(at[closing], reading[closing], moves)
-            apart = _apart(seen @ turn.T + shift, reading)
+            frame = nearest_frame(at[closing], reading[closing], np.ones(len(closing)), moving=moves)
+            apart = _apart(seen @ frame.rotation.T + frame.position, reading)
             before, chosen = chosen, _nearest(apart, pose)
             if np.array_equal(before, chosen):
                 break
@@ -290,14 +304,6 @@ def _in_a_free_frame(seen: Array, reading: Array, moves: bool, pose: NDArray[np.
             best = cost, chosen
     assert best is not None
     return best[1]
-
-
-def _frame(at: Array, reading: Array, moves: bool) -> tuple[Array, Array]:
-    """Return rotation and position of the frame in which places meet the readings best (Kabsch)."""
-    middle, seen = (at.mean(axis=0), reading.mean(axis=0)) if moves else (np.zeros(3), np.zeros(3))
-    u, _, v = np.linalg.svd((reading - seen).T @ (at - middle))
-    turn = u @ np.diag([1.0, 1.0, float(np.sign(np.linalg.det(u @ v)))]) @ v
-    return turn, seen - turn @ middle
 
 
 def within_reach(o: Observations, q: Array) -> Observations:
@@ -359,14 +365,14 @@ def not_found_by_code(machine: Machine, o: Observations) -> float:
     if geometry is None or geometry.start is None or o.pose_start is None:
         return 0.0
     begins = rotation_matrix([geometry.start, *geometry.seen])
-    return len(_not_found(geometry, begins, o)[0]) / min(o.n, LOOKED_AT)
+    return len(_not_found(geometry, begins, o)[0]) / len(_looked_at(o))
 
 
 def _not_found(geometry: ClosedChain, begins: Array, o: Observations) -> tuple[Array, Array]:
     """Return the poses and legs of those rows that code which begins there does not find."""
-    some = np.linspace(0, o.n - 1, min(o.n, LOOKED_AT)).astype(int)
+    some = _looked_at(o)
     turns, legs = np.asarray(o.pose_start)[some].reshape(-1, 3, 3), o.q[some]
-    found = found_from(geometry, begins, legs, FROM_AFAR)
+    found = found_from(geometry, begins, legs)
     lost = ~(np.abs(found - turns).max(axis=(1, 2)) < NEAR)
     return turns[lost], legs[lost]
 

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.discrepancy._least_squares import Solution, minimise
+from rodgen.discrepancy._nearest_frame import nearest_frame
 from rodgen.discrepancy._problem import Problem
 from rodgen.machines._model import Frame
 
-__all__ = ["linear_falls", "most_waves", "nearest_frame", "placed", "searched", "trilaterated", "wave_falls"]
+__all__ = ["linear_falls", "most_waves", "placed", "searched", "trilaterated", "wave_falls"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -33,30 +34,6 @@ PEAKS = 10
 """The best of them, from which a fit is tried."""
 ANY_SIZE = np.geomspace(1e-6, 1e6, 97)
 """Sizes that are tried for a parameter in a user's formula, of either sign, internal units: eight a decade."""
-
-
-def nearest_frame(places: Array, readings: Array, weight: Array, *, moving: bool) -> Frame:
-    """Return the rigid motion that brings predicted places nearest to readings.
-
-    Parameters
-    ----------
-    places, readings : ndarray, shape (n, 3)
-    weight : ndarray, shape (n,)
-        Of the squares.
-    moving : bool
-        Whether the frame may be displaced, too; directions only turn.
-
-    Notes
-    -----
-    Orthogonal Procrustes problem with the determinant held at 1 (Kabsch 1976, Umeyama 1991).
-    """
-    weight = weight / weight.sum()
-    zero = np.zeros(3)
-    from_mean = weight @ places if moving else zero
-    to_mean = weight @ readings if moving else zero
-    u, _, vt = np.linalg.svd((readings - to_mean).T @ ((places - from_mean) * weight[:, None]))
-    rotation = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt)) or 1.0]) @ vt
-    return Frame(rotation, to_mean - rotation @ from_mean)
 
 
 def placed(problem: Problem, theta: Array, free: Sequence[int]) -> Solution:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import sympy as sp
 
-from rodgen.machines.closed_chain import FAMILIES
+from rodgen.machines.closed_chain import FAMILIES, FROM_AFAR
 from rodgen.symbolic import select, skew
 
 if TYPE_CHECKING:
@@ -29,8 +29,6 @@ Vector: TypeAlias = sp.Matrix
 
 STEPS = 3
 """Newton's steps. From 3 % off the nominal pose, more than any machine that is to be calibrated, they leave 1e-12."""
-FROM_AFAR = 8
-"""Newton's steps from where the platform may be to where it is, all over the workspace."""
 CLOSED = sp.Rational(1, 10**12)
 """Square of the last step, in rad or radii of the base, above which the legs do not close: after a smaller one what is
 left is its square, which is below rounding."""

@@ -10,7 +10,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-__all__ = ["FAMILIES", "ClosedChain", "Family"]
+__all__ = ["FAMILIES", "FROM_AFAR", "ClosedChain", "Family"]
+
+FROM_AFAR = 8
+"""Newton's steps from where the platform may be to where it is, all over the workspace."""
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,11 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+import rodgen  # its subjects are imported when a closed chain first asks for them
 from rodgen.errors import RodgenError
 from rodgen.machines._rigid import rotation_matrix
-from rodgen.machines.closed_chain import ClosedChain
+from rodgen.machines.closed_chain import FROM_AFAR, ClosedChain
+from rodgen.rotation import matrix_from_rodrigues_vector
 
 __all__ = [
     "assembly_modes",
@@ -41,9 +43,7 @@ def physical_pose(geometry: ClosedChain, legs: Array) -> Array:
     ndarray, shape (n, 3)
         alpha, beta, z with all their cosines and z positive; NaN where there is no such pose.
     """
-    from rodgen import tricept
-
-    pose, _ = tricept.direct(legs, tricept.Geometry(geometry.R, geometry.r, geometry.q))
+    pose, _ = rodgen.tricept.direct(legs, _tricept(geometry))
     return np.asarray(pose)
 
 
@@ -61,9 +61,7 @@ def assembly_modes(geometry: ClosedChain, legs: Array) -> Array:
     ndarray, shape (n, 8, 3, 3)
         Rotation matrices; NaN beyond those that there are.
     """
-    from rodgen import three_sps_s
-
-    turns = three_sps_s.direct_all(legs, three_sps_s.Geometry(geometry.R, geometry.r, geometry.h))[0]
+    turns = rodgen.three_sps_s.direct_all(legs, _pivot(geometry))[0]
     return np.asarray(turns)
 
 
@@ -98,50 +96,24 @@ def holding(geometry: ClosedChain, starts: Array) -> Array:
         The least singular value of how the lengths of the legs change with what the platform is free to do. A turn by
         one radian counts as a way of the joints' distance from where it turns about.
     """
-    angles = np.radians(list(geometry.of.legs.values()))
-    across = np.stack([np.cos(angles), np.sin(angles), np.zeros(3)], axis=1)
-    if geometry.family == "tricept":
-        alpha, beta, z = starts.T
-        ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
-        zero = np.zeros_like(z)
-        turn = np.array([[cb, -sb * sa, sb * ca], [zero, ca, sa], [-sb, -cb * sa, cb * ca]]).transpose(
-            2, 0, 1
-        )
-        arms = np.einsum("nij,kj->nki", turn, geometry.r * across) + (turn[:, :, 2] * z[:, None])[:, None]
-        legs = _unit(arms - geometry.R * across)
-        moments = np.cross(arms, legs) / geometry.R
-        about = np.stack([cb, zero, -sb], axis=1)
-        slide = np.einsum("nki,ni->nk", legs, turn[:, :, 2])
-        rows = np.stack([np.einsum("nki,ni->nk", moments, about), moments[:, :, 1], slide], axis=2)
-    else:
-        arms, along = _joints(geometry, starts.reshape(-1, 3, 3))
-        legs = _unit(along)
-        rows = np.cross(arms, legs) / geometry.r
-    found = np.full(len(rows), np.nan)
-    known = np.isfinite(rows).all(axis=(1, 2))
-    found[known] = np.linalg.svd(rows[known], compute_uv=False)[:, -1]
-    return found
-
-
-def _unit(vectors: Array) -> Array:
-    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
-
-
-def _joints(geometry: ClosedChain, turns: Array) -> tuple[Array, Array]:
-    """Return the joints on the platform from the pivot, and the legs as vectors, of a 3-sps-s, (n, 3, 3) each."""
-    angles = np.radians(list(geometry.of.legs.values()))
-    across = np.stack([np.cos(angles), np.sin(angles), np.zeros(3)], axis=1)
-    arms = np.einsum("nij,kj->nki", turns, geometry.r * across)
-    return arms, arms + np.array([0.0, 0.0, geometry.h]) - geometry.R * across
+    if geometry.family != "tricept":
+        gains = rodgen.three_sps_s.singularity(starts.reshape(-1, 3, 3), _pivot(geometry)).gains
+        return np.asarray(gains[:, -1] / geometry.r)
+    found = rodgen.tricept.matrices(starts, _tricept(geometry))
+    # W33 d(pose) + W35 d(rods, radii) = 0
+    slopes = np.linalg.solve(found.W35[..., :3], -found.W33) / np.array([geometry.R, geometry.R, 1.0])
+    good = np.asarray(np.isfinite(slopes).all(axis=(1, 2)))
+    gains = np.linalg.svd(np.where(good[:, None, None], slopes, 0.0), compute_uv=False)
+    return np.where(good, gains[:, -1], np.nan)
 
 
 def legs_at(geometry: ClosedChain, turns: Array) -> Array:
     """Return the lengths of the legs of a 3-sps-s, (n, 3), at rotations, (n, 3, 3)."""
-    return np.asarray(np.linalg.norm(_joints(geometry, turns)[1], axis=2))
+    return np.asarray(rodgen.three_sps_s.legs(turns, _pivot(geometry)))
 
 
-def found_from(geometry: ClosedChain, begins: Array, legs: Array, steps: int) -> Array:
-    """Return the rotations, (n, 3, 3), that Newton's steps find from the one of some whose legs are the nearest.
+def found_from(geometry: ClosedChain, begins: Array, legs: Array) -> Array:
+    """Return the rotations, (n, 3, 3), that emitted code finds: from the one of some whose legs are the nearest.
 
     Parameters
     ----------
@@ -149,21 +121,16 @@ def found_from(geometry: ClosedChain, begins: Array, legs: Array, steps: int) ->
         A 3-sps-s.
     begins : ndarray, shape (k, 3, 3)
     legs : ndarray, shape (n, 3)
-    steps : int
     """
     apart = np.sum((legs[:, None] - legs_at(geometry, begins)) ** 2, axis=2)
     turns = begins[np.argmin(apart, axis=1)]
     with np.errstate(all="ignore"):
-        for _ in range(steps):
-            arms, along = _joints(geometry, turns)
-            gap = (np.sum(along**2, axis=2) - legs**2) / 2
-            slopes = np.cross(arms, along)
+        for _ in range(FROM_AFAR):
+            now = legs_at(geometry, turns)
+            slopes = now[:, :, None] * rodgen.three_sps_s.jacobian(turns, _pivot(geometry))
             slopes[~np.isfinite(np.linalg.cond(slopes))] = np.nan
-            half = -np.linalg.solve(slopes, gap[:, :, None])[:, None, :, 0] / 2
-            columns = turns.swapaxes(1, 2)
-            across = np.cross(half, columns)
-            factor = 2 / (1 + np.sum(half**2, axis=2, keepdims=True))
-            turns = (columns + factor * (across + np.cross(half, across))).swapaxes(1, 2)
+            step = -np.linalg.solve(slopes, (now**2 - legs**2)[:, :, None] / 2)[:, :, 0]
+            turns = matrix_from_rodrigues_vector(step)[0] @ turns
     return np.asarray(turns)
 
 
@@ -176,12 +143,17 @@ def usual_leg(geometry: ClosedChain, leg: int) -> tuple[float, float]:
     leg : int
         Its number.
     """
-    angle = np.radians(list(geometry.of.legs.values())[leg])
-    across = np.array([np.cos(angle), np.sin(angle), 0.0])
     if geometry.family == "tricept":
-        joint = geometry.r * across + np.array([0.0, 0.0, 2 * geometry.R])
+        lengths = rodgen.tricept.legs([0.0, 0.0, 2 * geometry.R], _tricept(geometry))
     else:
-        turn = np.eye(3) if geometry.start is None else rotation_matrix(geometry.start)
-        joint = turn @ (geometry.r * across) + np.array([0.0, 0.0, geometry.h])
-    length = float(np.linalg.norm(joint - geometry.R * across))
+        lengths = legs_at(geometry, np.eye(3) if geometry.start is None else rotation_matrix(geometry.start))
+    length = float(lengths[leg])
     return (1 - AROUND) * length, (1 + AROUND) * length
+
+
+def _tricept(geometry: ClosedChain) -> rodgen.tricept.Geometry:
+    return rodgen.tricept.Geometry(geometry.R, geometry.r, geometry.q)
+
+
+def _pivot(geometry: ClosedChain) -> rodgen.three_sps_s.Geometry:
+    return rodgen.three_sps_s.Geometry(geometry.R, geometry.r, geometry.h)
