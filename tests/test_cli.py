@@ -90,11 +90,12 @@ def test_every_command_has_help(command, capsys):
     assert max(map(len, text.splitlines())) <= 120
 
 
-def test_solving_never_imports_sympy(pairs, tmp_path):
+def test_solving_never_imports_sympy_nor_what_other_commands_need(pairs, tmp_path):
     code = (
         "import sys, rodgen.cli\n"
         "assert rodgen.cli.main(['solve', sys.argv[1], '-o', sys.argv[2]]) == 0\n"
-        "heavy = {'sympy', 'matplotlib', 'tqdm', 'rodgen.symbolic'} & set(sys.modules)\n"
+        "other = {f'rodgen.{name}' for name in ('tricept', 'instantaneous_euler', 'three_sps_s', 'spatial')}\n"
+        "heavy = {'sympy', 'matplotlib', 'tqdm', 'rodgen.symbolic', *other} & set(sys.modules)\n"
         "assert not heavy, heavy\n"
     )
     subprocess.run([sys.executable, "-c", code, pairs, tmp_path / "out.csv"], check=True, capture_output=True)

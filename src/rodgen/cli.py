@@ -12,7 +12,7 @@ import os
 import re
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import IO, Any, NoReturn
 
 from rodgen._commands import (
@@ -40,6 +40,7 @@ from rodgen._commands._console import (
     READER_GONE,
     Parser,
     UsageError,
+    adder,
     show,
     tell,
 )
@@ -192,17 +193,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", nargs=0, action=_Version, help="print the version and exit")
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
 
-    def command(name: str, run: Callable[[argparse.Namespace], int], summary: str, text: str) -> Parser:
-        made = commands.add_parser(
-            name,
-            help=summary,
-            description=text,
-            epilog=EXIT_CODES,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-        )
-        made.set_defaults(run=run)
-        return made
-
+    command = adder(commands)
     for family in _COMMANDS:
         family.add_to(command)
     return parser

@@ -21,6 +21,7 @@ __all__ = [
     "Command",
     "Parser",
     "UsageError",
+    "adder",
     "fitting",
     "group",
     "reading",
@@ -83,6 +84,25 @@ class Command(Protocol):
         """Return its parser, for its options."""
 
 
+def adder(commands: Any) -> Command:
+    """Return what adds commands to the place for them that a parser has made."""
+
+    def command(
+        name: str, run: Callable[[argparse.Namespace], int], summary: str, text: str
+    ) -> argparse.ArgumentParser:
+        made: argparse.ArgumentParser = commands.add_parser(
+            name,
+            help=summary,
+            description=text,
+            epilog=EXIT_CODES,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        made.set_defaults(run=run)
+        return made
+
+    return command
+
+
 def group(command: Command, name: str, summary: str, text: str) -> Command:
     """Add a command that has commands of its own; return what adds these.
 
@@ -100,20 +120,7 @@ def group(command: Command, name: str, summary: str, text: str) -> Command:
     parser = command(name, incomplete, summary, text)
     members = parser.add_subparsers(metavar="COMMAND", required=True)
 
-    def member(
-        name: str, run: Callable[[argparse.Namespace], int], summary: str, text: str
-    ) -> argparse.ArgumentParser:
-        made = members.add_parser(
-            name,
-            help=summary,
-            description=text,
-            epilog=EXIT_CODES,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-        )
-        made.set_defaults(run=run)
-        return made
-
-    return member
+    return adder(members)
 
 
 # output ------------------------------------------------------------------------------------------------

@@ -6,12 +6,16 @@ import argparse
 import contextlib
 import math
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from rodgen.errors import InputFileError, RodgenError, shown
-from rodgen.tricept import LEG_LIMITS, PAPER, Geometry
 
-__all__ = ["Lengths", "add_geometry", "geometry_of", "lengths", "limits_of", "unit_of"]
+if TYPE_CHECKING:
+    from rodgen.tricept import Geometry
+
+__all__ = ["Lengths", "add_geometry", "geometry_of", "lengths", "limits_of", "plane", "unit_of"]
 
 
 @dataclass(frozen=True)
@@ -49,6 +53,20 @@ def lengths(option: str, count: int, example: str) -> type:
     return read  # type: ignore[return-value]
 
 
+def plane(example: str) -> Callable[[str], tuple[str, Lengths]]:
+    """Make what reads a plane across an axis, such as ``z=700mm``."""
+
+    def read(text: str) -> tuple[str, Lengths]:
+        found = re.fullmatch(r"\s*([xyz])\s*=(.*)", text)
+        if found:
+            return found[1], lengths("--slice", 1, example)(found[2])
+        raise argparse.ArgumentTypeError(
+            f"{shown(text)} is no plane: an axis and a length, such as {example}"
+        )
+
+    return read
+
+
 def add_geometry(parser: argparse.ArgumentParser) -> None:
     """Add the options of the machine."""
     parser.add_argument(
@@ -79,6 +97,8 @@ def add_geometry(parser: argparse.ArgumentParser) -> None:
 
 def geometry_of(options: argparse.Namespace, unit: str) -> Geometry:
     """Return the machine in a unit of length."""
+    from rodgen.tricept import PAPER, Geometry
+
     _take_machine(options)
     R = options.R or Lengths((PAPER.R,), "mm", "--R")
     r = options.r or Lengths((PAPER.r,), "mm", "--r")
@@ -98,6 +118,8 @@ def geometry_of(options: argparse.Namespace, unit: str) -> Geometry:
 
 def limits_of(options: argparse.Namespace, unit: str) -> tuple[float, float] | None:
     """Return the limits of the rods in a unit of length."""
+    from rodgen.tricept import LEG_LIMITS
+
     _take_machine(options)
     if options.limits is None:
         return None if options.R or options.r else _pair(Lengths(LEG_LIMITS, "mm", "--limits"), unit)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,7 +11,7 @@ import numpy as np
 
 from rodgen._commands._console import OK, Command, reading, show, show_json, tell
 from rodgen._commands.tricept._covariance import COVARIANCE_TEXT, add_covariance, covariance_of
-from rodgen._commands.tricept._options import add_geometry, geometry_of, lengths, limits_of, unit_of
+from rodgen._commands.tricept._options import add_geometry, geometry_of, lengths, limits_of, plane, unit_of
 from rodgen.errors import InputFileError, RodgenError, shown
 
 __all__ = ["add_to"]
@@ -74,7 +73,7 @@ def add_to(command: Command) -> None:
     parser.add_argument("--json", action="store_true", help="print budget and Monte Carlo as JSON")
     parser.add_argument("--plot", metavar="FILE", help="draw the map of --slice: .png, .svg or .pdf")
     parser.add_argument(
-        "--slice", metavar="AXIS=LENGTH", type=_plane, help="the plane of the map, such as y=0mm"
+        "--slice", metavar="AXIS=LENGTH", type=plane("y=0mm"), help="the plane of the map, such as y=0mm"
     )
 
 
@@ -97,13 +96,6 @@ def _seed(text: str) -> int:
         if 0 <= int(text) < 2**64:
             return int(text)
     raise argparse.ArgumentTypeError(f"{shown(text)} is no whole number from 0 up")
-
-
-def _plane(text: str) -> tuple[str, Any]:
-    found = re.fullmatch(r"\s*([xyz])\s*=(.*)", text)
-    if found:
-        return found[1], lengths("--slice", 1, "y=0mm")(found[2])
-    raise argparse.ArgumentTypeError(f"{shown(text)} is no plane: an axis and a length, such as y=0mm")
 
 
 def _run(options: argparse.Namespace) -> int:

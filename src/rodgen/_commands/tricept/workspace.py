@@ -5,11 +5,10 @@ from __future__ import annotations
 import argparse
 import contextlib
 import math
-import re
 from typing import Any
 
 from rodgen._commands._console import OK, Command, show, show_json, tell
-from rodgen._commands.tricept._options import add_geometry, geometry_of, lengths, limits_of, unit_of
+from rodgen._commands.tricept._options import add_geometry, geometry_of, limits_of, plane, unit_of
 from rodgen.errors import InputFileError, RodgenError, shown
 
 __all__ = ["add_to"]
@@ -30,7 +29,9 @@ def add_to(command: Command) -> None:
         "--samples", metavar="N", type=_count, help="beams of the quadrature in each direction (400)"
     )
     parser.add_argument("--json", action="store_true", help="print JSON: angles in rad")
-    parser.add_argument("--slice", metavar="AXIS=LENGTH", type=_plane, help="a plane, such as z=700mm")
+    parser.add_argument(
+        "--slice", metavar="AXIS=LENGTH", type=plane("z=700mm"), help="a plane, such as z=700mm"
+    )
     parser.add_argument(
         "--points", metavar="N", type=_count, default=101, help="points of the plane in each direction (101)"
     )
@@ -45,13 +46,6 @@ def _count(text: str) -> int:
         if 2 <= int(text) <= 4000:
             return int(text)
     raise argparse.ArgumentTypeError(f"{shown(text)} is no whole number from 2 to 4000")
-
-
-def _plane(text: str) -> tuple[str, Any]:
-    found = re.fullmatch(r"\s*([xyz])\s*=(.*)", text)
-    if found:
-        return found[1], lengths("--slice", 1, "z=700mm")(found[2])
-    raise argparse.ArgumentTypeError(f"{shown(text)} is no plane: an axis and a length, such as z=700mm")
 
 
 def _run(options: argparse.Namespace) -> int:
