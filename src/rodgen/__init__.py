@@ -40,6 +40,7 @@ from rodgen.rotation import (
 if _TYPE_CHECKING:
     from rodgen import instantaneous_euler as instantaneous_euler
     from rodgen import screws as screws
+    from rodgen import spatial as spatial
     from rodgen import three_sps_s as three_sps_s
     from rodgen import tricept as tricept
     from rodgen.discrepancy.measurements import Measurements as Measurements
@@ -49,7 +50,7 @@ __version__ = _version("rodgen")
 
 # Not in __all__: "from rodgen import *" must do with NumPy alone.
 _LATER = {"Machine": "rodgen.machines.machine", "Measurements": "rodgen.discrepancy.measurements"}
-_SUBJECTS = ("instantaneous_euler", "screws", "three_sps_s", "tricept")
+_SUBJECTS = ("instantaneous_euler", "screws", "spatial", "three_sps_s", "tricept")
 """Modules that are imported when they are first asked for."""
 
 __all__ = [

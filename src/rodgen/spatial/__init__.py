@@ -1,0 +1,21 @@
+"""Spatial mechanisms after Crane and Duffy: rotations, links, loops, and their forward and reverse analysis.
+
+A :class:`Mechanism` is a row of joints with the links between them: an open chain or a closed loop. Functions take
+arrays of any shape, with the components along the last axes; lengths are in one unit, angles in rad.
+
+>>> from rodgen import spatial
+>>> spatial.PUMA_560.closed, len(spatial.PUMA_560.variables)
+(False, 6)
+"""
+
+from rodgen.spatial._mechanism import FREEDOMS, GE_P60, PUMA_560, T3_776, Mechanism
+from rodgen.spatial._status import ReverseStatus
+
+__all__ = [
+    "FREEDOMS",
+    "GE_P60",
+    "PUMA_560",
+    "T3_776",
+    "Mechanism",
+    "ReverseStatus",
+]
