@@ -9,7 +9,9 @@ arrays of any shape, with the components along the last axes; lengths are in one
 """
 
 from rodgen.spatial._mechanism import FREEDOMS, GE_P60, PUMA_560, T3_776, Mechanism
+from rodgen.spatial._pair import Pair, PairStatus, pair_from_biquadratics, solve_pair
 from rodgen.spatial._status import ReverseStatus
+from rodgen.spatial._trig import TrigStatus, solve_trig
 
 __all__ = [
     "FREEDOMS",
@@ -17,5 +19,11 @@ __all__ = [
     "PUMA_560",
     "T3_776",
     "Mechanism",
+    "Pair",
+    "PairStatus",
     "ReverseStatus",
+    "TrigStatus",
+    "pair_from_biquadratics",
+    "solve_pair",
+    "solve_trig",
 ]
