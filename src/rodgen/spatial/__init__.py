@@ -8,6 +8,7 @@ arrays of any shape, with the components along the last axes; lengths are in one
 (False, 6)
 """
 
+from rodgen.spatial._link_table import link_table, load_mechanism, save_mechanism
 from rodgen.spatial._mechanism import FREEDOMS, GE_P60, PUMA_560, T3_776, Mechanism
 from rodgen.spatial._pair import Pair, PairStatus, pair_from_biquadratics, solve_pair
 from rodgen.spatial._status import ReverseStatus
@@ -23,7 +24,10 @@ __all__ = [
     "PairStatus",
     "ReverseStatus",
     "TrigStatus",
+    "link_table",
+    "load_mechanism",
     "pair_from_biquadratics",
+    "save_mechanism",
     "solve_pair",
     "solve_trig",
 ]

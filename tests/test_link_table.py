@@ -1,0 +1,177 @@
+"""Link tables: a mechanism written and read back bit for bit, and every slip of the pen told by line and column."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rodgen import spatial
+from rodgen.errors import InputFileError
+
+HEADER = "joint,type,S [mm],theta [deg],pitch [mm/rad],a [mm],alpha [deg]"
+ROWS = ["base,R,0,,,120,90", "slide,P,,30,,0,-90", "screw,H,2,,1.5,1e-1,45", "tool,C,,,,,"]
+
+
+def write(folder: Path, *lines: str, ending: str = "\n") -> str:
+    path = folder / "arm.csv"
+    path.write_bytes((ending.join(lines) + ending).encode())
+    return str(path)
+
+
+def test_table_gives_the_mechanism(tmp_path: Path) -> None:
+    found = spatial.load_mechanism(write(tmp_path, HEADER, *ROWS))
+    n = math.nan
+    expected = spatial.Mechanism(
+        "RPHC",
+        a=[120, 0, 0.1],
+        alpha=[math.pi / 2, -math.pi / 2, math.pi / 4],
+        offset=[0, n, 2, n],
+        angle=[n, math.pi / 6, n, n],
+        pitch=[0, 0, 1.5, 0],
+        name="arm",
+        names=["base", "slide", "screw", "tool"],
+    )
+    assert found == expected
+    assert not found.closed
+
+
+def test_windows_blanks_quotes_and_order_do_not_matter(tmp_path: Path) -> None:
+    expected = spatial.load_mechanism(write(tmp_path, HEADER, *ROWS))
+    lines = [
+        "\ufeff alpha [deg] , a [mm],type,S [mm],theta [deg],pitch [mm/rad], joint",
+        "",
+        '90,"120",R,0,,,base',
+    ]
+    lines += ["-90, 0 ,P,,30,,slide", "  ", "45,.1,H,2,,1.5,screw", ",,C,,,,tool", ",,,,,,"][:-1]
+    assert spatial.load_mechanism(write(tmp_path, *lines, ending="\r\n")) == expected
+
+
+def test_units_are_those_of_each_column(tmp_path: Path) -> None:
+    lines = ["type,S [in],theta [rad],pitch [mm/rev],a [cm],alpha [rad]", "H,1,,25.4,2.54,0.5", "P,,1.25,,,"]
+    found = spatial.load_mechanism(write(tmp_path, *lines))
+    assert (found.unit, found.names) == ("in", ("H1", "P2"))
+    np.testing.assert_allclose(found.a, [1.0], rtol=4e-16)
+    np.testing.assert_allclose(found.pitch, [1 / (2 * math.pi), 0], rtol=4e-16)
+    assert (found.alpha[0], found.angle[1]) == (0.5, 1.25)
+
+
+def test_columns_that_are_left_out_are_zero(tmp_path: Path) -> None:
+    found = spatial.load_mechanism(write(tmp_path, "type,a [m],alpha [deg]", "R,1,0", "P,0,90", "R,,"))
+    assert found == spatial.Mechanism("RPR", [1, 0], np.radians([0, 90]), unit="m", name="arm")
+
+
+def random_mechanism(seed: int) -> spatial.Mechanism:
+    rng = np.random.default_rng(seed)
+    kinds = rng.choice(list("RPCHEST"), rng.integers(1, 8))
+    n = len(kinds)
+    links = n - int(rng.integers(2))
+    lengths, angles = rng.normal(0, 10.0 ** rng.integers(-8, 8), (2, n)), rng.uniform(-7, 7, (2, n))
+    if seed % 2:
+        angles = np.radians(np.round(np.degrees(angles)))
+    blank = spatial.Mechanism(kinds, np.zeros(n), np.zeros(n), pitch=(kinds == "H") * 1.0)
+    return spatial.Mechanism(
+        kinds,
+        lengths[0, :links],
+        angles[0, :links],
+        np.where(np.isnan(blank.offset), np.nan, lengths[1]),
+        np.where(np.isnan(blank.angle), np.nan, angles[1]),
+        np.where(kinds == "H", rng.normal(size=n), 0.0),
+        unit=str(rng.choice(["mm", "in", "inch", "um"])),
+        names=[f'{name}, "{k}"' for k, name in enumerate(kinds)],
+    )
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_what_is_saved_is_loaded_to_the_last_bit(seed: int, tmp_path: Path) -> None:
+    mechanism = replace(random_mechanism(seed), name="arm")
+    path = tmp_path / "arm.csv"
+    spatial.save_mechanism(path, mechanism)
+    assert spatial.load_mechanism(path) == mechanism
+    assert path.read_text() == spatial.link_table(mechanism)
+
+
+def test_right_angles_are_written_as_people_write_them() -> None:
+    text = spatial.link_table(spatial.PUMA_560)
+    assert text.splitlines()[1:4] == ["R1,R,0,,,0,90", "R2,R,5.9,,,17,0", "R3,R,0,,,0.8,270"]
+
+
+@pytest.mark.parametrize(
+    ("lines", "told"),
+    [
+        ([], "file: an empty file; expected a header such as joint,type,"),
+        ([HEADER], "line 2: no joints; expected a row for each"),
+        ([HEADER.replace(",", ";"), "a;R"], "line 1: semicolons between the columns; expected commas"),
+        ([HEADER.replace("theta", "angle"), *ROWS], "line 1: 'angle [deg]'; expected columns of joint,"),
+        ([HEADER.replace(" [mm]", "", 1), *ROWS], "line 1, column 'S': no unit; expected 'S [mm]'"),
+        ([HEADER.replace("type", "type [mm]"), *ROWS], "'type [mm]': the unit 'mm'; expected 'type'"),
+        ([HEADER.replace("S [mm]", "S [kg]"), *ROWS], "column 'S [kg]': unit 'kg', which is no length"),
+        ([HEADER.replace("S [mm]", "S [foo]"), *ROWS], "column 'S [foo]': unknown unit 'foo'"),
+        (
+            [HEADER.replace("mm/rad", "mm"), *ROWS],
+            "column 'pitch [mm]': the unit 'mm'; expected a length per",
+        ),
+        ([HEADER.replace("mm/rad", "mm/s"), *ROWS], "'pitch [mm/s]': unit 's', which is no angle"),
+        ([HEADER.replace("a [mm]", "S [mm]"), *ROWS], "line 1, column 'S [mm]': column 'S' twice; expected"),
+        ([HEADER.replace(",a [mm]", ""), *ROWS], "line 1: no column 'a'"),
+        ([HEADER + ",", *ROWS], "line 1: column 8 without a name"),
+        ([HEADER, "x,r,0,,,1,1"], "line 2, column 'type': 'r'; expected R"),
+        ([HEADER, "x,,0,,,1,1"], "line 2, column 'type': an empty cell; expected a joint's type, one of R,"),
+        ([HEADER, "x,X,0,,,1,1"], "line 2, column 'type': 'X'; expected a joint's type"),
+        ([HEADER, *ROWS[:2], "s,H,2,,,1,45", ROWS[3]], "line 4, column 'pitch [mm/rad]': an empty cell"),
+        ([HEADER, "s,H,2,,0,1,45", ROWS[3]], "'0'; expected the length per angle of a joint H, not zero"),
+        ([HEADER, "s,R,2,,3,1,45", ROWS[3]], "'3'; expected an empty cell: a joint R is no screw"),
+        (["type,a [mm],alpha [deg]", "H,1,1"], "line 2, column 'pitch': no such column; expected the length"),
+        ([HEADER, "x,R,,,,1,1"], "line 2, column 'S [mm]': an empty cell; expected a number: S is constant"),
+        ([HEADER, "x,P,1,0,,1,1"], "column 'S [mm]': '1'; expected an empty cell: S varies in a joint P"),
+        ([HEADER, "x,R,1,0,,1,1"], "column 'theta [deg]': '0'; expected an empty cell: theta varies"),
+        (
+            [HEADER, "x,R,0,,,,1", ROWS[3]],
+            "line 2, column 'a [mm]': an empty cell; expected a number of the link",
+        ),
+        ([HEADER, ROWS[0], "y,R,0,,,5,"], "line 3, column 'alpha [deg]': an empty cell; expected the other"),
+        ([HEADER, 'x,R,"12,5",,,1,1'], "line 2, column 'S [mm]': '12,5'; expected a decimal point"),
+        ([HEADER, "x,R,1_000,,,1,1"], "'1_000'; expected a number"),
+        ([HEADER, "x,R,nan,,,1,1"], "'nan'; expected a finite number"),
+        ([HEADER, "x,R,1e999,,,1,1"], "'1e999'; expected a finite number"),
+        ([HEADER, "x,R,0,,,1,1,7"], "line 2: 8 cells under 7 columns; expected a cell for each column"),
+        ([HEADER, ROWS[0], ROWS[0]], "line 3, column 'joint': a second joint called 'base'"),
+        ([HEADER, 'x,R,"0,,,1,1'], "line 2: 'x,R,\"0,,,1,1'; expected cells between commas, quotes in pairs"),
+        ([HEADER, "x,R,0,,\0,1,1"], "line 2: a zero byte"),
+    ],
+)
+def test_faults_are_told_in_one_line(lines: list[str], told: str, tmp_path: Path) -> None:
+    path = write(tmp_path, *lines)
+    with pytest.raises(InputFileError) as caught:
+        spatial.load_mechanism(path)
+    text = str(caught.value)
+    assert text.startswith(f"{path}: ")
+    assert told in text
+    assert len(text.splitlines()) == 1
+
+
+def test_what_is_no_table_is_told(tmp_path: Path) -> None:
+    latin, large = tmp_path / "latin.csv", tmp_path / "large.csv"
+    latin.write_bytes(HEADER.encode() + b"\n\xe4,R\n")
+    large.write_bytes(b"joint,type\n" * 200_000)
+    for path, told in (
+        (tmp_path, "a folder"),
+        (tmp_path / "none.csv", "no such file"),
+        (latin, "line 2: bytes that are no text in UTF-8"),
+        (large, "more than a megabyte"),
+    ):
+        with pytest.raises(InputFileError, match=told):
+            spatial.load_mechanism(path)
+
+
+def test_millimetres_and_degrees_need_numpy_alone(tmp_path: Path) -> None:
+    path = write(tmp_path, HEADER.replace("mm/rad", "mm/rev"), *ROWS)
+    hide = "import sys\nfor m in ('pint', 'pyarrow', 'sympy', 'scipy'): sys.modules[m] = None\n"
+    code = f"from rodgen import spatial\nprint(spatial.load_mechanism({path!r}).joints)"
+    done = subprocess.run([sys.executable, "-c", hide + code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
