@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from rodgen.generated.numpy import three_sps_s
+
 DIRECTIONS = np.array([[np.cos(a), np.sin(a), 0] for a in np.radians([-30, 90, 210])])
 
 
@@ -36,6 +38,10 @@ def sps_inputs(name: str) -> dict[str, np.ndarray]:
         shared = _shared(matrices, dims)
         root = rng.uniform(-1.2, 1.1, size=14)
         root[2], root[5] = 40.0, -40.0  # beyond a tilt of π, and below none
+        octics = three_sps_s.sps_octic_scaled(*shared.values())[0]
+        for row in (0, 4, 7, 9, 13):  # no guess, but a root; most guesses lie where w² is clipped to Z's side
+            roots = np.roots(octics[row, ::-1])
+            root[row] = roots[np.argmin(np.abs(roots.imag))].real
         return {**shared, "root": root, "sign": np.where(np.arange(14) % 3, 1.0, -1.0)}
     special = np.concatenate(
         [np.eye(3)[None], Rotation.from_rotvec([[0, 0, 0.7]]).as_matrix(), np.full((1, 3, 3), np.nan)]

@@ -63,7 +63,7 @@ def test_both_modes_agree_on_every_kernel_and_at_every_hard_input(name: str) -> 
                 room = mpmath.mpf(10) ** (10 - DIGITS) * max(1, *map(abs, there))
                 assert max(abs(there - here)) <= room, (key, row)
                 compared += 1
-    assert compared >= 0.4 * count
+    assert compared >= count / 2
 
 
 EVERY_OPERATION = [

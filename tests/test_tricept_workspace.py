@@ -80,27 +80,29 @@ def test_the_papers_machine_is_symmetric_in_y_and_not_in_x(paper):
 
 
 def test_no_point_lies_beyond_the_extents_and_an_optimiser_comes_no_farther(paper):
+    """In metres: with lengths of the size of angles SLSQP keeps the limits of the rods to some 1e-9 mm."""
+    machine, (shortest, longest) = Geometry(PAPER.R / 1000, PAPER.r / 1000), np.array(LEG_LIMITS) / 1000
+    keep_the_limits = [
+        {"type": "ineq", "fun": lambda x: tricept.legs(x, machine) - shortest},
+        {"type": "ineq", "fun": lambda x: longest - tricept.legs(x, machine)},
+    ]
     rng = np.random.default_rng(2)
     for component in range(3):
         for sign, end in ((-1, paper.extents[component, 0]), (1, paper.extents[component, 1])):
             best = -np.inf
-            for _ in range(4):
-                start = [*rng.uniform(-0.3, 0.3, 2), rng.uniform(600, 760)]
+            for _ in range(12):
                 done = minimize(
-                    lambda x, sign=sign, component=component: -sign * tricept.point(x, PAPER)[component],
-                    start,
-                    bounds=[(-1.2, 1.2), (-1.2, 1.2), (300, 900)],
-                    constraints=[
-                        {"type": "ineq", "fun": lambda x: tricept.legs(x, PAPER) - LEG_LIMITS[0]},
-                        {"type": "ineq", "fun": lambda x: LEG_LIMITS[1] - tricept.legs(x, PAPER)},
-                    ],
+                    lambda x, sign=sign, component=component: -sign * tricept.point(x, machine)[component],
+                    [*rng.uniform(-0.6, 0.6, 2), rng.uniform(0.6, 0.76)],
+                    bounds=[(-1.2, 1.2), (-1.2, 1.2), (0.3, 0.9)],
+                    constraints=keep_the_limits,
                     method="SLSQP",
-                    options={"maxiter": 300},
+                    options={"maxiter": 300, "ftol": 1e-12},
                 )
                 if done.success:
-                    best = max(best, -done.fun)
-            assert best <= sign * end + 1e-4  # the optimiser keeps the limits of the rods to some 1e-5 mm
-            assert best == pytest.approx(sign * end, abs=0.05)  # SLSQP reaches it from one of the starts
+                    best = max(best, -1000 * done.fun)
+            assert best <= sign * end + 1e-5
+            assert best == pytest.approx(sign * end, abs=1e-5)  # it gets there from one of the starts
 
 
 def test_the_machine_is_nowhere_singular_within_its_limits(paper):
