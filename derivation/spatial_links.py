@@ -1,0 +1,947 @@
+# ---
+# jupyter:
+#   jupytext:
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+#   kernelspec:
+#     display_name: Python 3
+#     language: python
+#     name: python3
+# ---
+
+# %% [markdown]
+# # Rotations, links, and the hypothetical link that closes a robot into a loop
+#
+# C. Crane's course "Robot Geometry" teaches the kinematics of C. Crane and J. Duffy's "Kinematic Analysis of Robot
+# Manipulators". Its notes name their subjects and give the formulas of some. Here are the first of them: rotation
+# and transformation matrices, vector and angle of a rotation, the transform from link to link, the forward analysis of
+# six links with its Jacobian, and the seventh, hypothetical link that makes the robot a closed loop, so that the
+# spherical polygons of the next notebooks apply.
+
+# %%
+from enum import IntEnum
+
+import sympy as sp
+
+from rodgen.codegen import KernelBuilder
+from rodgen.symbolic import (
+    LARGEST,
+    Derivation,
+    dot,
+    equal,
+    in_notebook,
+    matrix_from_axis_angle,
+    select,
+    skew,
+)
+
+derivation = Derivation(
+    "spatial_links",
+    title="Rotations, links, and the hypothetical link",
+    source='Crane, "Robot Geometry", notes after Crane and Duffy, "Kinematic Analysis of Robot Manipulators"',
+)
+d = derivation
+im = sp.ImmutableMatrix
+cos, sin = sp.cos, sp.sin
+
+# %% [markdown]
+# ## Symbols
+#
+# Link $ij$ joins the joints $i$ and $j=i+1$: its length $a_{ij}$ is measured along the common perpendicular of the
+# joints' axes $\vec S_i$ and $\vec S_j$, and its twist $\alpha_{ij}$ about it. Joint $j$ has the offset $S_j$, a signed
+# number along $\vec S_j$, and the angle $\theta_j$ about it, both from $\vec a_{ij}$ to $\vec a_{jk}$.
+
+# %%
+theta = d.symbol("theta", r"\theta", "angle of a rotation; of a joint", "rad")
+alpha = d.symbol("alpha", r"\alpha_{ij}", "twist of a link", "rad")
+a = d.symbol("a", r"a_{ij}", "length of a link", "length")
+S = d.symbol("S", r"S_j", "offset of a joint", "length")
+m = d.vector("m", r"\vec m", "unit vector of a rotation's axis", "1")
+along = d.vector("x_C", r"\vec a", "x axis of system C, across m", "1")
+across = d.vector("y_C", r"\vec b", "y axis of system C", "1")
+q0, q1, q2, q3 = (d.symbol(f"q_{n}", f"q_{n}", "part of a unit quaternion", "1") for n in range(4))
+P = d.vector("P", r"\vec P", "origin of a system; of the end frame", "length")
+p = d.vector("p", r"\vec p", "a point", "length")
+c, s, v = cos(theta), sin(theta), 1 - cos(theta)
+mx, my, mz = m
+d
+
+# %% [markdown]
+# ## Systems of coordinates
+#
+# ${}^A_BR$ has the axes of $B$ as its columns, written in $A$; with the origin of $B$ it is a transformation matrix.
+# Every rotation is that of a unit quaternion.
+
+
+# %%
+def transform(rotation, origin):
+    """4x4 matrix of a rotation matrix and an origin."""
+    top = sp.Matrix(rotation).row_join(sp.Matrix(list(origin)))
+    return top.col_join(sp.Matrix([[0, 0, 0, 1]]))
+
+
+def inverse(T):
+    """Inverse of a transformation matrix."""
+    turned = T[:3, :3].T
+    return transform(turned, -turned * T[:3, 3])
+
+
+def of_quaternion(w, x, y, z):
+    """Rotation matrix of a unit quaternion."""
+    part = sp.Matrix([x, y, z])
+    return sp.eye(3) * (w**2 - part.dot(part)) + 2 * part * part.T + 2 * w * skew(part)
+
+
+R = of_quaternion(q0, q1, q2, q3)
+UNIT = {q0: q0**2 + q1**2 + q2**2 + q3**2 - 1}
+T = transform(R, P)
+d.state(
+    "transformation",
+    equal(im(T * sp.Matrix([*p, 1])), im([*(R * sp.Matrix(list(p)) + sp.Matrix(list(P))), 1])),
+    text="A transformation matrix takes the coordinates of a point in B to those in A.",
+    place="Transformation Matrix Definition",
+).prove()
+d.state(
+    "reverse-transformation",
+    equal(im(T * inverse(T)), im(sp.eye(4))),
+    equal(im(inverse(T) * T), im(sp.eye(4))),
+    text="Its inverse has the transposed rotation, and the origin of A in B.",
+    place="Reverse Transformation Matrix Definition",
+).prove(modulo=UNIT)
+
+# %% [markdown]
+# ## Rotation about a general vector
+#
+# System $C$ has its $z$ axis along $\vec m$ and its other axes $\vec a$, $\vec b$ anywhere. It is turned about
+# $\vec m$ into system $D$; $B$ is to $D$ as $A$ is to $C$. So ${}^A_BR={}^A_CR\,{}^C_DR\,{}^D_BR$.
+
+# %%
+ACR = sp.Matrix.hstack(*(sp.Matrix(list(w)) for w in (along, across, m)))
+
+
+def about_z(angle):
+    """Rotation about z."""
+    return sp.Matrix([[cos(angle), -sin(angle), 0], [sin(angle), cos(angle), 0], [0, 0, 1]])
+
+
+def about_x(angle):
+    """Rotation about x."""
+    return sp.Matrix([[1, 0, 0], [0, cos(angle), -sin(angle)], [0, sin(angle), cos(angle)]])
+
+
+def about_y(angle):
+    """Rotation about y."""
+    return sp.Matrix([[cos(angle), 0, sin(angle)], [0, 1, 0], [-sin(angle), 0, cos(angle)]])
+
+
+about_m = sp.Matrix(
+    [
+        [mx**2 * v + c, mx * my * v - mz * s, mx * mz * v + my * s],
+        [mx * my * v + mz * s, my**2 * v + c, my * mz * v - mx * s],
+        [mx * mz * v - my * s, my * mz * v + mx * s, mz**2 * v + c],
+    ]
+)
+in_quaternion = dict(zip((along, across, m), (R[:, 0], R[:, 1], R[:, 2]), strict=True))
+d.state(
+    "same-relation",
+    equal(im(about_m.T * ACR * about_z(theta)), im(ACR)),
+    text="The relation of D to B is that of C to A: R(B to D) = R(A to C).",
+    place="Formula Derivation",
+).prove(given=in_quaternion, modulo=UNIT)
+
+# %% [markdown]
+# The product still has the components of $\vec a$ and $\vec b$ in it. Three rules remove them. *First*, each row of
+# ${}^A_CR$ has unit length; *second*, its rows are across each other; *third*, its columns are right-handed,
+# $\vec a\times\vec b=\vec m$.
+
+# %%
+products = sp.expand(ACR * about_z(theta) * ACR.T)
+rule_1 = [along[i] ** 2 + across[i] ** 2 - (1 - m[i] ** 2) for i in range(3)]
+rule_2 = {
+    (i, j): along[i] * along[j] + across[i] * across[j] + m[i] * m[j] for i, j in ((0, 1), (0, 2), (1, 2))
+}
+rule_3 = list(sp.Matrix(list(along)).cross(sp.Matrix(list(across))) - sp.Matrix(list(m)))
+d.state(
+    "rule-1",
+    *(equal(along[i] ** 2 + across[i] ** 2, 1 - m[i] ** 2) for i in range(3)),
+    text="The dot product of a row with itself is one.",
+    place="Formula Derivation",
+).prove(given=in_quaternion, modulo=UNIT)
+d.state(
+    "rule-2",
+    *(equal(along[i] * along[j] + across[i] * across[j], -m[i] * m[j]) for i, j in rule_2),
+    text="The dot product of two rows is zero.",
+    place="Formula Derivation",
+).prove(given=in_quaternion, modulo=UNIT)
+ax, ay, az = along
+bx, by, bz = across
+d.state(
+    "rule-3",
+    equal(im([ay * bz - az * by, ax * bz - az * bx, ax * by - ay * bx]), im([mx, my, mz])),
+    said="the cross product of the first two columns equals the third column",
+    place="Formula Derivation",
+    assumptions=[
+        *(sp.Eq(along[i] ** 2 + across[i] ** 2 + m[i] ** 2, 1) for i in range(3)),
+        *(sp.Eq(rule, 0) for rule in rule_2.values()),
+        sp.Eq(dot(along, along), 1),
+    ],
+).refute(
+    {along: (0, 0, 1), across: (1, 0, 0), m: (0, 1, 0)},
+    equal(im([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]), im([mx, my, mz])),
+    given=in_quaternion,
+    modulo=UNIT,
+    label="L1",
+    because="The component along j is a_z b_x − a_x b_z. With the printed sign the entries (1,3) and (3,1) of the "
+    "matrix get m_y s with the wrong sign.",
+)
+
+# %% [markdown]
+# Each entry of the product is the wanted one plus multiples of what the rules say is zero. These multiples are its
+# certificate: they hold identically, whatever $\vec a$, $\vec b$ and $\vec m$ are.
+
+# %%
+certificate = sp.zeros(3, 3)
+for i in range(3):
+    certificate[i, i] = c * rule_1[i]
+for (i, j), rule in rule_2.items():
+    k = 3 - i - j
+    sign = sp.LeviCivita(i, j, k)
+    certificate[i, j] = c * rule - s * sign * rule_3[k]
+    certificate[j, i] = c * rule + s * sign * rule_3[k]
+names = "xyz"
+for i in range(3):
+    for j in range(3):
+        d.check(
+            f"entry-{i + 1}{j + 1}",
+            equal(products[i, j], about_m[i, j] + certificate[i, j]),
+            text=f"Entry ({i + 1},{j + 1}): what is wanted, and c times "
+            + (
+                f"rule 1 of row {names[i]}."
+                if i == j
+                else f"rule 2 of the rows {names[i]}, {names[j]} and s times rule 3 of {names[3 - i - j]}."
+            ),
+        ).prove()
+d.state(
+    "general-rotation",
+    equal(im(ACR * about_z(theta) * ACR.T), im(about_m)),
+    text="The rotation by the angle θ about the unit vector m.",
+    place="General Rotation Transformation Matrix",
+).prove(
+    *(d.entries[f"entry-{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3)),
+    equal(im(certificate), im(sp.zeros(3, 3))),
+    given=in_quaternion,
+    modulo=UNIT,
+    because="Each entry is proved, and what the certificates hold is zero for every rotation matrix.",
+)
+d.check(
+    "same-as-rotations",
+    equal(im(about_m), im(matrix_from_axis_angle(sp.Matrix(list(m)), c, s))),
+    text="It is Rodrigues' matrix, from which the kernel matrix_from_axis_angle of the notebook rotations is made.",
+).prove(modulo={mz: dot(m, m) - 1})
+
+# %% [markdown]
+# ## Common rotations
+
+# %%
+for axis, made, unit in (("x", about_x, (1, 0, 0)), ("y", about_y, (0, 1, 0)), ("z", about_z, (0, 0, 1))):
+    d.state(
+        f"about-{axis}",
+        equal(im(about_m.subs(dict(zip(m, unit, strict=True)))), im(made(theta))),
+        text=f"The rotation about the {axis} axis.",
+        place="Common Rotations",
+    ).prove()
+
+# %% [markdown]
+# ## Vector and angle from the matrix
+
+# %%
+UNIT_M = {mz: dot(m, m) - 1}
+d.state(
+    "trace",
+    equal(about_m.trace(), (mx**2 + my**2 + mz**2) * v + 3 * c),
+    text="The sum of the diagonal.",
+    place="Find Vector and Rotation Angle",
+).prove()
+d.state(
+    "trace-unit",
+    equal(about_m.trace(), v - 3 * c),
+    text="The same, since m is a unit vector.",
+    place="Find Vector and Rotation Angle",
+    assumptions=[sp.Eq(dot(m, m), 1)],
+).refute(
+    {theta: 0, m: (0, 0, 1)},
+    equal(about_m.trace(), v + 3 * c),
+    modulo=UNIT_M,
+    label="L2",
+    because="A sign: the line before has + 3c, and so has the next expression in the same line, (1 − c) + 3c.",
+)
+d.state(
+    "trace-angle",
+    equal(about_m.trace(), 1 + 2 * c),
+    text="So the trace gives the cosine of the angle.",
+    place="Find Vector and Rotation Angle",
+).prove(modulo=UNIT_M)
+w = d.vector(
+    "w",
+    r"\vec w",
+    "(r32 − r23, r13 − r31, r21 − r12)",
+    "1",
+    value=sp.Matrix(
+        [
+            about_m[2, 1] - about_m[1, 2],
+            about_m[0, 2] - about_m[2, 0],
+            about_m[1, 0] - about_m[0, 1],
+        ]
+    ),
+)
+d.state(
+    "differences",
+    equal(about_m[1, 0] - about_m[0, 1], 2 * mz * s),
+    equal(about_m[2, 1] - about_m[1, 2], 2 * mx * s),
+    equal(about_m[0, 2] - about_m[2, 0], 2 * my * s),
+    text="Differences of the other entries give the vector. The notes call the last one an exception: their rule "
+    "r_ji − r_ij = 2 m_k s with i < j is right where (i,j,k) is an even permutation, and (1,3,2) is odd.",
+    place="Find Vector and Rotation Angle",
+).prove()
+d.state(
+    "always-a-vector",
+    sp.Ne(s, 0),
+    tacit=True,
+    text="2 m_k sin θ determines m_k.",
+    place="Find Vector and Rotation Angle",
+).refute(
+    {theta: sp.pi},
+    equal(im(about_m.subs(theta, sp.pi)), im(2 * sp.Matrix(list(m)) * sp.Matrix(list(m)).T - sp.eye(3))),
+    label="L3",
+    modulo=UNIT_M,
+    because="Not for θ = 0, where every vector is right, nor for θ = π, where the differences are zero and the vector "
+    "stands in the symmetric part: its sign is free.",
+)
+d.check(
+    "sine-and-cosine",
+    equal(dot(w, w), (2 * s) ** 2),
+    equal(about_m.trace() - 1, 2 * c),
+    text="|w| and the trace less one are 2 sin θ and 2 cos θ: atan2 of both is right to rounding where the arccosine "
+    "is not. The package goes through the quaternion's largest component, so that the vector is right to rounding, "
+    "too (notebook rotations).",
+).prove(modulo=UNIT_M)
+
+# %% [markdown]
+# ## From link to link
+#
+# System $j$ has its $x$ axis along $\vec a_{jk}$, its $z$ axis along $\vec S_j$, and its origin where both meet. The
+# transform of link $ij$ and joint $j$ is a screw motion about $\vec a_{ij}$ and one about $\vec S_j$. It is what
+# others call modified Denavit-Hartenberg: length and twist come before offset and angle.
+
+
+# %%
+def shift(x=0, y=0, z=0):
+    """Translation."""
+    return transform(sp.eye(3), [x, y, z])
+
+
+def link(a, alpha, S, theta):
+    """Transform from link to link."""
+    return (
+        shift(x=a) * transform(about_x(alpha), [0, 0, 0]) * shift(z=S) * transform(about_z(theta), [0, 0, 0])
+    )
+
+
+ca, sa = cos(alpha), sin(alpha)
+written_out = sp.Matrix(
+    [
+        [c, -s, 0, a],
+        [s * ca, c * ca, -sa, -sa * S],
+        [s * sa, c * sa, ca, ca * S],
+        [0, 0, 0, 1],
+    ]
+)
+d.state(
+    "link-transform",
+    equal(im(written_out), im(link(a, alpha, S, theta))),
+    text="The transform from link to link.",
+    place="General Link to Link Transformation Matrix",
+).prove()
+x, y, z = (d.vector(f"{n}_i", rf"\vec {n}", f"{n} axis of system i", "1") for n in "xyz")
+before = transform(sp.Matrix.hstack(*(sp.Matrix(list(u)) for u in (x, y, z))), P)
+
+
+def next_frame(frame, a, ca, sa, S, c, s):
+    """Axes and origin of the next system from those of this one, with the least operations."""
+    x, y, z, origin = frame
+    y_turned, z_turned = ca * y + sa * z, ca * z - sa * y
+    return (c * x + s * y_turned, c * y_turned - s * x, z_turned, origin + a * x + S * z_turned)
+
+
+stepped = next_frame([sp.Matrix(list(u)) for u in (x, y, z, P)], a, ca, sa, S, c, s)
+d.check(
+    "next-frame",
+    equal(im(transform(sp.Matrix.hstack(*stepped[:3]), stepped[3])), im(before * written_out)),
+    text="The next system: its axes are those of this one, turned about x by the twist and about the new z by the "
+    "joint's angle.",
+).prove()
+
+# %% [markdown]
+# ## Forward analysis
+#
+# The fixed system has its origin where $\vec a_{12}$ meets $\vec S_1$, and its $z$ axis along $\vec S_1$; $\phi_1$
+# is the angle of the first link. Six links give ${}^F_6T={}^F_1T\,{}^1_2T\cdots{}^5_6T$. Its first column is
+# $\vec a_{67}$, its third $\vec S_6$, its last the origin of system 6.
+
+# %%
+phi = d.symbol("phi", r"\phi_1", "angle of the first link in the fixed system", "rad")
+d.check(
+    "first-frame",
+    equal(im(link(0, 0, 0, phi)), im(transform(about_z(phi), [0, 0, 0]))),
+    text="The first system is turned about the first joint's axis.",
+).prove()
+tool = d.vector("t", r"\vec t", "tool point in system 6", "length")
+x6, y6, z6 = (R[:, n] for n in range(3))
+d.check(
+    "origin-from-tool",
+    equal(
+        im(list(P)),
+        im((T * sp.Matrix([*tool, 1]))[:3, 0] - tool[0] * x6 - tool[1] * z6.cross(x6) - tool[2] * z6),
+    ),
+    text="From a tool point back to the origin: P = P_tool − x a67 − y (S6 × a67) − z S6.",
+).prove(modulo=UNIT)
+
+# %% [markdown]
+# ## Velocities
+#
+# A joint turns or shifts all that comes after it: with $A$ the system just before its motion and $B$ what follows,
+# $T=A\,T_z(S)R_z(\theta)\,B$.
+
+# %%
+twist_z = sp.zeros(4, 4)
+twist_z[:3, :3] = skew(sp.Matrix([0, 0, 1]))
+screw = shift(z=S) * transform(about_z(theta), [0, 0, 0])
+d.check(
+    "joint-derivative",
+    equal(im(screw.diff(theta)), im(twist_z * screw)),
+    equal(im(screw.diff(S)), im(sp.Matrix(4, 4, lambda i, j: int(i == 2 and j == 3)) * screw)),
+    text="The derivative of a joint's motion is its twist times the motion.",
+).prove()
+carried = sp.zeros(4, 4)
+carried[:3, :3] = skew(z6)
+carried[:3, 3] = -z6.cross(sp.Matrix(list(P)))
+d.check(
+    "carried-twist",
+    equal(im(T * twist_z * inverse(T)), im(carried)),
+    text="Carried into the fixed system it is the rotation about the joint's axis: a point p moves with S × (p − P).",
+).prove(modulo=UNIT)
+
+# %% [markdown]
+# So the column of a revolute joint in the Jacobian is $(\vec S_j;\ \vec S_j\times(\vec P_6-\vec P_j))$, with the
+# angular velocity first, and that of a prismatic one $(\vec 0;\ \vec S_j)$.
+#
+# ## Other conventions
+#
+# Standard Denavit-Hartenberg has the joint first and the link after it, $R_zT_zT_xR_x$. Regrouped it is the chain
+# above with one link more at the end. A product of exponentials knows each joint by its axis where all
+# variables are zero.
+
+# %%
+turn = d.symbol("turn", "q", "variable of a joint", "rad")
+d.check(
+    "standard-dh",
+    equal(
+        im(
+            transform(about_z(theta), [0, 0, 0])
+            * shift(z=S)
+            * shift(x=a)
+            * transform(about_x(alpha), [0, 0, 0])
+        ),
+        im(screw * (shift(x=a) * transform(about_x(alpha), [0, 0, 0]))),
+    ),
+    text="Standard Denavit-Hartenberg: the joint's screw motion and then the link's.",
+).prove()
+line = sp.eye(4)
+line[:3, :3] = matrix_from_axis_angle(z6, cos(turn), sin(turn))
+line[:3, 3] = (sp.eye(3) - line[:3, :3]) * sp.Matrix(list(P))
+d.check(
+    "exponential",
+    equal(im(T * transform(about_z(turn), [0, 0, 0])), im(line * T)),
+    text="To turn the joint after its axis is carried somewhere is to turn about the carried line, and then carry: all "
+    "joints one after the other make the product of exponentials.",
+).prove(modulo=UNIT)
+other = d.vector("p_other", r"\vec p'", "a point of another line", "length")
+u = d.vector("u", r"\vec u", "direction of a line", "1")
+u_other = d.vector("u_other", r"\vec u'", "direction of another line", "1")
+lines = [sp.Matrix(list(w)) for w in (p, u, other, u_other)]
+normal = lines[1].cross(lines[3])
+gap = lines[2] - lines[0]
+foot = lines[0] + gap.cross(lines[3]).dot(normal) / normal.dot(normal) * lines[1]
+foot_other = lines[2] + gap.cross(lines[1]).dot(normal) / normal.dot(normal) * lines[3]
+d.check(
+    "common-perpendicular",
+    equal(dot(foot_other - foot, lines[1]), 0),
+    equal(dot(foot_other - foot, lines[3]), 0),
+    equal(im(foot_other - foot), im(gap.dot(normal) / normal.dot(normal) * normal)),
+    text="The feet of the common perpendicular of two lines that are not parallel: from axes in space to links.",
+).prove()
+
+# %% [markdown]
+# ## Closing the loop with a hypothetical link
+#
+# The end frame is given: $\vec S_6$, $\vec a_{67}$ and its origin $\vec P$. A seventh joint and the links 67 and 71
+# bring the chain back to the fixed system. The length $a_{67}$ and the twist $\alpha_{67}$ are free; all else follows:
+# $\vec S_7=\vec S_6c_{67}+(\vec a_{67}\times\vec S_6)s_{67}$, and the loop
+# $\vec P+a_{67}\vec a_{67}+S_7\vec S_7+a_{71}\vec a_{71}+S_1\vec S_1=\vec 0$.
+
+# %%
+a67 = d.symbol("a_67", r"a_{67}", "length of the link 67, free", "length")
+alpha67 = d.symbol("alpha_67", r"\alpha_{67}", "twist of the link 67, free", "rad")
+alpha71 = d.symbol("alpha_71", r"\alpha_{71}", "twist of the link 71", "rad")
+azimuth = d.symbol("beta", r"\beta", "azimuth of S7", "rad")
+spin = d.symbol("psi", r"\psi", "angle of a67 about S7", "rad")
+azimuth_a = d.symbol("delta", r"\delta", "azimuth of a71", "rad")
+r71 = d.symbol("r", "r", "a71 in the special cases", "length", positive=True)
+height = d.symbol("h", "h", "height of the loop's open end", "length")
+same = d.symbol("e", r"\epsilon", "+1 where S7 and S1 are parallel, −1 where they are opposite", "1")
+c67, s67 = cos(alpha67), sin(alpha67)
+X_F, S_1 = sp.Matrix([1, 0, 0]), sp.Matrix([0, 0, 1])
+
+
+def normal_case(S7v, a67v, P, c71, s71):
+    """All of the loop where S7 and S1 are not parallel; P is where the link 67 ends."""
+    a71v = S7v.cross(S_1) / s71
+    S7 = S_1.cross(P).dot(a71v) / s71
+    a71 = P.cross(S_1).dot(S7v) / s71
+    S1 = P.cross(S7v).dot(a71v) / s71
+    return a71v, S7, a71, S1
+
+
+def turns(S7v, a67v, a71v):
+    """Cosine and sine of theta 7 and of gamma 1."""
+    seven = a67v.dot(a71v), a67v.cross(a71v).dot(S7v)
+    one = a71v.dot(X_F), a71v.cross(X_F).dot(S_1)
+    return seven, one
+
+
+def link_by(a, twist, S, angle):
+    """Transform from link to link, by cosines and sines."""
+    replaced = {ca: twist[0], sa: twist[1], c: angle[0], s: angle[1], globals()["a"]: a, globals()["S"]: S}
+    return written_out.xreplace(replaced)
+
+
+def closed(S7v, a67v, P, twist71, loop):
+    """The product all the way round: the end frame, the links 67 and 71."""
+    a71v, S7, a71, S1 = loop
+    S6 = c67 * S7v - s67 * a67v.cross(S7v)
+    seven, one = turns(S7v, a67v, a71v)
+    end = transform(sp.Matrix.hstack(a67v, S6.cross(a67v), S6), P - a67 * a67v)
+    return end * link_by(a67, (c67, s67), S7, seven) * link_by(a71, twist71, S1, one)
+
+
+c71, s71 = cos(alpha71), sin(alpha71)
+S7v = sp.Matrix([s71 * cos(azimuth), s71 * sin(azimuth), c71])
+level = sp.Matrix([sin(azimuth), -cos(azimuth), 0])
+a67v = cos(spin) * level + sin(spin) * S7v.cross(level)
+end_67 = sp.Matrix(list(P))
+d.check(
+    "normal-case",
+    equal(im(closed(S7v, a67v, end_67, (c71, s71), normal_case(S7v, a67v, end_67, c71, s71))), im(sp.eye(4))),
+    text="Where s71 is not zero, a71 = S7 × S1 / s71, and the three lengths are triple products of P with two of the "
+    "three directions. The transforms then close: the product all the way round, with γ1 in place of θ1, is the "
+    "unit matrix. So φ1 = θ1 − γ1. S7 is any vector off the z axis here, a67 any one across it: every pose is one of "
+    "these. The length a71 comes out signed.",
+).prove()
+
+# %% [markdown]
+# ### Special case 1: S7 and S1 are parallel
+#
+# The first length is free: $S_7=0$.
+
+# %%
+S7v_parallel = sp.Matrix([0, 0, same])
+a67v_level = sp.Matrix([cos(spin), sin(spin), 0])
+end_parallel = sp.Matrix([-r71 * cos(azimuth_a), -r71 * sin(azimuth_a), height])
+S1_1 = -end_parallel.dot(S_1)
+across_1 = end_parallel + S1_1 * S_1
+a71_1 = sp.sqrt(across_1.dot(across_1))
+a71v_1 = -across_1 / r71
+special = "Special Case 1"
+d.state(
+    "special-1-S1",
+    equal(S1_1, -height),
+    equal(dot(a71v_1, S_1), 0),
+    text="The loop times S1: S1 = −P · S1, since a71 is across S1.",
+    place=special,
+).prove()
+d.state(
+    "special-1-a71",
+    equal(a71_1, r71),
+    equal(im(end_parallel + r71 * a71v_1 + S1_1 * S_1), im(sp.zeros(3, 1))),
+    text="a71 is the length of what is left, and its direction that of what is left, turned about.",
+    place=special,
+).prove(
+    a71_1**2 - r71**2,
+    im(end_parallel + r71 * a71v_1 + S1_1 * S_1),
+    because="Both sides of the first are positive and have one square; the second adds up to zero.",
+)
+d.check(
+    "special-1",
+    equal(
+        im(closed(S7v_parallel, a67v_level, end_parallel, (same, 0), (a71v_1, 0, r71, S1_1))), im(sp.eye(4))
+    ),
+    text="The transforms close, with α71 = 0 or π.",
+).prove(modulo={same: same**2 - 1})
+
+# %% [markdown]
+# The notes go to this case when $\alpha_{71}$ is "very close" to 0° or 180°. It closes the loop only when it is equal:
+# otherwise $\vec a_{71}$ is across $\vec S_1$ but not across $\vec S_7$, and no $\theta_7$ has the sine and the cosine.
+
+# %%
+a71v_near = sp.Matrix([cos(azimuth_a), sin(azimuth_a), 0])
+seven_near, _ = turns(S7v, a67v, a71v_near)
+d.state(
+    "very-close",
+    equal(seven_near[0] ** 2 + seven_near[1] ** 2, 1),
+    said="problems are encountered when α71 is very close to either 0 or 180 degrees. The first step to solving "
+    "special case one is to set S7 equal to zero (…) Now the same series of sin and cos equations as the normal case "
+    "can be used to find the remaining angles",
+    text="these are the cosine and the sine of an angle θ7.",
+    place=special,
+    assumptions=[sp.Lt(sp.Abs(s71), sp.Rational(1, 500))],
+).refute(
+    {alpha71: 2 * sp.atan(sp.Rational(1, 1000)), azimuth: 0, spin: 0, azimuth_a: 0},
+    equal(seven_near[0] ** 2 + seven_near[1] ** 2, 1 - dot(a71v_near, S7v) ** 2),
+    label="L4",
+    because="Only where S7 and S1 are parallel is a71 across both. With S7 = 0 the loop misses by up to |P| s71; "
+    "without, rounding is multiplied by 1/s71. In double precision the two are alike at s71 = 1e-8, which is the "
+    "default tolerance here.",
+)
+
+# %% [markdown]
+# ### Special case 2: the lines of S7 and S1 are the same
+
+# %%
+d.state(
+    "special-2",
+    equal(
+        im(
+            closed(
+                S7v_parallel, a67v_level, sp.Matrix([0, 0, height]), (same, 0), (a67v_level, 0, 0, -height)
+            )
+        ),
+        im(sp.eye(4)),
+    ),
+    equal(im(turns(S7v_parallel, a67v_level, a67v_level)[0]), im([1, 0])),
+    text="S7 = 0, θ7 = 0, a71 = 0, and a71 along a67: the transforms close.",
+    place="Special Case 2",
+).prove(modulo={same: same**2 - 1})
+
+# %% [markdown]
+# ### No need for special cases
+#
+# The loop closes for every $\alpha_{67}$, and the robot knows nothing of it. Of 45° and 135°, whose $\vec S_7$ are at
+# right angles, one always has $s_{71}\ge\sin45°$. So this package takes 90°, as the notes do, where that is as good,
+# and else the better of these two.
+
+# %%
+S6v = sp.Matrix(list(z))
+a67v_any = sp.Matrix(list(x))
+level_z = a67v_any.cross(S6v)
+half, three = sp.pi / 4, 3 * sp.pi / 4
+S7_at = {angle: S6v * cos(angle) + level_z * sin(angle) for angle in (half, three)}
+by_R = {x: x6, z: z6}
+d.check(
+    "chosen-twist",
+    equal(S7_at[half].dot(S7_at[three]), 0),
+    equal(S7_at[half].dot(S_1) ** 2 + S7_at[three].dot(S_1) ** 2, 1 - a67v_any.dot(S_1) ** 2),
+    text="The squares of both cosines c71 add up to at most 1, so the smaller one is at most ½.",
+).prove(given=by_R, modulo=UNIT)
+
+# %% [markdown]
+# ## The kernels
+
+
+# %%
+class HypotheticalStatus(IntEnum):
+    """How a robot's end frame is closed into a loop.
+
+    NORMAL: the axes S7 and S1 are not parallel.
+    PARALLEL: they are, to the tolerance, and S7 = 0 was chosen (special case 1).
+    COINCIDENT: they are on one line, and S7 = 0 and theta7 = 0 were chosen (special case 2).
+    INVALID: the pose is not finite or no pose, or a number is not finite; the values are NaN.
+    """
+
+    NORMAL = 0
+    PARALLEL = 1
+    COINCIDENT = 2
+    INVALID = 3
+
+
+SOURCE = "derivation spatial_links; Crane and Duffy"
+
+
+def frame_of(T):
+    """Axes and origin of a transformation matrix."""
+    return tuple(T[:3, n] for n in range(4))
+
+
+def named_frame(k, name, frame):
+    """Name the components of a system."""
+    return tuple(k.let(f"{part}_{name}", vector) for part, vector in zip("xyzp", frame, strict=True))
+
+
+def matrix_of(frame):
+    """Transformation matrix of axes and origin."""
+    return transform(sp.Matrix.hstack(*frame[:3]), frame[3])
+
+
+def step_kernel():
+    k = KernelBuilder("link_step", summary="Go from one link's system to the next.", source=SOURCE)
+    frame = k.input("frame", (4, 4), unit="1 and length", doc="system of the link before")
+    a = k.input("a", unit="length", doc="length of the link")
+    cosine = k.input("cos_alpha", unit="1", doc="cosine of its twist")
+    sine = k.input("sin_alpha", unit="1", doc="sine of its twist")
+    S = k.input("offset", unit="length", doc="offset of the joint")
+    angle = k.input("angle", unit="rad", doc="angle of the joint")
+    turned = k.let("c", cos(angle)), k.let("s", sin(angle))
+    found = next_frame(frame_of(frame), a, cosine, sine, S, *turned)
+    k.output("next_frame", matrix_of(found), unit="1 and length", doc="system of the link after the joint")
+    return k.build()
+
+
+def inverse_kernel():
+    k = KernelBuilder("link_inverse", summary="Invert a transformation matrix.", source=SOURCE)
+    T = k.input("transform", (4, 4), unit="1 and length", doc="rotation and origin")
+    k.output("inverse", inverse(T), unit="1 and length", doc="the inverse transformation")
+    return k.build()
+
+
+def six_links(k):
+    """The systems of six revolute joints, one after the other."""
+    a = k.input("a", 5, unit="length", doc="a12 to a56")
+    cosine = k.input("cos_alpha", 5, unit="1", doc="cosines of alpha12 to alpha56")
+    sine = k.input("sin_alpha", 5, unit="1", doc="their sines")
+    S = k.input("offset", 6, unit="length", doc="S1 to S6")
+    angle = k.input("angle", 6, unit="rad", doc="phi1, theta2 to theta6")
+    c = k.let("c", sp.Matrix([cos(x) for x in angle]))
+    s = k.let("s", sp.Matrix([sin(x) for x in angle]))
+    frame = (sp.Matrix([c[0], s[0], 0]), sp.Matrix([-s[0], c[0], 0]), S_1, sp.Matrix([0, 0, S[0]]))
+    frames = [frame]
+    for n in range(1, 6):
+        frame = next_frame(frames[-1], a[n - 1], cosine[n - 1], sine[n - 1], S[n], c[n], s[n])
+        frames.append(named_frame(k, "_abcdef"[n + 1], frame))
+    return frames
+
+
+def forward_kernel():
+    k = KernelBuilder("link_forward_6r", summary="End frame of six revolute joints.", source=SOURCE)
+    k.output("pose", matrix_of(six_links(k)[-1]), unit="1 and length", doc="end frame in the fixed system")
+    return k.build()
+
+
+def jacobian_kernel():
+    k = KernelBuilder(
+        "link_jacobian_6r", summary="Jacobian of the end frame of six revolute joints.", source=SOURCE
+    )
+    frames = six_links(k)
+    end = frames[-1][3]
+    columns = [z.col_join(z.cross(end - origin)) for _, _, z, origin in frames]
+    k.output(
+        "jacobian",
+        sp.Matrix.hstack(*columns),
+        unit="1 and length",
+        doc="angular velocity and velocity of the end frame's origin, a column a joint, in the fixed system",
+    )
+    return k.build()
+
+
+def hypothetical_kernel():
+    k = KernelBuilder(
+        "hypothetical_link", summary="Close a robot into a loop with a hypothetical link.", source=SOURCE
+    )
+    pose = k.input("pose", (4, 4), unit="1 and length", doc="end frame in the fixed system")
+    a67 = k.input("a67", unit="length", doc="length of the link 67, free")
+    alpha67 = k.input("alpha67", unit="rad", doc="twist of the link 67, free")
+    tolerance = k.input("tolerance", unit="1", doc="largest sine between axes that count as parallel")
+    x, y, z, origin = frame_of(pose)
+    # a67 × S6 = −y
+    S7v = k.let("S7v", z * cos(alpha67) - y * sin(alpha67))
+    P = k.let("end", origin + a67 * x)
+    sine = k.let("sine", sp.sqrt(S7v[0] ** 2 + S7v[1] ** 2))
+    level = k.let("level_length", sp.sqrt(P[0] ** 2 + P[1] ** 2))
+    size = k.let("size", sp.sqrt(P.dot(P)))
+    skewed = k.let("skewed", sine > tolerance)
+    apart = k.let("apart", level > tolerance * size)
+    one = sp.S.One
+    a71v, S7, a71, S1 = normal_case(S7v, x, P, S7v[2], k.let("divisor", select(skewed, sine, one)))
+    outward = -sp.Matrix([P[0], P[1], 0]) / select(apart, level, one)
+    a71v = k.let("a71v", a71v)
+    chosen = k.let("chosen", select(skewed, a71v, select(apart, outward, x)))
+    seven, gamma = turns(S7v, x, chosen)
+    gram = pose[:3, :3].T * pose[:3, :3] - sp.eye(3)
+    deviation = k.let("deviation", sum((abs(entry) for entry in gram), sp.S.Zero))
+    volume = k.let("volume", x.dot(y.cross(z)))
+    finite = abs(P[0]) + abs(P[1]) + abs(P[2]) + abs(alpha67) + abs(tolerance) <= LARGEST
+    good = k.let("good", finite & (deviation <= sp.Rational(1, 1000)) & (volume > 0))
+    zero = sp.S.Zero
+    coincident = sp.Not(skewed) & sp.Not(apart)
+    for name, value, unit, doc in (
+        ("S7", select(skewed, S7.xreplace({}), zero), "length", "offset of the joint 7"),
+        ("theta7", select(coincident, zero, sp.atan2(seven[1], seven[0])), "rad", "angle of the joint 7"),
+        ("a71", select(skewed, a71, select(apart, level, zero)), "length", "length of the link 71"),
+        (
+            "alpha71",
+            select(skewed, sp.atan2(sine, S7v[2]), select(S7v[2] > 0, zero, sp.pi)),
+            "rad",
+            "twist of the link 71",
+        ),
+        ("S1", select(skewed, S1, -P[2]), "length", "offset of the joint 1 in the loop"),
+        ("gamma1", sp.atan2(gamma[1], gamma[0]), "rad", "theta1 less phi1"),
+    ):
+        k.output(name, select(good, value, sp.nan), unit=unit, doc=doc)
+    status = sp.Piecewise(
+        (HypotheticalStatus.INVALID, sp.Not(good)),
+        (HypotheticalStatus.NORMAL, skewed),
+        (HypotheticalStatus.PARALLEL, apart),
+        (HypotheticalStatus.COINCIDENT, True),
+        evaluate=False,
+    )
+    k.status("status", status, HypotheticalStatus, doc="which case it is")
+    return k.build()
+
+
+kernels = {
+    made.name: made
+    for made in (step_kernel(), inverse_kernel(), forward_kernel(), jacobian_kernel(), hypothetical_kernel())
+}
+made_frame = kernels["link_step"].expand("next_frame")
+by_port = {
+    sp.Symbol("a", real=True): a,
+    sp.Symbol("offset", real=True): S,
+    sp.Symbol("angle", real=True): theta,
+}
+by_port |= {sp.Symbol("cos_alpha", real=True): ca, sp.Symbol("sin_alpha", real=True): sa}
+by_port |= {
+    sp.Symbol(f"frame_{i}_{j}", real=True): before[i - 1, j - 1] for i in (1, 2, 3, 4) for j in (1, 2, 3, 4)
+}
+d.check(
+    "kernel-step",
+    equal(im(made_frame.xreplace(by_port)), im(before * written_out)),
+    text="The kernel's next system is the product of the two matrices.",
+).prove()
+
+
+# %%
+def step_of_forward(n):
+    """System n by the kernel of six links, from the letters of system n − 1."""
+    kernel = kernels["link_forward_6r"]
+    last, this = "_abcdef"[n - 1], "_abcdef"[n]
+    kept = [f"{part}_{last}" for part in "xyzp"] if n > 2 else []
+    if n < 6:
+        steps = [kernel.expand(f"{part}_{this}", keep=kept) for part in "xyzp"]
+        found = transform(sp.Matrix.hstack(*steps[:3]), steps[3])
+    else:
+        found = kernel.expand("pose", keep=kept)
+    here = {
+        sp.Symbol(f"{part}_{last}_{i + 1}", real=True): vector[i]
+        for part, vector in zip("xyzp", (x, y, z, P), strict=True)
+        for i in range(3)
+    }
+    real = {
+        name: sp.Symbol(name, real=True)
+        for name in (f"a_{n - 1}", f"cos_alpha_{n - 1}", f"sin_alpha_{n - 1}", f"offset_{n}", f"angle_{n}")
+    }
+    by_letters = dict(zip(real.values(), (a, ca, sa, S, theta), strict=True))
+    first = transform(about_z(phi), [0, 0, sp.Symbol("offset_1", real=True)])
+    by_first = {sp.Symbol("angle_1", real=True): phi}
+    wanted = (before if n > 2 else first) * written_out
+    return equal(im(found.xreplace(here | by_letters | by_first)), im(wanted))
+
+
+d.check(
+    "kernel-forward",
+    *(step_of_forward(n) for n in range(2, 7)),
+    text="Each step of the kernel of six links is the product with that link's transform.",
+).prove()
+
+# %% [markdown]
+# ## The flow chart
+#
+# What the kernel does, as a drawing.
+
+
+# %%
+def flow_chart():
+    """SVG of the hypothetical-link technique."""
+    boxes = {
+        "given": ((300, 30), "given: S6, a67, P in the fixed system", "start"),
+        "free": ((300, 90), "choose a67 = 0 and α67: 90°, or 45° or 135° where s71 is small", "box"),
+        "seven": ((300, 150), "S7 = S6 c67 + (a67 × S6) s67;   P := P + a67 a67;   c71 = S7 · S1", "box"),
+        "skew": ((300, 220), "length of S7 × S1 > tolerance?", "question"),
+        "normal": (
+            (90, 330),
+            "a71 = S7 × S1 / s71|S7 = (S1 × P) · a71 / s71|a71 = (P × S1) · S7 / s71|S1 = (P × S7) · a71 / s71",
+            "box",
+        ),
+        "level": ((430, 300), "S7 = 0;   S1 = −P · S1|a71 = length of P + S1 S1", "box"),
+        "apart": ((430, 380), "a71 > tolerance · length of P?", "question"),
+        "one": ((330, 470), "special case 1|a71 = −(P + S1 S1) / a71", "box"),
+        "two": ((560, 470), "special case 2|θ7 = 0;   a71 along a67", "box"),
+        "angles": (
+            (300, 560),
+            "c7 = a67 · a71, s7 = (a67 × a71) · S7;   cos γ1 = a71 · x, sin γ1 = (a71 × x) · S1",
+            "box",
+        ),
+        "end": ((300, 620), "closed loop of seven axes: solve it for θ1 … θ6;   φ1 = θ1 − γ1", "start"),
+    }
+    arrows = [
+        ("given", "free", ""),
+        ("free", "seven", ""),
+        ("seven", "skew", ""),
+        ("skew", "normal", "yes"),
+        ("skew", "level", "no"),
+        ("level", "apart", ""),
+        ("apart", "one", "yes"),
+        ("apart", "two", "no"),
+        ("normal", "angles", ""),
+        ("one", "angles", ""),
+        ("two", "angles", ""),
+        ("angles", "end", ""),
+    ]
+    sizes = {
+        name: (max(7 * len(line) for line in text.split("|")) + 24, 18 * len(text.split("|")) + 16)
+        for name, (_, text, _) in boxes.items()
+    }
+    parts = [
+        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="-60 0 780 650" width="780" font-family="sans-serif" '
+        'font-size="13" text-anchor="middle">',
+        '<defs><marker id="tip" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="8" markerHeight="8" orient="auto">'
+        '<path d="M0,0 L8,4 L0,8 z"/></marker></defs>',
+    ]
+    for start, stop, label in arrows:
+        (x1, y1), (x2, y2) = boxes[start][0], boxes[stop][0]
+        y1, y2 = y1 + sizes[start][1] / 2, y2 - sizes[stop][1] / 2
+        parts.append(f'<line x1="{x1}" y1="{y1}" x2="{x2}" y2="{y2}" stroke="black" marker-end="url(#tip)"/>')
+        if label:
+            parts.append(f'<text x="{(x1 + x2) / 2 - 14}" y="{(y1 + y2) / 2}">{label}</text>')
+    for name, ((cx, cy), text, kind) in boxes.items():
+        width, height = sizes[name]
+        fill, radius = {"start": ("#dde8f4", 14), "question": ("#f6ecd2", 0), "box": ("white", 3)}[kind]
+        parts.append(
+            f'<rect x="{cx - width / 2}" y="{cy - height / 2}" width="{width}" height="{height}" rx="{radius}" '
+            f'fill="{fill}" stroke="black"/>'
+        )
+        rows = text.split("|")
+        for row, line in enumerate(rows):
+            y_text = cy + 18 * (row - (len(rows) - 1) / 2) + 4.5
+            parts.append(f'<text x="{cx}" y="{y_text}">{line}</text>')
+    return "\n".join([*parts, "</svg>"])
+
+
+if in_notebook():
+    from IPython.display import SVG, display
+
+    display(SVG(flow_chart()))
+
+# %%
+derivation.kernel(*kernels.values())
+if in_notebook():
+    for kernel in derivation.kernels.values():
+        print(f"{kernel.name:20} {sum(kernel.operations.values()):5d} operations")
