@@ -10,7 +10,10 @@ arrays of any shape, with the components along the last axes; lengths are in one
 
 from rodgen.spatial._link_table import link_table, load_mechanism, save_mechanism
 from rodgen.spatial._mechanism import FREEDOMS, GE_P60, PUMA_560, T3_776, Mechanism
+from rodgen.spatial._mobility import Mobility, mobility, mobility_of
 from rodgen.spatial._pair import Pair, PairStatus, pair_from_biquadratics, solve_pair
+from rodgen.spatial._planar import planar_svg, save_planar_svg
+from rodgen.spatial._spherical import Group, SphericalEquivalent, equivalent_spherical, group
 from rodgen.spatial._status import ReverseStatus
 from rodgen.spatial._trig import TrigStatus, solve_trig
 
@@ -19,15 +22,24 @@ __all__ = [
     "GE_P60",
     "PUMA_560",
     "T3_776",
+    "Group",
     "Mechanism",
+    "Mobility",
     "Pair",
     "PairStatus",
     "ReverseStatus",
+    "SphericalEquivalent",
     "TrigStatus",
+    "equivalent_spherical",
+    "group",
     "link_table",
     "load_mechanism",
+    "mobility",
+    "mobility_of",
     "pair_from_biquadratics",
+    "planar_svg",
     "save_mechanism",
+    "save_planar_svg",
     "solve_pair",
     "solve_trig",
 ]
