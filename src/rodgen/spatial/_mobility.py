@@ -5,7 +5,7 @@ n bodies, one of them fixed, would have 6 (n - 1) freedoms; a joint with f freed
     M = 6 (n - 1) - sum of (6 - f_i)
 
 which is the sum of the f_i for an open chain, and 6 less for a single loop. The formula counts freedoms and does not
-see the geometry. Where all motions stay within a group of displacements of a lower order than 6 (planar: 3, spherical: 3),
+see the geometry. Where all motions stay within a group of displacements of an order below 6 (planar: 3, spherical: 3),
 that order takes the place of 6; the Bennett loop moves against every count; and a body that is held by two ball joints
 alone spins idly about the line through them.
 """
@@ -135,7 +135,7 @@ def mobility(mechanism: Mechanism, q: ArrayLike | None = None) -> Mobility:
 
 
 def mobility_of(
-    bodies: int, joints: str | Sequence[str] | Sequence[tuple[str, int, int]], *, order: int = 6
+    bodies: int, joints: str | Sequence[str | tuple[str, int, int]], *, order: int = 6
 ) -> Mobility:
     """Count the freedoms of any number of bodies and joints.
 
@@ -173,15 +173,15 @@ def mobility_of(
     rows: list[tuple[str, int, int] | None] = []
     kinds: list[str] = []
     for number, joint in enumerate(joints, 1):
-        kind, i, j = (joint, -1, -1) if isinstance(joint, str) else joint
+        kind, i, j = joint if isinstance(joint, tuple) else (joint, -1, -1)
         if kind not in FREEDOMS:
             raise RodgenError(f"joint {number} is {kind!r}; expected one of {', '.join(FREEDOMS)}")
-        if not isinstance(joint, str) and (min(i, j) < 0 or max(i, j) >= bodies or i == j):
+        if isinstance(joint, tuple) and (min(i, j) < 0 or max(i, j) >= bodies or i == j):
             raise RodgenError(
                 f"joint {number} joins the bodies {i} and {j}; expected two of 0 to {bodies - 1}, not the same"
             )
         kinds.append(kind)
-        rows.append(None if isinstance(joint, str) else (kind, i, j))
+        rows.append((kind, i, j) if isinstance(joint, tuple) else None)
     freedoms = tuple(min(FREEDOMS[kind], order) for kind in kinds)
     lost = sum(order - f for f in freedoms)
     value = order * (bodies - 1) - lost
