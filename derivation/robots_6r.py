@@ -1,0 +1,659 @@
+# ---
+# jupyter:
+#   jupytext:
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+#   kernelspec:
+#     display_name: Python 3
+#     language: python
+#     name: python3
+# ---
+
+# %% [markdown]
+# # The reverse analysis of industrial robots: Puma 560, GE P60, Cincinnati T3-776
+#
+# Given where the end of an arm with six revolute joints is, find all joint angles that bring it there. Two families of
+# arms have a closed form with eight solutions, and the three robots of Crane and Duffy belong to them:
+#
+# * **wrist**: axes 2 and 3 are parallel, and axes 4, 5 and 6 meet in one point (Puma 560, T3-776);
+# * **three parallel**: axes 2, 3 and 4 are parallel, and axes 5 and 6 meet (GE P60).
+#
+# In both the projection of the vector loop on $\vec S_2$ holds $\theta_1$ alone, one more equation gives the sign of
+# $\theta_5$, and what is left is a plane triangle. Lengths, twists and offsets are otherwise free.
+
+# %%
+from enum import IntEnum
+
+import sympy as sp
+
+from rodgen.codegen import KernelBuilder
+from rodgen.symbolic import EPS, LARGEST, Derivation, equal, in_notebook, select
+
+derivation = Derivation(
+    "robots_6r",
+    title="The reverse analysis of robots with six revolute joints, in closed form",
+    source="Crane and Duffy, Kinematic Analysis of Robot Manipulators; lecture notes “Robot Geometry”",
+)
+d = derivation
+
+
+# %%
+def pair(name, latex, quantity):
+    """Cosine and sine of an angle as letters."""
+    return (
+        d.symbol(f"c{name}", rf"c_{{{latex}}}", f"cosine of {quantity}", "1"),
+        d.symbol(f"s{name}", rf"s_{{{latex}}}", f"sine of {quantity}", "1"),
+    )
+
+
+LINKS = ("12", "23", "34", "45", "56", "67", "71")
+TWIST = {ij: pair(ij, ij, f"the twist of link {ij}") for ij in LINKS}
+ANGLE = {j: pair(str(j), str(j), f"the angle of joint {j}") for j in range(1, 8)}
+LENGTH = {
+    ij: d.symbol(f"a{ij}", f"a_{{{ij}}}", f"length of link {ij}", "length") for ij in LINKS if ij != "67"
+}
+OFFSET = {j: d.symbol(f"S{j}", f"S_{j}", f"offset of joint {j}", "length") for j in range(1, 8)}
+UNIT = {s: c**2 + s**2 - 1 for c, s in (*TWIST.values(), *ANGLE.values())}
+X_AXIS, Z_AXIS = sp.Matrix([1, 0, 0]), sp.Matrix([0, 0, 1])
+d
+
+
+# %%
+def about_x(c, s):
+    return sp.Matrix([[1, 0, 0], [0, c, -s], [0, s, c]])
+
+
+def about_z(c, s):
+    return sp.Matrix([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+
+
+def tx(ij):
+    """Rotation by the twist of a link."""
+    return about_x(*TWIST[ij])
+
+
+def rz(j):
+    """Rotation by the angle of a joint."""
+    return about_z(*ANGLE[j])
+
+
+def moved(ij, j, point):
+    """A point of the link after joint j, in the frame of link ij before it."""
+    return LENGTH[ij] * X_AXIS + tx(ij) * (OFFSET[j] * Z_AXIS + rz(j) * point)
+
+
+def vectors(left, right):
+    return equal(sp.ImmutableMatrix(left), sp.ImmutableMatrix(right))
+
+
+ZERO = sp.zeros(3, 1)
+c1, s1 = ANGLE[1]
+c2, s2 = ANGLE[2]
+c3, s3 = ANGLE[3]
+c4, s4 = ANGLE[4]
+c5, s5 = ANGLE[5]
+c6, s6 = ANGLE[6]
+c12, s12 = TWIST["12"]
+c34, s34 = TWIST["34"]
+c45, s45 = TWIST["45"]
+c56, s56 = TWIST["56"]
+PARALLEL_23 = {TWIST["23"][0]: 1, TWIST["23"][1]: 0}
+PARALLEL_34 = {c34: 1, s34: 0}
+MEET_456 = {LENGTH["45"]: 0, LENGTH["56"]: 0, OFFSET[5]: 0}
+
+# %% [markdown]
+# ## A wrist behind two parallel axes
+#
+# The axes 4, 5 and 6 meet in the wrist's centre, $\vec W=\vec P-S_6\vec S_6$ with the end point $\vec P$, so that
+# the pose gives it without an angle. From the base it is reached by $\theta_1$, $\theta_2$ and $\theta_3$ alone.
+
+# %%
+last = moved("45", 5, moved("56", 6, ZERO))
+axis_6 = tx("45") * rz(5) * tx("56") * Z_AXIS
+d.check(
+    "wrist-centre",
+    vectors(last - OFFSET[6] * axis_6, ZERO),
+    text="With a45 = a56 = S5 = 0 the point S6 before the end is the origin of frame 4.",
+).prove(given=MEET_456)
+
+# %%
+forearm = sp.Matrix([LENGTH["34"], -s34 * OFFSET[4]])
+flat = sp.diag(1, 1, 0)
+elbow = LENGTH["23"] * X_AXIS + rz(3) * sp.Matrix([*forearm, 0])
+reached = OFFSET[2] * Z_AXIS + rz(2) * moved("23", 3, moved("34", 4, ZERO))
+d.check(
+    "wrist-plane",
+    vectors(reached, rz(2) * elbow + (OFFSET[2] + OFFSET[3] + c34 * OFFSET[4]) * Z_AXIS),
+    text="Seen from joint 2, with axes 2 and 3 parallel, the wrist's centre moves in one plane, as the end of an upper "
+    "arm a23 and a forearm (a34, -s34 S4).",
+).prove(given=PARALLEL_23)
+
+# %%
+W = d.vector("W", r"\vec W", "the wrist's centre, from the origin of F, less S1 along its z axis", "length")
+height = d.symbol("height", "H", "S2 + S3 + c34 S4, or S2 + S3 + S4 + c45 S5", "length")
+before_2 = tx("12").T * (rz(1).T * sp.Matrix(list(W)) - LENGTH["12"] * X_AXIS)
+equation_1 = -s12 * W.components[1] * c1 + s12 * W.components[0] * s1 + c12 * W.components[2] - height
+d.check(
+    "theta1",
+    equal((Z_AXIS.T * before_2)[0] - height, equation_1),
+    text="Along S2 the loop holds θ1 alone: A c1 + B s1 + D = 0 with A = -s12 Wy, B = s12 Wx and D = c12 Wz - H. The "
+    "length a12 is not in it.",
+).prove(modulo=UNIT)
+
+# %%
+w = sp.Matrix(
+    [
+        d.symbol("w_x", "w_x", "the triangle's end along x, seen from joint 2", "length"),
+        d.symbol("w_y", "w_y", "the triangle's end along y, seen from joint 2", "length"),
+    ]
+)
+l1 = d.symbol("l_1", "l_1", "forearm along x, in link 23", "length")
+l2 = d.symbol("l_2", "l_2", "forearm along y, in link 23", "length")
+a23 = LENGTH["23"]
+arm = sp.Matrix([a23 + c3 * l1 - s3 * l2, s3 * l1 + c3 * l2])
+turned = sp.Matrix([[c2, -s2], [s2, c2]]) * arm
+d.check(
+    "theta3",
+    equal(turned.dot(turned), 2 * a23 * l1 * c3 - 2 * a23 * l2 * s3 + a23**2 + l1**2 + l2**2),
+    text="The length of the triangle's third side gives θ3: 2 a23 (l1 c3 - l2 s3) + a23² + |l|² - |w|² = 0.",
+).prove(modulo=UNIT)
+d.check(
+    "theta2",
+    equal(arm.dot(turned), arm.dot(arm) * c2),
+    equal(arm[0] * turned[1] - arm[1] * turned[0], arm.dot(arm) * s2),
+    text="Then θ2 is the angle from the arm to w.",
+).prove()
+
+# %% [markdown]
+# What is left is the rotation $N=R_z(\theta_4)R_x(\alpha_{45})R_z(\theta_5)R_x(\alpha_{56})R_z(\theta_6)$ of the wrist.
+
+# %%
+wrist = rz(4) * tx("45") * rz(5) * tx("56") * rz(6)
+p, q = s56 * s5, -c45 * s56 * c5 - s45 * c56
+d.check(
+    "wrist-column",
+    vectors(wrist * Z_AXIS, sp.Matrix([p * c4 - q * s4, p * s4 + q * c4, c45 * c56 - s45 * s56 * c5])),
+    text="The last column holds θ4 and θ5. Its last entry gives the cosine of θ5, whose sine may have either sign; the "
+    "other two then give θ4.",
+).prove()
+wrist_4 = rz(4).T * sp.Matrix(list(d.vector("n", r"\vec n", "first column of N", "1")))
+n = sp.Matrix(sp.symbols("n_1 n_2 n_3", real=True))
+from_left = tx("56").T * rz(5).T * tx("45").T * rz(4).T
+d.check(
+    "theta6",
+    vectors(from_left * wrist * X_AXIS, sp.Matrix([c6, s6, 0])),
+    text="The first column of N, turned back by all that is known, gives θ6; so an error of θ4 near a singular wrist "
+    "does not spoil the orientation.",
+).prove(modulo=UNIT)
+
+# %%
+x3 = d.symbol(
+    "n33", "N_{33}", "cosine between axes 4 and 6 (or 2 and 6)", "1", value=c45 * c56 - s45 * s56 * c5
+)
+h = d.symbol("h", "h", "sine between axes 4 and 6 (or 2 and 6)", "1")
+square = (s45 * s56 * s5) ** 2
+between = {h: h**2 + x3**2 - 1}
+d.check(
+    "sine-of-theta5",
+    equal(square * (1 + x3), h**2 * (1 + x3 - 2 * c45 * c56) - (c45 - c56) ** 2 * (1 + x3)),
+    equal(square * (1 - x3), h**2 * (1 - x3 + 2 * c45 * c56) - (c45 + c56) ** 2 * (1 - x3)),
+    text="(s45 s56 s5)² = h² (1 - 2 c45 c56/(1 + N33)) - (c45 - c56)² = h² (1 + 2 c45 c56/(1 - N33)) - (c45 + c56)²: "
+    "one of both does not cancel near a singular wrist, where h is small.",
+).prove(modulo={**between, **UNIT})
+
+# %% [markdown]
+# ## Three parallel axes
+#
+# With $a_{56}=0$ the origin of frame 5 is $\vec W=\vec P-S_6\vec S_6$. The angle between $\vec S_4=\vec S_2$ and
+# $\vec S_5$ is the twist $\alpha_{45}$, so the offset $S_5$ adds $c_{45}S_5$ along $\vec S_2$, and the equation of
+# $\theta_1$ is as before.
+
+# %%
+d.check(
+    "crossing",
+    vectors(moved("56", 6, ZERO) - OFFSET[6] * tx("56") * Z_AXIS, ZERO),
+    text="With a56 = 0 the point S6 before the end is the origin of frame 5.",
+).prove(given={LENGTH["56"]: 0})
+to_5 = OFFSET[2] * Z_AXIS + rz(2) * moved("23", 3, moved("34", 4, moved("45", 5, ZERO)))
+plane_4 = rz(2) * rz(3) * rz(4)
+d.check(
+    "parallel-plane",
+    vectors(
+        to_5 - plane_4 * (LENGTH["45"] * X_AXIS + OFFSET[5] * tx("45") * Z_AXIS),
+        rz(2) * (a23 * X_AXIS + rz(3) * LENGTH["34"] * X_AXIS) + (OFFSET[2] + OFFSET[3] + OFFSET[4]) * Z_AXIS,
+    ),
+    text="Less a45 and S5, whose directions are known from θ2 + θ3 + θ4, the same triangle is left, with the forearm "
+    "a34.",
+).prove(given={**PARALLEL_23, **PARALLEL_34})
+c45_S5 = (Z_AXIS.T * plane_4 * tx("45") * Z_AXIS)[0]
+d.check("parallel-height", equal(c45_S5, c45), text="S2 · S5 = c45.").prove()
+
+# %%
+row = (Z_AXIS.T * tx("45") * rz(5) * tx("56") * rz(6)).T
+p_row, q_row = s45 * s5, c56 * s45 * c5 + s56 * c45
+d.check(
+    "parallel-row",
+    vectors(row, sp.Matrix([p_row * c6 + q_row * s6, q_row * c6 - p_row * s6, c45 * c56 - s45 * s56 * c5])),
+    text="S2, seen from the end, holds θ5 and θ6: the cosine of θ5 as in a wrist, and then θ6.",
+).prove()
+base_to_4 = tx("45") * rz(5) * tx("56") * rz(6)
+d.check(
+    "parallel-sum",
+    vectors(plane_4 * base_to_4 * (rz(6).T * tx("56").T * sp.Matrix([c5, -s5, 0])), plane_4 * X_AXIS),
+    text="Then the x axis of frame 4 is known, and with it θ2 + θ3 + θ4.",
+).prove(modulo=UNIT)
+
+# %% [markdown]
+# ## The same with the hypothetical link
+#
+# Crane and Duffy close the chain with a seventh, hypothetical link and write the equations of a spherical heptagon.
+# Each side of the equations below is a component of one vector, reached from the base backwards over joints 1, 7 and 6
+# or forwards. Singles without a bar are $X_j=s_{ij}s_j$, $Y_j=-(s_{jk}c_{ij}+c_{jk}s_{ij}c_j)$,
+# $Z_j=c_{jk}c_{ij}-s_{jk}s_{ij}c_j$; with a bar the twists are exchanged.
+
+
+# %%
+def single(ij, j, jk):
+    """X, Y and Z of one joint, the angle beside the twist of link ij."""
+    (cj, sj), (ci, si), (ck, sk) = ANGLE[j], TWIST[ij], TWIST[jk]
+    return sp.Matrix([si * sj, -(sk * ci + ck * si * cj), ck * ci - sk * si * cj])
+
+
+def joined(xyz, b, e):
+    """X, X*, Y and Z with one more joint b, and then the twist of link e."""
+    (x, y, z), (cb, sb) = xyz, ANGLE[b]
+    star = x * sb + y * cb
+    first = x * cb - y * sb
+    if e is None:
+        return sp.Matrix([first, star, z])
+    ce, se = TWIST[e]
+    return sp.Matrix([first, ce * star - se * z, se * star + ce * z])
+
+
+xyz_7 = single("67", 7, "71")
+xyz_1 = single("71", 1, "12")
+xyz_71 = joined(xyz_7, 1, "12")
+xyz_712 = joined(xyz_71, 2, "23")
+xyz_7123 = joined(xyz_712, 3, "34")
+bar_5 = single("56", 5, "45")
+star_54 = joined(bar_5, 4, None)
+axis_2 = sp.Matrix([0, -s12, c12])
+back = {
+    "S6": rz(1).T * tx("71").T * rz(7).T * tx("67").T * Z_AXIS,
+    "S7": rz(1).T * tx("71").T * Z_AXIS,
+    "a71": rz(1).T * X_AXIS,
+}
+rest = OFFSET[6] * back["S6"] + OFFSET[7] * back["S7"] + LENGTH["71"] * back["a71"] + OFFSET[1] * Z_AXIS
+c67, s67 = TWIST["67"]
+c71, s71 = TWIST["71"]
+S1, S6, S7, a71 = OFFSET[1], OFFSET[6], OFFSET[7], LENGTH["71"]
+A_7 = s12 * (S6 * xyz_7[1] - S7 * s71)
+B_7 = s12 * (S6 * xyz_7[0] + a71)
+D_7 = c12 * (S6 * xyz_7[2] + S7 * c71 + S1)
+d.check(
+    "heptagon-theta1",
+    equal(A_7 * c1 + B_7 * s1 + D_7, rest.dot(axis_2)),
+    text="A = s12 (S6 Y7 - S7 s71), B = s12 (S6 X7 + a71), D = c12 (S6 Z7 + S7 c71 + S1) + H: the loop along S2.",
+).prove()
+K_1 = -S6 * xyz_71[0] - S7 * xyz_1[0] - a71 * c1
+K_2 = -S1 * s12 + S6 * xyz_71[1] + S7 * xyz_1[1] + a71 * c12 * s1
+d.check(
+    "heptagon-plane",
+    equal(K_1, -rest[0]),
+    equal(K_2, -rest.dot(sp.Matrix([0, c12, s12]))),
+    text="The triangle's end for a12 = 0: K1 = -S6 X71 - S7 X1 - a71 c1, K2 = -S1 s12 + S6 Y71 + S7 Y1 + a71 c12 s1, "
+    "the loop along a12 and S2 × a12.",
+).prove()
+from_base = tx("34").T * rz(3).T * tx("23").T * rz(2).T * tx("12").T * back["S6"]
+d.check(
+    "heptagon-wrist",
+    vectors(from_base, sp.diag(1, -1, 1) * xyz_7123),
+    vectors(rz(4) * tx("45") * rz(5) * tx("56") * Z_AXIS, star_54),
+    text="S6 in the axes of joint 4 from both sides: X7123 = X54, Y7123 = -X*54, Z7123 = Z5, which give θ5 and θ4.",
+).prove()
+from_end = tx("56").T * rz(5).T * tx("45").T * rz(4).T
+xyz_67 = joined(single("56", 6, "67"), 7, "71")
+d.check(
+    "heptagon-parallel",
+    vectors(tx("12").T * back["S6"], sp.diag(1, -1, 1) * xyz_71),
+    text="With three parallel axes S4 = S2, and Z71 = c45 c56 - s45 s56 c5 gives θ5.",
+).prove()
+side_5 = rz(1).T * tx("71").T * rz(7).T * tx("67").T * rz(6).T * tx("56").T * Z_AXIS
+xyz_671 = joined(xyz_67, 1, "12")
+d.check(
+    "heptagon-parallel-plane",
+    equal(side_5[0], xyz_671[0]),
+    equal(side_5.dot(sp.Matrix([0, c12, s12])), -xyz_671[1]),
+    text="The offset S5 adds -S5 X671 to K1 and S5 Y671 to K2.",
+).prove()
+
+# %% [markdown]
+# ## The kernels
+#
+# All eight solutions come out of one straight-line program, with a status each; those that there are come first.
+# Cosines and sines are carried as pairs; angles are taken at the very end, so that none has to be brought back into its
+# range. Where an angle is not determined (the wrist's centre on $\vec S_1$, the elbow folded on joint 2, axes 4 and 6
+# in line) the status is FAMILY and the free angle is zero; where two solutions meet, one is given, as DOUBLE.
+
+
+# %%
+class RobotStatus(IntEnum):
+    """What one slot of the solutions is.
+
+    REGULAR: a solution that stands alone.
+    DOUBLE: two solutions meet here; the slot of the other one is empty.
+    FAMILY: an angle is free; the representative has zero there.
+    NONE: no solution; the value is NaN.
+    INVALID: the pose is not finite, or not a pose; the value is NaN.
+    """
+
+    REGULAR = 0
+    DOUBLE = 1
+    FAMILY = 2
+    NONE = 3
+    INVALID = 5
+
+
+ROUNDINGS = 64
+"""Rounding units of the sum of all lengths within which two solutions meet: some thirty roundings lead there, and the
+pose has as many."""
+FREE = 4096
+"""Rounding units within which a direction is no direction: a pose that is written with 12 digits is that exact."""
+POSE = sp.Rational(1, 10**6)
+"""How far a matrix may be from a rotation."""
+
+
+def total(values):
+    return sum((abs(x) for x in values), sp.S.Zero)
+
+
+def larger(a, b):
+    return select(a > b, a, b)
+
+
+def roots(k, name, A, B, D, tolerance, free):
+    """Both solutions of A c + B s + D = 0 as (cosine, sine, exists, is double, is free).
+
+    `tolerance` is the rounding error of the equation. Below `free` all coefficients are nothing, and the angle is any.
+    """
+    r = k.let(f"{name}_r", sp.sqrt(A**2 + B**2))
+    room = k.let(f"{name}_room", r - abs(D))
+    any_angle = k.let(f"{name}_free", (r <= free) & (abs(D) <= free))
+    double = k.let(f"{name}_double", (abs(room) <= tolerance) & sp.Not(any_angle))
+    exists = k.let(f"{name}_exists", any_angle | ((room >= -tolerance) & (r > 0)))
+    q = k.let(f"{name}_q", sp.sqrt(select((room > 0) & sp.Not(double), room * (r + abs(D)), 0)))
+    size = k.let(f"{name}_size", r * sp.sqrt(D**2 + q**2))
+    scale = k.let(f"{name}_scale", 1 / select(size > 0, size, 1))
+    found = []
+    for letter, sign in (("a", 1), ("b", -1)):
+        cosine = k.let(f"{name}_c_{letter}", select(any_angle, 1, (-A * D - sign * B * q) * scale))
+        sine = k.let(f"{name}_s_{letter}", select(any_angle, 0, (-B * D + sign * A * q) * scale))
+        there = exists if sign > 0 else k.let(f"{name}_two", exists & sp.Not(double | any_angle))
+        found.append((cosine, sine, there, double, any_angle))
+    return found
+
+
+def bend(k, name, row3, h, cosine, sine):
+    """Both θ5 from the cosine and the sine between the outer axes: (c5, s5, exists, is double, is free).
+
+    The first two numbers are scaled by s45 s56, except for rounding at a double solution.
+    """
+    (c_45, c_56), (s_45, s_56) = cosine, sine
+    ahead = row3 >= 0
+    denominator = k.let(f"{name}_denominator", 1 + abs(row3))
+    apart = k.let(f"{name}_apart", select(ahead, c_45 - c_56, c_45 + c_56))
+    product = k.let(f"{name}_product", select(ahead, c_45 * c_56, -c_45 * c_56))
+    gram = k.let(f"{name}_gram", h**2 * (1 - 2 * product / denominator) - apart**2)
+    tolerance = k.let(f"{name}_tolerance", ROUNDINGS * EPS * (h + apart**2))
+    any_angle = k.let(f"{name}_free", (h <= FREE * EPS) & (gram >= -tolerance))
+    double = k.let(f"{name}_double", (abs(gram) <= tolerance) & sp.Not(any_angle))
+    exists = k.let(f"{name}_exists", gram >= -tolerance)
+    q = k.let(f"{name}_q", sp.sqrt(select((gram > 0) & sp.Not(double), gram, 0)))
+    along = k.let(f"{name}_along", c_45 * c_56 - row3)
+    size = k.let(f"{name}_size", sp.sqrt(along**2 + q**2))
+    scale = k.let(f"{name}_scale", select(s_45 * s_56 < 0, -1, 1) / select(size > 0, size, 1))
+    cosine_5, sine_5 = k.let(f"{name}_c", along * scale), k.let(f"{name}_s", q * scale)
+    two = k.let(f"{name}_two", exists & sp.Not(double | any_angle))
+    return [
+        (cosine_5, sine_5, exists, double, any_angle),
+        (cosine_5, -sine_5, two, double, any_angle),
+    ]
+
+
+def direction(k, name, x, y, u, v, free):
+    """Cosine and sine of the angle from (x, y) to (u, v); of zero where it is free."""
+    c, s = k.let(f"{name}_dot", x * u + y * v), k.let(f"{name}_cross", x * v - y * u)
+    size = k.let(f"{name}_size", sp.sqrt(c**2 + s**2))
+    scale = k.let(f"{name}_scale", 1 / select(size > 0, size, 1))
+    return (
+        k.let(f"{name}_c", select(free, 1, c * scale)),
+        k.let(f"{name}_s", select(free, 0, s * scale)),
+    )
+
+
+def triangle(k, name, end, forearm, a, square, spare):
+    """θ2 and θ3 of both triangles with the sides a23 and l and the third side `end`."""
+    l1, l2 = forearm
+    area = k.let(f"{name}_area", ROUNDINGS * EPS * spare**2)
+    found = []
+    third = roots(k, f"{name}_3", 2 * a * l1, -2 * a * l2, square - end.dot(end), area, FREE * EPS * spare**2)
+    for letter, (c, s, exists, double, any_3) in zip("ab", third, strict=True):
+        arm = k.let(f"{name}_arm_{letter}", sp.Matrix([a + c * l1 - s * l2, s * l1 + c * l2]))
+        any_2 = k.let(f"{name}_any_{letter}", total(end) <= FREE * EPS * spare)
+        c_2, s_2 = direction(k, f"{name}_2_{letter}", arm[0], arm[1], end[0], end[1], any_2)
+        found.append((c_2, s_2, c, s, exists, double, any_3 | any_2))
+    return found
+
+
+def angle(k, name, c, s):
+    """Return an angle in (-π, π]."""
+    value = k.let(name, sp.atan2(s, c))
+    return select(value > -sp.pi, value, sp.pi)
+
+
+def begin(name, summary, notes):
+    k = KernelBuilder(
+        name,
+        summary=summary,
+        source="Crane and Duffy, robots with closed forms; derivation robots_6r",
+        notes=notes,
+    )
+    pose = k.input("pose", (4, 4), unit="1, length", doc="transform from the end to the base")
+    a = k.input("a", 5, unit="length", doc="a12, a23, a34, a45, a56")
+    cosine = k.input("cosine", 5, unit="1", doc="cosines of the twists alpha12 to alpha56")
+    sine = k.input("sine", 5, unit="1", doc="sines of the twists")
+    offset = k.input("offset", 6, unit="length", doc="S1 to S6")
+    R = pose[:3, :3]
+    gram = R.T * R - sp.eye(3)
+    rough = k.let("rough", total(gram) + total(pose[3, :3]) + abs(pose[3, 3] - 1))
+    handed = k.let("handed", R[:, 0].dot(R[:, 1].cross(R[:, 2])))
+    spare = k.let("spare", total([*pose[:3, 3], *a, *offset]))
+    good = k.let("good", (rough <= POSE) & (handed > 0) & (spare <= LARGEST))
+    near = k.let("near", good & (spare <= sp.sqrt(LARGEST) * EPS))
+    W = k.let("centre", pose[:3, 3] - sp.Matrix([0, 0, offset[0]]) - offset[5] * R[:, 2])
+    return k, R, W, a, cosine, sine, offset, spare, good, near
+
+
+def first_angle(k, W, cosine, sine, height, spare):
+    return roots(
+        k,
+        "first",
+        -sine[0] * W[1],
+        sine[0] * W[0],
+        cosine[0] * W[2] - height,
+        ROUNDINGS * EPS * spare,
+        FREE * EPS * spare,
+    )
+
+
+def seen_from_2(k, letter, R, W, c, s, a12, c_12, s_12):
+    """W in the plane of joint 2, and the end's axes in its axes."""
+    side = k.let(f"side_{letter}", -s * W[0] + c * W[1])
+    end = k.let(f"end_{letter}", sp.Matrix([c * W[0] + s * W[1] - a12, c_12 * side + s_12 * W[2]]))
+    axes = k.let(f"axes_{letter}", about_x(c_12, s_12).T * (about_z(c, s).T * R))
+    return end, axes
+
+
+def moved_up(k, rows):
+    """Rows with those that are there first, in their order: each moves by the number of holes before it.
+
+    A row is (is there, values). The bits of that number move rows by 1, by 2 and by 4, and no two meet on the way.
+    """
+    there = [row[0] for row in rows]
+    values, holes = [], sp.S.Zero
+    for n, row in enumerate(rows):
+        values.append([k.let(f"holes_{n}", holes), *row[1]])
+        holes += select(row[0], 0, 1)
+    for step in (1, 2, 4):
+        moves = []
+        for n in range(8):
+            left = values[n][0]  # how far it still has to go: a multiple of the step
+            odd = sp.S.false
+            for multiple in range(step, 8, 2 * step):
+                odd |= sp.Eq(left, multiple)
+            moves.append(k.let(f"moves_{step}_{n}", there[n] & odd) if n >= step else sp.S.false)
+        now, shifted = [], []
+        for n in range(8):
+            come = moves[n + step] if n + step < 8 else sp.S.false
+            now.append(k.let(f"there_{step}_{n}", come | (there[n] & sp.Not(moves[n]))))
+            if n + step < 8:
+                other = [values[n + step][0] - step, *values[n + step][1:]]
+                pairs = zip(other, values[n], strict=True)
+                shifted.append(
+                    [k.let(f"row_{step}_{n}_{i}", select(come, a, b)) for i, (a, b) in enumerate(pairs)]
+                )
+            else:
+                shifted.append(values[n])
+        there, values = now, shifted
+    return [(here, row[1:]) for here, row in zip(there, values, strict=True)]
+
+
+def finish(k, slots, good, near):
+    """Write out angles and statuses of eight slots: pairs of cosine and sine, existence, double, free."""
+    rows = []
+    for number, (pairs, exists, double, free) in enumerate(slots, 1):
+        there = k.let(f"there_{number}", exists & near)
+        code = select(free, RobotStatus.FAMILY, select(double, RobotStatus.DOUBLE, RobotStatus.REGULAR))
+        angles = [angle(k, f"angle_{number}_{j}", c, s) for j, (c, s) in enumerate(pairs, 1)]
+        rows.append((there, [k.let(f"code_{number}", code), *angles]))
+    values, codes = [], []
+    for there, (code, *angles) in moved_up(k, rows):
+        values += [select(there, value, sp.nan) for value in angles]
+        codes.append(
+            sp.Piecewise(
+                (RobotStatus.INVALID, sp.Not(good)),
+                (RobotStatus.NONE, sp.Not(there)),
+                (code, True),
+                evaluate=False,
+            )
+        )
+    k.output(
+        "angles", sp.Matrix(8, 6, values), unit="rad", doc="theta1 to theta6 of each solution, in (-pi, pi]"
+    )
+    k.status("status", sp.Matrix(codes), RobotStatus, doc="what each slot is")
+    return k.build()
+
+
+def behind_wrist():
+    """The kernel for parallel axes 2 and 3 and a wrist."""
+    k, R, W, a, cosine, sine, offset, spare, good, near = begin(
+        "robot_wrist_reverse",
+        "All joint angles of an arm with parallel axes 2 and 3 and a wrist of axes 4, 5, 6.",
+        "alpha23, a45, a56 and S5 are taken as zero; s12, s45 and s56 must not be zero.",
+    )
+    height = k.let("height", offset[1] + offset[2] + cosine[2] * offset[3])
+    forearm = k.let("forearm", sp.Matrix([a[2], -sine[2] * offset[3]]))
+    square = k.let("square", a[1] ** 2 + forearm.dot(forearm))
+    slots = []
+    for i, (c_1, s_1, exists_1, double_1, free_1) in zip(
+        "ab", first_angle(k, W, cosine, sine, height, spare), strict=True
+    ):
+        end, axes = seen_from_2(k, i, R, W, c_1, s_1, a[0], cosine[0], sine[0])
+        for j, (c_2, s_2, c_3, s_3, exists_3, double_3, free_3) in zip(
+            "ab", triangle(k, f"triangle_{i}", end, forearm, a[1], square, spare), strict=True
+        ):
+            here = f"{i}{j}"
+            c_23 = k.let(f"c_23_{here}", c_2 * c_3 - s_2 * s_3)
+            s_23 = k.let(f"s_23_{here}", s_2 * c_3 + c_2 * s_3)
+            N = k.let(f"N_{here}", about_x(cosine[2], sine[2]).T * (about_z(c_23, s_23).T * axes))
+            h = k.let(f"h_{here}", sp.sqrt(N[0, 2] ** 2 + N[1, 2] ** 2))
+            for m, (c_5, s_5, exists_5, double_5, free_5) in zip(
+                "ab", bend(k, f"bend_{here}", N[2, 2], h, cosine[3:, 0], sine[3:, 0]), strict=True
+            ):
+                slot = f"{here}{m}"
+                x = sine[4] * s_5
+                y = -cosine[3] * sine[4] * c_5 - sine[3] * cosine[4]
+                c_4, s_4 = direction(k, f"fourth_{slot}", x, y, N[0, 2], N[1, 2], free_5)
+                u = c_4 * N[0, 0] + s_4 * N[1, 0]
+                v = -s_4 * N[0, 0] + c_4 * N[1, 0]
+                v_5 = cosine[3] * v + sine[3] * N[2, 0]
+                z_5 = -sine[3] * v + cosine[3] * N[2, 0]
+                c_6 = k.let(f"c_6_{slot}", c_5 * u + s_5 * v_5)
+                s_6 = k.let(f"s_6_{slot}", cosine[4] * (-s_5 * u + c_5 * v_5) + sine[4] * z_5)
+                slots.append(
+                    (
+                        ((c_1, s_1), (c_2, s_2), (c_3, s_3), (c_4, s_4), (c_5, s_5), (c_6, s_6)),
+                        exists_1 & exists_3 & exists_5,
+                        double_1 | double_3 | double_5,
+                        free_1 | free_3 | free_5,
+                    )
+                )
+    return finish(k, slots, good, near)
+
+
+def three_parallel():
+    """The kernel for parallel axes 2, 3 and 4, and axes 5 and 6 that meet."""
+    k, R, W, a, cosine, sine, offset, spare, good, near = begin(
+        "robot_parallel_reverse",
+        "All joint angles of an arm with parallel axes 2, 3 and 4, and axes 5 and 6 that meet.",
+        "alpha23, alpha34 and a56 are taken as zero; s12, s45 and s56 must not be zero.",
+    )
+    height = k.let("height", offset[1] + offset[2] + offset[3] + cosine[3] * offset[4])
+    square = k.let("square", a[1] ** 2 + a[2] ** 2)
+    slots = []
+    for i, (c_1, s_1, exists_1, double_1, free_1) in zip(
+        "ab", first_angle(k, W, cosine, sine, height, spare), strict=True
+    ):
+        whole, axes = seen_from_2(k, i, R, W, c_1, s_1, a[0], cosine[0], sine[0])
+        h = k.let(f"h_{i}", sp.sqrt(axes[2, 0] ** 2 + axes[2, 1] ** 2))
+        for m, (c_5, s_5, exists_5, double_5, free_5) in zip(
+            "ab", bend(k, f"bend_{i}", axes[2, 2], h, cosine[3:, 0], sine[3:, 0]), strict=True
+        ):
+            here = f"{i}{m}"
+            x = sine[3] * s_5
+            y = cosine[4] * sine[3] * c_5 + sine[4] * cosine[3]
+            c_6, s_6 = direction(k, f"sixth_{here}", axes[2, 0], axes[2, 1], x, y, free_5)
+            u, v = c_5, -cosine[4] * s_5
+            back = sp.Matrix([c_6 * u + s_6 * v, -s_6 * u + c_6 * v, sine[4] * s_5])
+            c_234 = k.let(f"c_234_{here}", (axes[0, :] * back)[0])
+            s_234 = k.let(f"s_234_{here}", (axes[1, :] * back)[0])
+            shift = offset[4] * sine[3]
+            end = k.let(
+                f"corner_{here}",
+                whole - sp.Matrix([a[3] * c_234 + shift * s_234, a[3] * s_234 - shift * c_234]),
+            )
+            forearm = (a[2], sp.S.Zero)
+            for j, (c_2, s_2, c_3, s_3, exists_3, double_3, free_3) in zip(
+                "ab", triangle(k, f"triangle_{here}", end, forearm, a[1], square, spare), strict=True
+            ):
+                c_23 = k.let(f"c_23_{here}{j}", c_2 * c_3 - s_2 * s_3)
+                s_23 = k.let(f"s_23_{here}{j}", s_2 * c_3 + c_2 * s_3)
+                c_4 = k.let(f"c_4_{here}{j}", c_23 * c_234 + s_23 * s_234)
+                s_4 = k.let(f"s_4_{here}{j}", c_23 * s_234 - s_23 * c_234)
+                slots.append(
+                    (
+                        ((c_1, s_1), (c_2, s_2), (c_3, s_3), (c_4, s_4), (c_5, s_5), (c_6, s_6)),
+                        exists_1 & exists_3 & exists_5,
+                        double_1 | double_3 | double_5,
+                        free_1 | free_3 | free_5,
+                    )
+                )
+    return finish(k, slots, good, near)
+
+
+# %%
+derivation.kernel(behind_wrist(), three_parallel())
+if in_notebook() and __name__ == "__main__":  # not where another notebook imports this one
+    for kernel in derivation.kernels.values():
+        print(f"{kernel.name:30} {sum(kernel.operations.values()):5d} operations")
