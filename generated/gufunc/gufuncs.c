@@ -55,6 +55,8 @@ DECLARE_ALL(instantaneous_euler_motion_chi_zyz_from_quaternion)
 DECLARE_ALL(instantaneous_euler_ridges_chi_ridge_lines)
 DECLARE_ALL(machine_model_rotation_from_vector)
 DECLARE_ALL(machine_model_tilted_axis)
+DECLARE_ALL(robots_6r_robot_wrist_reverse)
+DECLARE_ALL(robots_6r_robot_parallel_reverse)
 DECLARE_ALL(rodrigues_solve_axis_paper)
 DECLARE_ALL(rotations_rotate)
 DECLARE_ALL(rotations_rodrigues_vector_from_axis_angle)
@@ -69,6 +71,11 @@ DECLARE_ALL(rotations_quaternion_from_matrix)
 DECLARE_ALL(rotations_axis_angle_from_quaternion)
 DECLARE_ALL(rotations_rodrigues_vector_from_quaternion)
 DECLARE_ALL(rotations_matrix_from_quaternion)
+DECLARE_ALL(spatial_links_link_step)
+DECLARE_ALL(spatial_links_link_inverse)
+DECLARE_ALL(spatial_links_link_forward_6r)
+DECLARE_ALL(spatial_links_link_jacobian_6r)
+DECLARE_ALL(spatial_links_hypothetical_link)
 DECLARE_ALL(three_sps_s_sps_legs)
 DECLARE_ALL(three_sps_s_sps_legs_from_quaternion)
 DECLARE_ALL(three_sps_s_sps_jacobian)
@@ -188,6 +195,14 @@ static const char types_machine_model_tilted_axis[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 };
+static const char types_robots_6r_robot_wrist_reverse[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
+};
+static const char types_robots_6r_robot_parallel_reverse[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
+};
 static const char types_rodrigues_solve_axis_paper[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
@@ -243,6 +258,26 @@ NPY_DOUBLE, NPY_DOUBLE, NPY_INT8,
 static const char types_rotations_matrix_from_quaternion[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
 NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
+};
+static const char types_spatial_links_link_step[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_spatial_links_link_inverse[] = {
+NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_spatial_links_link_forward_6r[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_spatial_links_link_jacobian_6r[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_spatial_links_hypothetical_link[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 };
 static const char types_three_sps_s_sps_legs[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
@@ -376,6 +411,10 @@ static const struct definition definitions[] = {
    ALL_LOOPS(machine_model_rotation_from_vector), types_machine_model_rotation_from_vector},
   {"tilted_axis", "(3),(3),(3),(2)->(3),(3,2)", "An axis, turned by the rotation vector a u + b v, and its derivatives by a and b.", 4, 2, 6,
    ALL_LOOPS(machine_model_tilted_axis), types_machine_model_tilted_axis},
+  {"robot_wrist_reverse", "(4,4),(5),(5),(5),(6)->(8,6),(8)", "All joint angles of an arm with parallel axes 2 and 3 and a wrist of axes 4, 5, 6.", 5, 2, 7,
+   ALL_LOOPS(robots_6r_robot_wrist_reverse), types_robots_6r_robot_wrist_reverse},
+  {"robot_parallel_reverse", "(4,4),(5),(5),(5),(6)->(8,6),(8)", "All joint angles of an arm with parallel axes 2, 3 and 4, and axes 5 and 6 that meet.", 5, 2, 7,
+   ALL_LOOPS(robots_6r_robot_parallel_reverse), types_robots_6r_robot_parallel_reverse},
   {"solve_axis_paper", "(3),(3),()->(2,3),(3)", "Rodrigues vectors that turn a point into another by a known angle, as the paper computes them.", 3, 2, 5,
    ALL_LOOPS(rodrigues_solve_axis_paper), types_rodrigues_solve_axis_paper},
   {"rotate", "(3),(3)->(3)", "Rotate a vector by Rodrigues' formula.", 2, 1, 3,
@@ -404,6 +443,16 @@ static const struct definition definitions[] = {
    ALL_LOOPS(rotations_rodrigues_vector_from_quaternion), types_rotations_rodrigues_vector_from_quaternion},
   {"matrix_from_quaternion", "(4)->(3,3),()", "Convert a rotation from quaternion to matrix.", 1, 2, 3,
    ALL_LOOPS(rotations_matrix_from_quaternion), types_rotations_matrix_from_quaternion},
+  {"link_step", "(4,4),(),(),(),(),()->(4,4)", "Go from one link's system to the next.", 6, 1, 7,
+   ALL_LOOPS(spatial_links_link_step), types_spatial_links_link_step},
+  {"link_inverse", "(4,4)->(4,4)", "Invert a transformation matrix.", 1, 1, 2,
+   ALL_LOOPS(spatial_links_link_inverse), types_spatial_links_link_inverse},
+  {"link_forward_6r", "(5),(5),(5),(6),(6)->(4,4)", "End frame of six revolute joints.", 5, 1, 6,
+   ALL_LOOPS(spatial_links_link_forward_6r), types_spatial_links_link_forward_6r},
+  {"link_jacobian_6r", "(5),(5),(5),(6),(6)->(6,6)", "Jacobian of the end frame of six revolute joints.", 5, 1, 6,
+   ALL_LOOPS(spatial_links_link_jacobian_6r), types_spatial_links_link_jacobian_6r},
+  {"hypothetical_link", "(4,4),(),(),()->(),(),(),(),(),(),()", "Close a robot into a loop with a hypothetical link.", 4, 7, 11,
+   ALL_LOOPS(spatial_links_hypothetical_link), types_spatial_links_hypothetical_link},
   {"sps_legs", "(3,3),(),(),()->(3)", "Lengths of the three legs of a 3-SPS-S machine.", 4, 1, 5,
    ALL_LOOPS(three_sps_s_sps_legs), types_three_sps_s_sps_legs},
   {"sps_legs_from_quaternion", "(4),(),(),()->(3)", "Lengths of the three legs of a 3-SPS-S machine, from a quaternion.", 4, 1, 5,

@@ -13,8 +13,10 @@ from . import instantaneous_euler_inverse
 from . import instantaneous_euler_motion
 from . import instantaneous_euler_ridges
 from . import machine_model
+from . import robots_6r
 from . import rodrigues
 from . import rotations
+from . import spatial_links
 from . import three_sps_s
 from . import tricept
 from . import tricept_uncertainty
@@ -41,6 +43,8 @@ ALL = SimpleNamespace(
     chi_ridge_lines=instantaneous_euler_ridges.chi_ridge_lines,
     rotation_from_vector=machine_model.rotation_from_vector,
     tilted_axis=machine_model.tilted_axis,
+    robot_wrist_reverse=robots_6r.robot_wrist_reverse,
+    robot_parallel_reverse=robots_6r.robot_parallel_reverse,
     solve_axis_paper=rodrigues.solve_axis_paper,
     rotate=rotations.rotate,
     rodrigues_vector_from_axis_angle=rotations.rodrigues_vector_from_axis_angle,
@@ -55,6 +59,11 @@ ALL = SimpleNamespace(
     axis_angle_from_quaternion=rotations.axis_angle_from_quaternion,
     rodrigues_vector_from_quaternion=rotations.rodrigues_vector_from_quaternion,
     matrix_from_quaternion=rotations.matrix_from_quaternion,
+    link_step=spatial_links.link_step,
+    link_inverse=spatial_links.link_inverse,
+    link_forward_6r=spatial_links.link_forward_6r,
+    link_jacobian_6r=spatial_links.link_jacobian_6r,
+    hypothetical_link=spatial_links.hypothetical_link,
     sps_legs=three_sps_s.sps_legs,
     sps_legs_from_quaternion=three_sps_s.sps_legs_from_quaternion,
     sps_jacobian=three_sps_s.sps_jacobian,
