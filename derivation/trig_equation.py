@@ -1,0 +1,337 @@
+# ---
+# jupyter:
+#   jupytext:
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+#   kernelspec:
+#     display_name: Python 3
+#     language: python
+#     name: python3
+# ---
+
+# %% [markdown]
+# # The equation A cos θ + B sin θ + D = 0
+#
+# Every closed form of a spatial mechanism ends in this equation. The notes solve it twice: by the tangent of the half
+# angle, and by the angle $\gamma$ of the vector $(A,B)$. Both ways are proved here; what they leave out - solutions at
+# $\theta=\pi$, the quadrant of $\gamma$, and $A=B=0$ - is refuted as it stands and put right. Two kernels follow, one
+# a way, each with a status for every degenerate kind.
+
+# %%
+from enum import IntEnum
+
+import sympy as sp
+
+from rodgen.codegen import KernelBuilder
+from rodgen.symbolic import (
+    EPS,
+    LARGEST,
+    Derivation,
+    equal,
+    in_notebook,
+    power_of_two_scale,
+    select,
+)
+
+derivation = Derivation(
+    "trig_equation",
+    title="A cos θ + B sin θ + D = 0",
+    source='Lecture notes "Robot Geometry" after Crane and Duffy, "Kinematic Analysis of Robot Manipulators"',
+)
+d = derivation
+
+# %%
+A = d.symbol("A", "A", "coefficient of the cosine", "1")
+B = d.symbol("B", "B", "coefficient of the sine", "1")
+D = d.symbol("D", "D", "the rest", "1")
+half = d.symbol("half", r"\tfrac\theta2", "half the angle", "rad")
+x1 = d.symbol("x_1", "x_1", "tangent of half the angle", "1")
+gamma = d.symbol("gamma", r"\gamma", "angle of the vector (A, B)", "rad")
+theta = d.symbol("theta", r"\theta", "the angle", "rad")
+r = d.symbol("r", "r", "√(A² + B²)", "1", positive=True)
+w = d.symbol("w", "w", "√(r² − D²)", "1", nonnegative=True)
+sign = d.symbol("sigma", r"\sigma", "sign of the root, +1 or −1", "1")
+d
+
+# %% [markdown]
+# ## Tangent of the half angle
+
+# %%
+sine, cosine = 2 * sp.sin(half) * sp.cos(half), sp.cos(half) ** 2 - sp.sin(half) ** 2
+d.state(
+    "half-angle",
+    equal(sine, 2 * x1 / (1 + x1**2)),
+    equal(cosine, (1 - x1**2) / (1 + x1**2)),
+    text="Sine and cosine of θ by the tangent of its half.",
+    place="Tan-Half Angle Method",
+).prove(given={x1: sp.tan(half)})
+quadratic = x1**2 * (D - A) + x1 * (2 * B) + (D + A)
+d.state(
+    "quadratic",
+    equal((1 + x1**2) * (A * ((1 - x1**2) / (1 + x1**2)) + B * (2 * x1 / (1 + x1**2)) + D), quadratic),
+    text="After multiplication by 1 + x₁².",
+    place="Tan-Half Angle Method",
+).prove()
+d.state(
+    "all-have-a-tangent",
+    sp.Ne(sp.cos(theta / 2), 0),
+    tacit=True,
+    text="Every solution of the equation is a root of the quadratic.",
+    place="Tan-Half Angle Method",
+    assumptions=[sp.Eq(A * sp.cos(theta) + B * sp.sin(theta) + D, 0)],
+).refute(
+    {A: 1, B: 2, D: 1, theta: sp.pi},
+    equal(A * cosine + B * sine + D, D - A),
+    given={half: sp.pi / 2},
+    label="E1",
+    because="Where D = A the angle π is a solution, and it has no tangent of its half: the quadratic has lost a root "
+    "to infinity. That is more than a division by zero, since the other root, −A/B, is found by any care.",
+)
+d.check(
+    "other-root",
+    equal(quadratic.subs({D: A, x1: -A / B}), 0),
+    text="The root that is left where D = A.",
+    assumptions=[sp.Ne(B, 0)],
+).prove()
+
+# %% [markdown]
+# The roots of the quadratic lose digits where $-B$ and the root of the discriminant cancel. Their product is
+# $(D+A)/(D-A)$, so each root is the quotient of two numbers of which neither is made by cancellation. With
+# $\theta=2\,\mathrm{atan2}$ of the two nothing is divided at all, and $\theta=\pi$ is like any other angle.
+
+# %%
+d.check(
+    "roots",
+    equal(quadratic.subs(x1, (B + sign * w) / (A - D)) * (A - D), 0),
+    equal((B + sign * w) * (sign * w - B), (A - D) * (A + D)),
+    text="Both roots, as (B + σ w) / (A − D) and as (A + D) / (σ w − B).",
+    assumptions=[sp.Ne(A, D), sp.Eq(sign**2, 1)],
+).prove(modulo={w: w**2 - (A**2 + B**2 - D**2), sign: sign**2 - 1})
+
+# %% [markdown]
+# ## The angle of (A, B)
+
+# %%
+by_angle = {A: r * sp.cos(gamma), B: r * sp.sin(gamma)}
+d.state(
+    "divided",
+    equal(
+        (A / sp.sqrt(A**2 + B**2)) ** 2 + (B / sp.sqrt(A**2 + B**2)) ** 2,
+        sp.sin(gamma) ** 2 + sp.cos(gamma) ** 2,
+    ),
+    text="The squares of the two coefficients are together one, as those of sine and cosine are.",
+    place="Trig Solution Method",
+).prove()
+d.state(
+    "gamma-by-squares",
+    equal(sp.cos(gamma), sp.sqrt(A**2 / (A**2 + B**2))),
+    equal(sp.sin(gamma), sp.sqrt(B**2 / (A**2 + B**2))),
+    said="These definitions are used to determine the value of angle γ",
+    text="The definitions give the squares of its cosine and sine.",
+    place="Trig Solution Method",
+).refute(
+    {A: -1, B: 0, gamma: sp.pi},
+    (
+        equal(r**2 * (sp.sin(gamma) ** 2 + sp.cos(gamma) ** 2), A**2 + B**2),
+        equal(A, r * sp.cos(gamma)),
+        equal(B, r * sp.sin(gamma)),
+    ),
+    given=by_angle,
+    label="E2",
+    because="Squares do not tell the quadrant. γ is the angle whose cosine is A/r and whose sine is B/r: atan2(B, A).",
+)
+difference = sp.cos(gamma) * sp.cos(theta) + sp.sin(gamma) * sp.sin(theta)
+d.state(
+    "difference",
+    equal((A * sp.cos(theta) + B * sp.sin(theta) + D) / r, difference + D / r),
+    equal(difference, sp.expand_trig(sp.cos(theta - gamma))),
+    text="The equation is cos(θ − γ) = −D/r.",
+    place="Trig Solution Method",
+).prove(given=by_angle)
+d.state(
+    "only-infeasible",
+    sp.Ne(A**2 + B**2, 0),
+    said="it only encounters problems for infeasible link lengths",
+    text="What is divided by is not zero.",
+    place="Trig Solution Method",
+    assumptions=[sp.Le(D**2, A**2 + B**2)],
+).refute(
+    {A: 0, B: 0, D: 0},
+    equal(A * sp.cos(theta) + B * sp.sin(theta) + D, D),
+    given={A: 0, B: 0},
+    label="E3",
+    because="Where A = B = 0 there is no γ. The equation is D = 0 then: every angle solves it, or none.",
+)
+
+# %% [markdown]
+# The two angles $\gamma\pm h$ need neither $\gamma$ nor an arc cosine: their sines and cosines are rational in
+# $A$, $B$, $D$ and $w$. Each is right to rounding over $r^2$, so `atan2` of the two is right to rounding.
+
+# %%
+cos_theta, sin_theta = (-A * D - sign * B * w) / r**2, (-B * D + sign * A * w) / r**2
+by_roots = {w: w**2 - (r**2 - D**2), r: r**2 - (A**2 + B**2), sign: sign**2 - 1}
+d.check(
+    "both-angles",
+    equal(A * cos_theta + B * sin_theta + D, 0),
+    equal(cos_theta**2 + sin_theta**2, 1),
+    text="Cosine and sine of the two solutions; they are one where w = 0.",
+).prove(modulo=by_roots)
+d.check(
+    "in-this-order",
+    equal(cos_theta, (A * (-D / r) - B * (sign * w / r)) / r),
+    equal(sin_theta, (B * (-D / r) + A * (sign * w / r)) / r),
+    text="They are γ + σ h with cos h = −D/r and sin h = w/r, by the sums of sine and cosine; so h is between 0 and π.",
+).prove()
+d.check(
+    "no-others",
+    equal(
+        (A * sp.cos(theta) + B * sp.sin(theta)) ** 2 + (A * sp.sin(theta) - B * sp.cos(theta)) ** 2,
+        A**2 + B**2,
+    ),
+    text="There are no others: A cos θ + B sin θ = −D leaves w or −w for A sin θ − B cos θ, and the two are linear in "
+    "cosine and sine with the determinant r².",
+).prove()
+long, short = sp.symbols("long short", real=True)
+d.check(
+    "discriminant",
+    equal((long - D) * (long + D) + short**2, long**2 + short**2 - D**2),
+    text="w² with the longer of A and B beside D: what is subtracted there is exact for numbers that are near.",
+).prove()
+
+# %% [markdown]
+# ## The kernels
+
+
+# %%
+class TrigStatus(IntEnum):
+    """How many angles solve A cos θ + B sin θ + D = 0.
+
+    TWO: two angles.
+    DOUBLE: one, where two meet: the size of D is √(A² + B²) to rounding. It is given twice.
+    INFEASIBLE: none, since the size of D is greater than √(A² + B²); the angles are NaN.
+    ALL: every angle, since A, B and D are zero; the angles are NaN.
+    NONE: none, since A and B are zero and D is not; the angles are NaN.
+    INVALID: a coefficient is not finite; the angles are NaN.
+    """
+
+    TWO = 0
+    DOUBLE = 1
+    INFEASIBLE = 2
+    ALL = 3
+    NONE = 4
+    INVALID = 5
+
+
+# Of w² over r²: a rounding of each coefficient changes it by up to four.
+DOUBLE_BELOW = 4 * EPS
+
+
+def not_negative_zero(value):
+    """Zero without a sign, so that the angle of a negative number is π and not −π."""
+    return select(sp.Eq(value, 0), 0, value)
+
+
+def begin(k):
+    """Scaled coefficients, w, whether there are solutions, and the kinds."""
+    A = k.input("A", unit="1", doc="coefficient of the cosine, in the unit of all three")
+    B = k.input("B", unit="1", doc="coefficient of the sine")
+    D = k.input("D", unit="1", doc="the rest")
+    size = k.let("size", abs(A) / 4 + abs(B) / 4 + abs(D) / 4)
+    scale = k.let("scale", power_of_two_scale(size))
+    a, b, d_ = k.let("a", A * scale), k.let("b", B * scale), k.let("d", D * scale)
+    long = k.let("larger", select(abs(a) < abs(b), abs(b), abs(a)))
+    short = k.let("smaller", select(abs(a) < abs(b), abs(a), abs(b)))
+    square = k.let("square", (long - d_) * (long + d_) + short**2)
+    bound = k.let("bound", DOUBLE_BELOW * (long**2 + short**2))
+    double = k.let("is_double", abs(square) <= bound)
+    valid = k.let("valid", size <= LARGEST)
+    two = k.let("two", square > bound)
+    root = k.let("w", select(two, sp.sqrt(select(two, square, 1)), 0))
+    empty = k.let("empty", sp.Eq(long, 0))
+    there = k.let("there", valid & sp.Not(empty) & (double | two))
+    status = sp.Piecewise(
+        (TrigStatus.INVALID, sp.Not(valid)),
+        (TrigStatus.NONE, empty & (abs(d_) > 0)),
+        (TrigStatus.ALL, empty),
+        (TrigStatus.DOUBLE, double),
+        (TrigStatus.TWO, two),
+        (TrigStatus.INFEASIBLE, True),
+        evaluate=False,
+    )
+    return a, b, d_, root, there, status
+
+
+def end(k, angles, there, status):
+    k.output(
+        "theta",
+        select(there, sp.Matrix(angles), sp.ones(2, 1) * sp.nan),
+        unit="rad",
+        doc="gamma + h and gamma - h, from -pi to pi",
+    )
+    k.status("status", status, TrigStatus, doc="how many angles there are")
+    return k.build()
+
+
+def trig_solve():
+    k = KernelBuilder(
+        "trig_solve",
+        summary="Both angles with A cos(theta) + B sin(theta) + D = 0.",
+        source="Robot Geometry, trig solution method; derivation trig_equation",
+        notes="The angles are gamma + h and gamma - h, where gamma is the angle of (A, B), and h is between 0 and pi.",
+    )
+    a, b, d_, root, there, status = begin(k)
+    angles = []
+    for name, s in (("plus", 1), ("minus", -1)):
+        cosine = k.let(f"cosine_{name}", -a * d_ - s * b * root)
+        sine = k.let(f"sine_{name}", not_negative_zero(-b * d_ + s * a * root))
+        angles.append(sp.atan2(sine, cosine))
+    return end(k, angles, there, status)
+
+
+def trig_half_angle():
+    k = KernelBuilder(
+        "trig_half_angle",
+        summary="Both angles with A cos(theta) + B sin(theta) + D = 0, by the tangent of the half angle.",
+        source="Robot Geometry, tan-half angle method; derivation trig_equation",
+        notes="The order is that of trig_solve. Each tangent is a quotient of two numbers without cancellation.",
+    )
+    a, b, d_, root, there, status = begin(k)
+    positive = k.let("positive", b >= 0)
+    sum_ = k.let("together", select(positive, b + root, root - b))
+    first = {"above": select(positive, sum_, a + d_), "below": select(positive, a - d_, sum_)}
+    second = {"above": select(positive, a + d_, sum_), "below": select(positive, -sum_, d_ - a)}
+    double = k.let("alone", root <= 0)  # then the second is the first
+    second = {name: select(double, first[name], value) for name, value in second.items()}
+    # B = w = 0: 0/0, and the angle is 0 or pi
+    lonely = k.let("lonely", sp.Eq(sum_, 0))
+    angles = []
+    for name, quotient in (("plus", first), ("minus", second)):
+        above = k.let(f"above_{name}", select(lonely, select(a * d_ > 0, 1, 0), quotient["above"]))
+        below = k.let(f"below_{name}", select(lonely, select(a * d_ > 0, 0, 1), quotient["below"]))
+        flip = select((below < 0) | (sp.Eq(below, 0) & (above < 0)), -1, 1)
+        half_angle = k.let(f"half_{name}", sp.atan2(flip * above, flip * below))
+        angles.append(2 * half_angle)
+    return end(k, angles, there, status)
+
+
+kernels = [trig_solve(), trig_half_angle()]
+names = {"a": A, "b": B, "d": D, "w": w}
+steps = {}
+for s, name in ((1, "plus"), (-1, "minus")):
+    for part in ("cosine", "sine"):
+        value = kernels[0].expand(f"{part}_{name}", keep=("a", "b", "d", "w"))
+        value = value.replace(lambda e: isinstance(e, sp.Piecewise), lambda e: e.args[-1].expr)
+        steps[part, s] = value.subs({sp.Symbol(key, real=True): letter for key, letter in names.items()})
+d.check(
+    "kernel",
+    *(equal(steps["cosine", s], r**2 * cos_theta.subs(sign, s)) for s in (1, -1)),
+    *(equal(steps["sine", s], r**2 * sin_theta.subs(sign, s)) for s in (1, -1)),
+    text="The kernel's cosines and sines are those of the two solutions, times r².",
+).prove()
+
+# %%
+derivation.kernel(*kernels)
+if in_notebook():
+    for kernel in derivation.kernels.values():
+        print(f"{kernel.name:20} {sum(kernel.operations.values()):5d} operations")
