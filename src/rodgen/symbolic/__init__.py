@@ -6,6 +6,7 @@ A derivation of one's own needs :class:`Derivation`, :func:`equal` and SymPy; se
 
 from rodgen.symbolic._errata import errata
 from rodgen.symbolic.derivation import Derivation, DerivationError, Entry, Refutation, SymbolRow, equal
+from rodgen.symbolic.dual import Dual, dual_matrix, dual_rotation_x, dual_rotation_z, dual_value
 from rodgen.symbolic.factors import factored
 from rodgen.symbolic.functions import EPS, LARGEST, power_of_two_scale, select
 from rodgen.symbolic.notebook import in_notebook
@@ -34,6 +35,7 @@ __all__ = [
     "LARGEST",
     "Derivation",
     "DerivationError",
+    "Dual",
     "Entry",
     "Letter",
     "ReciprocalSystem",
@@ -44,6 +46,10 @@ __all__ = [
     "couple",
     "cross",
     "dot",
+    "dual_matrix",
+    "dual_rotation_x",
+    "dual_rotation_z",
+    "dual_value",
     "equal",
     "errata",
     "explicit",
