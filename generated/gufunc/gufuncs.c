@@ -76,6 +76,18 @@ DECLARE_ALL(spatial_links_link_inverse)
 DECLARE_ALL(spatial_links_link_forward_6r)
 DECLARE_ALL(spatial_links_link_jacobian_6r)
 DECLARE_ALL(spatial_links_hypothetical_link)
+DECLARE_ALL(spherical_polygons_polygon_notation_1)
+DECLARE_ALL(spherical_polygons_polygon_notation_2)
+DECLARE_ALL(spherical_polygons_polygon_notation_3)
+DECLARE_ALL(spherical_polygons_polygon_notation_4)
+DECLARE_ALL(spherical_polygons_polygon_notation_5)
+DECLARE_ALL(spherical_polygons_polygon_secondary_1)
+DECLARE_ALL(spherical_polygons_polygon_secondary_2)
+DECLARE_ALL(spherical_polygons_polygon_secondary_3)
+DECLARE_ALL(spherical_polygons_polygon_secondary_4)
+DECLARE_ALL(spherical_polygons_polygon_secondary_5)
+DECLARE_ALL(spherical_polygons_polygon_quadrilateral)
+DECLARE_ALL(spherical_polygons_polygon_pentagon)
 DECLARE_ALL(three_sps_s_sps_legs)
 DECLARE_ALL(three_sps_s_sps_legs_from_quaternion)
 DECLARE_ALL(three_sps_s_sps_jacobian)
@@ -98,6 +110,8 @@ DECLARE_ALL(tricept_tricept_singularity)
 DECLARE_ALL(tricept_uncertainty_tricept_parameter_sensitivity)
 DECLARE_ALL(tricept_uncertainty_tricept_closure)
 DECLARE_ALL(tricept_uncertainty_tricept_beam)
+DECLARE_ALL(trig_equation_trig_solve)
+DECLARE_ALL(trig_equation_trig_half_angle)
 
 enum { BASELINE, AVX2, AVX512, LEVELS };
 static const char *const level_names[LEVELS] = {"baseline", "avx2", "avx512"};
@@ -279,6 +293,54 @@ static const char types_spatial_links_hypothetical_link[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 };
+static const char types_spherical_polygons_polygon_notation_1[] = {
+NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_spherical_polygons_polygon_notation_2[] = {
+NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_spherical_polygons_polygon_notation_3[] = {
+NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_spherical_polygons_polygon_notation_4[] = {
+NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_spherical_polygons_polygon_notation_5[] = {
+NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_spherical_polygons_polygon_secondary_1[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_spherical_polygons_polygon_secondary_2[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_spherical_polygons_polygon_secondary_3[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_spherical_polygons_polygon_secondary_4[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_spherical_polygons_polygon_secondary_5[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_spherical_polygons_polygon_quadrilateral[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
+};
+static const char types_spherical_polygons_polygon_pentagon[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
+};
 static const char types_three_sps_s_sps_legs[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
@@ -367,6 +429,14 @@ static const char types_tricept_uncertainty_tricept_beam[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 };
+static const char types_trig_equation_trig_solve[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
+};
+static const char types_trig_equation_trig_half_angle[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
+};
 
 static const struct definition definitions[] = {
   {"solve_axis", "(3),(3),(),()->(2,3),()", "Unit axes through the origin that turn a point into another by a known angle.", 4, 2, 6,
@@ -453,6 +523,30 @@ static const struct definition definitions[] = {
    ALL_LOOPS(spatial_links_link_jacobian_6r), types_spatial_links_link_jacobian_6r},
   {"hypothetical_link", "(4,4),(),(),()->(),(),(),(),(),(),()", "Close a robot into a loop with a hypothetical link.", 4, 7, 11,
    ALL_LOOPS(spatial_links_hypothetical_link), types_spatial_links_hypothetical_link},
+  {"polygon_notation_1", "(3)->(4)", "Evaluate X, X*, Y, Z of 1 subscript.", 1, 1, 2,
+   ALL_LOOPS(spherical_polygons_polygon_notation_1), types_spherical_polygons_polygon_notation_1},
+  {"polygon_notation_2", "(5)->(4)", "Evaluate X, X*, Y, Z of 2 subscripts.", 1, 1, 2,
+   ALL_LOOPS(spherical_polygons_polygon_notation_2), types_spherical_polygons_polygon_notation_2},
+  {"polygon_notation_3", "(7)->(4)", "Evaluate X, X*, Y, Z of 3 subscripts.", 1, 1, 2,
+   ALL_LOOPS(spherical_polygons_polygon_notation_3), types_spherical_polygons_polygon_notation_3},
+  {"polygon_notation_4", "(9)->(4)", "Evaluate X, X*, Y, Z of 4 subscripts.", 1, 1, 2,
+   ALL_LOOPS(spherical_polygons_polygon_notation_4), types_spherical_polygons_polygon_notation_4},
+  {"polygon_notation_5", "(11)->(4)", "Evaluate X, X*, Y, Z of 5 subscripts.", 1, 1, 2,
+   ALL_LOOPS(spherical_polygons_polygon_notation_5), types_spherical_polygons_polygon_notation_5},
+  {"polygon_secondary_1", "(3),(3)->(4),(4)", "Evaluate X, X*, Y, Z of 1 subscript with their dual parts.", 2, 2, 4,
+   ALL_LOOPS(spherical_polygons_polygon_secondary_1), types_spherical_polygons_polygon_secondary_1},
+  {"polygon_secondary_2", "(5),(5)->(4),(4)", "Evaluate X, X*, Y, Z of 2 subscripts with their dual parts.", 2, 2, 4,
+   ALL_LOOPS(spherical_polygons_polygon_secondary_2), types_spherical_polygons_polygon_secondary_2},
+  {"polygon_secondary_3", "(7),(7)->(4),(4)", "Evaluate X, X*, Y, Z of 3 subscripts with their dual parts.", 2, 2, 4,
+   ALL_LOOPS(spherical_polygons_polygon_secondary_3), types_spherical_polygons_polygon_secondary_3},
+  {"polygon_secondary_4", "(9),(9)->(4),(4)", "Evaluate X, X*, Y, Z of 4 subscripts with their dual parts.", 2, 2, 4,
+   ALL_LOOPS(spherical_polygons_polygon_secondary_4), types_spherical_polygons_polygon_secondary_4},
+  {"polygon_secondary_5", "(11),(11)->(4),(4)", "Evaluate X, X*, Y, Z of 5 subscripts with their dual parts.", 2, 2, 4,
+   ALL_LOOPS(spherical_polygons_polygon_secondary_5), types_spherical_polygons_polygon_secondary_5},
+  {"polygon_quadrilateral", "(4),()->(2,4),()", "Close a spherical quadrilateral: all joint angles of the twists and the last joint angle.", 2, 2, 4,
+   ALL_LOOPS(spherical_polygons_polygon_quadrilateral), types_spherical_polygons_polygon_quadrilateral},
+  {"polygon_pentagon", "(5),(2)->(2,5),()", "Close a spherical pentagon: all joint angles of the twists and the last two joint angles.", 2, 2, 4,
+   ALL_LOOPS(spherical_polygons_polygon_pentagon), types_spherical_polygons_polygon_pentagon},
   {"sps_legs", "(3,3),(),(),()->(3)", "Lengths of the three legs of a 3-SPS-S machine.", 4, 1, 5,
    ALL_LOOPS(three_sps_s_sps_legs), types_three_sps_s_sps_legs},
   {"sps_legs_from_quaternion", "(4),(),(),()->(3)", "Lengths of the three legs of a 3-SPS-S machine, from a quaternion.", 4, 1, 5,
@@ -497,6 +591,10 @@ static const struct definition definitions[] = {
    ALL_LOOPS(tricept_uncertainty_tricept_closure), types_tricept_uncertainty_tricept_closure},
   {"tricept_beam", "(),(),(),(),(3)->(3,5,5),(4),(3,3)", "The polynomials in z of which the elements of U_y are made along a beam.", 5, 3, 8,
    ALL_LOOPS(tricept_uncertainty_tricept_beam), types_tricept_uncertainty_tricept_beam},
+  {"trig_solve", "(),(),()->(2),()", "Both angles with A cos(theta) + B sin(theta) + D = 0.", 3, 2, 5,
+   ALL_LOOPS(trig_equation_trig_solve), types_trig_equation_trig_solve},
+  {"trig_half_angle", "(),(),()->(2),()", "Both angles with A cos(theta) + B sin(theta) + D = 0, by the tangent of the half angle.", 3, 2, 5,
+   ALL_LOOPS(trig_equation_trig_half_angle), types_trig_equation_trig_half_angle},
 };
 enum { DEFINITIONS = sizeof definitions / sizeof definitions[0] };
 

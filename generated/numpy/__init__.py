@@ -17,9 +17,11 @@ from . import robots_6r
 from . import rodrigues
 from . import rotations
 from . import spatial_links
+from . import spherical_polygons
 from . import three_sps_s
 from . import tricept
 from . import tricept_uncertainty
+from . import trig_equation
 
 ALL = SimpleNamespace(
     solve_axis=axis.solve_axis,
@@ -64,6 +66,18 @@ ALL = SimpleNamespace(
     link_forward_6r=spatial_links.link_forward_6r,
     link_jacobian_6r=spatial_links.link_jacobian_6r,
     hypothetical_link=spatial_links.hypothetical_link,
+    polygon_notation_1=spherical_polygons.polygon_notation_1,
+    polygon_notation_2=spherical_polygons.polygon_notation_2,
+    polygon_notation_3=spherical_polygons.polygon_notation_3,
+    polygon_notation_4=spherical_polygons.polygon_notation_4,
+    polygon_notation_5=spherical_polygons.polygon_notation_5,
+    polygon_secondary_1=spherical_polygons.polygon_secondary_1,
+    polygon_secondary_2=spherical_polygons.polygon_secondary_2,
+    polygon_secondary_3=spherical_polygons.polygon_secondary_3,
+    polygon_secondary_4=spherical_polygons.polygon_secondary_4,
+    polygon_secondary_5=spherical_polygons.polygon_secondary_5,
+    polygon_quadrilateral=spherical_polygons.polygon_quadrilateral,
+    polygon_pentagon=spherical_polygons.polygon_pentagon,
     sps_legs=three_sps_s.sps_legs,
     sps_legs_from_quaternion=three_sps_s.sps_legs_from_quaternion,
     sps_jacobian=three_sps_s.sps_jacobian,
@@ -86,4 +100,6 @@ ALL = SimpleNamespace(
     tricept_parameter_sensitivity=tricept_uncertainty.tricept_parameter_sensitivity,
     tricept_closure=tricept_uncertainty.tricept_closure,
     tricept_beam=tricept_uncertainty.tricept_beam,
+    trig_solve=trig_equation.trig_solve,
+    trig_half_angle=trig_equation.trig_half_angle,
 )

@@ -76,7 +76,7 @@ robot_wrist_reverse.types = ["ddddd->db", "fffff->fb"]
 
 
 def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
-    # 285 add, 483 mul, 23 div, 33 sqrt, 191 select, 122 compare, 46 abs, 34 atan2
+    # 298 add, 483 mul, 23 div, 33 sqrt, 324 select, 166 compare, 46 abs, 34 atan2
     rough = np.abs(pose_4_1) + np.abs(pose_4_2) + np.abs(pose_4_3) + np.abs(pose_4_4 - 1.0) + 2.0*np.abs(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + 2.0*np.abs(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + 2.0*np.abs(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3) + np.abs((pose_1_1*pose_1_1) + (pose_2_1*pose_2_1) + (pose_3_1*pose_3_1) - 1.0) + np.abs((pose_1_2*pose_1_2) + (pose_2_2*pose_2_2) + (pose_3_2*pose_3_2) - 1.0) + np.abs((pose_1_3*pose_1_3) + (pose_2_3*pose_2_3) + (pose_3_3*pose_3_3) - 1.0)
     handed = pose_1_1*(pose_2_2*pose_3_3 - pose_2_3*pose_3_2) + pose_2_1*(pose_1_3*pose_3_2 - pose_1_2*pose_3_3) + pose_3_1*(pose_1_2*pose_2_3 - pose_1_3*pose_2_2)
     spare = np.abs(a_1) + np.abs(a_2) + np.abs(a_3) + np.abs(a_4) + np.abs(a_5) + np.abs(offset_1) + np.abs(offset_2) + np.abs(offset_3) + np.abs(offset_4) + np.abs(offset_5) + np.abs(offset_6) + np.abs(pose_1_4) + np.abs(pose_2_4) + np.abs(pose_3_4)
@@ -100,14 +100,14 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del height
     x5 = np.abs(x4)
     first_room = first_r - x5
-    x136 = 4096.0*eps
-    x137 = spare*x136
-    first_free = (first_r <= x137) & (x5 <= x137)
+    x184 = 4096.0*eps
+    x185 = spare*x184
+    first_free = (first_r <= x185) & (x5 <= x185)
     x20 = 64.0*eps
-    x135 = spare*x20
-    first_double = (np.abs(first_room) <= x135) & (~(first_free))
-    first_exists = (first_free) | ((first_room >= -x135) & (first_r > 0.0))
-    del x135
+    x183 = spare*x20
+    first_double = (np.abs(first_room) <= x183) & (~(first_free))
+    first_exists = (first_free) | ((first_room >= -x183) & (first_r > 0.0))
+    del x183
     first_q = np.where((~(first_double)) & (first_room > 0.0), np.sqrt(first_room*(first_r + x5)), 0.0)
     del first_room, x5
     first_size = first_r*np.sqrt((first_q*first_q) + (x4*x4))
@@ -161,9 +161,9 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     x25 = (end_a_1*end_a_1) + (end_a_2*end_a_2) - square
     x26 = np.abs(x25)
     triangle_a_3_room = triangle_a_3_r - x26
-    x138 = x136*x19
+    x186 = x184*x19
     del x19
-    triangle_a_3_free = (triangle_a_3_r <= x138) & (x26 <= x138)
+    triangle_a_3_free = (triangle_a_3_r <= x186) & (x26 <= x186)
     triangle_a_3_double = (np.abs(triangle_a_3_room) <= triangle_a_area) & (~(triangle_a_3_free))
     triangle_a_3_exists = (triangle_a_3_free) | ((triangle_a_3_room >= -triangle_a_area) & (triangle_a_3_r > 0.0))
     del triangle_a_area
@@ -190,7 +190,7 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     triangle_a_3_two = (triangle_a_3_exists) & (~((triangle_a_3_double) | (triangle_a_3_free)))
     triangle_a_arm_a_1 = a_2 + forearm_1*triangle_a_3_c_a - forearm_2*triangle_a_3_s_a
     triangle_a_arm_a_2 = forearm_1*triangle_a_3_s_a + forearm_2*triangle_a_3_c_a
-    triangle_a_any_a = np.abs(end_a_1) + np.abs(end_a_2) <= x137
+    triangle_a_any_a = np.abs(end_a_1) + np.abs(end_a_2) <= x185
     triangle_a_2_a_dot = end_a_1*triangle_a_arm_a_1 + end_a_2*triangle_a_arm_a_2
     triangle_a_2_a_cross = end_a_2*triangle_a_arm_a_1 - end_a_1*triangle_a_arm_a_2
     del triangle_a_arm_a_1, triangle_a_arm_a_2
@@ -203,7 +203,7 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del triangle_a_2_a_cross, triangle_a_2_a_scale
     triangle_a_arm_b_1 = a_2 + forearm_1*triangle_a_3_c_b - forearm_2*triangle_a_3_s_b
     triangle_a_arm_b_2 = forearm_1*triangle_a_3_s_b + forearm_2*triangle_a_3_c_b
-    triangle_a_any_b = np.abs(end_a_1) + np.abs(end_a_2) <= x137
+    triangle_a_any_b = np.abs(end_a_1) + np.abs(end_a_2) <= x185
     triangle_a_2_b_dot = end_a_1*triangle_a_arm_b_1 + end_a_2*triangle_a_arm_b_2
     triangle_a_2_b_cross = end_a_2*triangle_a_arm_b_1 - end_a_1*triangle_a_arm_b_2
     del end_a_1, end_a_2, triangle_a_arm_b_1, triangle_a_arm_b_2
@@ -246,7 +246,7 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del bend_aa_denominator, bend_aa_product
     bend_aa_tolerance = x20*(h_aa + x44)
     del x44
-    bend_aa_free = (bend_aa_gram >= -bend_aa_tolerance) & (h_aa <= x136)
+    bend_aa_free = (bend_aa_gram >= -bend_aa_tolerance) & (h_aa <= x184)
     del h_aa
     bend_aa_double = (np.abs(bend_aa_gram) <= bend_aa_tolerance) & (~(bend_aa_free))
     bend_aa_exists = bend_aa_gram >= -bend_aa_tolerance
@@ -336,7 +336,7 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del bend_ab_denominator, bend_ab_product
     bend_ab_tolerance = x20*(h_ab + x63)
     del x63
-    bend_ab_free = (bend_ab_gram >= -bend_ab_tolerance) & (h_ab <= x136)
+    bend_ab_free = (bend_ab_gram >= -bend_ab_tolerance) & (h_ab <= x184)
     del h_ab
     bend_ab_double = (np.abs(bend_ab_gram) <= bend_ab_tolerance) & (~(bend_ab_free))
     bend_ab_exists = bend_ab_gram >= -bend_ab_tolerance
@@ -422,8 +422,8 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del square
     x80 = np.abs(x79)
     triangle_b_3_room = triangle_b_3_r - x80
-    triangle_b_3_free = (triangle_b_3_r <= x138) & (x80 <= x138)
-    del x138
+    triangle_b_3_free = (triangle_b_3_r <= x186) & (x80 <= x186)
+    del x186
     triangle_b_3_double = (np.abs(triangle_b_3_room) <= triangle_b_area) & (~(triangle_b_3_free))
     triangle_b_3_exists = (triangle_b_3_free) | ((triangle_b_3_room >= -triangle_b_area) & (triangle_b_3_r > 0.0))
     del triangle_b_area
@@ -447,7 +447,7 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     triangle_b_3_two = (triangle_b_3_exists) & (~((triangle_b_3_double) | (triangle_b_3_free)))
     triangle_b_arm_a_1 = a_2 + forearm_1*triangle_b_3_c_a - forearm_2*triangle_b_3_s_a
     triangle_b_arm_a_2 = forearm_1*triangle_b_3_s_a + forearm_2*triangle_b_3_c_a
-    triangle_b_any_a = np.abs(end_b_1) + np.abs(end_b_2) <= x137
+    triangle_b_any_a = np.abs(end_b_1) + np.abs(end_b_2) <= x185
     triangle_b_2_a_dot = end_b_1*triangle_b_arm_a_1 + end_b_2*triangle_b_arm_a_2
     triangle_b_2_a_cross = end_b_2*triangle_b_arm_a_1 - end_b_1*triangle_b_arm_a_2
     del triangle_b_arm_a_1, triangle_b_arm_a_2
@@ -461,8 +461,8 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     triangle_b_arm_b_1 = a_2 + forearm_1*triangle_b_3_c_b - forearm_2*triangle_b_3_s_b
     triangle_b_arm_b_2 = forearm_1*triangle_b_3_s_b + forearm_2*triangle_b_3_c_b
     del forearm_1, forearm_2
-    triangle_b_any_b = np.abs(end_b_1) + np.abs(end_b_2) <= x137
-    del x137
+    triangle_b_any_b = np.abs(end_b_1) + np.abs(end_b_2) <= x185
+    del x185
     triangle_b_2_b_dot = end_b_1*triangle_b_arm_b_1 + end_b_2*triangle_b_arm_b_2
     triangle_b_2_b_cross = end_b_2*triangle_b_arm_b_1 - end_b_1*triangle_b_arm_b_2
     del end_b_1, end_b_2, triangle_b_arm_b_1, triangle_b_arm_b_2
@@ -502,7 +502,7 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del bend_ba_denominator, bend_ba_product
     bend_ba_tolerance = x20*(h_ba + x91)
     del x91
-    bend_ba_free = (bend_ba_gram >= -bend_ba_tolerance) & (h_ba <= x136)
+    bend_ba_free = (bend_ba_gram >= -bend_ba_tolerance) & (h_ba <= x184)
     del h_ba
     bend_ba_double = (np.abs(bend_ba_gram) <= bend_ba_tolerance) & (~(bend_ba_free))
     bend_ba_exists = bend_ba_gram >= -bend_ba_tolerance
@@ -590,8 +590,8 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del bend_bb_denominator, bend_bb_product
     bend_bb_tolerance = x20*(h_bb + x107)
     del x107, x20
-    bend_bb_free = (bend_bb_gram >= -bend_bb_tolerance) & (h_bb <= x136)
-    del h_bb, x136
+    bend_bb_free = (bend_bb_gram >= -bend_bb_tolerance) & (h_bb <= x184)
+    del h_bb, x184
     bend_bb_double = (np.abs(bend_bb_gram) <= bend_bb_tolerance) & (~(bend_bb_free))
     bend_bb_exists = bend_bb_gram >= -bend_bb_tolerance
     del bend_bb_tolerance
@@ -668,6 +668,9 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     angle_1_5 = np.arctan2(bend_aa_s, bend_aa_c)
     angle_1_6 = np.arctan2(s_6_aaa, c_6_aaa)
     del c_6_aaa, s_6_aaa
+    x124 = np.where((bend_aa_free) | (first_free) | (triangle_a_3_free) | (triangle_a_any_a), 2.0, np.where((bend_aa_double) | (first_double) | (triangle_a_3_double), 1.0, 0.0))
+    del bend_aa_double, bend_aa_free, triangle_a_any_a
+    code_1 = x124
     there_2 = (bend_aa_two) & (first_exists) & (near) & (triangle_a_3_exists)
     del bend_aa_two, triangle_a_3_exists
     angle_2_1 = x121
@@ -681,212 +684,648 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del bend_aa_c, bend_aa_s
     angle_2_6 = np.arctan2(s_6_aab, c_6_aab)
     del c_6_aab, s_6_aab
+    code_2 = x124
+    del x124
     there_3 = (bend_ab_exists) & (first_exists) & (near) & (triangle_a_3_two)
     del bend_ab_exists
     angle_3_1 = x121
-    x124 = np.arctan2(triangle_a_2_b_s, triangle_a_2_b_c)
+    x125 = np.arctan2(triangle_a_2_b_s, triangle_a_2_b_c)
     del triangle_a_2_b_c, triangle_a_2_b_s
-    angle_3_2 = x124
-    x125 = np.arctan2(triangle_a_3_s_b, triangle_a_3_c_b)
+    angle_3_2 = x125
+    x126 = np.arctan2(triangle_a_3_s_b, triangle_a_3_c_b)
     del triangle_a_3_c_b, triangle_a_3_s_b
-    angle_3_3 = x125
+    angle_3_3 = x126
     angle_3_4 = np.arctan2(fourth_aba_s, fourth_aba_c)
     del fourth_aba_c, fourth_aba_s
     angle_3_5 = np.arctan2(bend_ab_s, bend_ab_c)
     angle_3_6 = np.arctan2(s_6_aba, c_6_aba)
     del c_6_aba, s_6_aba
+    x127 = np.where((bend_ab_free) | (first_free) | (triangle_a_3_free) | (triangle_a_any_b), 2.0, np.where((bend_ab_double) | (first_double) | (triangle_a_3_double), 1.0, 0.0))
+    del bend_ab_double, bend_ab_free, triangle_a_3_double, triangle_a_3_free, triangle_a_any_b
+    code_3 = x127
     there_4 = (bend_ab_two) & (first_exists) & (near) & (triangle_a_3_two)
     del bend_ab_two, first_exists, triangle_a_3_two
     angle_4_1 = x121
     del x121
-    angle_4_2 = x124
-    del x124
-    angle_4_3 = x125
+    angle_4_2 = x125
     del x125
+    angle_4_3 = x126
+    del x126
     angle_4_4 = np.arctan2(fourth_abb_s, fourth_abb_c)
     del fourth_abb_c, fourth_abb_s
     angle_4_5 = np.arctan2(-bend_ab_s, bend_ab_c)
     del bend_ab_c, bend_ab_s
     angle_4_6 = np.arctan2(s_6_abb, c_6_abb)
     del c_6_abb, s_6_abb
+    code_4 = x127
+    del x127
     there_5 = (bend_ba_exists) & (first_two) & (near) & (triangle_b_3_exists)
     del bend_ba_exists
-    x126 = np.arctan2(first_s_b, first_c_b)
+    x128 = np.arctan2(first_s_b, first_c_b)
     del first_c_b, first_s_b
-    angle_5_1 = x126
-    x127 = np.arctan2(triangle_b_2_a_s, triangle_b_2_a_c)
+    angle_5_1 = x128
+    x129 = np.arctan2(triangle_b_2_a_s, triangle_b_2_a_c)
     del triangle_b_2_a_c, triangle_b_2_a_s
-    angle_5_2 = x127
-    x128 = np.arctan2(triangle_b_3_s_a, triangle_b_3_c_a)
+    angle_5_2 = x129
+    x130 = np.arctan2(triangle_b_3_s_a, triangle_b_3_c_a)
     del triangle_b_3_c_a, triangle_b_3_s_a
-    angle_5_3 = x128
+    angle_5_3 = x130
     angle_5_4 = np.arctan2(fourth_baa_s, fourth_baa_c)
     del fourth_baa_c, fourth_baa_s
     angle_5_5 = np.arctan2(bend_ba_s, bend_ba_c)
     angle_5_6 = np.arctan2(s_6_baa, c_6_baa)
     del c_6_baa, s_6_baa
+    x131 = np.where((bend_ba_free) | (first_free) | (triangle_b_3_free) | (triangle_b_any_a), 2.0, np.where((bend_ba_double) | (first_double) | (triangle_b_3_double), 1.0, 0.0))
+    del bend_ba_double, bend_ba_free, triangle_b_any_a
+    code_5 = x131
     there_6 = (bend_ba_two) & (first_two) & (near) & (triangle_b_3_exists)
     del bend_ba_two, triangle_b_3_exists
-    angle_6_1 = x126
-    angle_6_2 = x127
-    del x127
-    angle_6_3 = x128
-    del x128
+    angle_6_1 = x128
+    angle_6_2 = x129
+    del x129
+    angle_6_3 = x130
+    del x130
     angle_6_4 = np.arctan2(fourth_bab_s, fourth_bab_c)
     del fourth_bab_c, fourth_bab_s
     angle_6_5 = np.arctan2(-bend_ba_s, bend_ba_c)
     del bend_ba_c, bend_ba_s
     angle_6_6 = np.arctan2(s_6_bab, c_6_bab)
     del c_6_bab, s_6_bab
+    code_6 = x131
+    del x131
     there_7 = (bend_bb_exists) & (first_two) & (near) & (triangle_b_3_two)
     del bend_bb_exists
-    angle_7_1 = x126
-    x129 = np.arctan2(triangle_b_2_b_s, triangle_b_2_b_c)
+    angle_7_1 = x128
+    x132 = np.arctan2(triangle_b_2_b_s, triangle_b_2_b_c)
     del triangle_b_2_b_c, triangle_b_2_b_s
-    angle_7_2 = x129
-    x130 = np.arctan2(triangle_b_3_s_b, triangle_b_3_c_b)
+    angle_7_2 = x132
+    x133 = np.arctan2(triangle_b_3_s_b, triangle_b_3_c_b)
     del triangle_b_3_c_b, triangle_b_3_s_b
-    angle_7_3 = x130
+    angle_7_3 = x133
     angle_7_4 = np.arctan2(fourth_bba_s, fourth_bba_c)
     del fourth_bba_c, fourth_bba_s
     angle_7_5 = np.arctan2(bend_bb_s, bend_bb_c)
     angle_7_6 = np.arctan2(s_6_bba, c_6_bba)
     del c_6_bba, s_6_bba
+    x134 = np.where((bend_bb_free) | (first_free) | (triangle_b_3_free) | (triangle_b_any_b), 2.0, np.where((bend_bb_double) | (first_double) | (triangle_b_3_double), 1.0, 0.0))
+    del bend_bb_double, bend_bb_free, first_double, first_free, triangle_b_3_double, triangle_b_3_free, triangle_b_any_b
+    code_7 = x134
     there_8 = (bend_bb_two) & (first_two) & (near) & (triangle_b_3_two)
     del bend_bb_two, first_two, near, triangle_b_3_two
-    angle_8_1 = x126
-    del x126
-    angle_8_2 = x129
-    del x129
-    angle_8_3 = x130
-    del x130
+    angle_8_1 = x128
+    del x128
+    angle_8_2 = x132
+    del x132
+    angle_8_3 = x133
+    del x133
     angle_8_4 = np.arctan2(fourth_bbb_s, fourth_bbb_c)
     del fourth_bbb_c, fourth_bbb_s
     angle_8_5 = np.arctan2(-bend_bb_s, bend_bb_c)
     del bend_bb_c, bend_bb_s
     angle_8_6 = np.arctan2(s_6_bbb, c_6_bbb)
     del c_6_bbb, s_6_bbb
-    x139 = -3.141592653589793
-    angles_1_1 = np.where(there_1, np.where(angle_1_1 > x139, angle_1_1, 3.141592653589793), np.nan)
-    del angle_1_1
-    angles_1_2 = np.where(there_1, np.where(angle_1_2 > x139, angle_1_2, 3.141592653589793), np.nan)
-    del angle_1_2
-    angles_1_3 = np.where(there_1, np.where(angle_1_3 > x139, angle_1_3, 3.141592653589793), np.nan)
-    del angle_1_3
-    angles_1_4 = np.where(there_1, np.where(angle_1_4 > x139, angle_1_4, 3.141592653589793), np.nan)
-    del angle_1_4
-    angles_1_5 = np.where(there_1, np.where(angle_1_5 > x139, angle_1_5, 3.141592653589793), np.nan)
-    del angle_1_5
-    angles_1_6 = np.where(there_1, np.where(angle_1_6 > x139, angle_1_6, 3.141592653589793), np.nan)
-    del angle_1_6
-    angles_2_1 = np.where(there_2, np.where(angle_2_1 > x139, angle_2_1, 3.141592653589793), np.nan)
-    del angle_2_1
-    angles_2_2 = np.where(there_2, np.where(angle_2_2 > x139, angle_2_2, 3.141592653589793), np.nan)
-    del angle_2_2
-    angles_2_3 = np.where(there_2, np.where(angle_2_3 > x139, angle_2_3, 3.141592653589793), np.nan)
-    del angle_2_3
-    angles_2_4 = np.where(there_2, np.where(angle_2_4 > x139, angle_2_4, 3.141592653589793), np.nan)
-    del angle_2_4
-    angles_2_5 = np.where(there_2, np.where(angle_2_5 > x139, angle_2_5, 3.141592653589793), np.nan)
-    del angle_2_5
-    angles_2_6 = np.where(there_2, np.where(angle_2_6 > x139, angle_2_6, 3.141592653589793), np.nan)
-    del angle_2_6
-    angles_3_1 = np.where(there_3, np.where(angle_3_1 > x139, angle_3_1, 3.141592653589793), np.nan)
-    del angle_3_1
-    angles_3_2 = np.where(there_3, np.where(angle_3_2 > x139, angle_3_2, 3.141592653589793), np.nan)
-    del angle_3_2
-    angles_3_3 = np.where(there_3, np.where(angle_3_3 > x139, angle_3_3, 3.141592653589793), np.nan)
-    del angle_3_3
-    angles_3_4 = np.where(there_3, np.where(angle_3_4 > x139, angle_3_4, 3.141592653589793), np.nan)
-    del angle_3_4
-    angles_3_5 = np.where(there_3, np.where(angle_3_5 > x139, angle_3_5, 3.141592653589793), np.nan)
-    del angle_3_5
-    angles_3_6 = np.where(there_3, np.where(angle_3_6 > x139, angle_3_6, 3.141592653589793), np.nan)
-    del angle_3_6
-    angles_4_1 = np.where(there_4, np.where(angle_4_1 > x139, angle_4_1, 3.141592653589793), np.nan)
-    del angle_4_1
-    angles_4_2 = np.where(there_4, np.where(angle_4_2 > x139, angle_4_2, 3.141592653589793), np.nan)
-    del angle_4_2
-    angles_4_3 = np.where(there_4, np.where(angle_4_3 > x139, angle_4_3, 3.141592653589793), np.nan)
-    del angle_4_3
-    angles_4_4 = np.where(there_4, np.where(angle_4_4 > x139, angle_4_4, 3.141592653589793), np.nan)
-    del angle_4_4
-    angles_4_5 = np.where(there_4, np.where(angle_4_5 > x139, angle_4_5, 3.141592653589793), np.nan)
-    del angle_4_5
-    angles_4_6 = np.where(there_4, np.where(angle_4_6 > x139, angle_4_6, 3.141592653589793), np.nan)
-    del angle_4_6
-    angles_5_1 = np.where(there_5, np.where(angle_5_1 > x139, angle_5_1, 3.141592653589793), np.nan)
-    del angle_5_1
-    angles_5_2 = np.where(there_5, np.where(angle_5_2 > x139, angle_5_2, 3.141592653589793), np.nan)
-    del angle_5_2
-    angles_5_3 = np.where(there_5, np.where(angle_5_3 > x139, angle_5_3, 3.141592653589793), np.nan)
-    del angle_5_3
-    angles_5_4 = np.where(there_5, np.where(angle_5_4 > x139, angle_5_4, 3.141592653589793), np.nan)
-    del angle_5_4
-    angles_5_5 = np.where(there_5, np.where(angle_5_5 > x139, angle_5_5, 3.141592653589793), np.nan)
-    del angle_5_5
-    angles_5_6 = np.where(there_5, np.where(angle_5_6 > x139, angle_5_6, 3.141592653589793), np.nan)
-    del angle_5_6
-    angles_6_1 = np.where(there_6, np.where(angle_6_1 > x139, angle_6_1, 3.141592653589793), np.nan)
-    del angle_6_1
-    angles_6_2 = np.where(there_6, np.where(angle_6_2 > x139, angle_6_2, 3.141592653589793), np.nan)
-    del angle_6_2
-    angles_6_3 = np.where(there_6, np.where(angle_6_3 > x139, angle_6_3, 3.141592653589793), np.nan)
-    del angle_6_3
-    angles_6_4 = np.where(there_6, np.where(angle_6_4 > x139, angle_6_4, 3.141592653589793), np.nan)
-    del angle_6_4
-    angles_6_5 = np.where(there_6, np.where(angle_6_5 > x139, angle_6_5, 3.141592653589793), np.nan)
-    del angle_6_5
-    angles_6_6 = np.where(there_6, np.where(angle_6_6 > x139, angle_6_6, 3.141592653589793), np.nan)
-    del angle_6_6
-    angles_7_1 = np.where(there_7, np.where(angle_7_1 > x139, angle_7_1, 3.141592653589793), np.nan)
-    del angle_7_1
-    angles_7_2 = np.where(there_7, np.where(angle_7_2 > x139, angle_7_2, 3.141592653589793), np.nan)
-    del angle_7_2
-    angles_7_3 = np.where(there_7, np.where(angle_7_3 > x139, angle_7_3, 3.141592653589793), np.nan)
-    del angle_7_3
-    angles_7_4 = np.where(there_7, np.where(angle_7_4 > x139, angle_7_4, 3.141592653589793), np.nan)
-    del angle_7_4
-    angles_7_5 = np.where(there_7, np.where(angle_7_5 > x139, angle_7_5, 3.141592653589793), np.nan)
-    del angle_7_5
-    angles_7_6 = np.where(there_7, np.where(angle_7_6 > x139, angle_7_6, 3.141592653589793), np.nan)
-    del angle_7_6
-    angles_8_1 = np.where(there_8, np.where(angle_8_1 > x139, angle_8_1, 3.141592653589793), np.nan)
-    del angle_8_1
-    angles_8_2 = np.where(there_8, np.where(angle_8_2 > x139, angle_8_2, 3.141592653589793), np.nan)
-    del angle_8_2
-    angles_8_3 = np.where(there_8, np.where(angle_8_3 > x139, angle_8_3, 3.141592653589793), np.nan)
-    del angle_8_3
-    angles_8_4 = np.where(there_8, np.where(angle_8_4 > x139, angle_8_4, 3.141592653589793), np.nan)
-    del angle_8_4
-    angles_8_5 = np.where(there_8, np.where(angle_8_5 > x139, angle_8_5, 3.141592653589793), np.nan)
-    del angle_8_5
-    angles_8_6 = np.where(there_8, np.where(angle_8_6 > x139, angle_8_6, 3.141592653589793), np.nan)
-    del angle_8_6, x139
-    x131 = np.where((bend_aa_free) | (first_free) | (triangle_a_3_free) | (triangle_a_any_a), 2.0, np.where((bend_aa_double) | (first_double) | (triangle_a_3_double), 1.0, 0.0))
-    del bend_aa_double, bend_aa_free, triangle_a_any_a
-    status_1 = np.where(~(good), 5.0, np.where(~(there_1), 3.0, x131))
+    code_8 = x134
+    del x134
+    x135 = np.where(there_1, 0.0, 1.0)
+    holes_1 = x135
+    x136 = x135 + np.where(there_2, 0.0, 1.0)
+    del x135
+    holes_2 = x136
+    x137 = x136 + np.where(there_3, 0.0, 1.0)
+    del x136
+    holes_3 = x137
+    x138 = x137 + np.where(there_4, 0.0, 1.0)
+    del x137
+    holes_4 = x138
+    x139 = x138 + np.where(there_5, 0.0, 1.0)
+    del x138
+    holes_5 = x139
+    x140 = x139 + np.where(there_6, 0.0, 1.0)
+    del x139
+    holes_6 = x140
+    holes_7 = x140 + np.where(there_7, 0.0, 1.0)
+    del x140
+    moves_1_1 = (there_2) & ((holes_1 == 1.0) | (holes_1 == 3.0) | (holes_1 == 5.0) | (holes_1 == 7.0))
+    del holes_1
+    moves_1_2 = (there_3) & ((holes_2 == 1.0) | (holes_2 == 3.0) | (holes_2 == 5.0) | (holes_2 == 7.0))
+    moves_1_3 = (there_4) & ((holes_3 == 1.0) | (holes_3 == 3.0) | (holes_3 == 5.0) | (holes_3 == 7.0))
+    moves_1_4 = (there_5) & ((holes_4 == 1.0) | (holes_4 == 3.0) | (holes_4 == 5.0) | (holes_4 == 7.0))
+    moves_1_5 = (there_6) & ((holes_5 == 1.0) | (holes_5 == 3.0) | (holes_5 == 5.0) | (holes_5 == 7.0))
+    moves_1_6 = (there_7) & ((holes_6 == 1.0) | (holes_6 == 3.0) | (holes_6 == 5.0) | (holes_6 == 7.0))
+    moves_1_7 = (there_8) & ((holes_7 == 1.0) | (holes_7 == 3.0) | (holes_7 == 5.0) | (holes_7 == 7.0))
+    there_1_0 = (moves_1_1) | (there_1)
     del there_1
-    status_2 = np.where(~(good), 5.0, np.where(~(there_2), 3.0, x131))
-    del there_2, x131
-    x132 = np.where((bend_ab_free) | (first_free) | (triangle_a_3_free) | (triangle_a_any_b), 2.0, np.where((bend_ab_double) | (first_double) | (triangle_a_3_double), 1.0, 0.0))
-    del bend_ab_double, bend_ab_free, triangle_a_3_double, triangle_a_3_free, triangle_a_any_b
-    status_3 = np.where(~(good), 5.0, np.where(~(there_3), 3.0, x132))
-    del there_3
-    status_4 = np.where(~(good), 5.0, np.where(~(there_4), 3.0, x132))
-    del there_4, x132
-    x133 = np.where((bend_ba_free) | (first_free) | (triangle_b_3_free) | (triangle_b_any_a), 2.0, np.where((bend_ba_double) | (first_double) | (triangle_b_3_double), 1.0, 0.0))
-    del bend_ba_double, bend_ba_free, triangle_b_any_a
-    status_5 = np.where(~(good), 5.0, np.where(~(there_5), 3.0, x133))
-    del there_5
-    status_6 = np.where(~(good), 5.0, np.where(~(there_6), 3.0, x133))
-    del there_6, x133
-    x134 = np.where((bend_bb_free) | (first_free) | (triangle_b_3_free) | (triangle_b_any_b), 2.0, np.where((bend_bb_double) | (first_double) | (triangle_b_3_double), 1.0, 0.0))
-    del bend_bb_double, bend_bb_free, first_double, first_free, triangle_b_3_double, triangle_b_3_free, triangle_b_any_b
-    status_7 = np.where(~(good), 5.0, np.where(~(there_7), 3.0, x134))
-    del there_7
-    status_8 = np.where(~(good), 5.0, np.where(~(there_8), 3.0, x134))
-    del good, there_8, x134
+    row_1_0_1 = np.where(moves_1_1, code_2, code_1)
+    del code_1
+    x187 = -3.141592653589793
+    x141 = np.where(angle_2_1 > x187, angle_2_1, 3.141592653589793)
+    del angle_2_1
+    row_1_0_2 = np.where(moves_1_1, x141, np.where(angle_1_1 > x187, angle_1_1, 3.141592653589793))
+    del angle_1_1
+    x142 = np.where(angle_2_2 > x187, angle_2_2, 3.141592653589793)
+    del angle_2_2
+    row_1_0_3 = np.where(moves_1_1, x142, np.where(angle_1_2 > x187, angle_1_2, 3.141592653589793))
+    del angle_1_2
+    x143 = np.where(angle_2_3 > x187, angle_2_3, 3.141592653589793)
+    del angle_2_3
+    row_1_0_4 = np.where(moves_1_1, x143, np.where(angle_1_3 > x187, angle_1_3, 3.141592653589793))
+    del angle_1_3
+    x144 = np.where(angle_2_4 > x187, angle_2_4, 3.141592653589793)
+    del angle_2_4
+    row_1_0_5 = np.where(moves_1_1, x144, np.where(angle_1_4 > x187, angle_1_4, 3.141592653589793))
+    del angle_1_4
+    x145 = np.where(angle_2_5 > x187, angle_2_5, 3.141592653589793)
+    del angle_2_5
+    row_1_0_6 = np.where(moves_1_1, x145, np.where(angle_1_5 > x187, angle_1_5, 3.141592653589793))
+    del angle_1_5
+    x146 = np.where(angle_2_6 > x187, angle_2_6, 3.141592653589793)
+    del angle_2_6
+    row_1_0_7 = np.where(moves_1_1, x146, np.where(angle_1_6 > x187, angle_1_6, 3.141592653589793))
+    del angle_1_6
+    there_1_1 = (moves_1_2) | ((there_2) & (~(moves_1_1)))
+    del moves_1_1, there_2
+    row_1_1_1 = np.where(moves_1_2, code_3, code_2)
+    del code_2
+    x147 = np.where(angle_3_1 > x187, angle_3_1, 3.141592653589793)
+    del angle_3_1
+    row_1_1_2 = np.where(moves_1_2, x147, x141)
+    del x141
+    x148 = np.where(angle_3_2 > x187, angle_3_2, 3.141592653589793)
+    del angle_3_2
+    row_1_1_3 = np.where(moves_1_2, x148, x142)
+    del x142
+    x149 = np.where(angle_3_3 > x187, angle_3_3, 3.141592653589793)
+    del angle_3_3
+    row_1_1_4 = np.where(moves_1_2, x149, x143)
+    del x143
+    x150 = np.where(angle_3_4 > x187, angle_3_4, 3.141592653589793)
+    del angle_3_4
+    row_1_1_5 = np.where(moves_1_2, x150, x144)
+    del x144
+    x151 = np.where(angle_3_5 > x187, angle_3_5, 3.141592653589793)
+    del angle_3_5
+    row_1_1_6 = np.where(moves_1_2, x151, x145)
+    del x145
+    x152 = np.where(angle_3_6 > x187, angle_3_6, 3.141592653589793)
+    del angle_3_6
+    row_1_1_7 = np.where(moves_1_2, x152, x146)
+    del x146
+    there_1_2 = (moves_1_3) | ((there_3) & (~(moves_1_2)))
+    del moves_1_2, there_3
+    row_1_2_0 = np.where(moves_1_3, holes_3 - 1.0, holes_2)
+    del holes_2
+    row_1_2_1 = np.where(moves_1_3, code_4, code_3)
+    del code_3
+    x153 = np.where(angle_4_1 > x187, angle_4_1, 3.141592653589793)
+    del angle_4_1
+    row_1_2_2 = np.where(moves_1_3, x153, x147)
+    del x147
+    x154 = np.where(angle_4_2 > x187, angle_4_2, 3.141592653589793)
+    del angle_4_2
+    row_1_2_3 = np.where(moves_1_3, x154, x148)
+    del x148
+    x155 = np.where(angle_4_3 > x187, angle_4_3, 3.141592653589793)
+    del angle_4_3
+    row_1_2_4 = np.where(moves_1_3, x155, x149)
+    del x149
+    x156 = np.where(angle_4_4 > x187, angle_4_4, 3.141592653589793)
+    del angle_4_4
+    row_1_2_5 = np.where(moves_1_3, x156, x150)
+    del x150
+    x157 = np.where(angle_4_5 > x187, angle_4_5, 3.141592653589793)
+    del angle_4_5
+    row_1_2_6 = np.where(moves_1_3, x157, x151)
+    del x151
+    x158 = np.where(angle_4_6 > x187, angle_4_6, 3.141592653589793)
+    del angle_4_6
+    row_1_2_7 = np.where(moves_1_3, x158, x152)
+    del x152
+    there_1_3 = (moves_1_4) | ((there_4) & (~(moves_1_3)))
+    del moves_1_3, there_4
+    row_1_3_0 = np.where(moves_1_4, holes_4 - 1.0, holes_3)
+    del holes_3
+    row_1_3_1 = np.where(moves_1_4, code_5, code_4)
+    del code_4
+    x159 = np.where(angle_5_1 > x187, angle_5_1, 3.141592653589793)
+    del angle_5_1
+    row_1_3_2 = np.where(moves_1_4, x159, x153)
+    del x153
+    x160 = np.where(angle_5_2 > x187, angle_5_2, 3.141592653589793)
+    del angle_5_2
+    row_1_3_3 = np.where(moves_1_4, x160, x154)
+    del x154
+    x161 = np.where(angle_5_3 > x187, angle_5_3, 3.141592653589793)
+    del angle_5_3
+    row_1_3_4 = np.where(moves_1_4, x161, x155)
+    del x155
+    x162 = np.where(angle_5_4 > x187, angle_5_4, 3.141592653589793)
+    del angle_5_4
+    row_1_3_5 = np.where(moves_1_4, x162, x156)
+    del x156
+    x163 = np.where(angle_5_5 > x187, angle_5_5, 3.141592653589793)
+    del angle_5_5
+    row_1_3_6 = np.where(moves_1_4, x163, x157)
+    del x157
+    x164 = np.where(angle_5_6 > x187, angle_5_6, 3.141592653589793)
+    del angle_5_6
+    row_1_3_7 = np.where(moves_1_4, x164, x158)
+    del x158
+    there_1_4 = (moves_1_5) | ((there_5) & (~(moves_1_4)))
+    del moves_1_4, there_5
+    row_1_4_0 = np.where(moves_1_5, holes_5 - 1.0, holes_4)
+    del holes_4
+    row_1_4_1 = np.where(moves_1_5, code_6, code_5)
+    del code_5
+    x165 = np.where(angle_6_1 > x187, angle_6_1, 3.141592653589793)
+    del angle_6_1
+    row_1_4_2 = np.where(moves_1_5, x165, x159)
+    del x159
+    x166 = np.where(angle_6_2 > x187, angle_6_2, 3.141592653589793)
+    del angle_6_2
+    row_1_4_3 = np.where(moves_1_5, x166, x160)
+    del x160
+    x167 = np.where(angle_6_3 > x187, angle_6_3, 3.141592653589793)
+    del angle_6_3
+    row_1_4_4 = np.where(moves_1_5, x167, x161)
+    del x161
+    x168 = np.where(angle_6_4 > x187, angle_6_4, 3.141592653589793)
+    del angle_6_4
+    row_1_4_5 = np.where(moves_1_5, x168, x162)
+    del x162
+    x169 = np.where(angle_6_5 > x187, angle_6_5, 3.141592653589793)
+    del angle_6_5
+    row_1_4_6 = np.where(moves_1_5, x169, x163)
+    del x163
+    x170 = np.where(angle_6_6 > x187, angle_6_6, 3.141592653589793)
+    del angle_6_6
+    row_1_4_7 = np.where(moves_1_5, x170, x164)
+    del x164
+    there_1_5 = (moves_1_6) | ((there_6) & (~(moves_1_5)))
+    del moves_1_5, there_6
+    row_1_5_0 = np.where(moves_1_6, holes_6 - 1.0, holes_5)
+    del holes_5
+    row_1_5_1 = np.where(moves_1_6, code_7, code_6)
+    del code_6
+    x171 = np.where(angle_7_1 > x187, angle_7_1, 3.141592653589793)
+    del angle_7_1
+    row_1_5_2 = np.where(moves_1_6, x171, x165)
+    del x165
+    x172 = np.where(angle_7_2 > x187, angle_7_2, 3.141592653589793)
+    del angle_7_2
+    row_1_5_3 = np.where(moves_1_6, x172, x166)
+    del x166
+    x173 = np.where(angle_7_3 > x187, angle_7_3, 3.141592653589793)
+    del angle_7_3
+    row_1_5_4 = np.where(moves_1_6, x173, x167)
+    del x167
+    x174 = np.where(angle_7_4 > x187, angle_7_4, 3.141592653589793)
+    del angle_7_4
+    row_1_5_5 = np.where(moves_1_6, x174, x168)
+    del x168
+    x175 = np.where(angle_7_5 > x187, angle_7_5, 3.141592653589793)
+    del angle_7_5
+    row_1_5_6 = np.where(moves_1_6, x175, x169)
+    del x169
+    x176 = np.where(angle_7_6 > x187, angle_7_6, 3.141592653589793)
+    del angle_7_6
+    row_1_5_7 = np.where(moves_1_6, x176, x170)
+    del x170
+    there_1_6 = (moves_1_7) | ((there_7) & (~(moves_1_6)))
+    del moves_1_6, there_7
+    row_1_6_0 = np.where(moves_1_7, holes_7 - 1.0, holes_6)
+    del holes_6
+    row_1_6_1 = np.where(moves_1_7, code_8, code_7)
+    del code_7
+    x177 = np.where(angle_8_1 > x187, angle_8_1, 3.141592653589793)
+    del angle_8_1
+    row_1_6_2 = np.where(moves_1_7, x177, x171)
+    del x171
+    x178 = np.where(angle_8_2 > x187, angle_8_2, 3.141592653589793)
+    del angle_8_2
+    row_1_6_3 = np.where(moves_1_7, x178, x172)
+    del x172
+    x179 = np.where(angle_8_3 > x187, angle_8_3, 3.141592653589793)
+    del angle_8_3
+    row_1_6_4 = np.where(moves_1_7, x179, x173)
+    del x173
+    x180 = np.where(angle_8_4 > x187, angle_8_4, 3.141592653589793)
+    del angle_8_4
+    row_1_6_5 = np.where(moves_1_7, x180, x174)
+    del x174
+    x181 = np.where(angle_8_5 > x187, angle_8_5, 3.141592653589793)
+    del angle_8_5
+    row_1_6_6 = np.where(moves_1_7, x181, x175)
+    del x175
+    x182 = np.where(angle_8_6 > x187, angle_8_6, 3.141592653589793)
+    del angle_8_6, x187
+    row_1_6_7 = np.where(moves_1_7, x182, x176)
+    del x176
+    there_1_7 = (there_8) & (~(moves_1_7))
+    del moves_1_7, there_8
+    moves_2_2 = (there_1_2) & ((row_1_2_0 == 2.0) | (row_1_2_0 == 6.0))
+    del row_1_2_0
+    moves_2_3 = (there_1_3) & ((row_1_3_0 == 2.0) | (row_1_3_0 == 6.0))
+    del row_1_3_0
+    moves_2_4 = (there_1_4) & ((row_1_4_0 == 2.0) | (row_1_4_0 == 6.0))
+    moves_2_5 = (there_1_5) & ((row_1_5_0 == 2.0) | (row_1_5_0 == 6.0))
+    moves_2_6 = (there_1_6) & ((row_1_6_0 == 2.0) | (row_1_6_0 == 6.0))
+    moves_2_7 = (there_1_7) & ((holes_7 == 2.0) | (holes_7 == 6.0))
+    there_2_0 = (moves_2_2) | (there_1_0)
+    del there_1_0
+    row_2_0_1 = np.where(moves_2_2, row_1_2_1, row_1_0_1)
+    del row_1_0_1
+    row_2_0_2 = np.where(moves_2_2, row_1_2_2, row_1_0_2)
+    del row_1_0_2
+    row_2_0_3 = np.where(moves_2_2, row_1_2_3, row_1_0_3)
+    del row_1_0_3
+    row_2_0_4 = np.where(moves_2_2, row_1_2_4, row_1_0_4)
+    del row_1_0_4
+    row_2_0_5 = np.where(moves_2_2, row_1_2_5, row_1_0_5)
+    del row_1_0_5
+    row_2_0_6 = np.where(moves_2_2, row_1_2_6, row_1_0_6)
+    del row_1_0_6
+    row_2_0_7 = np.where(moves_2_2, row_1_2_7, row_1_0_7)
+    del row_1_0_7
+    there_2_1 = (moves_2_3) | (there_1_1)
+    del there_1_1
+    row_2_1_1 = np.where(moves_2_3, row_1_3_1, row_1_1_1)
+    del row_1_1_1
+    row_2_1_2 = np.where(moves_2_3, row_1_3_2, row_1_1_2)
+    del row_1_1_2
+    row_2_1_3 = np.where(moves_2_3, row_1_3_3, row_1_1_3)
+    del row_1_1_3
+    row_2_1_4 = np.where(moves_2_3, row_1_3_4, row_1_1_4)
+    del row_1_1_4
+    row_2_1_5 = np.where(moves_2_3, row_1_3_5, row_1_1_5)
+    del row_1_1_5
+    row_2_1_6 = np.where(moves_2_3, row_1_3_6, row_1_1_6)
+    del row_1_1_6
+    row_2_1_7 = np.where(moves_2_3, row_1_3_7, row_1_1_7)
+    del row_1_1_7
+    there_2_2 = (moves_2_4) | ((there_1_2) & (~(moves_2_2)))
+    del moves_2_2, there_1_2
+    row_2_2_1 = np.where(moves_2_4, row_1_4_1, row_1_2_1)
+    del row_1_2_1
+    row_2_2_2 = np.where(moves_2_4, row_1_4_2, row_1_2_2)
+    del row_1_2_2
+    row_2_2_3 = np.where(moves_2_4, row_1_4_3, row_1_2_3)
+    del row_1_2_3
+    row_2_2_4 = np.where(moves_2_4, row_1_4_4, row_1_2_4)
+    del row_1_2_4
+    row_2_2_5 = np.where(moves_2_4, row_1_4_5, row_1_2_5)
+    del row_1_2_5
+    row_2_2_6 = np.where(moves_2_4, row_1_4_6, row_1_2_6)
+    del row_1_2_6
+    row_2_2_7 = np.where(moves_2_4, row_1_4_7, row_1_2_7)
+    del row_1_2_7
+    there_2_3 = (moves_2_5) | ((there_1_3) & (~(moves_2_3)))
+    del moves_2_3, there_1_3
+    row_2_3_1 = np.where(moves_2_5, row_1_5_1, row_1_3_1)
+    del row_1_3_1
+    row_2_3_2 = np.where(moves_2_5, row_1_5_2, row_1_3_2)
+    del row_1_3_2
+    row_2_3_3 = np.where(moves_2_5, row_1_5_3, row_1_3_3)
+    del row_1_3_3
+    row_2_3_4 = np.where(moves_2_5, row_1_5_4, row_1_3_4)
+    del row_1_3_4
+    row_2_3_5 = np.where(moves_2_5, row_1_5_5, row_1_3_5)
+    del row_1_3_5
+    row_2_3_6 = np.where(moves_2_5, row_1_5_6, row_1_3_6)
+    del row_1_3_6
+    row_2_3_7 = np.where(moves_2_5, row_1_5_7, row_1_3_7)
+    del row_1_3_7
+    there_2_4 = (moves_2_6) | ((there_1_4) & (~(moves_2_4)))
+    del moves_2_4, there_1_4
+    row_2_4_0 = np.where(moves_2_6, row_1_6_0 - 2.0, row_1_4_0)
+    del row_1_4_0
+    row_2_4_1 = np.where(moves_2_6, row_1_6_1, row_1_4_1)
+    del row_1_4_1
+    row_2_4_2 = np.where(moves_2_6, row_1_6_2, row_1_4_2)
+    del row_1_4_2
+    row_2_4_3 = np.where(moves_2_6, row_1_6_3, row_1_4_3)
+    del row_1_4_3
+    row_2_4_4 = np.where(moves_2_6, row_1_6_4, row_1_4_4)
+    del row_1_4_4
+    row_2_4_5 = np.where(moves_2_6, row_1_6_5, row_1_4_5)
+    del row_1_4_5
+    row_2_4_6 = np.where(moves_2_6, row_1_6_6, row_1_4_6)
+    del row_1_4_6
+    row_2_4_7 = np.where(moves_2_6, row_1_6_7, row_1_4_7)
+    del row_1_4_7
+    there_2_5 = (moves_2_7) | ((there_1_5) & (~(moves_2_5)))
+    del moves_2_5, there_1_5
+    row_2_5_0 = np.where(moves_2_7, holes_7 - 2.0, row_1_5_0)
+    del row_1_5_0
+    row_2_5_1 = np.where(moves_2_7, code_8, row_1_5_1)
+    del row_1_5_1
+    row_2_5_2 = np.where(moves_2_7, x177, row_1_5_2)
+    del row_1_5_2
+    row_2_5_3 = np.where(moves_2_7, x178, row_1_5_3)
+    del row_1_5_3
+    row_2_5_4 = np.where(moves_2_7, x179, row_1_5_4)
+    del row_1_5_4
+    row_2_5_5 = np.where(moves_2_7, x180, row_1_5_5)
+    del row_1_5_5
+    row_2_5_6 = np.where(moves_2_7, x181, row_1_5_6)
+    del row_1_5_6
+    row_2_5_7 = np.where(moves_2_7, x182, row_1_5_7)
+    del row_1_5_7
+    there_2_6 = (there_1_6) & (~(moves_2_6))
+    del moves_2_6, there_1_6
+    there_2_7 = (there_1_7) & (~(moves_2_7))
+    del moves_2_7, there_1_7
+    moves_4_4 = (there_2_4) & (row_2_4_0 == 4.0)
+    del row_2_4_0
+    moves_4_5 = (there_2_5) & (row_2_5_0 == 4.0)
+    del row_2_5_0
+    moves_4_6 = (there_2_6) & (row_1_6_0 == 4.0)
+    del row_1_6_0
+    moves_4_7 = (there_2_7) & (holes_7 == 4.0)
+    del holes_7
+    there_4_0 = (moves_4_4) | (there_2_0)
+    del there_2_0
+    row_4_0_1 = np.where(moves_4_4, row_2_4_1, row_2_0_1)
+    del row_2_0_1
+    row_4_0_2 = np.where(moves_4_4, row_2_4_2, row_2_0_2)
+    del row_2_0_2
+    row_4_0_3 = np.where(moves_4_4, row_2_4_3, row_2_0_3)
+    del row_2_0_3
+    row_4_0_4 = np.where(moves_4_4, row_2_4_4, row_2_0_4)
+    del row_2_0_4
+    row_4_0_5 = np.where(moves_4_4, row_2_4_5, row_2_0_5)
+    del row_2_0_5
+    row_4_0_6 = np.where(moves_4_4, row_2_4_6, row_2_0_6)
+    del row_2_0_6
+    row_4_0_7 = np.where(moves_4_4, row_2_4_7, row_2_0_7)
+    del row_2_0_7
+    there_4_1 = (moves_4_5) | (there_2_1)
+    del there_2_1
+    row_4_1_1 = np.where(moves_4_5, row_2_5_1, row_2_1_1)
+    del row_2_1_1
+    row_4_1_2 = np.where(moves_4_5, row_2_5_2, row_2_1_2)
+    del row_2_1_2
+    row_4_1_3 = np.where(moves_4_5, row_2_5_3, row_2_1_3)
+    del row_2_1_3
+    row_4_1_4 = np.where(moves_4_5, row_2_5_4, row_2_1_4)
+    del row_2_1_4
+    row_4_1_5 = np.where(moves_4_5, row_2_5_5, row_2_1_5)
+    del row_2_1_5
+    row_4_1_6 = np.where(moves_4_5, row_2_5_6, row_2_1_6)
+    del row_2_1_6
+    row_4_1_7 = np.where(moves_4_5, row_2_5_7, row_2_1_7)
+    del row_2_1_7
+    there_4_2 = (moves_4_6) | (there_2_2)
+    del there_2_2
+    row_4_2_1 = np.where(moves_4_6, row_1_6_1, row_2_2_1)
+    del row_2_2_1
+    row_4_2_2 = np.where(moves_4_6, row_1_6_2, row_2_2_2)
+    del row_2_2_2
+    row_4_2_3 = np.where(moves_4_6, row_1_6_3, row_2_2_3)
+    del row_2_2_3
+    row_4_2_4 = np.where(moves_4_6, row_1_6_4, row_2_2_4)
+    del row_2_2_4
+    row_4_2_5 = np.where(moves_4_6, row_1_6_5, row_2_2_5)
+    del row_2_2_5
+    row_4_2_6 = np.where(moves_4_6, row_1_6_6, row_2_2_6)
+    del row_2_2_6
+    row_4_2_7 = np.where(moves_4_6, row_1_6_7, row_2_2_7)
+    del row_2_2_7
+    there_4_3 = (moves_4_7) | (there_2_3)
+    del there_2_3
+    row_4_3_1 = np.where(moves_4_7, code_8, row_2_3_1)
+    del row_2_3_1
+    row_4_3_2 = np.where(moves_4_7, x177, row_2_3_2)
+    del row_2_3_2
+    row_4_3_3 = np.where(moves_4_7, x178, row_2_3_3)
+    del row_2_3_3
+    row_4_3_4 = np.where(moves_4_7, x179, row_2_3_4)
+    del row_2_3_4
+    row_4_3_5 = np.where(moves_4_7, x180, row_2_3_5)
+    del row_2_3_5
+    row_4_3_6 = np.where(moves_4_7, x181, row_2_3_6)
+    del row_2_3_6
+    row_4_3_7 = np.where(moves_4_7, x182, row_2_3_7)
+    del row_2_3_7
+    there_4_4 = (there_2_4) & (~(moves_4_4))
+    del moves_4_4, there_2_4
+    there_4_5 = (there_2_5) & (~(moves_4_5))
+    del moves_4_5, there_2_5
+    there_4_6 = (there_2_6) & (~(moves_4_6))
+    del moves_4_6, there_2_6
+    there_4_7 = (there_2_7) & (~(moves_4_7))
+    del moves_4_7, there_2_7
+    angles_1_1 = np.where(there_4_0, row_4_0_2, np.nan)
+    del row_4_0_2
+    angles_1_2 = np.where(there_4_0, row_4_0_3, np.nan)
+    del row_4_0_3
+    angles_1_3 = np.where(there_4_0, row_4_0_4, np.nan)
+    del row_4_0_4
+    angles_1_4 = np.where(there_4_0, row_4_0_5, np.nan)
+    del row_4_0_5
+    angles_1_5 = np.where(there_4_0, row_4_0_6, np.nan)
+    del row_4_0_6
+    angles_1_6 = np.where(there_4_0, row_4_0_7, np.nan)
+    del row_4_0_7
+    angles_2_1 = np.where(there_4_1, row_4_1_2, np.nan)
+    del row_4_1_2
+    angles_2_2 = np.where(there_4_1, row_4_1_3, np.nan)
+    del row_4_1_3
+    angles_2_3 = np.where(there_4_1, row_4_1_4, np.nan)
+    del row_4_1_4
+    angles_2_4 = np.where(there_4_1, row_4_1_5, np.nan)
+    del row_4_1_5
+    angles_2_5 = np.where(there_4_1, row_4_1_6, np.nan)
+    del row_4_1_6
+    angles_2_6 = np.where(there_4_1, row_4_1_7, np.nan)
+    del row_4_1_7
+    angles_3_1 = np.where(there_4_2, row_4_2_2, np.nan)
+    del row_4_2_2
+    angles_3_2 = np.where(there_4_2, row_4_2_3, np.nan)
+    del row_4_2_3
+    angles_3_3 = np.where(there_4_2, row_4_2_4, np.nan)
+    del row_4_2_4
+    angles_3_4 = np.where(there_4_2, row_4_2_5, np.nan)
+    del row_4_2_5
+    angles_3_5 = np.where(there_4_2, row_4_2_6, np.nan)
+    del row_4_2_6
+    angles_3_6 = np.where(there_4_2, row_4_2_7, np.nan)
+    del row_4_2_7
+    angles_4_1 = np.where(there_4_3, row_4_3_2, np.nan)
+    del row_4_3_2
+    angles_4_2 = np.where(there_4_3, row_4_3_3, np.nan)
+    del row_4_3_3
+    angles_4_3 = np.where(there_4_3, row_4_3_4, np.nan)
+    del row_4_3_4
+    angles_4_4 = np.where(there_4_3, row_4_3_5, np.nan)
+    del row_4_3_5
+    angles_4_5 = np.where(there_4_3, row_4_3_6, np.nan)
+    del row_4_3_6
+    angles_4_6 = np.where(there_4_3, row_4_3_7, np.nan)
+    del row_4_3_7
+    angles_5_1 = np.where(there_4_4, row_2_4_2, np.nan)
+    del row_2_4_2
+    angles_5_2 = np.where(there_4_4, row_2_4_3, np.nan)
+    del row_2_4_3
+    angles_5_3 = np.where(there_4_4, row_2_4_4, np.nan)
+    del row_2_4_4
+    angles_5_4 = np.where(there_4_4, row_2_4_5, np.nan)
+    del row_2_4_5
+    angles_5_5 = np.where(there_4_4, row_2_4_6, np.nan)
+    del row_2_4_6
+    angles_5_6 = np.where(there_4_4, row_2_4_7, np.nan)
+    del row_2_4_7
+    angles_6_1 = np.where(there_4_5, row_2_5_2, np.nan)
+    del row_2_5_2
+    angles_6_2 = np.where(there_4_5, row_2_5_3, np.nan)
+    del row_2_5_3
+    angles_6_3 = np.where(there_4_5, row_2_5_4, np.nan)
+    del row_2_5_4
+    angles_6_4 = np.where(there_4_5, row_2_5_5, np.nan)
+    del row_2_5_5
+    angles_6_5 = np.where(there_4_5, row_2_5_6, np.nan)
+    del row_2_5_6
+    angles_6_6 = np.where(there_4_5, row_2_5_7, np.nan)
+    del row_2_5_7
+    angles_7_1 = np.where(there_4_6, row_1_6_2, np.nan)
+    del row_1_6_2
+    angles_7_2 = np.where(there_4_6, row_1_6_3, np.nan)
+    del row_1_6_3
+    angles_7_3 = np.where(there_4_6, row_1_6_4, np.nan)
+    del row_1_6_4
+    angles_7_4 = np.where(there_4_6, row_1_6_5, np.nan)
+    del row_1_6_5
+    angles_7_5 = np.where(there_4_6, row_1_6_6, np.nan)
+    del row_1_6_6
+    angles_7_6 = np.where(there_4_6, row_1_6_7, np.nan)
+    del row_1_6_7
+    angles_8_1 = np.where(there_4_7, x177, np.nan)
+    del x177
+    angles_8_2 = np.where(there_4_7, x178, np.nan)
+    del x178
+    angles_8_3 = np.where(there_4_7, x179, np.nan)
+    del x179
+    angles_8_4 = np.where(there_4_7, x180, np.nan)
+    del x180
+    angles_8_5 = np.where(there_4_7, x181, np.nan)
+    del x181
+    angles_8_6 = np.where(there_4_7, x182, np.nan)
+    del x182
+    status_1 = np.where(~(good), 5.0, np.where(~(there_4_0), 3.0, row_4_0_1))
+    del row_4_0_1, there_4_0
+    status_2 = np.where(~(good), 5.0, np.where(~(there_4_1), 3.0, row_4_1_1))
+    del row_4_1_1, there_4_1
+    status_3 = np.where(~(good), 5.0, np.where(~(there_4_2), 3.0, row_4_2_1))
+    del row_4_2_1, there_4_2
+    status_4 = np.where(~(good), 5.0, np.where(~(there_4_3), 3.0, row_4_3_1))
+    del row_4_3_1, there_4_3
+    status_5 = np.where(~(good), 5.0, np.where(~(there_4_4), 3.0, row_2_4_1))
+    del row_2_4_1, there_4_4
+    status_6 = np.where(~(good), 5.0, np.where(~(there_4_5), 3.0, row_2_5_1))
+    del row_2_5_1, there_4_5
+    status_7 = np.where(~(good), 5.0, np.where(~(there_4_6), 3.0, row_1_6_1))
+    del row_1_6_1, there_4_6
+    status_8 = np.where(~(good), 5.0, np.where(~(there_4_7), 3.0, code_8))
+    del code_8, good, there_4_7
     return (angles_1_1, angles_1_2, angles_1_3, angles_1_4, angles_1_5, angles_1_6, angles_2_1, angles_2_2, angles_2_3, angles_2_4, angles_2_5, angles_2_6, angles_3_1, angles_3_2, angles_3_3, angles_3_4, angles_3_5, angles_3_6, angles_4_1, angles_4_2, angles_4_3, angles_4_4, angles_4_5, angles_4_6, angles_5_1, angles_5_2, angles_5_3, angles_5_4, angles_5_5, angles_5_6, angles_6_1, angles_6_2, angles_6_3, angles_6_4, angles_6_5, angles_6_6, angles_7_1, angles_7_2, angles_7_3, angles_7_4, angles_7_5, angles_7_6, angles_8_1, angles_8_2, angles_8_3, angles_8_4, angles_8_5, angles_8_6, status_1, status_2, status_3, status_4, status_5, status_6, status_7, status_8)
 
 
@@ -932,7 +1371,7 @@ robot_parallel_reverse.types = ["ddddd->db", "fffff->fb"]
 
 
 def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
-    # 254 add, 420 mul, 21 div, 30 sqrt, 195 select, 124 compare, 54 abs, 34 atan2
+    # 267 add, 420 mul, 21 div, 30 sqrt, 328 select, 168 compare, 54 abs, 34 atan2
     rough = np.abs(pose_4_1) + np.abs(pose_4_2) + np.abs(pose_4_3) + np.abs(pose_4_4 - 1.0) + 2.0*np.abs(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + 2.0*np.abs(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + 2.0*np.abs(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3) + np.abs((pose_1_1*pose_1_1) + (pose_2_1*pose_2_1) + (pose_3_1*pose_3_1) - 1.0) + np.abs((pose_1_2*pose_1_2) + (pose_2_2*pose_2_2) + (pose_3_2*pose_3_2) - 1.0) + np.abs((pose_1_3*pose_1_3) + (pose_2_3*pose_2_3) + (pose_3_3*pose_3_3) - 1.0)
     handed = pose_1_1*(pose_2_2*pose_3_3 - pose_2_3*pose_3_2) + pose_2_1*(pose_1_3*pose_3_2 - pose_1_2*pose_3_3) + pose_3_1*(pose_1_2*pose_2_3 - pose_1_3*pose_2_2)
     x0 = np.abs(a_2)
@@ -953,14 +1392,14 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del height
     x4 = np.abs(x3)
     first_room = first_r - x4
-    x107 = 4096.0*eps
-    x108 = spare*x107
-    first_free = (first_r <= x108) & (x4 <= x108)
+    x155 = 4096.0*eps
+    x156 = spare*x155
+    first_free = (first_r <= x156) & (x4 <= x156)
     x26 = 64.0*eps
-    x106 = spare*x26
-    first_double = (np.abs(first_room) <= x106) & (~(first_free))
-    first_exists = (first_free) | ((first_room >= -x106) & (first_r > 0.0))
-    del x106
+    x154 = spare*x26
+    first_double = (np.abs(first_room) <= x154) & (~(first_free))
+    first_exists = (first_free) | ((first_room >= -x154) & (first_r > 0.0))
+    del x154
     first_q = np.where((~(first_double)) & (first_room > 0.0), np.sqrt(first_room*(first_r + x4)), 0.0)
     del first_room, x4
     first_size = first_r*np.sqrt((first_q*first_q) + (x3*x3))
@@ -1022,7 +1461,7 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del bend_a_denominator, bend_a_product
     bend_a_tolerance = x26*(h_a + x25)
     del x25
-    bend_a_free = (bend_a_gram >= -bend_a_tolerance) & (h_a <= x107)
+    bend_a_free = (bend_a_gram >= -bend_a_tolerance) & (h_a <= x155)
     del h_a
     bend_a_double = (np.abs(bend_a_gram) <= bend_a_tolerance) & (~(bend_a_free))
     bend_a_exists = bend_a_gram >= -bend_a_tolerance
@@ -1082,9 +1521,9 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     x47 = (corner_aa_1*corner_aa_1) + (corner_aa_2*corner_aa_2) - square
     x48 = np.abs(x47)
     triangle_aa_3_room = triangle_aa_3_r - x48
-    x109 = x107*x43
+    x157 = x155*x43
     del x43
-    triangle_aa_3_free = (triangle_aa_3_r <= x109) & (x48 <= x109)
+    triangle_aa_3_free = (triangle_aa_3_r <= x157) & (x48 <= x157)
     triangle_aa_3_double = (np.abs(triangle_aa_3_room) <= triangle_aa_area) & (~(triangle_aa_3_free))
     triangle_aa_3_exists = (triangle_aa_3_free) | ((triangle_aa_3_room >= -triangle_aa_area) & (triangle_aa_3_r > 0.0))
     del triangle_aa_area
@@ -1110,7 +1549,7 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     triangle_aa_3_two = (triangle_aa_3_exists) & (~((triangle_aa_3_double) | (triangle_aa_3_free)))
     triangle_aa_arm_a_1 = a_2 + a_3*triangle_aa_3_c_a
     triangle_aa_arm_a_2 = a_3*triangle_aa_3_s_a
-    triangle_aa_any_a = np.abs(corner_aa_1) + np.abs(corner_aa_2) <= x108
+    triangle_aa_any_a = np.abs(corner_aa_1) + np.abs(corner_aa_2) <= x156
     triangle_aa_2_a_dot = corner_aa_1*triangle_aa_arm_a_1 + corner_aa_2*triangle_aa_arm_a_2
     triangle_aa_2_a_cross = corner_aa_2*triangle_aa_arm_a_1 - corner_aa_1*triangle_aa_arm_a_2
     del triangle_aa_arm_a_1, triangle_aa_arm_a_2
@@ -1123,7 +1562,7 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del triangle_aa_2_a_cross, triangle_aa_2_a_scale
     triangle_aa_arm_b_1 = a_2 + a_3*triangle_aa_3_c_b
     triangle_aa_arm_b_2 = a_3*triangle_aa_3_s_b
-    triangle_aa_any_b = np.abs(corner_aa_1) + np.abs(corner_aa_2) <= x108
+    triangle_aa_any_b = np.abs(corner_aa_1) + np.abs(corner_aa_2) <= x156
     triangle_aa_2_b_dot = corner_aa_1*triangle_aa_arm_b_1 + corner_aa_2*triangle_aa_arm_b_2
     triangle_aa_2_b_cross = corner_aa_2*triangle_aa_arm_b_1 - corner_aa_1*triangle_aa_arm_b_2
     del corner_aa_1, corner_aa_2, triangle_aa_arm_b_1, triangle_aa_arm_b_2
@@ -1171,7 +1610,7 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     x56 = (corner_ab_1*corner_ab_1) + (corner_ab_2*corner_ab_2) - square
     x57 = np.abs(x56)
     triangle_ab_3_room = triangle_ab_3_r - x57
-    triangle_ab_3_free = (triangle_ab_3_r <= x109) & (x57 <= x109)
+    triangle_ab_3_free = (triangle_ab_3_r <= x157) & (x57 <= x157)
     triangle_ab_3_double = (np.abs(triangle_ab_3_room) <= triangle_ab_area) & (~(triangle_ab_3_free))
     triangle_ab_3_exists = (triangle_ab_3_free) | ((triangle_ab_3_room >= -triangle_ab_area) & (triangle_ab_3_r > 0.0))
     del triangle_ab_area
@@ -1196,7 +1635,7 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     triangle_ab_3_two = (triangle_ab_3_exists) & (~((triangle_ab_3_double) | (triangle_ab_3_free)))
     triangle_ab_arm_a_1 = a_2 + a_3*triangle_ab_3_c_a
     triangle_ab_arm_a_2 = a_3*triangle_ab_3_s_a
-    triangle_ab_any_a = np.abs(corner_ab_1) + np.abs(corner_ab_2) <= x108
+    triangle_ab_any_a = np.abs(corner_ab_1) + np.abs(corner_ab_2) <= x156
     triangle_ab_2_a_dot = corner_ab_1*triangle_ab_arm_a_1 + corner_ab_2*triangle_ab_arm_a_2
     triangle_ab_2_a_cross = corner_ab_2*triangle_ab_arm_a_1 - corner_ab_1*triangle_ab_arm_a_2
     del triangle_ab_arm_a_1, triangle_ab_arm_a_2
@@ -1209,7 +1648,7 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del triangle_ab_2_a_cross, triangle_ab_2_a_scale
     triangle_ab_arm_b_1 = a_2 + a_3*triangle_ab_3_c_b
     triangle_ab_arm_b_2 = a_3*triangle_ab_3_s_b
-    triangle_ab_any_b = np.abs(corner_ab_1) + np.abs(corner_ab_2) <= x108
+    triangle_ab_any_b = np.abs(corner_ab_1) + np.abs(corner_ab_2) <= x156
     triangle_ab_2_b_dot = corner_ab_1*triangle_ab_arm_b_1 + corner_ab_2*triangle_ab_arm_b_2
     triangle_ab_2_b_cross = corner_ab_2*triangle_ab_arm_b_1 - corner_ab_1*triangle_ab_arm_b_2
     del corner_ab_1, corner_ab_2, triangle_ab_arm_b_1, triangle_ab_arm_b_2
@@ -1264,8 +1703,8 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del bend_b_denominator, bend_b_product
     bend_b_tolerance = x26*(h_b + x65)
     del x26, x65
-    bend_b_free = (bend_b_gram >= -bend_b_tolerance) & (h_b <= x107)
-    del h_b, x107
+    bend_b_free = (bend_b_gram >= -bend_b_tolerance) & (h_b <= x155)
+    del h_b, x155
     bend_b_double = (np.abs(bend_b_gram) <= bend_b_tolerance) & (~(bend_b_free))
     bend_b_exists = bend_b_gram >= -bend_b_tolerance
     del bend_b_tolerance
@@ -1316,7 +1755,7 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     x78 = (corner_ba_1*corner_ba_1) + (corner_ba_2*corner_ba_2) - square
     x79 = np.abs(x78)
     triangle_ba_3_room = triangle_ba_3_r - x79
-    triangle_ba_3_free = (triangle_ba_3_r <= x109) & (x79 <= x109)
+    triangle_ba_3_free = (triangle_ba_3_r <= x157) & (x79 <= x157)
     triangle_ba_3_double = (np.abs(triangle_ba_3_room) <= triangle_ba_area) & (~(triangle_ba_3_free))
     triangle_ba_3_exists = (triangle_ba_3_free) | ((triangle_ba_3_room >= -triangle_ba_area) & (triangle_ba_3_r > 0.0))
     del triangle_ba_area
@@ -1341,7 +1780,7 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     triangle_ba_3_two = (triangle_ba_3_exists) & (~((triangle_ba_3_double) | (triangle_ba_3_free)))
     triangle_ba_arm_a_1 = a_2 + a_3*triangle_ba_3_c_a
     triangle_ba_arm_a_2 = a_3*triangle_ba_3_s_a
-    triangle_ba_any_a = np.abs(corner_ba_1) + np.abs(corner_ba_2) <= x108
+    triangle_ba_any_a = np.abs(corner_ba_1) + np.abs(corner_ba_2) <= x156
     triangle_ba_2_a_dot = corner_ba_1*triangle_ba_arm_a_1 + corner_ba_2*triangle_ba_arm_a_2
     triangle_ba_2_a_cross = corner_ba_2*triangle_ba_arm_a_1 - corner_ba_1*triangle_ba_arm_a_2
     del triangle_ba_arm_a_1, triangle_ba_arm_a_2
@@ -1354,7 +1793,7 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del triangle_ba_2_a_cross, triangle_ba_2_a_scale
     triangle_ba_arm_b_1 = a_2 + a_3*triangle_ba_3_c_b
     triangle_ba_arm_b_2 = a_3*triangle_ba_3_s_b
-    triangle_ba_any_b = np.abs(corner_ba_1) + np.abs(corner_ba_2) <= x108
+    triangle_ba_any_b = np.abs(corner_ba_1) + np.abs(corner_ba_2) <= x156
     triangle_ba_2_b_dot = corner_ba_1*triangle_ba_arm_b_1 + corner_ba_2*triangle_ba_arm_b_2
     triangle_ba_2_b_cross = corner_ba_2*triangle_ba_arm_b_1 - corner_ba_1*triangle_ba_arm_b_2
     del corner_ba_1, corner_ba_2, triangle_ba_arm_b_1, triangle_ba_arm_b_2
@@ -1405,8 +1844,8 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del square
     x87 = np.abs(x86)
     triangle_bb_3_room = triangle_bb_3_r - x87
-    triangle_bb_3_free = (triangle_bb_3_r <= x109) & (x87 <= x109)
-    del x109
+    triangle_bb_3_free = (triangle_bb_3_r <= x157) & (x87 <= x157)
+    del x157
     triangle_bb_3_double = (np.abs(triangle_bb_3_room) <= triangle_bb_area) & (~(triangle_bb_3_free))
     triangle_bb_3_exists = (triangle_bb_3_free) | ((triangle_bb_3_room >= -triangle_bb_area) & (triangle_bb_3_r > 0.0))
     del triangle_bb_area
@@ -1431,7 +1870,7 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     triangle_bb_3_two = (triangle_bb_3_exists) & (~((triangle_bb_3_double) | (triangle_bb_3_free)))
     triangle_bb_arm_a_1 = a_2 + a_3*triangle_bb_3_c_a
     triangle_bb_arm_a_2 = a_3*triangle_bb_3_s_a
-    triangle_bb_any_a = np.abs(corner_bb_1) + np.abs(corner_bb_2) <= x108
+    triangle_bb_any_a = np.abs(corner_bb_1) + np.abs(corner_bb_2) <= x156
     triangle_bb_2_a_dot = corner_bb_1*triangle_bb_arm_a_1 + corner_bb_2*triangle_bb_arm_a_2
     triangle_bb_2_a_cross = corner_bb_2*triangle_bb_arm_a_1 - corner_bb_1*triangle_bb_arm_a_2
     del triangle_bb_arm_a_1, triangle_bb_arm_a_2
@@ -1444,8 +1883,8 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del triangle_bb_2_a_cross, triangle_bb_2_a_scale
     triangle_bb_arm_b_1 = a_2 + a_3*triangle_bb_3_c_b
     triangle_bb_arm_b_2 = a_3*triangle_bb_3_s_b
-    triangle_bb_any_b = np.abs(corner_bb_1) + np.abs(corner_bb_2) <= x108
-    del x108
+    triangle_bb_any_b = np.abs(corner_bb_1) + np.abs(corner_bb_2) <= x156
+    del x156
     triangle_bb_2_b_dot = corner_bb_1*triangle_bb_arm_b_1 + corner_bb_2*triangle_bb_arm_b_2
     triangle_bb_2_b_cross = corner_bb_2*triangle_bb_arm_b_1 - corner_bb_1*triangle_bb_arm_b_2
     del corner_bb_1, corner_bb_2, triangle_bb_arm_b_1, triangle_bb_arm_b_2
@@ -1482,6 +1921,10 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     x94 = np.arctan2(sixth_aa_s, sixth_aa_c)
     del sixth_aa_c, sixth_aa_s
     angle_1_6 = x94
+    x95 = np.where((bend_a_double) | (first_double) | (triangle_aa_3_double), 1.0, 0.0)
+    del triangle_aa_3_double
+    code_1 = np.where((bend_a_free) | (first_free) | (triangle_aa_3_free) | (triangle_aa_any_a), 2.0, x95)
+    del triangle_aa_any_a
     there_2 = (bend_a_exists) & (first_exists) & (near) & (triangle_aa_3_two)
     del bend_a_exists, triangle_aa_3_two
     angle_2_1 = x92
@@ -1495,6 +1938,8 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del x93
     angle_2_6 = x94
     del x94
+    code_2 = np.where((bend_a_free) | (first_free) | (triangle_aa_3_free) | (triangle_aa_any_b), 2.0, x95)
+    del triangle_aa_3_free, triangle_aa_any_b, x95
     there_3 = (bend_a_two) & (first_exists) & (near) & (triangle_ab_3_exists)
     del triangle_ab_3_exists
     angle_3_1 = x92
@@ -1504,12 +1949,16 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del triangle_ab_3_c_a, triangle_ab_3_s_a
     angle_3_4 = np.arctan2(s_4_aba, c_4_aba)
     del c_4_aba, s_4_aba
-    x95 = np.arctan2(-bend_a_s, bend_a_c)
+    x96 = np.arctan2(-bend_a_s, bend_a_c)
     del bend_a_c, bend_a_s
-    angle_3_5 = x95
-    x96 = np.arctan2(sixth_ab_s, sixth_ab_c)
+    angle_3_5 = x96
+    x97 = np.arctan2(sixth_ab_s, sixth_ab_c)
     del sixth_ab_c, sixth_ab_s
-    angle_3_6 = x96
+    angle_3_6 = x97
+    x98 = np.where((bend_a_double) | (first_double) | (triangle_ab_3_double), 1.0, 0.0)
+    del bend_a_double, triangle_ab_3_double
+    code_3 = np.where((bend_a_free) | (first_free) | (triangle_ab_3_free) | (triangle_ab_any_a), 2.0, x98)
+    del triangle_ab_any_a
     there_4 = (bend_a_two) & (first_exists) & (near) & (triangle_ab_3_two)
     del bend_a_two, first_exists, triangle_ab_3_two
     angle_4_1 = x92
@@ -1520,189 +1969,622 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del triangle_ab_3_c_b, triangle_ab_3_s_b
     angle_4_4 = np.arctan2(s_4_abb, c_4_abb)
     del c_4_abb, s_4_abb
-    angle_4_5 = x95
-    del x95
-    angle_4_6 = x96
+    angle_4_5 = x96
     del x96
+    angle_4_6 = x97
+    del x97
+    code_4 = np.where((bend_a_free) | (first_free) | (triangle_ab_3_free) | (triangle_ab_any_b), 2.0, x98)
+    del bend_a_free, triangle_ab_3_free, triangle_ab_any_b, x98
     there_5 = (bend_b_exists) & (first_two) & (near) & (triangle_ba_3_exists)
     del triangle_ba_3_exists
-    x97 = np.arctan2(first_s_b, first_c_b)
+    x99 = np.arctan2(first_s_b, first_c_b)
     del first_c_b, first_s_b
-    angle_5_1 = x97
+    angle_5_1 = x99
     angle_5_2 = np.arctan2(triangle_ba_2_a_s, triangle_ba_2_a_c)
     del triangle_ba_2_a_c, triangle_ba_2_a_s
     angle_5_3 = np.arctan2(triangle_ba_3_s_a, triangle_ba_3_c_a)
     del triangle_ba_3_c_a, triangle_ba_3_s_a
     angle_5_4 = np.arctan2(s_4_baa, c_4_baa)
     del c_4_baa, s_4_baa
-    x98 = np.arctan2(bend_b_s, bend_b_c)
-    angle_5_5 = x98
-    x99 = np.arctan2(sixth_ba_s, sixth_ba_c)
+    x100 = np.arctan2(bend_b_s, bend_b_c)
+    angle_5_5 = x100
+    x101 = np.arctan2(sixth_ba_s, sixth_ba_c)
     del sixth_ba_c, sixth_ba_s
-    angle_5_6 = x99
+    angle_5_6 = x101
+    x102 = np.where((bend_b_double) | (first_double) | (triangle_ba_3_double), 1.0, 0.0)
+    del triangle_ba_3_double
+    code_5 = np.where((bend_b_free) | (first_free) | (triangle_ba_3_free) | (triangle_ba_any_a), 2.0, x102)
+    del triangle_ba_any_a
     there_6 = (bend_b_exists) & (first_two) & (near) & (triangle_ba_3_two)
     del bend_b_exists, triangle_ba_3_two
-    angle_6_1 = x97
+    angle_6_1 = x99
     angle_6_2 = np.arctan2(triangle_ba_2_b_s, triangle_ba_2_b_c)
     del triangle_ba_2_b_c, triangle_ba_2_b_s
     angle_6_3 = np.arctan2(triangle_ba_3_s_b, triangle_ba_3_c_b)
     del triangle_ba_3_c_b, triangle_ba_3_s_b
     angle_6_4 = np.arctan2(s_4_bab, c_4_bab)
     del c_4_bab, s_4_bab
-    angle_6_5 = x98
-    del x98
-    angle_6_6 = x99
-    del x99
+    angle_6_5 = x100
+    del x100
+    angle_6_6 = x101
+    del x101
+    code_6 = np.where((bend_b_free) | (first_free) | (triangle_ba_3_free) | (triangle_ba_any_b), 2.0, x102)
+    del triangle_ba_3_free, triangle_ba_any_b, x102
     there_7 = (bend_b_two) & (first_two) & (near) & (triangle_bb_3_exists)
     del triangle_bb_3_exists
-    angle_7_1 = x97
+    angle_7_1 = x99
     angle_7_2 = np.arctan2(triangle_bb_2_a_s, triangle_bb_2_a_c)
     del triangle_bb_2_a_c, triangle_bb_2_a_s
     angle_7_3 = np.arctan2(triangle_bb_3_s_a, triangle_bb_3_c_a)
     del triangle_bb_3_c_a, triangle_bb_3_s_a
     angle_7_4 = np.arctan2(s_4_bba, c_4_bba)
     del c_4_bba, s_4_bba
-    x100 = np.arctan2(-bend_b_s, bend_b_c)
+    x103 = np.arctan2(-bend_b_s, bend_b_c)
     del bend_b_c, bend_b_s
-    angle_7_5 = x100
-    x101 = np.arctan2(sixth_bb_s, sixth_bb_c)
+    angle_7_5 = x103
+    x104 = np.arctan2(sixth_bb_s, sixth_bb_c)
     del sixth_bb_c, sixth_bb_s
-    angle_7_6 = x101
+    angle_7_6 = x104
+    x105 = np.where((bend_b_double) | (first_double) | (triangle_bb_3_double), 1.0, 0.0)
+    del bend_b_double, first_double, triangle_bb_3_double
+    code_7 = np.where((bend_b_free) | (first_free) | (triangle_bb_3_free) | (triangle_bb_any_a), 2.0, x105)
+    del triangle_bb_any_a
     there_8 = (bend_b_two) & (first_two) & (near) & (triangle_bb_3_two)
     del bend_b_two, first_two, near, triangle_bb_3_two
-    angle_8_1 = x97
-    del x97
+    angle_8_1 = x99
+    del x99
     angle_8_2 = np.arctan2(triangle_bb_2_b_s, triangle_bb_2_b_c)
     del triangle_bb_2_b_c, triangle_bb_2_b_s
     angle_8_3 = np.arctan2(triangle_bb_3_s_b, triangle_bb_3_c_b)
     del triangle_bb_3_c_b, triangle_bb_3_s_b
     angle_8_4 = np.arctan2(s_4_bbb, c_4_bbb)
     del c_4_bbb, s_4_bbb
-    angle_8_5 = x100
-    del x100
-    angle_8_6 = x101
-    del x101
-    x110 = -3.141592653589793
-    angles_1_1 = np.where(there_1, np.where(angle_1_1 > x110, angle_1_1, 3.141592653589793), np.nan)
-    del angle_1_1
-    angles_1_2 = np.where(there_1, np.where(angle_1_2 > x110, angle_1_2, 3.141592653589793), np.nan)
-    del angle_1_2
-    angles_1_3 = np.where(there_1, np.where(angle_1_3 > x110, angle_1_3, 3.141592653589793), np.nan)
-    del angle_1_3
-    angles_1_4 = np.where(there_1, np.where(angle_1_4 > x110, angle_1_4, 3.141592653589793), np.nan)
-    del angle_1_4
-    angles_1_5 = np.where(there_1, np.where(angle_1_5 > x110, angle_1_5, 3.141592653589793), np.nan)
-    del angle_1_5
-    angles_1_6 = np.where(there_1, np.where(angle_1_6 > x110, angle_1_6, 3.141592653589793), np.nan)
-    del angle_1_6
-    angles_2_1 = np.where(there_2, np.where(angle_2_1 > x110, angle_2_1, 3.141592653589793), np.nan)
+    angle_8_5 = x103
+    del x103
+    angle_8_6 = x104
+    del x104
+    code_8 = np.where((bend_b_free) | (first_free) | (triangle_bb_3_free) | (triangle_bb_any_b), 2.0, x105)
+    del bend_b_free, first_free, triangle_bb_3_free, triangle_bb_any_b, x105
+    x106 = np.where(there_1, 0.0, 1.0)
+    holes_1 = x106
+    x107 = x106 + np.where(there_2, 0.0, 1.0)
+    del x106
+    holes_2 = x107
+    x108 = x107 + np.where(there_3, 0.0, 1.0)
+    del x107
+    holes_3 = x108
+    x109 = x108 + np.where(there_4, 0.0, 1.0)
+    del x108
+    holes_4 = x109
+    x110 = x109 + np.where(there_5, 0.0, 1.0)
+    del x109
+    holes_5 = x110
+    x111 = x110 + np.where(there_6, 0.0, 1.0)
+    del x110
+    holes_6 = x111
+    holes_7 = x111 + np.where(there_7, 0.0, 1.0)
+    del x111
+    moves_1_1 = (there_2) & ((holes_1 == 1.0) | (holes_1 == 3.0) | (holes_1 == 5.0) | (holes_1 == 7.0))
+    del holes_1
+    moves_1_2 = (there_3) & ((holes_2 == 1.0) | (holes_2 == 3.0) | (holes_2 == 5.0) | (holes_2 == 7.0))
+    moves_1_3 = (there_4) & ((holes_3 == 1.0) | (holes_3 == 3.0) | (holes_3 == 5.0) | (holes_3 == 7.0))
+    moves_1_4 = (there_5) & ((holes_4 == 1.0) | (holes_4 == 3.0) | (holes_4 == 5.0) | (holes_4 == 7.0))
+    moves_1_5 = (there_6) & ((holes_5 == 1.0) | (holes_5 == 3.0) | (holes_5 == 5.0) | (holes_5 == 7.0))
+    moves_1_6 = (there_7) & ((holes_6 == 1.0) | (holes_6 == 3.0) | (holes_6 == 5.0) | (holes_6 == 7.0))
+    moves_1_7 = (there_8) & ((holes_7 == 1.0) | (holes_7 == 3.0) | (holes_7 == 5.0) | (holes_7 == 7.0))
+    there_1_0 = (moves_1_1) | (there_1)
+    del there_1
+    row_1_0_1 = np.where(moves_1_1, code_2, code_1)
+    del code_1
+    x158 = -3.141592653589793
+    x112 = np.where(angle_2_1 > x158, angle_2_1, 3.141592653589793)
     del angle_2_1
-    angles_2_2 = np.where(there_2, np.where(angle_2_2 > x110, angle_2_2, 3.141592653589793), np.nan)
+    row_1_0_2 = np.where(moves_1_1, x112, np.where(angle_1_1 > x158, angle_1_1, 3.141592653589793))
+    del angle_1_1
+    x113 = np.where(angle_2_2 > x158, angle_2_2, 3.141592653589793)
     del angle_2_2
-    angles_2_3 = np.where(there_2, np.where(angle_2_3 > x110, angle_2_3, 3.141592653589793), np.nan)
+    row_1_0_3 = np.where(moves_1_1, x113, np.where(angle_1_2 > x158, angle_1_2, 3.141592653589793))
+    del angle_1_2
+    x114 = np.where(angle_2_3 > x158, angle_2_3, 3.141592653589793)
     del angle_2_3
-    angles_2_4 = np.where(there_2, np.where(angle_2_4 > x110, angle_2_4, 3.141592653589793), np.nan)
+    row_1_0_4 = np.where(moves_1_1, x114, np.where(angle_1_3 > x158, angle_1_3, 3.141592653589793))
+    del angle_1_3
+    x115 = np.where(angle_2_4 > x158, angle_2_4, 3.141592653589793)
     del angle_2_4
-    angles_2_5 = np.where(there_2, np.where(angle_2_5 > x110, angle_2_5, 3.141592653589793), np.nan)
+    row_1_0_5 = np.where(moves_1_1, x115, np.where(angle_1_4 > x158, angle_1_4, 3.141592653589793))
+    del angle_1_4
+    x116 = np.where(angle_2_5 > x158, angle_2_5, 3.141592653589793)
     del angle_2_5
-    angles_2_6 = np.where(there_2, np.where(angle_2_6 > x110, angle_2_6, 3.141592653589793), np.nan)
+    row_1_0_6 = np.where(moves_1_1, x116, np.where(angle_1_5 > x158, angle_1_5, 3.141592653589793))
+    del angle_1_5
+    x117 = np.where(angle_2_6 > x158, angle_2_6, 3.141592653589793)
     del angle_2_6
-    angles_3_1 = np.where(there_3, np.where(angle_3_1 > x110, angle_3_1, 3.141592653589793), np.nan)
+    row_1_0_7 = np.where(moves_1_1, x117, np.where(angle_1_6 > x158, angle_1_6, 3.141592653589793))
+    del angle_1_6
+    there_1_1 = (moves_1_2) | ((there_2) & (~(moves_1_1)))
+    del moves_1_1, there_2
+    row_1_1_1 = np.where(moves_1_2, code_3, code_2)
+    del code_2
+    x118 = np.where(angle_3_1 > x158, angle_3_1, 3.141592653589793)
     del angle_3_1
-    angles_3_2 = np.where(there_3, np.where(angle_3_2 > x110, angle_3_2, 3.141592653589793), np.nan)
+    row_1_1_2 = np.where(moves_1_2, x118, x112)
+    del x112
+    x119 = np.where(angle_3_2 > x158, angle_3_2, 3.141592653589793)
     del angle_3_2
-    angles_3_3 = np.where(there_3, np.where(angle_3_3 > x110, angle_3_3, 3.141592653589793), np.nan)
+    row_1_1_3 = np.where(moves_1_2, x119, x113)
+    del x113
+    x120 = np.where(angle_3_3 > x158, angle_3_3, 3.141592653589793)
     del angle_3_3
-    angles_3_4 = np.where(there_3, np.where(angle_3_4 > x110, angle_3_4, 3.141592653589793), np.nan)
+    row_1_1_4 = np.where(moves_1_2, x120, x114)
+    del x114
+    x121 = np.where(angle_3_4 > x158, angle_3_4, 3.141592653589793)
     del angle_3_4
-    angles_3_5 = np.where(there_3, np.where(angle_3_5 > x110, angle_3_5, 3.141592653589793), np.nan)
+    row_1_1_5 = np.where(moves_1_2, x121, x115)
+    del x115
+    x122 = np.where(angle_3_5 > x158, angle_3_5, 3.141592653589793)
     del angle_3_5
-    angles_3_6 = np.where(there_3, np.where(angle_3_6 > x110, angle_3_6, 3.141592653589793), np.nan)
+    row_1_1_6 = np.where(moves_1_2, x122, x116)
+    del x116
+    x123 = np.where(angle_3_6 > x158, angle_3_6, 3.141592653589793)
     del angle_3_6
-    angles_4_1 = np.where(there_4, np.where(angle_4_1 > x110, angle_4_1, 3.141592653589793), np.nan)
+    row_1_1_7 = np.where(moves_1_2, x123, x117)
+    del x117
+    there_1_2 = (moves_1_3) | ((there_3) & (~(moves_1_2)))
+    del moves_1_2, there_3
+    row_1_2_0 = np.where(moves_1_3, holes_3 - 1.0, holes_2)
+    del holes_2
+    row_1_2_1 = np.where(moves_1_3, code_4, code_3)
+    del code_3
+    x124 = np.where(angle_4_1 > x158, angle_4_1, 3.141592653589793)
     del angle_4_1
-    angles_4_2 = np.where(there_4, np.where(angle_4_2 > x110, angle_4_2, 3.141592653589793), np.nan)
+    row_1_2_2 = np.where(moves_1_3, x124, x118)
+    del x118
+    x125 = np.where(angle_4_2 > x158, angle_4_2, 3.141592653589793)
     del angle_4_2
-    angles_4_3 = np.where(there_4, np.where(angle_4_3 > x110, angle_4_3, 3.141592653589793), np.nan)
+    row_1_2_3 = np.where(moves_1_3, x125, x119)
+    del x119
+    x126 = np.where(angle_4_3 > x158, angle_4_3, 3.141592653589793)
     del angle_4_3
-    angles_4_4 = np.where(there_4, np.where(angle_4_4 > x110, angle_4_4, 3.141592653589793), np.nan)
+    row_1_2_4 = np.where(moves_1_3, x126, x120)
+    del x120
+    x127 = np.where(angle_4_4 > x158, angle_4_4, 3.141592653589793)
     del angle_4_4
-    angles_4_5 = np.where(there_4, np.where(angle_4_5 > x110, angle_4_5, 3.141592653589793), np.nan)
+    row_1_2_5 = np.where(moves_1_3, x127, x121)
+    del x121
+    x128 = np.where(angle_4_5 > x158, angle_4_5, 3.141592653589793)
     del angle_4_5
-    angles_4_6 = np.where(there_4, np.where(angle_4_6 > x110, angle_4_6, 3.141592653589793), np.nan)
+    row_1_2_6 = np.where(moves_1_3, x128, x122)
+    del x122
+    x129 = np.where(angle_4_6 > x158, angle_4_6, 3.141592653589793)
     del angle_4_6
-    angles_5_1 = np.where(there_5, np.where(angle_5_1 > x110, angle_5_1, 3.141592653589793), np.nan)
+    row_1_2_7 = np.where(moves_1_3, x129, x123)
+    del x123
+    there_1_3 = (moves_1_4) | ((there_4) & (~(moves_1_3)))
+    del moves_1_3, there_4
+    row_1_3_0 = np.where(moves_1_4, holes_4 - 1.0, holes_3)
+    del holes_3
+    row_1_3_1 = np.where(moves_1_4, code_5, code_4)
+    del code_4
+    x130 = np.where(angle_5_1 > x158, angle_5_1, 3.141592653589793)
     del angle_5_1
-    angles_5_2 = np.where(there_5, np.where(angle_5_2 > x110, angle_5_2, 3.141592653589793), np.nan)
+    row_1_3_2 = np.where(moves_1_4, x130, x124)
+    del x124
+    x131 = np.where(angle_5_2 > x158, angle_5_2, 3.141592653589793)
     del angle_5_2
-    angles_5_3 = np.where(there_5, np.where(angle_5_3 > x110, angle_5_3, 3.141592653589793), np.nan)
+    row_1_3_3 = np.where(moves_1_4, x131, x125)
+    del x125
+    x132 = np.where(angle_5_3 > x158, angle_5_3, 3.141592653589793)
     del angle_5_3
-    angles_5_4 = np.where(there_5, np.where(angle_5_4 > x110, angle_5_4, 3.141592653589793), np.nan)
+    row_1_3_4 = np.where(moves_1_4, x132, x126)
+    del x126
+    x133 = np.where(angle_5_4 > x158, angle_5_4, 3.141592653589793)
     del angle_5_4
-    angles_5_5 = np.where(there_5, np.where(angle_5_5 > x110, angle_5_5, 3.141592653589793), np.nan)
+    row_1_3_5 = np.where(moves_1_4, x133, x127)
+    del x127
+    x134 = np.where(angle_5_5 > x158, angle_5_5, 3.141592653589793)
     del angle_5_5
-    angles_5_6 = np.where(there_5, np.where(angle_5_6 > x110, angle_5_6, 3.141592653589793), np.nan)
+    row_1_3_6 = np.where(moves_1_4, x134, x128)
+    del x128
+    x135 = np.where(angle_5_6 > x158, angle_5_6, 3.141592653589793)
     del angle_5_6
-    angles_6_1 = np.where(there_6, np.where(angle_6_1 > x110, angle_6_1, 3.141592653589793), np.nan)
+    row_1_3_7 = np.where(moves_1_4, x135, x129)
+    del x129
+    there_1_4 = (moves_1_5) | ((there_5) & (~(moves_1_4)))
+    del moves_1_4, there_5
+    row_1_4_0 = np.where(moves_1_5, holes_5 - 1.0, holes_4)
+    del holes_4
+    row_1_4_1 = np.where(moves_1_5, code_6, code_5)
+    del code_5
+    x136 = np.where(angle_6_1 > x158, angle_6_1, 3.141592653589793)
     del angle_6_1
-    angles_6_2 = np.where(there_6, np.where(angle_6_2 > x110, angle_6_2, 3.141592653589793), np.nan)
+    row_1_4_2 = np.where(moves_1_5, x136, x130)
+    del x130
+    x137 = np.where(angle_6_2 > x158, angle_6_2, 3.141592653589793)
     del angle_6_2
-    angles_6_3 = np.where(there_6, np.where(angle_6_3 > x110, angle_6_3, 3.141592653589793), np.nan)
+    row_1_4_3 = np.where(moves_1_5, x137, x131)
+    del x131
+    x138 = np.where(angle_6_3 > x158, angle_6_3, 3.141592653589793)
     del angle_6_3
-    angles_6_4 = np.where(there_6, np.where(angle_6_4 > x110, angle_6_4, 3.141592653589793), np.nan)
+    row_1_4_4 = np.where(moves_1_5, x138, x132)
+    del x132
+    x139 = np.where(angle_6_4 > x158, angle_6_4, 3.141592653589793)
     del angle_6_4
-    angles_6_5 = np.where(there_6, np.where(angle_6_5 > x110, angle_6_5, 3.141592653589793), np.nan)
+    row_1_4_5 = np.where(moves_1_5, x139, x133)
+    del x133
+    x140 = np.where(angle_6_5 > x158, angle_6_5, 3.141592653589793)
     del angle_6_5
-    angles_6_6 = np.where(there_6, np.where(angle_6_6 > x110, angle_6_6, 3.141592653589793), np.nan)
+    row_1_4_6 = np.where(moves_1_5, x140, x134)
+    del x134
+    x141 = np.where(angle_6_6 > x158, angle_6_6, 3.141592653589793)
     del angle_6_6
-    angles_7_1 = np.where(there_7, np.where(angle_7_1 > x110, angle_7_1, 3.141592653589793), np.nan)
+    row_1_4_7 = np.where(moves_1_5, x141, x135)
+    del x135
+    there_1_5 = (moves_1_6) | ((there_6) & (~(moves_1_5)))
+    del moves_1_5, there_6
+    row_1_5_0 = np.where(moves_1_6, holes_6 - 1.0, holes_5)
+    del holes_5
+    row_1_5_1 = np.where(moves_1_6, code_7, code_6)
+    del code_6
+    x142 = np.where(angle_7_1 > x158, angle_7_1, 3.141592653589793)
     del angle_7_1
-    angles_7_2 = np.where(there_7, np.where(angle_7_2 > x110, angle_7_2, 3.141592653589793), np.nan)
+    row_1_5_2 = np.where(moves_1_6, x142, x136)
+    del x136
+    x143 = np.where(angle_7_2 > x158, angle_7_2, 3.141592653589793)
     del angle_7_2
-    angles_7_3 = np.where(there_7, np.where(angle_7_3 > x110, angle_7_3, 3.141592653589793), np.nan)
+    row_1_5_3 = np.where(moves_1_6, x143, x137)
+    del x137
+    x144 = np.where(angle_7_3 > x158, angle_7_3, 3.141592653589793)
     del angle_7_3
-    angles_7_4 = np.where(there_7, np.where(angle_7_4 > x110, angle_7_4, 3.141592653589793), np.nan)
+    row_1_5_4 = np.where(moves_1_6, x144, x138)
+    del x138
+    x145 = np.where(angle_7_4 > x158, angle_7_4, 3.141592653589793)
     del angle_7_4
-    angles_7_5 = np.where(there_7, np.where(angle_7_5 > x110, angle_7_5, 3.141592653589793), np.nan)
+    row_1_5_5 = np.where(moves_1_6, x145, x139)
+    del x139
+    x146 = np.where(angle_7_5 > x158, angle_7_5, 3.141592653589793)
     del angle_7_5
-    angles_7_6 = np.where(there_7, np.where(angle_7_6 > x110, angle_7_6, 3.141592653589793), np.nan)
+    row_1_5_6 = np.where(moves_1_6, x146, x140)
+    del x140
+    x147 = np.where(angle_7_6 > x158, angle_7_6, 3.141592653589793)
     del angle_7_6
-    angles_8_1 = np.where(there_8, np.where(angle_8_1 > x110, angle_8_1, 3.141592653589793), np.nan)
+    row_1_5_7 = np.where(moves_1_6, x147, x141)
+    del x141
+    there_1_6 = (moves_1_7) | ((there_7) & (~(moves_1_6)))
+    del moves_1_6, there_7
+    row_1_6_0 = np.where(moves_1_7, holes_7 - 1.0, holes_6)
+    del holes_6
+    row_1_6_1 = np.where(moves_1_7, code_8, code_7)
+    del code_7
+    x148 = np.where(angle_8_1 > x158, angle_8_1, 3.141592653589793)
     del angle_8_1
-    angles_8_2 = np.where(there_8, np.where(angle_8_2 > x110, angle_8_2, 3.141592653589793), np.nan)
+    row_1_6_2 = np.where(moves_1_7, x148, x142)
+    del x142
+    x149 = np.where(angle_8_2 > x158, angle_8_2, 3.141592653589793)
     del angle_8_2
-    angles_8_3 = np.where(there_8, np.where(angle_8_3 > x110, angle_8_3, 3.141592653589793), np.nan)
+    row_1_6_3 = np.where(moves_1_7, x149, x143)
+    del x143
+    x150 = np.where(angle_8_3 > x158, angle_8_3, 3.141592653589793)
     del angle_8_3
-    angles_8_4 = np.where(there_8, np.where(angle_8_4 > x110, angle_8_4, 3.141592653589793), np.nan)
+    row_1_6_4 = np.where(moves_1_7, x150, x144)
+    del x144
+    x151 = np.where(angle_8_4 > x158, angle_8_4, 3.141592653589793)
     del angle_8_4
-    angles_8_5 = np.where(there_8, np.where(angle_8_5 > x110, angle_8_5, 3.141592653589793), np.nan)
+    row_1_6_5 = np.where(moves_1_7, x151, x145)
+    del x145
+    x152 = np.where(angle_8_5 > x158, angle_8_5, 3.141592653589793)
     del angle_8_5
-    angles_8_6 = np.where(there_8, np.where(angle_8_6 > x110, angle_8_6, 3.141592653589793), np.nan)
-    del angle_8_6, x110
-    x102 = np.where((bend_a_double) | (first_double) | (triangle_aa_3_double), 1.0, 0.0)
-    del triangle_aa_3_double
-    status_1 = np.where(~(good), 5.0, np.where(~(there_1), 3.0, np.where((bend_a_free) | (first_free) | (triangle_aa_3_free) | (triangle_aa_any_a), 2.0, x102)))
-    del there_1, triangle_aa_any_a
-    status_2 = np.where(~(good), 5.0, np.where(~(there_2), 3.0, np.where((bend_a_free) | (first_free) | (triangle_aa_3_free) | (triangle_aa_any_b), 2.0, x102)))
-    del there_2, triangle_aa_3_free, triangle_aa_any_b, x102
-    x103 = np.where((bend_a_double) | (first_double) | (triangle_ab_3_double), 1.0, 0.0)
-    del bend_a_double, triangle_ab_3_double
-    status_3 = np.where(~(good), 5.0, np.where(~(there_3), 3.0, np.where((bend_a_free) | (first_free) | (triangle_ab_3_free) | (triangle_ab_any_a), 2.0, x103)))
-    del there_3, triangle_ab_any_a
-    status_4 = np.where(~(good), 5.0, np.where(~(there_4), 3.0, np.where((bend_a_free) | (first_free) | (triangle_ab_3_free) | (triangle_ab_any_b), 2.0, x103)))
-    del bend_a_free, there_4, triangle_ab_3_free, triangle_ab_any_b, x103
-    x104 = np.where((bend_b_double) | (first_double) | (triangle_ba_3_double), 1.0, 0.0)
-    del triangle_ba_3_double
-    status_5 = np.where(~(good), 5.0, np.where(~(there_5), 3.0, np.where((bend_b_free) | (first_free) | (triangle_ba_3_free) | (triangle_ba_any_a), 2.0, x104)))
-    del there_5, triangle_ba_any_a
-    status_6 = np.where(~(good), 5.0, np.where(~(there_6), 3.0, np.where((bend_b_free) | (first_free) | (triangle_ba_3_free) | (triangle_ba_any_b), 2.0, x104)))
-    del there_6, triangle_ba_3_free, triangle_ba_any_b, x104
-    x105 = np.where((bend_b_double) | (first_double) | (triangle_bb_3_double), 1.0, 0.0)
-    del bend_b_double, first_double, triangle_bb_3_double
-    status_7 = np.where(~(good), 5.0, np.where(~(there_7), 3.0, np.where((bend_b_free) | (first_free) | (triangle_bb_3_free) | (triangle_bb_any_a), 2.0, x105)))
-    del there_7, triangle_bb_any_a
-    status_8 = np.where(~(good), 5.0, np.where(~(there_8), 3.0, np.where((bend_b_free) | (first_free) | (triangle_bb_3_free) | (triangle_bb_any_b), 2.0, x105)))
-    del bend_b_free, first_free, good, there_8, triangle_bb_3_free, triangle_bb_any_b, x105
+    row_1_6_6 = np.where(moves_1_7, x152, x146)
+    del x146
+    x153 = np.where(angle_8_6 > x158, angle_8_6, 3.141592653589793)
+    del angle_8_6, x158
+    row_1_6_7 = np.where(moves_1_7, x153, x147)
+    del x147
+    there_1_7 = (there_8) & (~(moves_1_7))
+    del moves_1_7, there_8
+    moves_2_2 = (there_1_2) & ((row_1_2_0 == 2.0) | (row_1_2_0 == 6.0))
+    del row_1_2_0
+    moves_2_3 = (there_1_3) & ((row_1_3_0 == 2.0) | (row_1_3_0 == 6.0))
+    del row_1_3_0
+    moves_2_4 = (there_1_4) & ((row_1_4_0 == 2.0) | (row_1_4_0 == 6.0))
+    moves_2_5 = (there_1_5) & ((row_1_5_0 == 2.0) | (row_1_5_0 == 6.0))
+    moves_2_6 = (there_1_6) & ((row_1_6_0 == 2.0) | (row_1_6_0 == 6.0))
+    moves_2_7 = (there_1_7) & ((holes_7 == 2.0) | (holes_7 == 6.0))
+    there_2_0 = (moves_2_2) | (there_1_0)
+    del there_1_0
+    row_2_0_1 = np.where(moves_2_2, row_1_2_1, row_1_0_1)
+    del row_1_0_1
+    row_2_0_2 = np.where(moves_2_2, row_1_2_2, row_1_0_2)
+    del row_1_0_2
+    row_2_0_3 = np.where(moves_2_2, row_1_2_3, row_1_0_3)
+    del row_1_0_3
+    row_2_0_4 = np.where(moves_2_2, row_1_2_4, row_1_0_4)
+    del row_1_0_4
+    row_2_0_5 = np.where(moves_2_2, row_1_2_5, row_1_0_5)
+    del row_1_0_5
+    row_2_0_6 = np.where(moves_2_2, row_1_2_6, row_1_0_6)
+    del row_1_0_6
+    row_2_0_7 = np.where(moves_2_2, row_1_2_7, row_1_0_7)
+    del row_1_0_7
+    there_2_1 = (moves_2_3) | (there_1_1)
+    del there_1_1
+    row_2_1_1 = np.where(moves_2_3, row_1_3_1, row_1_1_1)
+    del row_1_1_1
+    row_2_1_2 = np.where(moves_2_3, row_1_3_2, row_1_1_2)
+    del row_1_1_2
+    row_2_1_3 = np.where(moves_2_3, row_1_3_3, row_1_1_3)
+    del row_1_1_3
+    row_2_1_4 = np.where(moves_2_3, row_1_3_4, row_1_1_4)
+    del row_1_1_4
+    row_2_1_5 = np.where(moves_2_3, row_1_3_5, row_1_1_5)
+    del row_1_1_5
+    row_2_1_6 = np.where(moves_2_3, row_1_3_6, row_1_1_6)
+    del row_1_1_6
+    row_2_1_7 = np.where(moves_2_3, row_1_3_7, row_1_1_7)
+    del row_1_1_7
+    there_2_2 = (moves_2_4) | ((there_1_2) & (~(moves_2_2)))
+    del moves_2_2, there_1_2
+    row_2_2_1 = np.where(moves_2_4, row_1_4_1, row_1_2_1)
+    del row_1_2_1
+    row_2_2_2 = np.where(moves_2_4, row_1_4_2, row_1_2_2)
+    del row_1_2_2
+    row_2_2_3 = np.where(moves_2_4, row_1_4_3, row_1_2_3)
+    del row_1_2_3
+    row_2_2_4 = np.where(moves_2_4, row_1_4_4, row_1_2_4)
+    del row_1_2_4
+    row_2_2_5 = np.where(moves_2_4, row_1_4_5, row_1_2_5)
+    del row_1_2_5
+    row_2_2_6 = np.where(moves_2_4, row_1_4_6, row_1_2_6)
+    del row_1_2_6
+    row_2_2_7 = np.where(moves_2_4, row_1_4_7, row_1_2_7)
+    del row_1_2_7
+    there_2_3 = (moves_2_5) | ((there_1_3) & (~(moves_2_3)))
+    del moves_2_3, there_1_3
+    row_2_3_1 = np.where(moves_2_5, row_1_5_1, row_1_3_1)
+    del row_1_3_1
+    row_2_3_2 = np.where(moves_2_5, row_1_5_2, row_1_3_2)
+    del row_1_3_2
+    row_2_3_3 = np.where(moves_2_5, row_1_5_3, row_1_3_3)
+    del row_1_3_3
+    row_2_3_4 = np.where(moves_2_5, row_1_5_4, row_1_3_4)
+    del row_1_3_4
+    row_2_3_5 = np.where(moves_2_5, row_1_5_5, row_1_3_5)
+    del row_1_3_5
+    row_2_3_6 = np.where(moves_2_5, row_1_5_6, row_1_3_6)
+    del row_1_3_6
+    row_2_3_7 = np.where(moves_2_5, row_1_5_7, row_1_3_7)
+    del row_1_3_7
+    there_2_4 = (moves_2_6) | ((there_1_4) & (~(moves_2_4)))
+    del moves_2_4, there_1_4
+    row_2_4_0 = np.where(moves_2_6, row_1_6_0 - 2.0, row_1_4_0)
+    del row_1_4_0
+    row_2_4_1 = np.where(moves_2_6, row_1_6_1, row_1_4_1)
+    del row_1_4_1
+    row_2_4_2 = np.where(moves_2_6, row_1_6_2, row_1_4_2)
+    del row_1_4_2
+    row_2_4_3 = np.where(moves_2_6, row_1_6_3, row_1_4_3)
+    del row_1_4_3
+    row_2_4_4 = np.where(moves_2_6, row_1_6_4, row_1_4_4)
+    del row_1_4_4
+    row_2_4_5 = np.where(moves_2_6, row_1_6_5, row_1_4_5)
+    del row_1_4_5
+    row_2_4_6 = np.where(moves_2_6, row_1_6_6, row_1_4_6)
+    del row_1_4_6
+    row_2_4_7 = np.where(moves_2_6, row_1_6_7, row_1_4_7)
+    del row_1_4_7
+    there_2_5 = (moves_2_7) | ((there_1_5) & (~(moves_2_5)))
+    del moves_2_5, there_1_5
+    row_2_5_0 = np.where(moves_2_7, holes_7 - 2.0, row_1_5_0)
+    del row_1_5_0
+    row_2_5_1 = np.where(moves_2_7, code_8, row_1_5_1)
+    del row_1_5_1
+    row_2_5_2 = np.where(moves_2_7, x148, row_1_5_2)
+    del row_1_5_2
+    row_2_5_3 = np.where(moves_2_7, x149, row_1_5_3)
+    del row_1_5_3
+    row_2_5_4 = np.where(moves_2_7, x150, row_1_5_4)
+    del row_1_5_4
+    row_2_5_5 = np.where(moves_2_7, x151, row_1_5_5)
+    del row_1_5_5
+    row_2_5_6 = np.where(moves_2_7, x152, row_1_5_6)
+    del row_1_5_6
+    row_2_5_7 = np.where(moves_2_7, x153, row_1_5_7)
+    del row_1_5_7
+    there_2_6 = (there_1_6) & (~(moves_2_6))
+    del moves_2_6, there_1_6
+    there_2_7 = (there_1_7) & (~(moves_2_7))
+    del moves_2_7, there_1_7
+    moves_4_4 = (there_2_4) & (row_2_4_0 == 4.0)
+    del row_2_4_0
+    moves_4_5 = (there_2_5) & (row_2_5_0 == 4.0)
+    del row_2_5_0
+    moves_4_6 = (there_2_6) & (row_1_6_0 == 4.0)
+    del row_1_6_0
+    moves_4_7 = (there_2_7) & (holes_7 == 4.0)
+    del holes_7
+    there_4_0 = (moves_4_4) | (there_2_0)
+    del there_2_0
+    row_4_0_1 = np.where(moves_4_4, row_2_4_1, row_2_0_1)
+    del row_2_0_1
+    row_4_0_2 = np.where(moves_4_4, row_2_4_2, row_2_0_2)
+    del row_2_0_2
+    row_4_0_3 = np.where(moves_4_4, row_2_4_3, row_2_0_3)
+    del row_2_0_3
+    row_4_0_4 = np.where(moves_4_4, row_2_4_4, row_2_0_4)
+    del row_2_0_4
+    row_4_0_5 = np.where(moves_4_4, row_2_4_5, row_2_0_5)
+    del row_2_0_5
+    row_4_0_6 = np.where(moves_4_4, row_2_4_6, row_2_0_6)
+    del row_2_0_6
+    row_4_0_7 = np.where(moves_4_4, row_2_4_7, row_2_0_7)
+    del row_2_0_7
+    there_4_1 = (moves_4_5) | (there_2_1)
+    del there_2_1
+    row_4_1_1 = np.where(moves_4_5, row_2_5_1, row_2_1_1)
+    del row_2_1_1
+    row_4_1_2 = np.where(moves_4_5, row_2_5_2, row_2_1_2)
+    del row_2_1_2
+    row_4_1_3 = np.where(moves_4_5, row_2_5_3, row_2_1_3)
+    del row_2_1_3
+    row_4_1_4 = np.where(moves_4_5, row_2_5_4, row_2_1_4)
+    del row_2_1_4
+    row_4_1_5 = np.where(moves_4_5, row_2_5_5, row_2_1_5)
+    del row_2_1_5
+    row_4_1_6 = np.where(moves_4_5, row_2_5_6, row_2_1_6)
+    del row_2_1_6
+    row_4_1_7 = np.where(moves_4_5, row_2_5_7, row_2_1_7)
+    del row_2_1_7
+    there_4_2 = (moves_4_6) | (there_2_2)
+    del there_2_2
+    row_4_2_1 = np.where(moves_4_6, row_1_6_1, row_2_2_1)
+    del row_2_2_1
+    row_4_2_2 = np.where(moves_4_6, row_1_6_2, row_2_2_2)
+    del row_2_2_2
+    row_4_2_3 = np.where(moves_4_6, row_1_6_3, row_2_2_3)
+    del row_2_2_3
+    row_4_2_4 = np.where(moves_4_6, row_1_6_4, row_2_2_4)
+    del row_2_2_4
+    row_4_2_5 = np.where(moves_4_6, row_1_6_5, row_2_2_5)
+    del row_2_2_5
+    row_4_2_6 = np.where(moves_4_6, row_1_6_6, row_2_2_6)
+    del row_2_2_6
+    row_4_2_7 = np.where(moves_4_6, row_1_6_7, row_2_2_7)
+    del row_2_2_7
+    there_4_3 = (moves_4_7) | (there_2_3)
+    del there_2_3
+    row_4_3_1 = np.where(moves_4_7, code_8, row_2_3_1)
+    del row_2_3_1
+    row_4_3_2 = np.where(moves_4_7, x148, row_2_3_2)
+    del row_2_3_2
+    row_4_3_3 = np.where(moves_4_7, x149, row_2_3_3)
+    del row_2_3_3
+    row_4_3_4 = np.where(moves_4_7, x150, row_2_3_4)
+    del row_2_3_4
+    row_4_3_5 = np.where(moves_4_7, x151, row_2_3_5)
+    del row_2_3_5
+    row_4_3_6 = np.where(moves_4_7, x152, row_2_3_6)
+    del row_2_3_6
+    row_4_3_7 = np.where(moves_4_7, x153, row_2_3_7)
+    del row_2_3_7
+    there_4_4 = (there_2_4) & (~(moves_4_4))
+    del moves_4_4, there_2_4
+    there_4_5 = (there_2_5) & (~(moves_4_5))
+    del moves_4_5, there_2_5
+    there_4_6 = (there_2_6) & (~(moves_4_6))
+    del moves_4_6, there_2_6
+    there_4_7 = (there_2_7) & (~(moves_4_7))
+    del moves_4_7, there_2_7
+    angles_1_1 = np.where(there_4_0, row_4_0_2, np.nan)
+    del row_4_0_2
+    angles_1_2 = np.where(there_4_0, row_4_0_3, np.nan)
+    del row_4_0_3
+    angles_1_3 = np.where(there_4_0, row_4_0_4, np.nan)
+    del row_4_0_4
+    angles_1_4 = np.where(there_4_0, row_4_0_5, np.nan)
+    del row_4_0_5
+    angles_1_5 = np.where(there_4_0, row_4_0_6, np.nan)
+    del row_4_0_6
+    angles_1_6 = np.where(there_4_0, row_4_0_7, np.nan)
+    del row_4_0_7
+    angles_2_1 = np.where(there_4_1, row_4_1_2, np.nan)
+    del row_4_1_2
+    angles_2_2 = np.where(there_4_1, row_4_1_3, np.nan)
+    del row_4_1_3
+    angles_2_3 = np.where(there_4_1, row_4_1_4, np.nan)
+    del row_4_1_4
+    angles_2_4 = np.where(there_4_1, row_4_1_5, np.nan)
+    del row_4_1_5
+    angles_2_5 = np.where(there_4_1, row_4_1_6, np.nan)
+    del row_4_1_6
+    angles_2_6 = np.where(there_4_1, row_4_1_7, np.nan)
+    del row_4_1_7
+    angles_3_1 = np.where(there_4_2, row_4_2_2, np.nan)
+    del row_4_2_2
+    angles_3_2 = np.where(there_4_2, row_4_2_3, np.nan)
+    del row_4_2_3
+    angles_3_3 = np.where(there_4_2, row_4_2_4, np.nan)
+    del row_4_2_4
+    angles_3_4 = np.where(there_4_2, row_4_2_5, np.nan)
+    del row_4_2_5
+    angles_3_5 = np.where(there_4_2, row_4_2_6, np.nan)
+    del row_4_2_6
+    angles_3_6 = np.where(there_4_2, row_4_2_7, np.nan)
+    del row_4_2_7
+    angles_4_1 = np.where(there_4_3, row_4_3_2, np.nan)
+    del row_4_3_2
+    angles_4_2 = np.where(there_4_3, row_4_3_3, np.nan)
+    del row_4_3_3
+    angles_4_3 = np.where(there_4_3, row_4_3_4, np.nan)
+    del row_4_3_4
+    angles_4_4 = np.where(there_4_3, row_4_3_5, np.nan)
+    del row_4_3_5
+    angles_4_5 = np.where(there_4_3, row_4_3_6, np.nan)
+    del row_4_3_6
+    angles_4_6 = np.where(there_4_3, row_4_3_7, np.nan)
+    del row_4_3_7
+    angles_5_1 = np.where(there_4_4, row_2_4_2, np.nan)
+    del row_2_4_2
+    angles_5_2 = np.where(there_4_4, row_2_4_3, np.nan)
+    del row_2_4_3
+    angles_5_3 = np.where(there_4_4, row_2_4_4, np.nan)
+    del row_2_4_4
+    angles_5_4 = np.where(there_4_4, row_2_4_5, np.nan)
+    del row_2_4_5
+    angles_5_5 = np.where(there_4_4, row_2_4_6, np.nan)
+    del row_2_4_6
+    angles_5_6 = np.where(there_4_4, row_2_4_7, np.nan)
+    del row_2_4_7
+    angles_6_1 = np.where(there_4_5, row_2_5_2, np.nan)
+    del row_2_5_2
+    angles_6_2 = np.where(there_4_5, row_2_5_3, np.nan)
+    del row_2_5_3
+    angles_6_3 = np.where(there_4_5, row_2_5_4, np.nan)
+    del row_2_5_4
+    angles_6_4 = np.where(there_4_5, row_2_5_5, np.nan)
+    del row_2_5_5
+    angles_6_5 = np.where(there_4_5, row_2_5_6, np.nan)
+    del row_2_5_6
+    angles_6_6 = np.where(there_4_5, row_2_5_7, np.nan)
+    del row_2_5_7
+    angles_7_1 = np.where(there_4_6, row_1_6_2, np.nan)
+    del row_1_6_2
+    angles_7_2 = np.where(there_4_6, row_1_6_3, np.nan)
+    del row_1_6_3
+    angles_7_3 = np.where(there_4_6, row_1_6_4, np.nan)
+    del row_1_6_4
+    angles_7_4 = np.where(there_4_6, row_1_6_5, np.nan)
+    del row_1_6_5
+    angles_7_5 = np.where(there_4_6, row_1_6_6, np.nan)
+    del row_1_6_6
+    angles_7_6 = np.where(there_4_6, row_1_6_7, np.nan)
+    del row_1_6_7
+    angles_8_1 = np.where(there_4_7, x148, np.nan)
+    del x148
+    angles_8_2 = np.where(there_4_7, x149, np.nan)
+    del x149
+    angles_8_3 = np.where(there_4_7, x150, np.nan)
+    del x150
+    angles_8_4 = np.where(there_4_7, x151, np.nan)
+    del x151
+    angles_8_5 = np.where(there_4_7, x152, np.nan)
+    del x152
+    angles_8_6 = np.where(there_4_7, x153, np.nan)
+    del x153
+    status_1 = np.where(~(good), 5.0, np.where(~(there_4_0), 3.0, row_4_0_1))
+    del row_4_0_1, there_4_0
+    status_2 = np.where(~(good), 5.0, np.where(~(there_4_1), 3.0, row_4_1_1))
+    del row_4_1_1, there_4_1
+    status_3 = np.where(~(good), 5.0, np.where(~(there_4_2), 3.0, row_4_2_1))
+    del row_4_2_1, there_4_2
+    status_4 = np.where(~(good), 5.0, np.where(~(there_4_3), 3.0, row_4_3_1))
+    del row_4_3_1, there_4_3
+    status_5 = np.where(~(good), 5.0, np.where(~(there_4_4), 3.0, row_2_4_1))
+    del row_2_4_1, there_4_4
+    status_6 = np.where(~(good), 5.0, np.where(~(there_4_5), 3.0, row_2_5_1))
+    del row_2_5_1, there_4_5
+    status_7 = np.where(~(good), 5.0, np.where(~(there_4_6), 3.0, row_1_6_1))
+    del row_1_6_1, there_4_6
+    status_8 = np.where(~(good), 5.0, np.where(~(there_4_7), 3.0, code_8))
+    del code_8, good, there_4_7
     return (angles_1_1, angles_1_2, angles_1_3, angles_1_4, angles_1_5, angles_1_6, angles_2_1, angles_2_2, angles_2_3, angles_2_4, angles_2_5, angles_2_6, angles_3_1, angles_3_2, angles_3_3, angles_3_4, angles_3_5, angles_3_6, angles_4_1, angles_4_2, angles_4_3, angles_4_4, angles_4_5, angles_4_6, angles_5_1, angles_5_2, angles_5_3, angles_5_4, angles_5_5, angles_5_6, angles_6_1, angles_6_2, angles_6_3, angles_6_4, angles_6_5, angles_6_6, angles_7_1, angles_7_2, angles_7_3, angles_7_4, angles_7_5, angles_7_6, angles_8_1, angles_8_2, angles_8_3, angles_8_4, angles_8_5, angles_8_6, status_1, status_2, status_3, status_4, status_5, status_6, status_7, status_8)
 
 
