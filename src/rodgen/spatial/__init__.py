@@ -8,11 +8,14 @@ arrays of any shape, with the components along the last axes; lengths are in one
 (False, 6)
 """
 
+from rodgen.spatial._forward import forward, frames, jacobian, link_transform
+from rodgen.spatial._hypothetical import HypotheticalLink, HypotheticalStatus, close_loop
 from rodgen.spatial._link_table import link_table, load_mechanism, save_mechanism
 from rodgen.spatial._mechanism import FREEDOMS, GE_P60, PUMA_560, T3_776, Mechanism
 from rodgen.spatial._mobility import Mobility, mobility, mobility_of
 from rodgen.spatial._pair import Pair, PairStatus, pair_from_biquadratics, solve_pair
 from rodgen.spatial._planar import planar_svg, save_planar_svg
+from rodgen.spatial._rotations import VectorAngle, inverse_transform, transform, vector_and_angle
 from rodgen.spatial._spherical import Group, SphericalEquivalent, equivalent_spherical, group
 from rodgen.spatial._status import ReverseStatus
 from rodgen.spatial._trig import TrigStatus, solve_trig
@@ -23,6 +26,8 @@ __all__ = [
     "PUMA_560",
     "T3_776",
     "Group",
+    "HypotheticalLink",
+    "HypotheticalStatus",
     "Mechanism",
     "Mobility",
     "Pair",
@@ -30,9 +35,16 @@ __all__ = [
     "ReverseStatus",
     "SphericalEquivalent",
     "TrigStatus",
+    "VectorAngle",
+    "close_loop",
     "equivalent_spherical",
+    "forward",
+    "frames",
     "group",
+    "inverse_transform",
+    "jacobian",
     "link_table",
+    "link_transform",
     "load_mechanism",
     "mobility",
     "mobility_of",
@@ -42,4 +54,6 @@ __all__ = [
     "save_planar_svg",
     "solve_pair",
     "solve_trig",
+    "transform",
+    "vector_and_angle",
 ]

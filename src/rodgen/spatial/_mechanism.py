@@ -15,6 +15,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rodgen.errors import RodgenError
+
 __all__ = ["FREEDOMS", "GE_P60", "PUMA_560", "T3_776", "Mechanism"]
 
 FREEDOMS = {"R": 1, "P": 1, "H": 1, "C": 2, "T": 2, "S": 3, "E": 3}
@@ -57,7 +59,7 @@ class Mechanism:
 
     Raises
     ------
-    ValueError
+    RodgenError
         When the arrays do not fit the joints, or a number is not finite or stands where a variable is.
 
     Notes
@@ -99,19 +101,19 @@ class Mechanism:
     ) -> None:
         kinds = tuple(joints)
         if not kinds:
-            raise ValueError("the mechanism has no joints; expected at least one")
+            raise RodgenError("the mechanism has no joints; expected at least one")
         for number, kind in enumerate(kinds, 1):
             if kind not in FREEDOMS:
-                raise ValueError(f"joint {number} is {kind!r}; expected one of {', '.join(FREEDOMS)}")
+                raise RodgenError(f"joint {number} is {kind!r}; expected one of {', '.join(FREEDOMS)}")
         n = len(kinds)
         length, twist = _numbers("a", a), _numbers("alpha", alpha)
         if len(length) != len(twist) or len(length) not in (n - 1, n):
-            raise ValueError(
+            raise RodgenError(
                 f"there are {len(length)} lengths a and {len(twist)} angles alpha for {n} joints; expected "
                 f"{n - 1} of both for an open chain, or {n} for a closed loop"
             )
         if not (np.isfinite(length).all() and np.isfinite(twist).all()):
-            raise ValueError(
+            raise RodgenError(
                 "a length a or an angle alpha is not finite; expected the geometry of every link"
             )
         fixed = {
@@ -159,12 +161,14 @@ class Mechanism:
 
         Raises
         ------
-        ValueError
+        RodgenError
             When there are joints E, T or S: these have variables only when expanded.
         """
         for kind in self.joints:
             if kind not in _VARIABLES:
-                raise ValueError(f"a joint {kind} has no variables in this convention; call expanded() first")
+                raise RodgenError(
+                    f"a joint {kind} has no variables in this convention; call expanded() first"
+                )
         return tuple((j, which) for j, kind in enumerate(self.joints) for which in _VARIABLES[kind])
 
     def expanded(self) -> Mechanism:
@@ -221,9 +225,9 @@ def _numbers(what: str, values: ArrayLike) -> NDArray[np.float64]:
     try:
         found = np.array(values, dtype=float)
     except (TypeError, ValueError):
-        raise ValueError(f"{what} is {values!r}; expected a row of numbers") from None
+        raise RodgenError(f"{what} is {values!r}; expected a row of numbers") from None
     if found.ndim != 1:
-        raise ValueError(f"{what} has the shape {found.shape}; expected one row of numbers")
+        raise RodgenError(f"{what} has the shape {found.shape}; expected one row of numbers")
     return found
 
 
@@ -235,14 +239,14 @@ def _constants(
         return np.where(varies, np.nan, 0.0)
     found = _numbers(what, values)
     if len(found) != len(kinds):
-        raise ValueError(f"{what} has {len(found)} numbers for {len(kinds)} joints; expected one for each")
+        raise RodgenError(f"{what} has {len(found)} numbers for {len(kinds)} joints; expected one for each")
     for number, (kind, value, variable) in enumerate(zip(kinds, found, varies, strict=True), 1):
         if variable and not np.isnan(value):
-            raise ValueError(
+            raise RodgenError(
                 f"{what} of joint {number} is {value:g}; expected NaN, since it is the variable of a joint {kind}"
             )
         if not variable and not np.isfinite(value):
-            raise ValueError(
+            raise RodgenError(
                 f"{what} of joint {number} is {value:g}; expected a number, since a joint {kind} keeps it"
             )
     return found
@@ -251,14 +255,14 @@ def _constants(
 def _pitches(values: ArrayLike | None, kinds: tuple[str, ...]) -> NDArray[np.float64]:
     found = np.zeros(len(kinds)) if values is None else _numbers("pitch", values)
     if len(found) != len(kinds):
-        raise ValueError(f"pitch has {len(found)} numbers for {len(kinds)} joints; expected one for each")
+        raise RodgenError(f"pitch has {len(found)} numbers for {len(kinds)} joints; expected one for each")
     for number, (kind, value) in enumerate(zip(kinds, found, strict=True), 1):
         if kind == "H" and not (np.isfinite(value) and value):
-            raise ValueError(
+            raise RodgenError(
                 f"pitch of joint {number} is {value:g}; expected the length per rad of a screw, not zero"
             )
         if kind != "H" and value:
-            raise ValueError(
+            raise RodgenError(
                 f"pitch of joint {number} is {value:g}; expected 0, since a joint {kind} is no screw"
             )
     return found
@@ -267,10 +271,10 @@ def _pitches(values: ArrayLike | None, kinds: tuple[str, ...]) -> NDArray[np.flo
 def _joint_names(names: Iterable[str], kinds: tuple[str, ...]) -> tuple[str, ...]:
     found = tuple(names) or tuple(f"{kind}{number}" for number, kind in enumerate(kinds, 1))
     if len(found) != len(kinds):
-        raise ValueError(f"there are {len(found)} names for {len(kinds)} joints; expected one for each")
+        raise RodgenError(f"there are {len(found)} names for {len(kinds)} joints; expected one for each")
     for name in found:
         if found.count(name) > 1:
-            raise ValueError(f"two joints are called {name!r}; expected a name of its own for each")
+            raise RodgenError(f"two joints are called {name!r}; expected a name of its own for each")
     return found
 
 
