@@ -25,6 +25,7 @@ from rodgen._commands import (
     emit,
     euler,
     fit,
+    mechanism,
     plan,
     predict,
     report,
@@ -62,6 +63,7 @@ _COMMANDS = (
     axis,
     tricept,
     euler,
+    mechanism,
     derivations,
 )
 
@@ -77,7 +79,7 @@ _EXTRAS = {
     "matplotlib": "plot",
 }
 
-_WITH_A_MINUS = ("--point", "--hold", "--effect", "--q")
+_WITH_A_MINUS = ("--point", "--hold", "--effect", "--q", "--tool")
 """Options whose value may begin with a minus sign."""
 
 

@@ -1,0 +1,164 @@
+"""The mechanism that a command is about: a link table, a machine file, or a robot of the course."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rodgen._commands._console import OK, reading, tell
+from rodgen.errors import InputFileError, RodgenError
+
+if TYPE_CHECKING:
+    from rodgen.spatial import Mechanism
+    from rodgen.tables import Column, Result
+
+__all__ = [
+    "MECHANISM_TEXT",
+    "Chain",
+    "add_files",
+    "add_mechanism",
+    "chain_of",
+    "column_name",
+    "faults_of",
+    "run",
+]
+
+PRESETS = {"puma_560": "PUMA_560", "ge_p60": "GE_P60", "t3_776": "T3_776"}
+
+MECHANISM_TEXT = """\
+MECHANISM is a link table, a machine file of the workbench (.toml), or puma_560, ge_p60 or t3_776. A link table is a CSV
+with a row for each joint, of type R, P, C, H, E, T or S, and the link after it:
+
+  joint,type,S [mm],theta [deg],pitch [mm/rad],a [mm],alpha [deg]
+
+A cell is empty where the joint has its variable. Without a link after the last joint it is an open chain, a robot."""
+
+
+@dataclass(frozen=True)
+class Chain:
+    """A mechanism, and how what is said of it in a table differs from the convention.
+
+    Attributes
+    ----------
+    file : str
+        As the user named it.
+    mechanism : Mechanism
+        Joints E, T and S expanded.
+    base, end : ndarray (4, 4)
+        The fixed frame of the mechanism in the user's, and the user's frame of the last link in the mechanism's.
+    zero : ndarray (v,)
+        What is added to the user's coordinates: those of a machine file begin where that says.
+    """
+
+    file: str
+    mechanism: Mechanism
+    base: Any
+    end: Any
+    zero: Any
+
+    def to(self, unit: str) -> Chain:
+        """Return it with another unit of length."""
+        from rodgen.tables import conversion_factor
+
+        factor = conversion_factor(self.mechanism.unit, "length", unit) if unit else 1.0
+        if factor == 1.0:
+            return self
+        m = self.mechanism
+        scaled = replace(m, a=m.a * factor, offset=m.offset * factor, pitch=m.pitch * factor, unit=unit)
+        to = np.diag([1.0 / factor, 1.0 / factor, 1.0 / factor, 1.0])
+        base, end = (np.linalg.inv(to) @ T @ to for T in (self.base, self.end))
+        lengths = np.array([factor if kind == "S" else 1.0 for _, kind in m.variables])
+        return replace(self, mechanism=scaled, base=base, end=end, zero=self.zero * lengths)
+
+
+def add_mechanism(parser: argparse.ArgumentParser) -> None:
+    """Add MECHANISM."""
+    parser.add_argument("mechanism", metavar="MECHANISM", help="link table, machine file, or robot")
+
+
+def add_files(parser: argparse.ArgumentParser, name: str) -> None:
+    """Add MECHANISM, the table that is read and the one that is written."""
+    add_mechanism(parser)
+    parser.add_argument("table", metavar=name, help="the table; '-' is CSV on standard input")
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", help=".csv, .csv.gz or .parquet; default: CSV on standard output"
+    )
+
+
+def chain_of(name: str, *, expand: bool = True) -> Chain:
+    """Read a mechanism; with its joints E, T and S as joints R and P where they are to be moved."""
+    from rodgen import spatial
+
+    if name.lower().endswith(".toml"):
+        return _of_machine(name)
+    if name in PRESETS and not os.path.exists(name):
+        mechanism: Mechanism = getattr(spatial, PRESETS[name])
+    elif not os.path.exists(name):
+        known = ", ".join(PRESETS)
+        raise InputFileError(name, "file", "no such file", f"a link table, a machine file, or one of {known}")
+    else:
+        mechanism = spatial.load_mechanism(name)
+    if not expand:
+        return Chain(name, mechanism, np.eye(4), np.eye(4), np.zeros(0))
+    mechanism = mechanism.expanded()
+    return Chain(name, mechanism, np.eye(4), np.eye(4), np.zeros(len(mechanism.variables)))
+
+
+def _of_machine(file: str) -> Chain:
+    from rodgen import spatial
+    from rodgen.machines.machine import Machine
+
+    with faults_of(file):
+        found = spatial.from_machine(Machine.load(file))
+    return Chain(file, found.mechanism, found.base, found.end, found.zero)
+
+
+def column_name(mechanism: Mechanism, variable: int) -> str:
+    """Return the name of the column that a variable is read from and written to: its joint's, and of a C which."""
+    joint, kind = mechanism.variables[variable]
+    name = mechanism.names[joint]
+    return f"{name}.{kind}" if mechanism.joints[joint] == "C" else name
+
+
+def quantity_of(mechanism: Mechanism, variable: int) -> Any:
+    """Return what a variable measures."""
+    return "angle" if mechanism.variables[variable][1] == "theta" else "length"
+
+
+@contextlib.contextmanager
+def faults_of(file: str) -> Iterator[None]:
+    """Say of which file it is that a function cannot do what it was asked to."""
+    try:
+        yield
+    except InputFileError:
+        raise
+    except (RodgenError, ValueError) as error:
+        found, _, expected = str(error).partition("; expected ")
+        if not expected:
+            raise
+        raise InputFileError(file, "mechanism", found, expected) from None
+
+
+def run(options: argparse.Namespace, columns: Sequence[Column], prepare: Any) -> int:
+    """Add results to a table, and count them."""
+    from rodgen.tables import map_table
+
+    with contextlib.ExitStack() as stack:
+        summary = map_table(options.table, options.output, columns, prepare, progress=reading(stack))
+    counts = ", ".join(f"{count} {name}" for name, count in summary.counts.items())
+    name = "standard input" if options.table == "-" else options.table
+    tell(f"{name}: {summary.rows} row{'s' * (summary.rows != 1)}{': ' * bool(counts)}{counts}")
+    return OK
+
+
+def place(names: Sequence[str], unit: str) -> list[Result]:
+    """Return the results of a place, also where no column of the table has told the unit of length."""
+    from rodgen.tables import Result
+
+    return [Result(f"{name} [{unit}]", "number") for name in names]

@@ -1,0 +1,76 @@
+"""``rodgen mechanism forward``: from joint coordinates to poses."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+import numpy as np
+
+from rodgen._commands._console import Command
+from rodgen._commands.mechanism._mechanism import (
+    MECHANISM_TEXT,
+    add_files,
+    chain_of,
+    column_name,
+    faults_of,
+    place,
+    quantity_of,
+    run,
+)
+from rodgen._commands.mechanism._tool import add_tool, tool_of
+from rodgen.errors import InputFileError
+
+__all__ = ["add_to"]
+
+_TEXT = f"""\
+Find the pose of the last link of a robot for the joint coordinates in every row of a table.
+
+{MECHANISM_TEXT}
+
+The table, CSV (gzip or not) or Parquet, has a column for each joint, under its name and with any unit, such as
+
+  R1 [deg],R2 [deg],P3 [mm]
+
+and for a joint C two, such as C3.theta [deg],C3.S [mm]. It may have further ones. The output gets every column of the
+table, then
+  x y z          of the point --tool, in the unit of the first length column, else in that of the mechanism
+  q0 qx qy qz    the attitude of the last link, a quaternion, scalar part first
+both in the fixed frame: origin at the meeting of S1 and a12 (at S1 = 0), z along S1, x from where theta1 counts; of a
+machine file in machine axes.
+"""
+
+
+def add_to(command: Command) -> None:
+    """Add the command."""
+    parser = command("forward", _run, "poses of a robot from its joint coordinates", _TEXT)
+    add_files(parser, "COORDINATES")
+    add_tool(parser)
+
+
+def _run(options: argparse.Namespace) -> int:
+    from rodgen import quaternion_from_matrix, spatial
+    from rodgen.tables import Column, Result
+
+    chain = chain_of(options.mechanism)
+    if chain.mechanism.closed:
+        raise InputFileError(
+            chain.file, "mechanism", "a closed loop", "an open chain; 'rodgen mechanism reverse' solves loops"
+        )
+    count = len(chain.mechanism.variables)
+    columns = [Column(column_name(chain.mechanism, v), quantity_of(chain.mechanism, v)) for v in range(count)]
+
+    def prepare(unit: str) -> Any:
+        here = chain.to(unit)
+        tool = tool_of(options, here)
+
+        def function(values: Any) -> Any:
+            q = np.column_stack(values) + here.zero
+            T = here.base @ spatial.forward(here.mechanism, q) @ tool
+            return [*T[:, :3, 3].T, *quaternion_from_matrix(T[:, :3, :3])[0].T], None
+
+        attitude = [Result(name, "number") for name in ("q0", "qx", "qy", "qz")]
+        return [*place("xyz", here.mechanism.unit), *attitude], function
+
+    with faults_of(chain.file):
+        return run(options, columns, prepare)

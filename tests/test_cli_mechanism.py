@@ -1,0 +1,273 @@
+"""``rodgen mechanism``: mobility, forward, reverse and toolkit, tables in and out, held to the library."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from numeric_reverse import errors, search
+
+from rodgen import cli, matrix_from_quaternion, spatial
+
+EXAMPLES = Path(__file__).parent.parent / "examples/mechanisms"
+JOINTS = [f"R{n} [deg]" for n in range(1, 7)]
+POSE = ["x", "y", "z"]
+QUATERNION = ["q0", "qx", "qy", "qz"]
+
+
+def run(capsys: Any, *arguments: str) -> tuple[list[dict[str, str]], str]:
+    code = cli.main(["mechanism", *arguments])
+    out, err = capsys.readouterr()
+    assert code == 0, err
+    return list(csv.DictReader(io.StringIO(out))), err
+
+
+def complaint(capsys: Any, *arguments: str) -> str:
+    assert cli.main(["mechanism", *arguments]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert len(err.splitlines()) == 1
+    return str(err)
+
+
+def write(path: Path, header: list[str], rows: Any) -> str:
+    lines = [",".join(header), *(",".join(map(str, row)) for row in rows)]
+    path.write_text("\n".join(lines) + "\n")
+    return str(path)
+
+
+def numbers(rows: list[dict[str, str]], names: list[str]) -> np.ndarray:
+    return np.array([[float(row[name]) for name in names] for row in rows])
+
+
+def poses(rows: list[dict[str, str]], unit: str) -> np.ndarray:
+    T = np.zeros((len(rows), 4, 4))
+    T[:, :3, :3] = matrix_from_quaternion(numbers(rows, QUATERNION))[0]
+    T[:, :3, 3] = numbers(rows, [f"{axis} [{unit}]" for axis in POSE])
+    T[:, 3, 3] = 1
+    return T
+
+
+@pytest.fixture
+def angles(tmp_path: Path) -> str:
+    degrees = np.random.default_rng(1).integers(-170, 170, (5, 6))
+    return write(tmp_path / "angles.csv", JOINTS, degrees)
+
+
+# forward and reverse -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["puma_560", "ge_p60", "t3_776"])
+def test_forward_and_reverse_go_round(name: str, angles: str, tmp_path: Path, capsys: Any) -> None:
+    forward, err = run(capsys, "forward", name, angles)
+    assert err == f"{angles}: 5 rows\n"
+    mechanism = spatial.load_mechanism(EXAMPLES / f"{name}.csv")
+    given = numbers(forward, JOINTS)
+    T = poses(forward, mechanism.unit)
+    np.testing.assert_allclose(T, spatial.forward(mechanism, np.radians(given)), atol=1e-12)
+
+    header = ["number", *(f"{axis} [{mechanism.unit}]" for axis in POSE), *QUATERNION]
+    table = write(
+        tmp_path / "poses.csv", header, [[n, *(row[x] for x in header[1:])] for n, row in enumerate(forward)]
+    )
+    back, err = run(capsys, "reverse", str(EXAMPLES / f"{name}.csv"), table)
+    assert err.startswith(f"{table}: {len(back)} rows: ")
+    number = np.array([int(row["number"]) for row in back])
+    found = numbers(back, JOINTS)
+    distance, angle = errors(mechanism, np.radians(found), T[number])
+    assert max(distance.max(), angle.max()) < 1e-10
+    for n in range(5):
+        here = number == n
+        assert [int(row["solution"]) for row in np.array(back)[here]] == list(range(1, here.sum() + 1))
+        off = (found[here] - given[n] + 180) % 360 - 180
+        assert np.abs(off).max(axis=1).min() < 1e-9
+    assert len(back) == (spatial.reverse(mechanism, T).status <= 2).sum()
+
+
+def test_units_parquet_and_tool(angles: str, tmp_path: Path, capsys: Any) -> None:
+    first, second = str(tmp_path / "poses.parquet"), str(tmp_path / "angles.parquet")
+    run(capsys, "forward", "ge_p60", angles, "-o", first, "--tool", "20,30,50mm")
+    made = pq.read_table(first)
+    rows = [{k: str(v) for k, v in row.items()} for row in made.to_pylist()]
+    T = spatial.forward(spatial.GE_P60, np.radians(numbers(rows, JOINTS)))
+    np.testing.assert_allclose(poses(rows, "cm")[:, :3, 3], (T @ [2, 3, 5, 1])[:, :3], atol=1e-11)
+
+    # The same poses in metres and as matrices of six digits, for the tool in inches.
+    R = T[:, :3, :3].reshape(-1, 9).round(6)
+    header = [*(f"{axis} [m]" for axis in POSE), *(f"r{i}{j}" for i in "123" for j in "123")]
+    place = numbers(rows, [f"{axis} [cm]" for axis in POSE]) / 100
+    table = write(tmp_path / "matrices.csv", header, np.column_stack([place, R]))
+    tool = ",".join(str(x / 2.54) for x in (2, 3, 5)) + "in"
+    run(capsys, "reverse", "ge_p60", table, "--from", "matrix", "--tool", tool, "-o", second)
+    back = pq.read_table(second).to_pylist()
+    found = np.array([[row[f"R{n} [deg]"] for n in range(1, 7)] for row in back])
+    wanted = numbers(rows, JOINTS)
+    for n in range(5):
+        off = (found - wanted[n] + 180) % 360 - 180
+        assert np.abs(off).max(axis=1).min() < 0.05  # what six digits leave
+
+
+def test_rows_without_a_solution_stay(tmp_path: Path, capsys: Any) -> None:
+    header = ["id", "x [cm]", "y [cm]", "z [cm]", *QUATERNION]
+    rows = [["far", 5000, 0, 0, 1, 0, 0, 0], ["no rotation", 80, 80, 18, 0, 0, 0, 0]]
+    found, err = run(capsys, "reverse", "ge_p60", write(tmp_path / "poses.csv", header, rows))
+    assert [(row["id"], row["solution"], row["R1 [deg]"], row["status"]) for row in found] == [
+        ("far", "0", "nan", "none"),
+        ("no rotation", "0", "nan", "invalid"),
+    ]
+    assert err.endswith("2 rows: 1 none, 1 invalid\n")
+
+
+def test_published_example_of_the_p60(tmp_path: Path, capsys: Any) -> None:
+    x, z = np.array([1, 2, -1]) / 6**0.5, np.array([-1, 1, 1]) / 3**0.5
+    R = np.column_stack([x, np.cross(z, x), z]).ravel()
+    header = [*(f"{axis} [cm]" for axis in POSE), *(f"r{i}{j}" for i in "123" for j in "123")]
+    table = write(tmp_path / "poses.csv", header, [[80, 80, 18, *R.tolist()]])
+    rows, err = run(capsys, "reverse", "ge_p60", table, "--from", "matrix", "--tool", "2,3,5cm")
+    assert err.endswith("8 rows: 8 regular\n")
+    published = [-139.4434, 142.8251, 73.3548, 60.0729, 144.4928, -52.3343]
+    assert np.abs(numbers(rows, JOINTS) - published).max(axis=1).min() < 6e-5
+
+
+@pytest.mark.parametrize(("name", "input"), [("rccc", "R1"), ("rrrcc", "R5")])
+def test_loops(name: str, input: str, tmp_path: Path, capsys: Any) -> None:
+    file = str(EXAMPLES / f"{name}.csv")
+    loop = spatial.load_mechanism(file)
+    table = write(tmp_path / "inputs.csv", [f"{input} [deg]"], [[75], [110], [0]])
+    rows, _ = run(capsys, "reverse", file, table, "--given", input)
+    names = [f"{loop.names[j]}.{k}" if loop.joints[j] == "C" else loop.names[j] for j, k in loop.variables]
+    columns = [
+        f"{column} [{'deg' if kind == 'theta' else 'mm'}]"
+        for column, (_, kind) in zip(names, loop.variables, strict=True)
+    ]
+    is_angle = np.array([kind == "theta" for _, kind in loop.variables])
+    for degrees in (75, 110, 0):
+        here = [row for row in rows if row[f"{input} [deg]"] == str(degrees) and row["solution"] != "0"]
+        numeric = search(loop, np.eye(4), given={names.index(input): np.radians(degrees)})[0].solutions
+        assert len(here) == len(numeric)
+        for q in np.where(is_angle, np.degrees(numeric), numeric):
+            off = numbers(here, columns) - q
+            off = np.where(is_angle, (off + 180) % 360 - 180, off)
+            assert np.abs(off).max(axis=1).min() < 1e-8
+    assert [row["status"] for row in rows if row["solution"] == "0"] == ["none"]
+
+
+def test_rccc_gives_the_angles_of_the_course(tmp_path: Path, capsys: Any) -> None:
+    """Crane and Duffy's problem 6.2: the spherical quadrilateral with theta4 = 75 deg, which is R1 here."""
+    table = write(tmp_path / "inputs.csv", ["R1 [deg]"], [[75]])
+    rows, _ = run(capsys, "reverse", str(EXAMPLES / "rccc.csv"), table)
+    found = numbers(rows, ["C2.theta [deg]", "C3.theta [deg]", "C4.theta [deg]"])
+    published = [[63.5047, 38.2302, 87.7179], [136.5430, -38.2302, 135.7593]]
+    np.testing.assert_allclose(found[np.argsort(found[:, 0])], published, atol=6e-5)
+
+
+def test_link_tables_of_the_examples_are_the_robots() -> None:
+    for name in ("puma_560", "ge_p60", "t3_776"):
+        robot = getattr(spatial, name.upper())
+        found = spatial.load_mechanism(EXAMPLES / f"{name}.csv")
+        assert (found.joints, found.unit) == (robot.joints, robot.unit)
+        for key in ("a", "alpha", "offset", "angle", "pitch"):
+            np.testing.assert_array_equal(getattr(found, key), getattr(robot, key))
+
+
+# mobility and toolkit ----------------------------------------------------------------------------------
+
+
+def test_mobility_prints_what_the_library_finds(tmp_path: Path, capsys: Any) -> None:
+    drawing = tmp_path / "rccc.svg"
+    file = str(EXAMPLES / "rccc.csv")
+    arguments = ["mobility", file, "--svg", str(drawing), "--input", "R1", "--output", "C4"]
+    assert cli.main(["mechanism", *arguments]) == 0
+    out, err = capsys.readouterr()
+    assert out.splitlines()[:3] == [
+        "rccc: closed loop RCCC, 4 bodies",
+        "mobility    1",
+        "formula     1 + 2 + 2 + 2 - 6 = 1",
+    ]
+    assert "quadrilateral" in out
+    assert "at most 2 solutions" in out
+    assert err == f"{drawing}: planar representation\n"
+    assert drawing.read_text() == spatial.planar_svg(spatial.load_mechanism(file), "R1", "C4")
+
+
+def test_mobility_json(tmp_path: Path, capsys: Any) -> None:
+    four_bar = write(
+        tmp_path / "four_bar.csv",
+        ["type", "S [mm]", "a [mm]", "alpha [deg]"],
+        [["R", 0, 10, 0], ["R", 0, 30, 0], ["R", 0, 20, 0], ["R", 0, 30, 0]],
+    )
+    assert cli.main(["mechanism", "mobility", four_bar, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["mobility"], found["formula"], found["exception"]) == (1, -2, "planar")
+    assert found["spherical"]["polygon"] == "quadrilateral"
+    slides = write(tmp_path / "slides.csv", ["type", "a [mm]", "alpha [deg]"], [["P", 0, 90], ["P", "", ""]])
+    assert cli.main(["mechanism", "mobility", slides, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["mobility"], found["spherical"], found["group"]) == (2, None, None)
+
+
+@pytest.mark.parametrize("form", ["text", "markdown", "latex"])
+def test_toolkit_prints_the_table(form: str, capsys: Any) -> None:
+    assert cli.main(["mechanism", "toolkit", "quadrilateral", "--format", form]) == 0
+    assert capsys.readouterr().out.rstrip("\n") == spatial.toolkit(4, form=form).rstrip("\n")
+
+
+def test_toolkit_prints_all_polygons(capsys: Any) -> None:
+    assert cli.main(["mechanism", "toolkit"]) == 0
+    out = capsys.readouterr().out
+    assert [out.count(spatial.toolkit(n).rstrip("\n")) for n in range(3, 8)] == [1] * 5
+
+
+# bad input ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (
+            ["forward", "nothing.csv", "ANGLES"],
+            "nothing.csv: file: no such file; expected a link table, a machine",
+        ),
+        (["forward", "ANGLES", "ANGLES"], "line 1: 'R1 [deg]'; expected columns of joint,type"),
+        (["forward", "RCCC", "ANGLES"], "mechanism: a closed loop; expected an open chain"),
+        (["forward", "puma_560", "POSES"], "no column 'R1"),
+        (["forward", "puma_560", "ANGLES", "--tool", "1,2,3"], "not 3 lengths with its unit"),
+        (["forward", "puma_560", "ANGLES", "--tool", "1,2,3kg"], "--tool: unit 'kg', which is no length"),
+        (["reverse", "puma_560", "ANGLES"], "no column 'x"),
+        (
+            ["reverse", "puma_560", "POSES", "--given", "R1"],
+            "--given: for an open chain; expected a closed loop",
+        ),
+        (["reverse", "RCCC", "ANGLES", "--given", "R7"], "--given: 'R7'; expected one of R1, C2.theta, C2.S"),
+        (["reverse", "RCCC", "ANGLES", "--given", "R1,R1"], "--given: 'R1,R1'; expected every name once"),
+        (["reverse", "RCCC", "ANGLES", "--from", "matrix"], "--from: for a closed loop"),
+        (["reverse", "RCCC", "ANGLES", "--tool", "1,2,3mm"], "--tool: for a closed loop"),
+        (["reverse", "7R", "INPUT"], "mechanism: "),
+        (["reverse", "PR", "POSES"], "mechanism: "),
+        (["mobility", "puma_560", "--input", "R1"], "--input: no --svg; expected"),
+        (["mobility", "puma_560", "--svg", "FOLDER"], "a folder; expected the name of a file"),
+        (
+            ["mobility", "puma_560", "--svg", "x.svg", "--output", "Q"],
+            "--output: 'Q'; expected one of R1, R2,",
+        ),
+        (["mobility", "RCCC", "--svg", "RCCC"], "the input file itself"),
+        (["toolkit", "octagon"], "invalid choice: 'octagon'"),
+    ],
+)
+def test_bad_input_is_one_line(
+    arguments: list[str], words: str, angles: str, tmp_path: Path, capsys: Any
+) -> None:
+    files = {"ANGLES": angles, "RCCC": str(EXAMPLES / "rccc.csv"), "FOLDER": str(tmp_path)}
+    header = ["x [in]", "y [in]", "z [in]", *QUATERNION]
+    files["POSES"] = write(tmp_path / "poses.csv", header, [[10, 10, 10, 1, 0, 0, 0]])
+    link = ["type", "a [mm]", "alpha [deg]"]
+    files["INPUT"] = write(tmp_path / "input.csv", ["R1 [deg]"], [[30]])
+    files["7R"] = write(tmp_path / "seven.csv", link, [["R", n + 1, 20 * n + 30] for n in range(7)])
+    files["PR"] = write(tmp_path / "two.csv", link, [["P", 1, 90], ["R", "", ""]])
+    assert words in complaint(capsys, *(files.get(word, word) for word in arguments))
