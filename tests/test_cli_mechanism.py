@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 from numeric_reverse import errors, search
 
-from rodgen import cli, matrix_from_quaternion, spatial
+from rodgen import Machine, cli, matrix_from_axis_angle, matrix_from_quaternion, spatial
 
 EXAMPLES = Path(__file__).parent.parent / "examples/mechanisms"
 JOINTS = [f"R{n} [deg]" for n in range(1, 7)]
@@ -133,6 +133,36 @@ def test_published_example_of_the_p60(tmp_path: Path, capsys: Any) -> None:
     assert err.endswith("8 rows: 8 regular\n")
     published = [-139.4434, 142.8251, 73.3548, 60.0729, 144.4928, -52.3343]
     assert np.abs(numbers(rows, JOINTS) - published).max(axis=1).min() < 6e-5
+
+
+def test_machine_file_keeps_its_axes_zeros_and_targets(tmp_path: Path, capsys: Any) -> None:
+    """A point given in machine axes at zero, carried by the product of exponentials of a machine with six joints."""
+    file = EXAMPLES.parent / "machines/robot_6r_tracker/machine.toml"
+    machine = Machine.load(file)
+    degrees = np.random.default_rng(2).uniform(-100, 100, (4, 6))
+    names = [joint.name for joint in machine.joints]
+    table = write(tmp_path / "joints.csv", [f"{name} [deg]" for name in names], degrees.tolist())
+    point = np.array(machine.targets[0].point)
+    tool = ",".join(map(str, point)) + "mm"
+    rows, _ = run(capsys, "forward", str(file), table, "--tool", tool)
+    expected = np.array([_carried(machine, q, point) for q in np.radians(degrees)])
+    np.testing.assert_allclose(poses(rows, "mm")[:, :3, 3], expected, atol=1e-9)
+
+    header = [*(f"{axis} [mm]" for axis in POSE), *QUATERNION]
+    table = write(tmp_path / "poses.csv", header, [[row[x] for x in header] for row in rows])
+    back, _ = run(capsys, "reverse", str(file), table, "--tool", tool)
+    found = numbers(back, [f"{name} [deg]" for name in names])
+    carried = np.array([_carried(machine, q, point) for q in np.radians(found)])
+    assert np.abs(carried[:, None] - expected).max(axis=2).min(axis=1).max() < 1e-7
+    for q in degrees:
+        assert np.abs((found - q + 180) % 360 - 180).max(axis=1).min() < 1e-8
+
+
+def _carried(machine: Machine, q: np.ndarray, point: np.ndarray) -> np.ndarray:
+    for joint, angle in reversed(list(zip(machine.joints, q, strict=True))):
+        axis, centre = np.array(joint.axis), np.array(joint.point)
+        point = centre + matrix_from_axis_angle(axis, angle)[0] @ (point - centre)
+    return point
 
 
 @pytest.mark.parametrize(("name", "input"), [("rccc", "R1"), ("rrrcc", "R5")])
