@@ -8,16 +8,35 @@ arrays of any shape, with the components along the last axes; lengths are in one
 (False, 6)
 """
 
+from rodgen.spatial._denavit_hartenberg import (
+    DenavitHartenberg,
+    from_denavit_hartenberg,
+    from_modified_denavit_hartenberg,
+    to_denavit_hartenberg,
+    to_modified_denavit_hartenberg,
+)
 from rodgen.spatial._forward import forward, frames, jacobian, link_transform
 from rodgen.spatial._hypothetical import HypotheticalLink, HypotheticalStatus, close_loop
 from rodgen.spatial._link_table import link_table, load_mechanism, save_mechanism
+from rodgen.spatial._machine import from_machine, to_machine
 from rodgen.spatial._mechanism import FREEDOMS, GE_P60, PUMA_560, T3_776, Mechanism
 from rodgen.spatial._mobility import Mobility, mobility, mobility_of
+from rodgen.spatial._notation import direction_cosines, notation, secondary_notation
 from rodgen.spatial._pair import Pair, PairStatus, pair_from_biquadratics, solve_pair
+from rodgen.spatial._pentagon import spherical_pentagon
+from rodgen.spatial._placement import Placement
 from rodgen.spatial._planar import planar_svg, save_planar_svg
+from rodgen.spatial._product_of_exponentials import (
+    ProductOfExponentials,
+    from_product_of_exponentials,
+    to_product_of_exponentials,
+)
+from rodgen.spatial._quadrilateral import PolygonStatus, spherical_quadrilateral
+from rodgen.spatial._reverse import Reverse, reverse, reverse_method
 from rodgen.spatial._rotations import VectorAngle, inverse_transform, transform, vector_and_angle
 from rodgen.spatial._spherical import Group, SphericalEquivalent, equivalent_spherical, group
 from rodgen.spatial._status import ReverseStatus
+from rodgen.spatial._toolkit import toolkit
 from rodgen.spatial._trig import TrigStatus, solve_trig
 
 __all__ = [
@@ -25,6 +44,7 @@ __all__ = [
     "GE_P60",
     "PUMA_560",
     "T3_776",
+    "DenavitHartenberg",
     "Group",
     "HypotheticalLink",
     "HypotheticalStatus",
@@ -32,14 +52,23 @@ __all__ = [
     "Mobility",
     "Pair",
     "PairStatus",
+    "Placement",
+    "PolygonStatus",
+    "ProductOfExponentials",
+    "Reverse",
     "ReverseStatus",
     "SphericalEquivalent",
     "TrigStatus",
     "VectorAngle",
     "close_loop",
+    "direction_cosines",
     "equivalent_spherical",
     "forward",
     "frames",
+    "from_denavit_hartenberg",
+    "from_machine",
+    "from_modified_denavit_hartenberg",
+    "from_product_of_exponentials",
     "group",
     "inverse_transform",
     "jacobian",
@@ -48,12 +77,23 @@ __all__ = [
     "load_mechanism",
     "mobility",
     "mobility_of",
+    "notation",
     "pair_from_biquadratics",
     "planar_svg",
+    "reverse",
+    "reverse_method",
     "save_mechanism",
     "save_planar_svg",
+    "secondary_notation",
     "solve_pair",
     "solve_trig",
+    "spherical_pentagon",
+    "spherical_quadrilateral",
+    "to_denavit_hartenberg",
+    "to_machine",
+    "to_modified_denavit_hartenberg",
+    "to_product_of_exponentials",
+    "toolkit",
     "transform",
     "vector_and_angle",
 ]

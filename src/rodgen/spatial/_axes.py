@@ -1,0 +1,135 @@
+"""From the axes of joints in space to links on their common perpendiculars.
+
+Problem: joints are given as lines in space; which links and joints of Crane and Duffy's convention have these axes? Two
+axes that are neither parallel nor meet have one common perpendicular. Where they meet, it is the direction across both
+that counts; where they are parallel, it may stand anywhere, and where they are one, it may have any direction, too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["PARALLEL", "Links", "links_from_axes"]
+
+PARALLEL = 1e-8
+"""Largest sine between axes that count as parallel. The feet of a common perpendicular are known to the rounding unit
+times the distance over that sine; to take the axes for parallel is off by distance times sine. At 1e-8 both are
+alike."""
+
+MEETING = 64 * np.finfo(float).eps
+"""Distance between axes, relative to the size of the chain, up to which they meet: what computing it may have lost."""
+
+
+class Links(NamedTuple):
+    """Links with the joints at zero, and where the first one's system is."""
+
+    a: NDArray[np.float64]
+    alpha: NDArray[np.float64]
+    offset: NDArray[np.float64]
+    angle: NDArray[np.float64]
+    base: NDArray[np.float64]
+
+
+def links_from_axes(
+    kinds: Sequence[str], directions: NDArray[Any], points: NDArray[Any], tolerance: float = PARALLEL
+) -> Links:
+    """Put links on the common perpendiculars of axes.
+
+    Parameters
+    ----------
+    kinds : sequence of str, length n
+        Kinds of the joints; a P has a direction only, and stands where the joint before it ends.
+    directions : array (n, 3)
+        Unit vectors.
+    points : array (n, 3)
+        A point on each axis; without meaning for a P.
+    tolerance : float, optional
+        Largest sine between axes that count as parallel.
+
+    Returns
+    -------
+    Links
+        a is never negative. The link between parallel axes stands where the one before it does, so that S_j = 0;
+        between axes that are one it keeps that one's direction, so that theta_j = 0.
+    """
+    count = len(kinds)
+    turning = [j for j in range(count) if kinds[j] != "P"]
+    size = float(np.abs(points[turning]).max(initial=0.0))
+    here = points[turning[0]] if turning else np.zeros(3)  # where the last perpendicular meets this axis
+    x = _across(directions[0])
+    a, alpha = np.zeros(count - 1), np.zeros(count - 1)
+    offset, angle = np.zeros(count), np.zeros(count)
+    base: NDArray[Any] | None = None
+    for j in range(count):
+        z = directions[j]
+        if j == count - 1:
+            along, foot, there = x, here, here
+        else:
+            point = here if kinds[j + 1] == "P" else points[j + 1]
+            along, foot, there, a[j], alpha[j] = _perpendicular(
+                z, here, directions[j + 1], point, x, tolerance, size
+            )
+        if base is None:
+            base = _frame(along, z, foot)
+        else:
+            offset[j] = (foot - here).dot(z)
+            angle[j] = math.atan2(np.cross(x, along).dot(z), x.dot(along))
+        x, here = along, there
+    assert base is not None
+    return Links(a, alpha, offset, angle, base)
+
+
+def _perpendicular(
+    z: NDArray[Any],
+    point: NDArray[Any],
+    other_z: NDArray[Any],
+    other: NDArray[Any],
+    before: NDArray[Any],
+    tolerance: float,
+    size: float,
+) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], float, float]:
+    """Return direction, foot on this axis and on the next, length and twist of the link between them."""
+    normal, gap = np.cross(z, other_z), other - point
+    sine = float(np.linalg.norm(normal))
+    if sine <= tolerance:
+        level = gap - gap.dot(z) * z
+        length = float(np.linalg.norm(level))
+        twist = 0.0 if z.dot(other_z) > 0 else math.pi
+        if length <= MEETING * size:
+            return _level(before, z), point, point, 0.0, twist
+        return level / length, point, point + level, length, twist
+    normal /= sine
+    foot = point + np.cross(gap, other_z).dot(normal) / sine * z
+    other_foot = other + np.cross(gap, z).dot(normal) / sine * other_z
+    length, sign = float(gap.dot(normal)), 1.0
+    if abs(length) <= MEETING * size:
+        length = 0.0
+    elif length < 0:
+        length, sign = -length, -1.0
+    twist = math.atan2(sign * sine, float(z.dot(other_z)))
+    return sign * normal, foot, other_foot, length, twist
+
+
+def _level(x: NDArray[Any], z: NDArray[Any]) -> NDArray[Any]:
+    """Return the direction of x, made perpendicular to z."""
+    found = x - x.dot(z) * z
+    length = float(np.linalg.norm(found))
+    return found / length if length > 0.5 else _across(z)
+
+
+def _across(z: NDArray[Any]) -> NDArray[Any]:
+    """Return a direction across z: that of the next of x, y, z after its largest component, made perpendicular."""
+    helper = np.eye(3)[(int(np.argmax(np.abs(z))) + 1) % 3]
+    found: NDArray[Any] = helper - helper.dot(z) * z
+    return found / float(np.linalg.norm(found))
+
+
+def _frame(x: NDArray[Any], z: NDArray[Any], origin: NDArray[Any]) -> NDArray[Any]:
+    found = np.eye(4)
+    found[:3, 0], found[:3, 1], found[:3, 2], found[:3, 3] = x, np.cross(z, x), z, origin
+    return found

@@ -1,0 +1,133 @@
+"""A mechanism in its place: what other conventions have and a row of links has not.
+
+Problem: Crane and Duffy's chain begins on the first joint's axis and ends on the last one's, and its variables have the
+zeros that the common perpendiculars give them. A robot as others write it has a base frame and an end frame of its own,
+and joints whose zero is anywhere. A placement holds the mechanism and these.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rodgen.errors import RodgenError
+from rodgen.spatial._forward import forward
+from rodgen.spatial._mechanism import Mechanism
+
+__all__ = ["Placement", "at_zero", "mechanism_at", "placed"]
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """An open chain with frames at its base and end, and the variables where its joints are at zero.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        An open chain of joints R, P, C and H.
+    base : array_like (4, 4), optional
+        Pose of the chain's fixed frame F in the robot's base frame; left out: they are one.
+    end : array_like (4, 4), optional
+        Pose of the robot's end frame in the last joint's frame; left out: they are one.
+    zero : array_like (v), optional
+        Variables of the mechanism where the robot's coordinates are zero; left out: zero.
+
+    Raises
+    ------
+    RodgenError
+        When the chain is closed or has joints E, T or S, or an array does not fit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen import spatial
+    >>> arm = spatial.Placement(spatial.PUMA_560, zero=[0, 0, 0, 0, np.pi, 0])
+    >>> bool(np.allclose(arm.forward(np.zeros(6)), spatial.forward(spatial.PUMA_560, [0, 0, 0, 0, np.pi, 0])))
+    True
+    """
+
+    mechanism: Mechanism
+    base: NDArray[np.float64]
+    end: NDArray[np.float64]
+    zero: NDArray[np.float64]
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        base: ArrayLike | None = None,
+        end: ArrayLike | None = None,
+        zero: ArrayLike | None = None,
+    ) -> None:
+        if mechanism.closed:
+            raise RodgenError("the mechanism is a closed loop; expected an open chain")
+        count = len(mechanism.variables)
+        numbers = np.zeros(count) if zero is None else np.array(zero, float)
+        if numbers.shape != (count,) or not np.isfinite(numbers).all():
+            raise RodgenError(f"zero has the shape {numbers.shape}; expected {count} numbers, one a variable")
+        fixed: dict[str, Any] = {"mechanism": mechanism, "zero": numbers}
+        for name, given in (("base", base), ("end", end)):
+            frame = np.eye(4) if given is None else np.array(given, float)
+            if frame.shape != (4, 4) or not np.isfinite(frame).all():
+                raise RodgenError(
+                    f"{name} has the shape {frame.shape}; expected a transformation matrix (4, 4)"
+                )
+            fixed[name] = frame
+        for name, value in fixed.items():
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False
+            object.__setattr__(self, name, value)
+
+    def forward(self, coordinates: ArrayLike) -> Any:
+        """Return the pose of the end frame in the base frame.
+
+        Parameters
+        ----------
+        coordinates : array_like (..., v)
+            The robot's coordinates, angles in rad: variables of the mechanism less `zero`.
+
+        Returns
+        -------
+        array (..., 4, 4)
+        """
+        return self.base @ forward(self.mechanism, np.asarray(coordinates, float) + self.zero) @ self.end
+
+
+def placed(robot: Mechanism | Placement) -> Placement:
+    """Return a mechanism as a placement with nothing added."""
+    return robot if isinstance(robot, Placement) else Placement(robot)
+
+
+def mechanism_at(
+    kinds: tuple[str, ...],
+    a: ArrayLike,
+    alpha: ArrayLike,
+    offset: NDArray[Any],
+    angle: NDArray[Any],
+    pitch: NDArray[Any],
+    **labels: Any,
+) -> tuple[Mechanism, NDArray[Any]]:
+    """Return the mechanism whose joints have these offsets and angles at zero, and its variables there."""
+    constant, fixed, zero = offset.copy(), angle.copy(), []
+    for j, kind in enumerate(kinds):
+        if kind in "RCH":
+            zero.append(angle[j])
+            fixed[j] = np.nan
+        if kind == "H":
+            constant[j] = offset[j] - pitch[j] * angle[j]
+        if kind in "PC":
+            zero.append(offset[j])
+            constant[j] = np.nan
+    return Mechanism(kinds, a, alpha, constant, fixed, pitch, **labels), np.array(zero)
+
+
+def at_zero(robot: Placement) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return offsets and angles of all joints where the robot's coordinates are zero."""
+    mechanism = robot.mechanism
+    offset, angle = np.array(mechanism.offset), np.array(mechanism.angle)
+    for value, (j, which) in zip(robot.zero, mechanism.variables, strict=True):
+        (angle if which == "theta" else offset)[j] = value
+    screws = np.array([kind == "H" for kind in mechanism.joints])
+    return offset + np.where(screws, mechanism.pitch * angle, 0.0), angle

@@ -1,0 +1,408 @@
+"""Rotations, links, forward analysis and the hypothetical link, against SciPy, mpmath, differences, a closed loop."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.spatial.transform import Rotation
+
+import rodgen
+from rodgen import spatial
+from rodgen.errors import RodgenError
+from rodgen.spatial import HypotheticalStatus, Mechanism
+
+EPS = np.finfo(float).eps
+ROBOTS = (spatial.PUMA_560, spatial.GE_P60, spatial.T3_776)
+
+
+def rx(angle: float) -> np.ndarray:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[1, 0, 0, 0], [0, c, -s, 0], [0, s, c, 0], [0, 0, 0, 1]])
+
+
+def rz(angle: float) -> np.ndarray:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+
+
+def shift(x: float = 0.0, z: float = 0.0) -> np.ndarray:
+    found = np.eye(4)
+    found[0, 3], found[2, 3] = x, z
+    return found
+
+
+def by_hand(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
+    """The chain as a product of matrices, one at a time."""
+    values = iter(q)
+    found = np.eye(4)
+    for j, kind in enumerate(mechanism.joints):
+        angle = next(values) if kind in "RCH" else mechanism.angle[j]
+        offset = (
+            next(values) if kind in "PC" else mechanism.offset[j] + mechanism.pitch[j] * angle * (kind == "H")
+        )
+        found = found @ shift(z=offset) @ rz(angle)
+        if j < len(mechanism.a):
+            found = found @ shift(x=mechanism.a[j]) @ rx(mechanism.alpha[j])
+    return found
+
+
+def random_chain(rng: np.random.Generator, kinds: str, *, closed: bool = False) -> Mechanism:
+    n, links = len(kinds), len(kinds) - (not closed)
+    return Mechanism(
+        kinds,
+        rng.normal(size=links) * rng.integers(0, 2, size=links),
+        np.where(
+            rng.random(links) < 0.4,
+            rng.choice([0, np.pi / 2, np.pi, -np.pi / 2], links),
+            rng.normal(size=links),
+        ),
+        [np.nan if kind in "PC" else x for kind, x in zip(kinds, rng.normal(size=n), strict=True)],
+        [np.nan if kind in "RCH" else x for kind, x in zip(kinds, rng.normal(size=n), strict=True)],
+        [0.3 if kind == "H" else 0.0 for kind in kinds],
+    )
+
+
+# vector and angle ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("theta", [1e-8, 1e-3, 1.0, 2.5, np.pi - 1e-3, np.pi - 1e-8])
+def test_vector_and_angle_are_right_to_a_few_rounding_units(theta):
+    """The matrix is made with 40 digits and rounded. That alone may turn it by about a rounding unit: relative to the
+    angle where that is small, since the small entries are rounded by their own size."""
+    rng = np.random.default_rng(1)
+    for _ in range(30):
+        axis = rng.normal(size=3)
+        with mpmath.workdps(40):
+            exact = mpmath.matrix(axis) / mpmath.norm(mpmath.matrix(axis))
+            c, s = mpmath.cos(mpmath.mpf(theta)), mpmath.sin(mpmath.mpf(theta))
+            x, y, z = exact
+            cross = mpmath.matrix([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+            matrix = c * mpmath.eye(3) + s * cross + (1 - c) * exact * exact.T
+            rounded = np.array(matrix.tolist(), float)
+            found = spatial.vector_and_angle(rounded)
+            # near a half turn -m would be as good to rounding, but not here, where its angle is above π
+            wrong = max(abs(mpmath.mpf(float(f)) - e) for f, e in zip(found.vector, exact, strict=True))
+            off = abs(mpmath.mpf(float(found.angle)) - mpmath.mpf(theta))
+        assert wrong <= 4 * EPS
+        assert off <= 4 * EPS * max(theta, 0.0) if theta < 1 else off <= 4 * EPS
+        assert found.status == rodgen.RotationStatus.ROTATION
+
+
+def test_no_turn_has_no_vector_and_is_told():
+    found = spatial.vector_and_angle(np.stack([np.eye(3), np.eye(3) * (1 + 1e-9)]))
+    assert np.isnan(found.vector).all()
+    assert found.angle.tolist() == [0, 0]
+    assert found.status.tolist() == [rodgen.RotationStatus.IDENTITY, rodgen.RotationStatus.NOT_NORMAL]
+
+
+def test_of_a_half_turn_the_first_component_that_is_not_zero_is_positive():
+    rng = np.random.default_rng(2)
+    vectors = np.concatenate([np.eye(3), -np.eye(3), rng.normal(size=(20, 3)), [[0, -3, 4.0]]])
+    vectors /= np.linalg.norm(vectors, axis=1, keepdims=True)
+    found = spatial.vector_and_angle(2 * vectors[:, :, None] * vectors[:, None, :] - np.eye(3))
+    signs = np.array([v[np.flatnonzero(v)[0]] for v in vectors])
+    assert (found.status == rodgen.RotationStatus.HALF_TURN).all()
+    np.testing.assert_allclose(found.vector, vectors * np.sign(signs)[:, None], atol=4 * EPS)
+    np.testing.assert_allclose(found.angle, np.pi, atol=4 * EPS)
+
+
+def test_a_reflection_and_what_is_not_finite_are_invalid():
+    found = spatial.vector_and_angle(np.stack([-np.eye(3), np.full((3, 3), np.nan)]))
+    assert (found.status == rodgen.RotationStatus.INVALID).all()
+    assert np.isnan(found.vector).all()
+    assert np.isnan(found.angle).all()
+
+
+def test_a_transform_and_its_inverse_make_the_unit_matrix():
+    rng = np.random.default_rng(3)
+    made = spatial.transform(Rotation.random(50, random_state=3).as_matrix(), 100 * rng.normal(size=(50, 3)))
+    np.testing.assert_allclose(
+        made @ spatial.inverse_transform(made), np.tile(np.eye(4), (50, 1, 1)), atol=1e-12
+    )
+
+
+# mechanisms ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("", [], []), "no joints"),
+        (("RX", [1], [0]), "joint 2 is 'X'"),
+        (("RR", [1, 2, 3], [0, 0, 0]), "3 lengths a and 3 angles alpha for 2 joints"),
+        (("RR", [np.nan], [0]), "not finite"),
+        (("RP", [1], [0], [0, 3.0]), "offset of joint 2 is 3; expected NaN"),
+        (("RP", [1], [0], [np.nan, np.nan]), "offset of joint 1 is nan; expected a number"),
+        (("RH", [1], [0]), "pitch of joint 2 is 0; expected the length per rad"),
+        (("RR", [1], [0], None, None, [0, 2.0]), "no screw"),
+        (("RR", [1], [0], None, [0.0, np.nan]), "angle of joint 1 is 0; expected NaN"),
+        (("RR", [1], [0], [0.0]), "offset has 1 numbers for 2 joints"),
+        (("RR", ["x"], [0]), "expected a row of numbers"),
+        (("RR", [[1]], [0]), "one row"),
+    ],
+)
+def test_what_is_no_mechanism_is_told_in_one_sentence(arguments, words):
+    with pytest.raises(RodgenError, match=words):
+        Mechanism(*arguments)
+
+
+def test_names_differ_and_are_as_many_as_joints():
+    for names in (["a"], ["a", "a"]):
+        with pytest.raises(RodgenError, match="expected"):
+            Mechanism("RR", [1.0], [0.0], names=names)
+
+
+def test_a_mechanism_is_a_value():
+    other = Mechanism("RP", [1.0], [0.5], names=("A", "B"))
+    same = Mechanism(("R", "P"), np.array([1.0]), [0.5], names=["A", "B"])
+    assert other == same
+    assert hash(other) == hash(same)
+    assert other != Mechanism("RP", [1.0], [0.25], names=("A", "B"))
+    with pytest.raises(ValueError, match="read-only"):
+        other.a[0] = 2.0
+
+
+def test_variables_stand_in_the_order_of_the_joints():
+    assert Mechanism("RCPH", [1.0] * 4, [0.5] * 4, pitch=[0, 0, 0, 2.0]).variables == (
+        (0, "theta"),
+        (1, "theta"),
+        (1, "S"),
+        (2, "S"),
+        (3, "theta"),
+    )
+    with pytest.raises(RodgenError, match="expanded"):
+        _ = Mechanism("RS", [1.0], [0.5]).variables
+
+
+def test_an_expanded_plane_joint_moves_in_a_plane_and_turns_across_it():
+    """Two shifts at right angles and a turn about the direction across both, from the axes in space."""
+    plane = Mechanism("E", [], []).expanded()
+    rates = spatial.jacobian(plane, [0.3, -0.2, 0.7])
+    first, second, turn = rates[3:, 0], rates[3:, 1], rates[:3, 2]
+    np.testing.assert_allclose([first @ second, first @ turn, second @ turn], 0, atol=1e-15)
+    np.testing.assert_allclose(rates[:3, :2], 0, atol=0)
+
+
+@pytest.mark.parametrize(("kind", "freedoms"), [("S", 3), ("T", 2)])
+def test_expanded_joints_turn_about_one_point(kind, freedoms):
+    joint = Mechanism(kind, [], [], offset=[5.0]).expanded()
+    rng = np.random.default_rng(4)
+    chain = spatial.frames(joint, rng.uniform(-3, 3, size=(20, freedoms)))
+    np.testing.assert_allclose(
+        chain[..., :3, 3], np.broadcast_to([0, 0, 5.0], chain[..., :3, 3].shape), atol=1e-14
+    )
+    assert joint.freedoms == (1,) * freedoms
+
+
+# forward analysis --------------------------------------------------------------------------------------------------
+
+
+def test_the_forward_analysis_is_the_product_of_the_links():
+    rng = np.random.default_rng(5)
+    for kinds in ("RRRRRR", "RPR", "C", "CHRP", "RRRRRRR", "PPPRRR", "HC"):
+        for closed in (False, True):
+            for _ in range(4):
+                chain = random_chain(rng, kinds, closed=closed)
+                q = rng.uniform(-3, 3, size=(5, len(chain.variables)))
+                expected = np.array([by_hand(chain, row) for row in q])
+                np.testing.assert_allclose(spatial.forward(chain, q), expected, atol=2e-14)
+                if not closed:
+                    np.testing.assert_allclose(spatial.frames(chain, q)[:, -1], expected, atol=2e-14)
+
+
+def test_six_joints_have_the_same_end_frame_by_both_ways():
+    """The kernel of six revolute joints, and one step after the other."""
+    q = np.random.default_rng(6).uniform(-3, 3, size=(10, 6))
+    for robot in ROBOTS:
+        np.testing.assert_allclose(spatial.forward(robot, q), spatial.frames(robot, q)[:, -1], atol=2e-13)
+
+
+@pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
+def test_the_wrist_turns_about_one_point(robot):
+    """With the offsets S5, S6 and the link lengths of the wrist at zero the origin does not depend on its angles."""
+    wrist = Mechanism(robot.joints, robot.a, robot.alpha, [*robot.offset[:4], 0.0, 0.0])
+    rng = np.random.default_rng(7)
+    arm = rng.uniform(-3, 3, size=3 if robot is not spatial.GE_P60 else 5)
+    rest = rng.uniform(-3, 3, size=(10, 6 - len(arm)))
+    poses = spatial.forward(wrist, np.concatenate([np.tile(arm, (10, 1)), rest], axis=1))
+    np.testing.assert_allclose(poses[:, :3, 3], np.tile(poses[0, :3, 3], (10, 1)), atol=1e-13)
+
+
+def test_the_course_example_of_the_p60_comes_out():
+    """Facts, section 12: tool (80, 80, 18), at (2, 3, 5) in system 6, S6 and a67 given; angles to 1e-4 degrees."""
+    angles = np.radians(
+        [
+            [-139.4434, 142.8251, 73.3548, 60.0729, 144.4928, -52.3343],
+            [30.7305, 58.1274, -103.3851, -63.9599, 37.6924, 143.7742],
+        ]
+    )
+    poses = spatial.forward(spatial.GE_P60, angles)
+    tool = (poses @ [2.0, 3.0, 5.0, 1.0])[:, :3]
+    np.testing.assert_allclose(tool, np.tile([80.0, 80.0, 18.0], (2, 1)), atol=1e-3)
+    np.testing.assert_allclose(poses[:, :3, 2], np.tile(np.array([-1, 1, 1]) / np.sqrt(3), (2, 1)), atol=1e-5)
+    np.testing.assert_allclose(poses[:, :3, 0], np.tile(np.array([1, 2, -1]) / np.sqrt(6), (2, 1)), atol=1e-5)
+
+
+def test_the_jacobian_is_that_of_differences():
+    """Central differences with a step of 1e-5 are off by its square times third derivatives, some 1e-9 here."""
+    rng = np.random.default_rng(8)
+    step = 1e-5
+    for kinds in ("RRRRRR", "RPR", "CHRP", "HC"):
+        for closed in (False, True):
+            chain = random_chain(rng, kinds, closed=closed)
+            q = rng.uniform(-3, 3, size=len(chain.variables))
+            rates = spatial.jacobian(chain, q)
+            here = by_hand(chain, q)
+            for column in range(len(q)):
+                move = step * np.eye(len(q))[column]
+                moved = (by_hand(chain, q + move) - by_hand(chain, q - move)) / (2 * step)
+                spin = moved[:3, :3] @ here[:3, :3].T
+                expected = [spin[2, 1], spin[0, 2], spin[1, 0], *moved[:3, 3]]
+                np.testing.assert_allclose(rates[:, column], expected, atol=2e-8)
+
+
+def test_batches_of_any_shape_and_no_element():
+    q = np.random.default_rng(9).normal(size=(2, 3, 6))
+    for robot in (spatial.PUMA_560, Mechanism("RRRPRR", spatial.PUMA_560.a, spatial.PUMA_560.alpha)):
+        poses, rates = spatial.forward(robot, q), spatial.jacobian(robot, q)
+        assert poses.shape == (2, 3, 4, 4)
+        assert rates.shape == (2, 3, 6, 6)
+        np.testing.assert_allclose(poses[1, 2], spatial.forward(robot, q[1, 2]), atol=1e-14)
+        np.testing.assert_allclose(rates[1, 2], spatial.jacobian(robot, q[1, 2]), atol=1e-13)
+        assert spatial.forward(robot, q[:0]).shape == (0, 3, 4, 4)
+        assert spatial.frames(robot, q).shape == (2, 3, 6, 4, 4)
+
+
+def test_other_numbers_of_variables_and_types_are_told():
+    with pytest.raises(RodgenError, match=r"shape \(5,\); expected \(..., 6\)"):
+        spatial.forward(spatial.PUMA_560, np.zeros(5))
+    with pytest.raises(TypeError, match="complex"):
+        spatial.forward(spatial.PUMA_560, np.zeros(6, complex))
+
+
+def test_what_is_not_finite_stays_with_its_element():
+    q = np.zeros((3, 6))
+    q[1, 2] = np.nan
+    assert np.isnan(spatial.forward(spatial.PUMA_560, q)[1, :3, 3]).any()
+    assert np.isfinite(spatial.forward(spatial.PUMA_560, q)[[0, 2]]).all()
+
+
+# the hypothetical link ---------------------------------------------------------------------------------------------
+
+
+def closure(robot: Mechanism, q: np.ndarray, link: spatial.HypotheticalLink) -> float:
+    """How far the closed loop is from closing: in the rotation, and in the origin relative to the robot's size."""
+    loop = link.loop(robot)
+    off = by_hand(loop, np.array([q[0] + link.gamma1, *q[1:], link.theta7])) - np.eye(4)
+    return float(
+        max(
+            np.abs(off[:3, :3]).max(), np.abs(off[:3, 3]).max() / (robot.a.sum() + np.abs(robot.offset).sum())
+        )
+    )
+
+
+def one(link: spatial.HypotheticalLink, row: int) -> spatial.HypotheticalLink:
+    return spatial.HypotheticalLink(*(field[row] for field in link))
+
+
+@pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
+@pytest.mark.parametrize("free", [{}, {"alpha67": 1.1}, {"a67": 7.0, "alpha67": -2.0}, {"a67": 3.0}], ids=str)
+def test_the_hypothetical_link_closes_the_loop(robot, free):
+    """Random poses, with every α67: where it is given, s71 may be small, and rounding is divided by it."""
+    q = np.random.default_rng(10).uniform(-np.pi, np.pi, size=(60, 6))
+    link = spatial.close_loop(spatial.forward(robot, q), **free)
+    assert (link.status == HypotheticalStatus.NORMAL).all()
+    for row in range(len(q)):
+        assert closure(robot, q[row], one(link, row)) <= 100 * EPS / np.sin(link.alpha71[row])
+
+
+def test_the_chosen_twist_leaves_no_special_case():
+    """Rotations with S7 for 90°, 45° and 135° on S1 and everywhere between: s71 is at least sin 45°."""
+    turns = np.concatenate([Rotation.random(300, random_state=11).as_matrix(), np.eye(3)[None]])
+    for angle in np.linspace(-np.pi, np.pi, 81):
+        turns = np.concatenate([turns, Rotation.from_euler("xz", [[angle, 0.3]]).as_matrix()])
+    link = spatial.close_loop(spatial.transform(turns, np.ones(3)))
+    assert (link.status == HypotheticalStatus.NORMAL).all()
+    assert np.sin(link.alpha71).min() >= np.sqrt(0.5) - 4 * EPS
+    assert set(np.degrees(link.alpha67).round(9)) == {45.0, 90.0, 135.0}
+
+
+@pytest.mark.parametrize("same", [1.0, -1.0])
+def test_special_case_1_closes_the_loop_where_the_axes_are_parallel(same):
+    pose = spatial.transform(np.diag([1.0, same, same]) @ rz(0.7)[:3, :3], [3.0, 4.0, 2.0])
+    link = spatial.close_loop(pose, alpha67=0.0)
+    assert link.status == HypotheticalStatus.PARALLEL
+    assert link.S7 == 0
+    assert link.alpha71 == pytest.approx(0.0 if same > 0 else np.pi)
+    assert link.a71 == pytest.approx(5.0)
+    back = pose @ rz(link.theta7) @ shift(x=link.a71) @ rx(link.alpha71) @ shift(z=link.S1) @ rz(link.gamma1)
+    np.testing.assert_allclose(back, np.eye(4), atol=1e-14)
+
+
+@pytest.mark.parametrize("same", [1.0, -1.0])
+def test_special_case_2_closes_the_loop_where_both_axes_are_one(same):
+    pose = spatial.transform(np.diag([1.0, same, same]) @ rz(0.7)[:3, :3], [0.0, 0.0, 2.0])
+    link = spatial.close_loop(pose, alpha67=0.0)
+    assert link.status == HypotheticalStatus.COINCIDENT
+    assert (link.S7, link.theta7, link.a71) == (0, 0, 0)
+    back = pose @ rx(link.alpha71) @ shift(z=link.S1) @ rz(link.gamma1)
+    np.testing.assert_allclose(back, np.eye(4), atol=1e-14)
+
+
+def off_by(sine: float, tolerance: float) -> float:
+    """Largest error of the closed loop in space where S7 and S1 are at an angle of this sine, |P| = 10."""
+    rng = np.random.default_rng(12)
+    worst = 0.0
+    for _ in range(60):
+        spin, azimuth = rng.uniform(-np.pi, np.pi, size=2)
+        turned = Rotation.from_rotvec(
+            np.arcsin(sine) * np.array([np.cos(azimuth), np.sin(azimuth), 0])
+        ).as_matrix()
+        place = rng.normal(size=3)
+        pose = spatial.transform(turned @ rz(spin)[:3, :3], 10 * place / np.linalg.norm(place))
+        link = spatial.close_loop(pose, alpha67=0.0, tolerance=tolerance)
+        back = pose @ shift(z=link.S7) @ rz(link.theta7) @ shift(x=link.a71) @ rx(link.alpha71)
+        back = back @ shift(z=link.S1) @ rz(link.gamma1)
+        worst = max(worst, float(np.abs(back[:3, 3]).max()))
+    return worst
+
+
+def test_the_tolerance_is_where_both_cases_are_alike():
+    """Normal: rounding divided by the sine. Special case 1: distance times the sine. They cross near 1e-8."""
+    for sine in (1e-2, 1e-4, 1e-6):
+        assert off_by(sine, 0.0) <= 100 * EPS * 10 / sine
+        assert 0.1 * 10 * sine <= off_by(sine, 2 * sine) <= 2 * 10 * sine
+    assert off_by(1e-6, 0.0) < 0.1 * off_by(1e-6, 2e-6)
+    assert off_by(1e-10, 0.0) > 10 * off_by(1e-10, 2e-10)
+    assert max(off_by(1.1e-8, 1e-8), off_by(0.9e-8, 1e-8)) <= 2e-6
+
+
+def test_what_is_no_pose_is_invalid():
+    good = spatial.forward(spatial.PUMA_560, np.ones(6))
+    poses = np.stack([good] * 4)
+    poses[1, 0, 0] = np.nan
+    poses[2, :3, :3] *= 1.1
+    poses[3, :3, 0] *= -1
+    link = spatial.close_loop(poses)
+    assert link.status.tolist() == [0, 3, 3, 3]
+    assert np.isnan(link.S7[1:]).all()
+    with pytest.raises(RodgenError, match="INVALID"):
+        one(link, 1).loop(spatial.PUMA_560)
+    with pytest.raises(RodgenError, match="expected that of one pose"):
+        link.loop(spatial.PUMA_560)
+    with pytest.raises(RodgenError, match="tolerance"):
+        spatial.close_loop(good, tolerance=-1.0)
+
+
+def test_link_transforms_are_exponentials_of_two_screws():
+    rng = np.random.default_rng(13)
+    for _ in range(10):
+        a, alpha, offset, angle = rng.normal(size=4)
+        first, second = np.zeros((4, 4)), np.zeros((4, 4))
+        first[2, 1], first[1, 2], first[0, 3] = alpha, -alpha, a
+        second[1, 0], second[0, 1], second[2, 3] = angle, -angle, offset
+        np.testing.assert_allclose(
+            spatial.link_transform(a, alpha, offset, angle), expm(first) @ expm(second), atol=1e-14
+        )
