@@ -807,7 +807,7 @@ def pentagon():
     (p12, p23, p34, p45, p51), (p4, p5) = pairs(k, "alpha", twists), pairs(k, "theta", given)
     x45, _, y45, z45 = chain_value([p34, p4, p45, p5, p51])
     x45, y45, z45 = k.let("x_45", x45), k.let("y_45", y45), k.let("z_45", z45)
-    roots, none, every, double = roots_of(k, -p12[1] * p23[1], sp.S.Zero, p12[0] * p23[0] - z45)
+    roots, none, every, double = roots_of(k, p12[1] * p23[1], sp.S.Zero, z45 - p12[0] * p23[0])
     finite = k.let("finite", magnitudes(twists, given) <= LARGEST)
     good = k.let("good", finite & sp.Not(none))
     rows, free = [], []
