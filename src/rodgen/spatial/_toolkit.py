@@ -49,8 +49,8 @@ _WORDS = {
     "of {b}:",
     "dual": "With the dual angles of a twist and its length {a}, an angle and its offset {S}, the index 0 marks dual "
     "parts:",
-    "secondary": "Every law above holds with the index 0 on its names and the dual part of its right side; the fundamental "
-    "ones are:",
+    "secondary": "Every law above holds with the index 0 on its names and the dual part of its right side; the "
+    "fundamental ones are:",
 }
 """What is in braces is a formula."""
 
