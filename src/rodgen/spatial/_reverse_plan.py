@@ -67,7 +67,7 @@ class Arm:
         if not self.backwards and (self.sign > 0).all():
             return q
         found = (q * self.sign)[..., self.order]
-        return np.where(found <= -np.pi, np.pi, found)
+        return np.where(found == -np.pi, np.pi, found)  # the interval is open there
 
     def parallel(self, *links: int) -> bool:
         """Whether the twists of links (from 0 on) are zero."""
