@@ -40,6 +40,12 @@ DECLARE_ALL(axis_axis_condition)
 DECLARE_ALL(axis_axis_jacobian)
 DECLARE_ALL(axis_axis_covariance)
 DECLARE_ALL(axis_axis_residual)
+DECLARE_ALL(biquadratic_pair_pair_prepared)
+DECLARE_ALL(biquadratic_pair_pair_octic)
+DECLARE_ALL(biquadratic_pair_pair_aberth)
+DECLARE_ALL(biquadratic_pair_pair_real_roots)
+DECLARE_ALL(biquadratic_pair_pair_angles)
+DECLARE_ALL(biquadratic_pair_pair_polish)
 DECLARE_ALL(instantaneous_euler_chi_from_quaternion)
 DECLARE_ALL(instantaneous_euler_chi_from_matrix)
 DECLARE_ALL(instantaneous_euler_chi_from_zyx)
@@ -76,6 +82,9 @@ DECLARE_ALL(spatial_links_link_inverse)
 DECLARE_ALL(spatial_links_link_forward_6r)
 DECLARE_ALL(spatial_links_link_jacobian_6r)
 DECLARE_ALL(spatial_links_hypothetical_link)
+DECLARE_ALL(spatial_loops_loop_rccc)
+DECLARE_ALL(spatial_loops_loop_rrrcc_pair)
+DECLARE_ALL(spatial_loops_loop_rrrcc_back)
 DECLARE_ALL(spherical_polygons_polygon_notation_1)
 DECLARE_ALL(spherical_polygons_polygon_notation_2)
 DECLARE_ALL(spherical_polygons_polygon_notation_3)
@@ -146,6 +155,30 @@ NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 };
 static const char types_axis_axis_residual[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_biquadratic_pair_pair_prepared[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_biquadratic_pair_pair_octic[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_biquadratic_pair_pair_aberth[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_biquadratic_pair_pair_real_roots[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
+};
+static const char types_biquadratic_pair_pair_angles[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_biquadratic_pair_pair_polish[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 };
@@ -292,6 +325,18 @@ NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE,
 static const char types_spatial_links_hypothetical_link[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
+};
+static const char types_spatial_loops_loop_rccc[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
+};
+static const char types_spatial_loops_loop_rrrcc_pair[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_spatial_loops_loop_rrrcc_back[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 };
 static const char types_spherical_polygons_polygon_notation_1[] = {
 NPY_FLOAT, NPY_FLOAT, 
@@ -451,6 +496,18 @@ static const struct definition definitions[] = {
    ALL_LOOPS(axis_axis_covariance), types_axis_axis_covariance},
   {"axis_residual", "(3),(3),(),(3),(3)->(3),(3,6)", "Derivatives of axis_residual.", 5, 2, 7,
    ALL_LOOPS(axis_axis_residual), types_axis_axis_residual},
+  {"pair_prepared", "(3,3),(3,3)->(3,3),(3,3),()", "Two equations in two angles, scaled and made perpendicular as vectors of their coefficients.", 2, 3, 5,
+   ALL_LOOPS(biquadratic_pair_pair_prepared), types_biquadratic_pair_pair_prepared},
+  {"pair_octic", "(3,3),(3,3)->(9),(2),()", "The octic of two equations in two angles, in the tangent of half the first angle from a turn on.", 2, 3, 5,
+   ALL_LOOPS(biquadratic_pair_pair_octic), types_biquadratic_pair_pair_octic},
+  {"pair_aberth", "(9),(8,2)->(8,2),()", "A step of Ehrlich and Aberth's method for the eight roots of a real octic.", 2, 2, 4,
+   ALL_LOOPS(biquadratic_pair_pair_aberth), types_biquadratic_pair_pair_aberth},
+  {"pair_real_roots", "(9),(),(8,2)->(8),(8),()", "Which roots of an octic are real, proved by discs that hold them.", 3, 3, 6,
+   ALL_LOOPS(biquadratic_pair_pair_real_roots), types_biquadratic_pair_pair_real_roots},
+  {"pair_angles", "(3,3),(3,3),(2),()->(2)", "Both angles for a real root of the octic of two equations in two angles.", 4, 1, 5,
+   ALL_LOOPS(biquadratic_pair_pair_angles), types_biquadratic_pair_pair_angles},
+  {"pair_polish", "(3,3),(3,3),(2)->(2),(),(),()", "Newton's method for two equations in two angles, and how good the angles are.", 3, 4, 7,
+   ALL_LOOPS(biquadratic_pair_pair_polish), types_biquadratic_pair_pair_polish},
   {"chi_from_quaternion", "(4)->(3),()", "Instantaneous Euler angles of a unit quaternion.", 1, 2, 3,
    ALL_LOOPS(instantaneous_euler_chi_from_quaternion), types_instantaneous_euler_chi_from_quaternion},
   {"chi_from_matrix", "(3,3)->(3),()", "Instantaneous Euler angles of a rotation matrix.", 1, 2, 3,
@@ -523,6 +580,12 @@ static const struct definition definitions[] = {
    ALL_LOOPS(spatial_links_link_jacobian_6r), types_spatial_links_link_jacobian_6r},
   {"hypothetical_link", "(4,4),(),(),()->(),(),(),(),(),(),()", "Close a robot into a loop with a hypothetical link.", 4, 7, 11,
    ALL_LOOPS(spatial_links_hypothetical_link), types_spatial_links_hypothetical_link},
+  {"loop_rccc", "(4),(4),(),()->(2,3),(2,3),()", "Close an RCCC loop, whose joint 4 turns by a given angle, in both ways.", 4, 3, 7,
+   ALL_LOOPS(spatial_loops_loop_rccc), types_spatial_loops_loop_rccc},
+  {"loop_rrrcc_pair", "(5),(5),(3),()->(2,3,3)", "Write the cosine law and the secondary cosine law of an RRRCC loop as a bilinear pair.", 4, 1, 5,
+   ALL_LOOPS(spatial_loops_loop_rrrcc_pair), types_spatial_loops_loop_rrrcc_pair},
+  {"loop_rrrcc_back", "(5),(5),(3),(),(),()->(2),(2)", "Close an RRRCC loop with a solution of its pair.", 6, 2, 8,
+   ALL_LOOPS(spatial_loops_loop_rrrcc_back), types_spatial_loops_loop_rrrcc_back},
   {"polygon_notation_1", "(3)->(4)", "Evaluate X, X*, Y, Z of 1 subscript.", 1, 1, 2,
    ALL_LOOPS(spherical_polygons_polygon_notation_1), types_spherical_polygons_polygon_notation_1},
   {"polygon_notation_2", "(5)->(4)", "Evaluate X, X*, Y, Z of 2 subscripts.", 1, 1, 2,

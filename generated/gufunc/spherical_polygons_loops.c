@@ -3574,9 +3574,9 @@ static inline void polygon_pentagon_f64(double (*restrict input)[BLOCK], double 
     const double x4 = c_theta_2*x2 + s_theta_2*x0;
     const double y_45 = c_alpha_5*x4 - s_alpha_5*x3;
     const double z_45 = c_alpha_5*x3 + s_alpha_5*x4;
-    const double A = -s_alpha_1*s_alpha_2;
+    const double A = s_alpha_1*s_alpha_2;
     const double B = 0.0;
-    const double D = c_alpha_1*c_alpha_2 - z_45;
+    const double D = z_45 - c_alpha_1*c_alpha_2;
     const double r = sqrt((A*A) + (B*B));
     const double x19 = 16.0*DBL_EPSILON;
     const int64_t any_root = mask_f64(r <= x19);
@@ -3816,9 +3816,9 @@ static inline void polygon_pentagon_f32(float (*restrict input)[BLOCK], float (*
     const float x4 = c_theta_2*x2 + s_theta_2*x0;
     const float y_45 = c_alpha_5*x4 - s_alpha_5*x3;
     const float z_45 = c_alpha_5*x3 + s_alpha_5*x4;
-    const float A = -s_alpha_1*s_alpha_2;
+    const float A = s_alpha_1*s_alpha_2;
     const float B = 0.0f;
-    const float D = c_alpha_1*c_alpha_2 - z_45;
+    const float D = z_45 - c_alpha_1*c_alpha_2;
     const float r = sqrtf((A*A) + (B*B));
     const float x19 = 16.0f*FLT_EPSILON;
     const int32_t any_root = mask_f32(r <= x19);

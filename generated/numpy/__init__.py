@@ -7,6 +7,7 @@ Template: numpy_init.py.j2.
 from types import SimpleNamespace
 
 from . import axis
+from . import biquadratic_pair
 from . import instantaneous_euler
 from . import instantaneous_euler_arm
 from . import instantaneous_euler_inverse
@@ -17,6 +18,7 @@ from . import robots_6r
 from . import rodrigues
 from . import rotations
 from . import spatial_links
+from . import spatial_loops
 from . import spherical_polygons
 from . import three_sps_s
 from . import tricept
@@ -30,6 +32,12 @@ ALL = SimpleNamespace(
     axis_jacobian=axis.axis_jacobian,
     axis_covariance=axis.axis_covariance,
     axis_residual=axis.axis_residual,
+    pair_prepared=biquadratic_pair.pair_prepared,
+    pair_octic=biquadratic_pair.pair_octic,
+    pair_aberth=biquadratic_pair.pair_aberth,
+    pair_real_roots=biquadratic_pair.pair_real_roots,
+    pair_angles=biquadratic_pair.pair_angles,
+    pair_polish=biquadratic_pair.pair_polish,
     chi_from_quaternion=instantaneous_euler.chi_from_quaternion,
     chi_from_matrix=instantaneous_euler.chi_from_matrix,
     chi_from_zyx=instantaneous_euler.chi_from_zyx,
@@ -66,6 +74,9 @@ ALL = SimpleNamespace(
     link_forward_6r=spatial_links.link_forward_6r,
     link_jacobian_6r=spatial_links.link_jacobian_6r,
     hypothetical_link=spatial_links.hypothetical_link,
+    loop_rccc=spatial_loops.loop_rccc,
+    loop_rrrcc_pair=spatial_loops.loop_rrrcc_pair,
+    loop_rrrcc_back=spatial_loops.loop_rrrcc_back,
     polygon_notation_1=spherical_polygons.polygon_notation_1,
     polygon_notation_2=spherical_polygons.polygon_notation_2,
     polygon_notation_3=spherical_polygons.polygon_notation_3,

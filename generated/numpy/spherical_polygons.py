@@ -1205,9 +1205,9 @@ def _polygon_pentagon(alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, theta_45_1, t
     y_45 = c_alpha_5*x4 - s_alpha_5*x3
     z_45 = c_alpha_5*x3 + s_alpha_5*x4
     del x3, x4
-    A = -s_alpha_1*s_alpha_2
+    A = s_alpha_1*s_alpha_2
     B = 0.0
-    D = c_alpha_1*c_alpha_2 - z_45
+    D = z_45 - c_alpha_1*c_alpha_2
     del z_45
     r = np.sqrt((A*A) + (B*B))
     x19 = 16.0*eps
