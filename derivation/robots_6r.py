@@ -245,6 +245,92 @@ d.check(
 ).prove(modulo=UNIT)
 
 # %% [markdown]
+# ## Arms with a pair of equations
+#
+# Any three consecutive axes that meet or are parallel leave two equations in two angles, each linear in
+# $(1, c, s)$ of either angle. They are written in the axes in which they are computed; what they are dotted with is
+# found from the pose and the two angles. Chains with such axes at the other end are read backwards.
+
+# %%
+centre = LENGTH["12"] * X_AXIS + tx("12") * (
+    OFFSET[2] * Z_AXIS + rz(2) * moved("23", 3, moved("34", 4, ZERO))
+)
+tip = sp.Matrix([LENGTH["34"], -s34 * OFFSET[4], OFFSET[3] + c34 * OFFSET[4]])
+link_3 = LENGTH["23"] * X_AXIS + tx("23") * rz(3) * tip
+a12, a34, a45, a56 = (LENGTH[ij] for ij in ("12", "34", "45", "56"))
+d.check(
+    "pieper",
+    equal(
+        centre.dot(centre),
+        a12**2
+        + OFFSET[2] ** 2
+        + 2 * a12 * (rz(2) * link_3)[0]
+        + 2 * OFFSET[2] * link_3[2]
+        + a23**2
+        + tip.dot(tip)
+        + 2 * a23 * (rz(3) * tip)[0],
+    ),
+    equal(centre[2], c12 * OFFSET[2] + s12 * (rz(2) * link_3)[1] + c12 * link_3[2]),
+    text="Axes 4, 5, 6 meet: the wrist's distance from the origin of F, and its height along S1, hold θ2 and θ3.",
+).prove(modulo=UNIT)
+
+# %%
+seen = sp.Matrix(
+    d.vector("X", r"\vec X", "the point where axes 2, 3, 4 meet, in the axes of the end", "length")
+)
+in_5 = moved("56", 6, seen)
+of_5 = rz(5).T * (tx("45").T * (-OFFSET[4] * Z_AXIS - a45 * X_AXIS) - OFFSET[5] * Z_AXIS)
+d.check(
+    "meeting-in-the-middle",
+    vectors(moved("34", 4, -OFFSET[4] * Z_AXIS), ZERO),
+    vectors(moved("45", 5, of_5), -OFFSET[4] * Z_AXIS),
+    equal(of_5[2], -c45 * OFFSET[4] - OFFSET[5]),
+    equal(of_5.dot(of_5), a45**2 + (s45 * OFFSET[4]) ** 2 + (c45 * OFFSET[4] + OFFSET[5]) ** 2),
+    vectors(rz(5) * of_5 + OFFSET[5] * Z_AXIS, tx("45").T * (-OFFSET[4] * Z_AXIS - a45 * X_AXIS)),
+    equal(in_5[2], s56 * (rz(6) * seen)[1] + c56 * (OFFSET[6] + seen[2])),
+    equal(
+        in_5.dot(in_5),
+        a56**2 + OFFSET[6] ** 2 + 2 * a56 * (rz(6) * seen)[0] + 2 * OFFSET[6] * seen[2] + seen.dot(seen),
+    ),
+    text="Axes 2, 3, 4 meet (a34 = S3 = a23 = 0) in a point that the base turns by θ1 alone. In the axes of joint 5 "
+    "its height and its distance are constants, and with the pose they hold θ1 and θ6; its direction there gives θ5.",
+).prove(given={LENGTH["34"]: 0}, modulo=UNIT)
+
+# %%
+corner = rz(6).T * (-a56 * X_AXIS) - OFFSET[6] * Z_AXIS
+d.check(
+    "three-parallel",
+    vectors(moved("56", 6, corner), ZERO),
+    equal((Z_AXIS.T * to_5)[0], OFFSET[2] + OFFSET[3] + OFFSET[4] + c45 * OFFSET[5]),
+    vectors(rz(5).T * tx("45").T * Z_AXIS, sp.Matrix([s45 * s5, s45 * c5, c45])),
+    text="Axes 2, 3, 4 are parallel: S2 · S5 = c45, and the loop from S2 to the origin of frame 5 along S2, hold θ1 "
+    "and θ6. Then S2, seen from frame 5, gives θ5.",
+).prove(given={**PARALLEL_23, **PARALLEL_34}, modulo=UNIT)
+
+# %%
+to_6 = moved("34", 4, moved("45", 5, moved("56", 6, ZERO)))
+all_4 = tx("34") * rz(4) * tx("45") * rz(5) * tx("56") * rz(6)
+up = (Z_AXIS.T * all_4).T
+x_4 = rz(6).T * tx("56").T * rz(5).T * X_AXIS
+axis_4 = rz(6).T * tx("56").T * rz(5).T * tx("45").T * Z_AXIS
+axis_5 = rz(6).T * tx("56").T * Z_AXIS
+d.check(
+    "three-parallel-first",
+    equal(up.dot(axis_4), c34),
+    equal(
+        to_6[2],
+        c34 * OFFSET[4]
+        + a45 * up.dot(x_4)
+        + OFFSET[5] * up.dot(axis_5)
+        + a56 * up.dot(rz(6).T * X_AXIS)
+        + OFFSET[6] * up[2],
+    ),
+    vectors(rz(4).T * tx("34").T * Z_AXIS, sp.Matrix([s34 * s4, s34 * c4, c34])),
+    text="Axes 1, 2, 3 are parallel: S1, seen from the end, is the last row of the rotation; S1 · S4 = c34, and the "
+    "loop along S1, hold θ5 and θ6. Then S1, seen from frame 4, gives θ4.",
+).prove(modulo=UNIT)
+
+# %% [markdown]
 # ## The same with the hypothetical link
 #
 # Crane and Duffy close the chain with a seventh, hypothetical link and write the equations of a spherical heptagon.
