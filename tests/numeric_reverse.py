@@ -11,7 +11,6 @@ and the identity for a loop. Arrays hold one start a column, (3, m), so that a p
 
 from __future__ import annotations
 
-import contextlib
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
@@ -244,17 +243,12 @@ def _newton(
             break
         walk = tuple(part[..., keep] for part in walk)
         J = _jacobian(chain, free, walk, length)
-        # Levenberg-Marquardt with the squared error as damping (Sugihara 2011): it dies out quadratically.
+        # Levenberg-Marquardt with the squared error as damping (Sugihara 2011), which dies out as fast as Newton
+        # converges. What stays, the rounding of the matrix, keeps a step in a singular place short.
         normal = np.swapaxes(J, 1, 2) @ J
-        normal += ((0.5 * size**2 + 1e-28)[:, None, None]) * np.eye(len(free))
+        normal += ((0.5 * size**2 + 1e-14)[:, None, None]) * np.eye(len(free))
         right = np.einsum("mij,im->mj", J, e)
         step = np.linalg.solve(normal, right[..., None])[..., 0].T
-        # Where the damping is off, the square of J would cost half the digits: solve with J itself.
-        near = size < 1e-3
-        if near.any() and len(free) == 6:
-            # A start in a singular place keeps its damped step.
-            with contextlib.suppress(np.linalg.LinAlgError):
-                step[:, near] = np.linalg.solve(J[near], e[:, near].T[..., None])[..., 0].T
         largest = np.abs(step).max(axis=0)
         step *= np.minimum(1.0, 1.0 / np.maximum(largest, 1e-300))
         q[np.ix_(free, left)] += step * scale[:, None]
