@@ -3,54 +3,36 @@
 Problem: Σ M_e,ij u_i v_j = 0 for e = 1, 2 with u = (1, cos θ1, sin θ1), v = (1, cos θ2, sin θ2). In the tangents of the
 half angles these are Crane and Duffy's two biquadratics, with no more than eight common solutions unless they have a
 common factor. In angles no solution is at infinity: θ = π is one like every other.
+
+The usual rows are solved fast, with a proof that nothing is missing. Where that proof fails, the roles of the two
+angles are exchanged; where it fails again, eigenvalues give starts, and two tests tell whether solutions are missing.
 """
 
 from __future__ import annotations
 
-from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rodgen.spatial._pair_eigenvalues import HALF, seconds, starts
-from rodgen.spatial._pair_solutions import ROUNDING, apart, basis, newton, quality
+from rodgen._kernels import kernels
+from rodgen.spatial._pair_common import grid, with_common_factor
+from rodgen.spatial._pair_eigenvalues import HALF, starts
+from rodgen.spatial._pair_roots import certain_solutions
+from rodgen.spatial._pair_solutions import collected, consistent
+from rodgen.spatial._pair_status import SLOTS, PairStatus
 
 __all__ = ["Pair", "PairStatus", "pair_from_biquadratics", "solve_pair"]
 
-EPS = float(np.finfo(float).eps)
-SLOTS = 8
-REGULAR = 1 / np.sqrt(8 * ROUNDING)
-"""Condition number up to which Kantorovich's theorem holds with rounding alone."""
 COMMON = 1e-13
-"""Distance of the resultant from vanishing, relative, below which it does: rounding leaves some 1e-16."""
-NEAR = 1e-6
-"""Solutions that meet and are not farther apart are one: rounding moves them by 1e-8 to 1e-7."""
-STRETCH = 1e-2
-"""As far as this they are one if half way between them the equations hold as well: three solutions meet, or nearly."""
-
-
-class PairStatus(IntEnum):
-    """What one slot of the solutions of a pair of equations is.
-
-    REGULAR: a solution that stands alone.
-    DOUBLE: two solutions or more meet here, to rounding; it is given once.
-    COMMON_FACTOR: one of a family: the equations have a common factor, and this solves it.
-    NONE: there is no solution in this slot; the angles are NaN.
-    INCOMPLETE: there is none here, but one may be missing; the angles are NaN.
-    INVALID: a coefficient is not finite; the angles are NaN.
-    """
-
-    REGULAR = 0
-    DOUBLE = 1
-    COMMON_FACTOR = 2
-    NONE = 3
-    INCOMPLETE = 4
-    INVALID = 5
+"""Distance of Sylvester's matrix from being singular everywhere, relative, below which it is: rounding leaves 1e-16
+to 1e-15."""
+DEPENDENT = 1e13
+"""By how much the second equation shrinks when it is made perpendicular to the first, from where on it is the same."""
 
 
 class Pair(NamedTuple):
-    """Solutions of pairs of equations, those there are first, in the order of theta1."""
+    """Solutions of two equations in two angles: theta1, theta2 and status, each (..., 8)."""
 
     theta1: Any
     theta2: Any
@@ -69,38 +51,85 @@ def pair_from_biquadratics(E: ArrayLike) -> Any:
     -------
     M : array (..., 2, 3, 3)
         The same equations divided by (1 + x1²)(1 + x2²).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen import spatial
+    >>> E = np.zeros((2, 3, 3))
+    >>> E[0, 0] = [-1, 0, 1]  # x1² = 1
+    >>> E[1, 1] = [-2, 1, 0]  # (x1 - 2) x2 = 0: x2 = 0, or infinite
+    >>> pair = spatial.solve_pair(spatial.pair_from_biquadratics(E))
+    >>> np.degrees(pair.theta1[:4]).round(9), np.degrees(pair.theta2[:4]).round(9) + 0.0
+    (array([-90., -90.,  90.,  90.]), array([  0., 180.,   0., 180.]))
     """
     given = _coefficients(E, "E")
     back = np.linalg.inv(HALF)
     return np.einsum("jb,ia,...ba->...ij", back, back, given)
 
 
-def solve_pair(M: ArrayLike, *, method: str = "sylvester") -> Pair:
+def solve_pair(M: ArrayLike, *, method: Literal["fast", "sylvester", "bezout"] = "fast") -> Pair:
     """Find every pair of real angles that solves two equations.
 
     Parameters
     ----------
     M : array_like (..., 2, 3, 3)
         Equation e is ``sum(M[e, i, j] * u[i] * v[j]) = 0`` with u = (1, cos theta1, sin theta1) and
-        v = (1, cos theta2, sin theta2).
+        v = (1, cos theta2, sin theta2). Each has its own unit.
+    method : {"fast", "sylvester", "bezout"}, optional
+        How the starts are found. The first takes eigenvalues only where it is in doubt; the others always, of
+        Sylvester's or of Bezout's matrix. What is right to be a solution is the same for all.
 
     Returns
     -------
     Pair
-        theta1, theta2 and status, each (..., 8). Angles are in (-π, π].
+        theta1, theta2 in rad, from -π to π, and status, each (..., 8). Solutions come first, in the order of theta1,
+        and then of theta2; NaN after them. Two solutions may have one angle in common.
+
+    Raises
+    ------
+    ValueError
+        When the last axes are not (2, 3, 3), or there is no such method.
+    TypeError
+        When a coefficient is not real.
+
+    Notes
+    -----
+    Lecture notes "Robot Geometry" after Crane and Duffy, "Sylvester's Method" and "Bezout's Method"; proved in the
+    derivation ``biquadratic_pair``. A regular solution is one by Kantorovich's theorem, with rounding taken into
+    account, and is right to about its condition number times the rounding unit. With "fast" and where it is not in
+    doubt, that there are no others is proved, too; elsewhere two necessary conditions are tested, and a row of which
+    one fails has INCOMPLETE in its empty slots.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen import spatial
+    >>> M = np.zeros((2, 3, 3))
+    >>> M[0, 1, 0], M[0, 0, 1] = 1.0, 1.0               # cos theta1 + cos theta2 = 0
+    >>> M[1, 2, 0], M[1, 0, 2], M[1, 0, 0] = 1.0, 1.0, -1.0   # sin theta1 + sin theta2 = 1
+    >>> pair = spatial.solve_pair(M)
+    >>> np.degrees(pair.theta1[:3]).round(9), np.degrees(pair.theta2[:3]).round(9)
+    (array([ 30., 150.,  nan]), array([150.,  30.,  nan]))
+    >>> [spatial.PairStatus(s).name for s in pair.status[:3]]
+    ['REGULAR', 'REGULAR', 'NONE']
     """
+    if method not in ("fast", "sylvester", "bezout"):
+        raise ValueError(f"method is {method!r}; expected 'fast', 'sylvester' or 'bezout'")
     given = _coefficients(M, "M")
     flat = given.reshape(-1, 2, 3, 3)
-    size = np.abs(flat).max(axis=(-2, -1))
-    valid = np.isfinite(size).all(axis=-1)
-    _, exponent = np.frexp(np.where(valid[:, None], size, 1.0))
-    with np.errstate(all="ignore"):
-        scaled = np.ldexp(flat, -exponent[..., None, None])
+    one, two, loss = kernels.pair_prepared(flat[:, 0], flat[:, 1])
     angles = np.full((len(flat), SLOTS, 2), np.nan)
     status = np.full((len(flat), SLOTS), PairStatus.INVALID, np.int8)
-    rows = np.flatnonzero(valid)
-    if len(rows):
-        angles[rows], status[rows] = _stable(scaled[rows], method)
+    valid = np.isfinite(one[:, 0, 0])
+    left = np.flatnonzero(valid)
+    if method == "fast":
+        for exchanged in (False, True):
+            if len(left):
+                left = _fast(one, two, loss, left, exchanged, angles, status)
+    if len(left):
+        prepared = np.stack([one[left], two[left]], axis=1)
+        angles[left], status[left] = _by_eigenvalues(prepared, loss[left], method)
     shape = (*given.shape[:-3], SLOTS)
     return Pair(angles[..., 0].reshape(shape), angles[..., 1].reshape(shape), status.reshape(shape))
 
@@ -114,133 +143,39 @@ def _coefficients(M: ArrayLike, name: str) -> Any:
     return given.astype(float)
 
 
-def _stable(M: Any, method: str) -> tuple[Any, Any]:
-    """Solve scaled equations (n, 2, 3, 3) by eigenvalues: angles (n, 8, 2), statuses (n, 8)."""
-    first, distance = starts(M, method)
-    angles, status = _collected(M, first)
-    common = distance <= COMMON
-    flawed = ~common & ~_consistent(M, angles, status)
-    if flawed.any():
-        rows = np.flatnonzero(flawed)
-        other, _ = starts(M[rows].swapaxes(-1, -2), method)
-        more = np.concatenate([first[rows], other[..., ::-1], _grid(len(rows))], axis=1)
-        angles[rows], status[rows] = _collected(M[rows], more)
-        still = rows[~_consistent(M[rows], angles[rows], status[rows])]
+def _fast(one: Any, two: Any, loss: Any, rows: Any, exchanged: bool, angles: Any, status: Any) -> Any:
+    """Fill in what is certain of `rows`; return the others."""
+    a, b = one[rows], two[rows]
+    if exchanged:
+        a, b = a.swapaxes(-1, -2), b.swapaxes(-1, -2)
+    found, certain = certain_solutions(a, b, loss[rows])
+    if exchanged:
+        found = found[..., ::-1]
+        order = np.argsort(found[..., 0], axis=-1, kind="stable")
+        found = np.take_along_axis(found, order[..., None], axis=1)
+    done = rows[certain]
+    angles[done] = found[certain]
+    status[done] = np.where(np.isnan(found[certain, :, 0]), PairStatus.NONE, PairStatus.REGULAR)
+    return rows[~certain]
+
+
+def _by_eigenvalues(M: Any, loss: Any, method: str) -> tuple[Any, Any]:
+    """Solve prepared equations (n, 2, 3, 3): angles (n, 8, 2), statuses (n, 8)."""
+    pencil = "bezout" if method == "bezout" else "sylvester"
+    first, distance = starts(M, pencil)
+    common = (distance <= COMMON) | (loss >= DEPENDENT)
+    trusted = np.where(common, 1.0, loss)
+    angles, status = collected(M, trusted, np.where(common[:, None, None], np.nan, first))
+    flawed = np.flatnonzero(~common & ~consistent(M, angles, status))
+    if len(flawed):
+        other, _ = starts(M[flawed].swapaxes(-1, -2), pencil)
+        more = np.concatenate([first[flawed], other[..., ::-1], grid(len(flawed))], axis=1)
+        angles[flawed], status[flawed] = collected(M[flawed], trusted[flawed], more)
+        still = flawed[~consistent(M[flawed], angles[flawed], status[flawed])]
         status[still] = np.where(status[still] == PairStatus.NONE, PairStatus.INCOMPLETE, status[still])
     for row in np.flatnonzero(common):
-        angles[row], status[row] = _with_common_factor(M[row])
+        # what is left of a dependent equation is rounding, and an equation that is zero says nothing
+        other = M[row, ::-1] if not M[row, 0].any() else M[row]
+        given = np.stack([other[0], other[0]]) if loss[row] >= DEPENDENT else M[row]
+        angles[row], status[row] = with_common_factor(given)
     return angles, status
-
-
-def _grid(n: int, side: int = 12) -> Any:
-    """Return angle pairs (n, side², 2) all over."""
-    line = 2 * np.pi * (np.arange(side) + 0.3) / side - np.pi
-    pairs = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
-    return np.broadcast_to(pairs, (n, *pairs.shape))
-
-
-def _polished(M: Any, pairs: Any) -> tuple[Any, Any, Any, Any]:
-    """Bring starts (n, m, 2) to solutions: angles, residual, condition and sign of the determinant, each (n, m)."""
-    n, m, _ = pairs.shape
-    repeated = np.repeat(M, m, axis=0)
-    angles = newton(repeated, pairs.reshape(-1, 2))
-    residual, condition, sign = quality(repeated, angles)
-    shape = n, m
-    return angles.reshape(n, m, 2), residual.reshape(shape), condition.reshape(shape), sign.reshape(shape)
-
-
-def _collected(M: Any, pairs: Any) -> tuple[Any, Any]:
-    """Take each solution that starts (n, m, 2) lead to once."""
-    n = len(M)
-    angles, residual, condition, _ = _polished(M, pairs)
-    with np.errstate(invalid="ignore"):
-        there = residual <= ROUNDING
-        regular = there & (condition <= REGULAR)
-    meeting = there & ~regular
-    # a family of solutions at one angle: the other is free
-    u, v = basis(np.nan_to_num(angles[..., 0])), basis(np.nan_to_num(angles[..., 1]))
-    size = np.abs(M).sum(axis=(-2, -1))
-    row = np.abs(np.einsum("neij,nmi->nmej", M, u)).sum(axis=-1) / size[:, None]
-    column = np.abs(np.einsum("neij,nmj->nmei", M, v)).sum(axis=-1) / size[:, None]
-    free = meeting & ((row <= ROUNDING * 4).all(axis=-1) | (column <= ROUNDING * 4).all(axis=-1))
-    kind = np.select(
-        [regular, free, meeting],
-        [PairStatus.REGULAR, PairStatus.COMMON_FACTOR, PairStatus.DOUBLE],
-        PairStatus.NONE,
-    )
-    order = np.argsort(np.where(there, np.where(regular, 0.0, 1.0) + residual, 9.0), axis=-1, kind="stable")
-    angles = np.take_along_axis(angles, order[..., None], axis=1)
-    kind, condition = np.take_along_axis(kind, order, axis=1), np.take_along_axis(condition, order, axis=1)
-    found = np.full((n, SLOTS, 2), np.nan)
-    found_kind = np.full((n, SLOTS), PairStatus.NONE, np.int8)
-    found_condition = np.full((n, SLOTS), np.nan)
-    count = np.zeros(n, int)
-    for k in range(angles.shape[1]):
-        rows = np.flatnonzero(kind[:, k] != PairStatus.NONE)
-        if not len(rows):
-            continue
-        candidate, its_kind = angles[rows, k], kind[rows, k]
-        same = np.zeros(len(rows), bool)
-        for slot in range(SLOTS):
-            distance = apart(candidate, found[rows, slot])
-            with np.errstate(invalid="ignore"):
-                both = (its_kind == PairStatus.REGULAR) & (found_kind[rows, slot] == PairStatus.REGULAR)
-                radius = np.where(both, 0.25 / found_condition[rows, slot], NEAR)
-                close = distance <= radius
-                stretch = ~close & ~both & (distance <= STRETCH)
-                family = (its_kind == PairStatus.COMMON_FACTOR) & (
-                    found_kind[rows, slot] == PairStatus.COMMON_FACTOR
-                )
-            if stretch.any():
-                some = np.flatnonzero(stretch)
-                half = (
-                    found[rows[some], slot]
-                    + (np.remainder(candidate[some] - found[rows[some], slot] + np.pi, 2 * np.pi) - np.pi) / 2
-                )
-                between, _, _ = quality(M[rows[some]], half)
-                close[some] |= between <= 2 * ROUNDING
-            same |= close | family
-        new = ~same & (count[rows] < SLOTS)
-        put = rows[new]
-        found[put, count[put]], found_kind[put, count[put]] = candidate[new], its_kind[new]
-        found_condition[put, count[put]] = condition[put, k]
-        count[put] += 1
-    order = np.lexsort((found[..., 1], found[..., 0]), axis=-1)
-    return np.take_along_axis(found, order[..., None], axis=1), np.take_along_axis(found_kind, order, axis=1)
-
-
-def _consistent(M: Any, angles: Any, status: Any) -> Any:
-    """Tell whether the signs of the determinants balance, as far as solutions stand alone."""
-    n = len(M)
-    repeated = np.repeat(M, SLOTS, axis=0)
-    _, _, sign = quality(repeated, angles.reshape(-1, 2))
-    signed = np.where(status == PairStatus.REGULAR, sign.reshape(n, SLOTS), 0.0).sum(axis=-1)
-    loose = (status == PairStatus.DOUBLE).sum(axis=-1) + 8 * (status == PairStatus.COMMON_FACTOR).any(axis=-1)
-    return np.abs(signed) <= loose
-
-
-def _with_common_factor(M: Any) -> tuple[Any, Any]:
-    """Solve one pair with a common factor: what stands alone, and a representative of the family."""
-    lines = np.linspace(-np.pi, np.pi, 24, endpoint=False) + 0.05
-    rows = np.einsum("eij,ki->kej", M, basis(lines))
-    columns = np.einsum("eij,kj->kei", M, basis(lines))
-    pairs = [np.stack([lines, second], axis=-1) for second in seconds(rows)]
-    pairs += [np.stack([first, lines], axis=-1) for first in seconds(columns)]
-    every = np.concatenate([*pairs, _grid(1)[0]])
-    angles, residual, condition, _ = (x[0] for x in _polished(M[None], every[None]))
-    with np.errstate(invalid="ignore"):
-        there = residual <= ROUNDING
-        alone = there & (condition <= REGULAR)
-    found: list[tuple[Any, PairStatus]] = []
-    for k in np.flatnonzero(alone):
-        if all(apart(angles[k], other) > 1 / REGULAR for other, _ in found):
-            found.append((angles[k], PairStatus.REGULAR))
-    family = np.flatnonzero(there & ~alone)
-    if len(family):
-        found.append((angles[family[residual[family].argmin()]], PairStatus.COMMON_FACTOR))
-    found = sorted(found[-SLOTS:], key=lambda one: (one[0][0], one[0][1]))
-    slots = np.full((SLOTS, 2), np.nan)
-    status = np.full(SLOTS, PairStatus.NONE, np.int8)
-    for slot, (pair, kind) in enumerate(found):
-        slots[slot], status[slot] = pair, kind
-    return slots, status

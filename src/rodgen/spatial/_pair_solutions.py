@@ -1,13 +1,13 @@
-"""From rough angles to solutions of a pair of equations that are proved to be there, each once.
+"""From rough angles to solutions of two equations in two angles that are proved to be there, each once.
 
-Problem: the equations are f_e(θ1, θ2) = Σ M_e,ij u_i v_j = 0 with u = (1, cos θ1, sin θ1) and v = (1, cos θ2, sin θ2).
-Newton's method brings a start to a point where both are rounding. What that is says Kantorovich's theorem: with S_e the
-sum of all |M_e,ij|, κ the larger component of |J⁻¹| S and η that of J⁻¹ f, there is exactly one solution within 1/(4κ)
-of the point where 8 κ η <= 1, because every second derivative of f_e is less than S_e. Two points nearer than that are
-the same solution, and two solutions that are not told apart so, since κ is large, meet to rounding.
+Problem: Newton's method brings a start to a point where both equations are rounding. What that is says Kantorovich's
+theorem: with S_e the sum of the sizes of the coefficients of equation e, κ the larger component of |J⁻¹| S and η that
+of J⁻¹ f, there is exactly one solution within 1/(4κ) of the point where 8 κ η <= 1. So two points that are nearer to
+each other are the same solution; and where κ is too large for that, solutions meet to rounding.
 
-There is an independent test. The two equations map the torus of all angle pairs to a plane; that has no boundary, so
-each value that no singular point has is taken as often with one sign of det J as with the other, zero included.
+There is an independent test. The two equations map the torus of all angle pairs to a plane; a torus has no boundary, so
+each value that no singular point has is taken as often with one sign of det J as with the other, zero included. And
+the octic changes its sign with θ1 only where a solution is.
 """
 
 from __future__ import annotations
@@ -16,16 +16,29 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["apart", "basis", "newton", "quality", "wrapped"]
+from rodgen._kernels import kernels
+from rodgen.spatial._pair_status import SLOTS, PairStatus
+
+__all__ = ["ROUNDING", "apart", "basis", "collected", "consistent", "polished", "regular_below", "wrapped"]
 
 EPS = float(np.finfo(float).eps)
 ROUNDING = 16 * EPS
-"""Of an equation, over the sum of the magnitudes of its coefficients: some ten roundings in a product of three factors,
-and a rounding of each angle."""
-STEPS = 60
-"""A regular solution takes four to eight; where two meet the distance only halves, and 27 halvings bring a rough start
-to where rounding hides the rest."""
-LARGEST_STEP = 0.5
+"""Of an equation, over the sum of the sizes of its coefficients: some ten roundings in a product of three factors, and
+a rounding of each angle."""
+CALLS = 30
+"""Calls of the polishing kernel, two steps each. A regular solution takes two to four; where two meet the distance only
+halves in a step, and 27 halvings bring a rough start to where rounding hides the rest."""
+NEAR = 1e-6
+"""Solutions that meet and are not farther apart are one: rounding moves them by 1e-8 to 1e-7."""
+STRETCH = 1e-2
+"""As far as this they are one if half way between them the equations hold as well: three solutions meet, or nearly."""
+SAMPLES = 60
+"""Points at which the sign of the octic is looked at."""
+
+
+def regular_below(loss: Any) -> Any:
+    """Return the condition number κ up to which Kantorovich's theorem holds with rounding alone."""
+    return 1 / np.sqrt(8 * ROUNDING * loss)
 
 
 def basis(theta: Any) -> Any:
@@ -34,9 +47,9 @@ def basis(theta: Any) -> Any:
 
 
 def wrapped(theta: Any) -> Any:
-    """Bring angles that are less than a turn beyond (-π, π] into it."""
-    theta = np.where(theta > np.pi, theta - 2 * np.pi, theta)
-    return np.where(theta <= -np.pi, theta + 2 * np.pi, theta)
+    """Bring angles into (-π, π]."""
+    theta = np.remainder(theta, 2 * np.pi)
+    return np.where(theta > np.pi, theta - 2 * np.pi, theta)
 
 
 def apart(one: Any, other: Any) -> Any:
@@ -44,65 +57,120 @@ def apart(one: Any, other: Any) -> Any:
     return np.abs(np.remainder(one - other + np.pi, 2 * np.pi) - np.pi).max(axis=-1)
 
 
-def equations(M: Any, angles: Any) -> tuple[Any, Any]:
-    """Values (n, 2) and derivatives (n, 2, 2) at angles (n, 2), for M (n, 2, 3, 3)."""
-    u, v = basis(angles[:, 0]), basis(angles[:, 1])
-    row = np.einsum("neij,ni->nej", M, u)
-    column = np.einsum("neij,nj->nei", M, v)
-    value = (row * v[:, None]).sum(axis=-1)
-    by_first = column[..., 2] * u[:, None, 1] - column[..., 1] * u[:, None, 2]
-    by_second = row[..., 2] * v[:, None, 1] - row[..., 1] * v[:, None, 2]
-    return value, np.stack([by_first, by_second], axis=-1)
+def polished(M: Any, angles: Any) -> tuple[Any, Any, Any, Any]:
+    """Bring starts (n, m, 2) to where the equations M (n, 2, 3, 3) hold.
 
-
-def newton(M: Any, angles: Any) -> Any:
-    """Bring angles (n, 2) to where the equations are least; M (n, 2, 3, 3) with equations of size 1."""
-    angles = angles.copy()
-    best = np.full(len(angles), np.inf)
-    active = np.flatnonzero(np.isfinite(angles).all(axis=-1))
-    now = angles[active]
-    for _ in range(STEPS):
+    Returns
+    -------
+    angles (n, m, 2), residual over S, condition number κ, determinant, each (n, m)
+    """
+    n, m, _ = angles.shape
+    now = angles.reshape(-1, 2).copy()
+    results = [np.full(n * m, np.nan) for _ in range(3)]
+    active = np.flatnonzero(np.isfinite(now).all(axis=-1))
+    before = np.full(len(active), np.inf)
+    for _ in range(CALLS):
         if not len(active):
             break
-        value, J = equations(M[active], now)
-        size = np.abs(value).max(axis=-1)
-        better = size < best[active]
-        angles[active[better]], best[active[better]] = now[better], size[better]
-        # least squares with a trace of damping, so that a singular derivative gives a finite step
-        normal = np.einsum("nki,nkj->nij", J, J)
-        trace = normal[:, 0, 0] + normal[:, 1, 1]
-        damped = normal + (64 * EPS**2 * trace + 1e-300)[:, None, None] * np.eye(2)
-        right = np.einsum("nki,nk->ni", J, value)
-        det = damped[:, 0, 0] * damped[:, 1, 1] - damped[:, 0, 1] ** 2
-        direct = J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0]
-        regular = np.abs(direct) > 1e-6 * trace
-        with np.errstate(all="ignore"):
-            plain = np.stack([
-                J[:, 1, 1] * value[:, 0] - J[:, 0, 1] * value[:, 1],
-                J[:, 0, 0] * value[:, 1] - J[:, 1, 0] * value[:, 0],
-            ], axis=-1) / direct[:, None]  # fmt: skip
-            fitted = np.stack([
-                damped[:, 1, 1] * right[:, 0] - damped[:, 0, 1] * right[:, 1],
-                damped[:, 0, 0] * right[:, 1] - damped[:, 0, 1] * right[:, 0],
-            ], axis=-1) / det[:, None]  # fmt: skip
-            step = np.where(regular[:, None], plain, fitted)
-            step = np.where(np.isfinite(step), step, 0.0)
-            length = np.abs(step).max(axis=-1)
-            step = step * np.where(length > LARGEST_STEP, LARGEST_STEP / length, 1.0)[:, None]
-        going = (length > EPS) & (better | (length > 1e-7))
-        now = (now - step)[going]
-        active = active[going]
-    return np.where(np.isfinite(best)[:, None], wrapped(np.remainder(angles, 2 * np.pi)), np.nan)
+        of = active // m
+        moved, *found = kernels.pair_polish(M[of, 0], M[of, 1], now[active])
+        better = found[0] < before
+        rows = active[better]
+        now[rows] = moved[better]
+        for result, value in zip(results, found, strict=True):
+            result[rows] = value[better]
+        # done, or stuck: no better, which is rounding, or the least that the equations have near here
+        going = better & (found[0] > EPS / 4)
+        active, before = active[going], found[0][going]
+    residual, condition, determinant = (result.reshape(n, m) for result in results)
+    return wrapped(now).reshape(n, m, 2), residual, condition, determinant
 
 
-def quality(M: Any, angles: Any) -> tuple[Any, Any, Any]:
-    """Tell of angles (n, 2): residual over size, condition number κ, and the sign of the determinant."""
-    value, J = equations(M, angles)
+def collected(M: Any, loss: Any, starts: Any) -> tuple[Any, Any]:
+    """Take each solution that starts (n, m, 2) lead to once: angles (n, 8, 2), in order, and statuses (n, 8)."""
+    n = len(M)
+    angles, residual, condition, _ = polished(M, starts)
+    limit = ROUNDING * loss
+    with np.errstate(invalid="ignore"):
+        there = residual <= limit[:, None]
+        regular = there & (condition <= regular_below(loss)[:, None])
+    free = there & ~regular & _free(M, angles, limit)
+    kind = np.select(
+        [regular, free, there],
+        [PairStatus.REGULAR, PairStatus.COMMON_FACTOR, PairStatus.DOUBLE],
+        PairStatus.NONE,
+    )
+    # what is best first stands for those it is the same as
+    order = np.argsort(np.where(there, kind + residual, 9.0), axis=-1, kind="stable")
+    angles = np.take_along_axis(angles, order[..., None], axis=1)
+    kind, condition = np.take_along_axis(kind, order, axis=1), np.take_along_axis(condition, order, axis=1)
+    found = np.full((n, SLOTS, 2), np.nan)
+    status, known = np.full((n, SLOTS), PairStatus.NONE, np.int8), np.full((n, SLOTS), np.nan)
+    count = np.zeros(n, int)
+    width = int(there.sum(axis=-1).max(initial=0))
+    for k in range(width):
+        rows = np.flatnonzero((kind[:, k] != PairStatus.NONE) & (count < SLOTS))
+        same = _known(
+            M[rows], limit[rows], angles[rows, k], kind[rows, k], found[rows], status[rows], known[rows]
+        )
+        rows = rows[~same]
+        place = rows, count[rows]
+        found[place], status[place], known[place] = angles[rows, k], kind[rows, k], condition[rows, k]
+        count[rows] += 1
+    order = np.lexsort((found[..., 1], found[..., 0]), axis=-1)
+    return np.take_along_axis(found, order[..., None], axis=1), np.take_along_axis(status, order, axis=1)
+
+
+def _free(M: Any, angles: Any, limit: Any) -> Any:
+    """Tell where one angle alone makes both equations hold, whatever the other."""
+    u, v = (basis(np.nan_to_num(angles[..., k])) for k in (0, 1))
     size = np.abs(M).sum(axis=(-2, -1))
-    det = J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0]
-    with np.errstate(all="ignore"):
-        first = np.abs(J[:, 1, 1]) * size[:, 0] + np.abs(J[:, 0, 1]) * size[:, 1]
-        second = np.abs(J[:, 1, 0]) * size[:, 0] + np.abs(J[:, 0, 0]) * size[:, 1]
-        condition = np.maximum(first, second) / np.abs(det)
-        residual = (np.abs(value) / size).max(axis=-1)
-    return residual, np.where(det == 0, np.inf, condition), np.sign(det)
+    row = np.abs(np.einsum("neij,nmi->nmej", M, u)).sum(axis=-1) / size[:, None]
+    column = np.abs(np.einsum("neij,nmj->nmei", M, v)).sum(axis=-1) / size[:, None]
+    bound = 4 * limit[:, None, None]
+    return (row <= bound).all(axis=-1) | (column <= bound).all(axis=-1)
+
+
+def _known(M: Any, limit: Any, angles: Any, kind: Any, found: Any, status: Any, condition: Any) -> Any:
+    """Tell which candidates (n, 2) are among those found (n, 8, 2)."""
+    distance = apart(angles[:, None], found)
+    with np.errstate(invalid="ignore"):
+        both = (kind == PairStatus.REGULAR)[:, None] & (status == PairStatus.REGULAR)
+        same = distance <= np.where(both, 0.25 / condition, NEAR)
+        family = (kind == PairStatus.COMMON_FACTOR)[:, None] & (status == PairStatus.COMMON_FACTOR)
+        rows, slots = np.nonzero(~same & ~both & (distance <= STRETCH))
+    if len(rows):
+        turn = np.remainder(angles[rows] - found[rows, slots] + np.pi, 2 * np.pi) - np.pi
+        half_way = found[rows, slots] + turn / 2
+        u, v = basis(half_way[:, 0]), basis(half_way[:, 1])
+        missed = np.abs(np.einsum("neij,ni,nj->ne", M[rows], u, v)) / np.abs(M[rows]).sum(axis=(-2, -1))
+        same[rows, slots] = missed.max(axis=-1) <= 2 * limit[rows]
+    return (same | family).any(axis=-1)
+
+
+def consistent(M: Any, angles: Any, status: Any) -> Any:
+    """Tell where the signs of the determinants balance, and the octic changes its sign at solutions only."""
+    n = len(M)
+    flat = np.nan_to_num(angles).reshape(-1, 2)
+    of = np.repeat(np.arange(n), SLOTS)
+    _, _, _, determinant = kernels.pair_polish(M[of, 0], M[of, 1], flat)
+    alone = status == PairStatus.REGULAR
+    meeting = (status == PairStatus.DOUBLE).sum(axis=-1)
+    family = (status == PairStatus.COMMON_FACTOR).any(axis=-1)
+    balance = np.where(alone, np.sign(determinant).reshape(n, SLOTS), 0.0).sum(axis=-1)
+    good = np.abs(balance) <= meeting
+    # between solutions, that is at samples and half way between neighbours, the sign changes with the count
+    first = np.where(alone, angles[..., 0], np.pi)
+    first = np.sort(first, axis=-1)
+    neighbours = (first[:, 1:] + first[:, :-1]) / 2
+    samples = np.broadcast_to(np.linspace(-np.pi, np.pi, SAMPLES, endpoint=False) + 0.01, (n, SAMPLES))
+    at = np.concatenate([samples, neighbours], axis=1)
+    rows = np.einsum("neij,nki->nkej", M, basis(at))
+    normal = np.cross(rows[:, :, 0], rows[:, :, 1])
+    octic = (normal[..., 1] - normal[..., 0]) * (normal[..., 1] + normal[..., 0]) + normal[..., 2] ** 2
+    size = np.square(np.linalg.norm(rows, axis=-1).prod(axis=-1))
+    passed = ((angles[..., 0][:, None] < at[..., None]) & alone[:, None]).sum(axis=-1)
+    turned = np.where(passed % 2, -1.0, 1.0) * octic
+    clear = np.abs(octic) > 1e-10 * size
+    up, down = (clear & (turned > 0)).any(axis=-1), (clear & (turned < 0)).any(axis=-1)
+    return (good & ~(up & down) | (meeting > 0) & good) | family
