@@ -14,6 +14,7 @@ from functools import cache
 import mpmath
 import numpy as np
 from chi_inputs import chi_inputs
+from link_inputs import link_inputs
 from scipy.spatial.transform import Rotation
 from sps_inputs import sps_inputs
 from tricept_cases import inputs as tricept_inputs
@@ -30,6 +31,7 @@ from rodgen.derivation import (
     machine_model,
     rodrigues,
     rotations,
+    spatial_links,
     three_sps_s,
     tricept,
     tricept_uncertainty,
@@ -42,15 +44,29 @@ CHI = (
     instantaneous_euler_motion,
     instantaneous_euler_ridges,
 )
+SPATIAL = {spatial_links: link_inputs}
+"""Derivations of spatial mechanisms, each with the function that gives a kernel's inputs by its name."""
 MODULES = {
     d.name: d
     for d in (
         m.derivation
-        for m in (axis, *CHI, machine_model, rodrigues, rotations, three_sps_s, tricept, tricept_uncertainty)
+        for m in (
+            axis,
+            *CHI,
+            machine_model,
+            rodrigues,
+            rotations,
+            *SPATIAL,
+            three_sps_s,
+            tricept,
+            tricept_uncertainty,
+        )
     )
 }
 KERNELS: dict[str, Kernel] = {k.name: k for d in MODULES.values() for k in d.kernels.values()}
 MODULE_OF = {name: module for module, d in MODULES.items() for name in d.kernels}
+
+SPATIAL_INPUTS = {name: inputs for m, inputs in SPATIAL.items() for name in m.derivation.kernels}
 
 UNITS = 16
 """Rounding units in each input that a result may be off by. The longest chain of dependent roundings in a kernel is
@@ -142,7 +158,9 @@ def inputs_of(kernel: Kernel) -> dict[str, np.ndarray]:
     """Arrays (n, ...) for every input."""
     names = {p.name for p in kernel.inputs}
     rng = np.random.default_rng(3)
-    if kernel.name.startswith("chi_"):
+    if kernel.name in SPATIAL_INPUTS:
+        values = SPATIAL_INPUTS[kernel.name](kernel.name)
+    elif kernel.name.startswith("chi_"):
         values = chi_inputs(names)
     elif kernel.name.startswith("sps_"):
         values = sps_inputs(kernel.name)

@@ -1,0 +1,352 @@
+"""Mechanisms from and to other conventions: Denavit-Hartenberg of both kinds, products of exponentials, machines.
+
+Each convention is evaluated here as its books write it, with plain matrices and `scipy.linalg.expm`; machines by the
+kernels of their own models. Lengths are about 1, so that a pose is right to some 1e-14; a link between axes that are
+nearly parallel has its feet at a distance of about 1 over the sine, which is allowed for where it occurs.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.spatial.transform import Rotation
+
+from rodgen import Machine, Measurements, spatial
+from rodgen.errors import RodgenError
+from rodgen.machines.machine import Joint, Measured, Target
+from rodgen.spatial import Mechanism, Placement
+
+
+def rx(angle):
+    return spatial.transform(Rotation.from_euler("x", angle).as_matrix())
+
+
+def rz(angle):
+    return spatial.transform(Rotation.from_euler("z", angle).as_matrix())
+
+
+def shift(x=0.0, z=0.0):
+    return spatial.transform(origin=[x, 0.0, z])
+
+
+def random_frame(rng):
+    return spatial.transform(
+        Rotation.random(random_state=int(rng.integers(2**31))).as_matrix(), rng.normal(size=3)
+    )
+
+
+def twisted(xi):
+    found = np.zeros((4, 4))
+    (found[2, 1], found[0, 2], found[1, 0]), found[:3, 3] = xi[:3], xi[3:]
+    found[:3, :3] -= found[:3, :3].T
+    return found
+
+
+def product(screws, home, q):
+    """exp(q1 [xi1]) ... exp(qn [xin]) M."""
+    found = np.eye(4)
+    for xi, value in zip(screws, q, strict=True):
+        found = found @ expm(value * twisted(np.asarray(xi, float)))
+    return found @ home
+
+
+def random_screws(rng, count):
+    """Axes of every kind of neighbours: skew, parallel, opposite, meeting, coincident, and sliding."""
+    screws, direction, point = [], None, None
+    for _ in range(count):
+        relation = (
+            rng.choice(["skew", "parallel", "opposite", "meet", "same", "right angle"]) if screws else "skew"
+        )
+        turned = Rotation.random(random_state=int(rng.integers(2**31))).apply([0, 0, 1])
+        place = rng.normal(size=3)
+        if relation in ("parallel", "opposite", "same"):
+            turned = direction * (-1 if relation == "opposite" else rng.choice([-1, 1]))
+        if relation == "right angle":
+            turned = np.cross(direction, turned) / np.linalg.norm(np.cross(direction, turned))
+        if relation in ("meet", "same", "right angle"):
+            place = point + rng.normal() * direction
+        direction, point = turned, place
+        kind = rng.choice(["R", "P", "H"], p=[0.7, 0.2, 0.1])
+        moment = np.cross(point, direction) + (0.4 * direction if kind == "H" else 0)
+        screws.append(np.concatenate([direction, moment] if kind != "P" else [np.zeros(3), direction]))
+    return np.array(screws)
+
+
+# products of exponentials --------------------------------------------------------------------------------------------
+
+
+def test_random_products_of_exponentials_have_the_same_poses_as_their_links():
+    rng = np.random.default_rng(1)
+    worst = 0.0
+    for _ in range(150):
+        screws, home = random_screws(rng, int(rng.integers(1, 8))), random_frame(rng)
+        robot = spatial.from_product_of_exponentials(screws, home)
+        q = rng.uniform(-3, 3, size=len(screws))
+        # the feet may be as far away as the least sine between two neighbours is small
+        sines = [np.linalg.norm(np.cross(u[:3], w[:3])) for u, w in pairwise(screws)]
+        reach = 1 / min([s for s in sines if s > 1e-8], default=1.0)
+        off = np.abs(robot.forward(q) - product(screws, home, q)).max()
+        worst = max(worst, off / reach)
+        again = spatial.to_product_of_exponentials(robot)
+        np.testing.assert_allclose(again.screws, screws, atol=1e-13 * reach)
+        np.testing.assert_allclose(again.home, home, atol=1e-13)
+    assert worst <= 2e-13
+
+
+@pytest.mark.parametrize(
+    ("other", "a", "alpha", "offset"),
+    [
+        ([0, 0, 1, 0, -2, 0], 2.0, 0.0, 0.0),  # parallel
+        ([0, 0, -1, 0, 2, 0], 2.0, np.pi, 0.0),  # opposite
+        ([0, 0, 1, 0, 0, 0], 0.0, 0.0, 0.0),  # one line
+        ([1, 0, 0, 0, 5, 0], 0.0, np.pi / 2, 5.0),  # meet at z = 5
+        (
+            [1, 0, 0, 0, 5, 3],
+            3.0,
+            -np.pi / 2,
+            5.0,
+        ),  # skew, 3 apart in y: from z to x about y, whose sense a has
+    ],
+    ids=["parallel", "opposite", "coincident", "meeting", "skew"],
+)
+def test_relations_of_two_axes_are_told_apart(other, a, alpha, offset):
+    """By hand: the first axis is z; the base frame tells how high on it the link stands."""
+    robot = spatial.from_product_of_exponentials([[0, 0, 1, 0, 0, 0], other])
+    mechanism = robot.mechanism
+    assert mechanism.a[0] == pytest.approx(a, abs=1e-15)
+    assert abs(mechanism.alpha[0]) == pytest.approx(abs(alpha), abs=1e-15)
+    assert robot.base[2, 3] == pytest.approx(offset)
+    if a == 0:
+        assert mechanism.a[0] == 0
+
+
+def test_three_parallel_axes_and_a_shift_keep_exact_zeros():
+    """A SCARA arm: R, R, R parallel and a P along them; every twist is 0, and S_j of the turning joints is 0."""
+    arm = spatial.from_product_of_exponentials(
+        [[0, 0, 1, 0, 0, 0], [0, 0, 1, 0, -0.3, 0], [0, 0, 1, 0, -0.5, 0], [0, 0, 0, 0, 0, 1]],
+        spatial.transform(origin=[0.5, 0, 0.2]),
+    )
+    mechanism = arm.mechanism
+    assert mechanism.joints == ("R", "R", "R", "P")
+    np.testing.assert_allclose(mechanism.a, [0.3, 0.2, 0], atol=1e-16)
+    assert mechanism.alpha.tolist() == [0, 0, 0]
+    assert mechanism.offset[:3].tolist() == [0, 0, 0]
+
+
+def test_a_pitch_makes_a_screw_and_rounding_does_not():
+    slanted = np.array([1.0, 2.0, 3.0]) / np.sqrt(14)
+    place = np.array([1e3, -2e3, 5e2])
+    robot = spatial.from_product_of_exponentials(
+        [[*slanted, *np.cross(place, slanted)], [*slanted, *(np.cross(place, slanted) + 2.5 * slanted)]]
+    )
+    assert robot.mechanism.joints == ("R", "H")
+    assert robot.mechanism.pitch[1] == pytest.approx(2.5)
+
+
+def test_axes_that_are_all_but_parallel_lose_what_the_convention_must():
+    """Feet are known to rounding over the sine: half of the digits are left at the tolerance, 1e-8."""
+    for sine in (1e-3, 1e-5, 1e-7, 0.9e-8):
+        tilted = [np.sin(np.arcsin(sine)), 0, np.sqrt(1 - sine**2)]
+        screws = [[0, 0, 1, 0, 0, 0], [*tilted, *np.cross([0.3, 0.5, 0], tilted)]]
+        robot = spatial.from_product_of_exponentials(screws)
+        off = np.abs(robot.forward([0.4, 1.1]) - product(screws, np.eye(4), [0.4, 1.1])).max()
+        assert off <= (100 * np.finfo(float).eps / sine if sine > 1e-8 else 4 * sine)
+
+
+def test_a_screw_of_another_length_is_told():
+    with pytest.raises(RodgenError, match="screw 2 has an axis of the length 2"):
+        spatial.from_product_of_exponentials([[0, 0, 1, 0, 0, 0], [0, 0, 2, 0, 0, 0]])
+    with pytest.raises(RodgenError, match=r"shape \(6,\)"):
+        spatial.from_product_of_exponentials([0, 0, 1, 0, 0, 0])
+
+
+# Denavit and Hartenberg ----------------------------------------------------------------------------------------------
+
+
+def random_table(rng, kinds):
+    n = len(kinds)
+    zeros = rng.integers(0, 2, size=(4, n))
+    a, d, theta = (rng.normal(size=n) * z for z in zeros[:3])
+    alpha = np.where(zeros[3], rng.choice([0, np.pi / 2, -np.pi / 2, np.pi], n), rng.normal(size=n))
+    pitch = np.array([0.3 if kind == "H" else 0.0 for kind in kinds])
+    return a, alpha, d, theta, pitch
+
+
+def rows(kinds, d, theta, pitch, q):
+    """Offsets and angles of the rows for coordinates q."""
+    values = iter(q)
+    for j, kind in enumerate(kinds):
+        angle, offset = theta[j], d[j]
+        if kind in "RCH":
+            turn = next(values)
+            angle, offset = angle + turn, offset + pitch[j] * turn
+        if kind in "PC":
+            offset = offset + next(values)
+        yield offset, angle
+
+
+@pytest.mark.parametrize("kinds", ["RRRRRR", "RRPRRR", "PPPRRR", "RCH", "C", "RHPC"])
+@pytest.mark.parametrize("modified", [False, True], ids=["standard", "modified"])
+def test_denavit_hartenberg_tables_make_the_same_poses_and_come_back(kinds, modified):
+    rng = np.random.default_rng(2)
+    make = spatial.from_modified_denavit_hartenberg if modified else spatial.from_denavit_hartenberg
+    write = spatial.to_modified_denavit_hartenberg if modified else spatial.to_denavit_hartenberg
+    for trial in range(6):
+        a, alpha, d, theta, pitch = random_table(rng, kinds)
+        base, end = (random_frame(rng), random_frame(rng)) if trial % 2 else (None, None)
+        robot = make(kinds, a, alpha, d, theta, pitch, base=base, end=end)
+        q = rng.uniform(-3, 3, size=len(robot.mechanism.variables))
+        expected = np.eye(4) if base is None else base
+        for j, (offset, angle) in enumerate(rows(kinds, d, theta, pitch, q)):
+            link, joint = shift(x=a[j]) @ rx(alpha[j]), shift(z=offset) @ rz(angle)
+            expected = expected @ (link @ joint if modified else joint @ link)
+        expected = expected if end is None else expected @ end
+        np.testing.assert_allclose(robot.forward(q), expected, atol=1e-13)
+
+        table = write(robot)
+        again = make(table.joints, *table[1:6], base=table.base, end=table.end)
+        assert again.mechanism == robot.mechanism
+        np.testing.assert_allclose(again.forward(q), expected, atol=1e-13)
+        if base is None:  # nothing beside the rows: the table itself comes back
+            np.testing.assert_array_equal(table.a, a)
+            np.testing.assert_allclose(np.exp(1j * table.alpha), np.exp(1j * alpha), atol=1e-15)
+            np.testing.assert_allclose(table.offset, d, atol=1e-15)
+            np.testing.assert_array_equal(table.angle, theta)
+            np.testing.assert_array_equal(table.base, np.eye(4))
+            np.testing.assert_array_equal(table.end, np.eye(4))
+
+
+def test_a_presets_standard_table_is_that_of_the_books():
+    """The Puma 560 of the notes: the twists of the standard table are those after each joint, as Paul writes them."""
+    table = spatial.to_denavit_hartenberg(spatial.PUMA_560)
+    assert np.degrees(table.alpha).round(9).tolist() == [90, 0, 270, 90, 90, 0]
+    assert table.offset.tolist() == [0, 5.9, 0, 17, 0, 4]
+
+
+def test_tables_that_do_not_fit_are_told():
+    with pytest.raises(RodgenError, match=r"alpha has the shape \(1,\)"):
+        spatial.from_denavit_hartenberg("RR", [1.0, 2.0], [0.0], [0.0, 0.0])
+    with pytest.raises(RodgenError, match="not finite"):
+        spatial.from_modified_denavit_hartenberg("R", [np.nan], [0.0], [0.0])
+
+
+def test_placements_of_loops_and_wrong_frames_are_told():
+    with pytest.raises(RodgenError, match="closed loop"):
+        Placement(Mechanism("RRRR", [1.0] * 4, [0.0] * 4))
+    with pytest.raises(RodgenError, match=r"base has the shape \(3, 3\)"):
+        Placement(spatial.PUMA_560, base=np.eye(3))
+    with pytest.raises(RodgenError, match="expected 6 numbers"):
+        Placement(spatial.PUMA_560, zero=[0.0])
+
+
+# machines ------------------------------------------------------------------------------------------------------------
+
+
+def seen(machine: Machine, q: np.ndarray) -> np.ndarray:
+    """What the machine's own model says that its targets are seen at: (rows, targets, 3)."""
+    units = ["deg" if joint.type == "revolute" else "mm" for joint in machine.joints]
+    columns = {
+        f"{joint.name} [{unit}]": np.degrees(column) if unit == "deg" else column
+        for joint, unit, column in zip(machine.joints, units, q.T, strict=True)
+    }
+    found = []
+    for target in machine.targets:
+        named = {**columns, "target": [target.name] * len(q)}
+        made = machine.simulate(Measurements.from_frame(named), noise=0.0, seed=1).columns
+        found.append(np.stack([made[f"{axis} [mm]"] for axis in "xyz"], axis=-1))
+    return np.stack(found, axis=1)
+
+
+def machine_of(screws, targets) -> Machine:
+    joints = []
+    for n, xi in enumerate(screws):
+        turns = xi[:3].any()
+        axis = xi[:3] if turns else xi[3:]
+        point = np.cross(axis, xi[3:]) if turns else np.zeros(3)
+        joints.append(Joint(f"J{n}", "revolute" if turns else "prismatic", tuple(axis), tuple(point)))
+    marks = tuple(Target(f"t{n}", tuple(point)) for n, point in enumerate(targets))
+    return Machine(
+        "Made up", "mm", "deg", (0.0, 0.0, -1.0), 20.0, tuple(joints), marks, Measured("point", "machine")
+    )
+
+
+def test_a_rigid_machine_and_its_mechanism_see_targets_alike():
+    rng = np.random.default_rng(3)
+    for _ in range(6):
+        screws = random_screws(rng, 4)
+        screws = np.array(
+            [xi if not xi[:3].any() else [*xi[:3], *(xi[3:] - xi[:3] * (xi[:3] @ xi[3:]))] for xi in screws]
+        )
+        machine = machine_of(screws, 10 * rng.normal(size=(2, 3)))
+        robot = spatial.from_machine(machine)
+        q = rng.uniform(-3, 3, size=(5, 4))
+        points = np.array([[*target.point, 1.0] for target in machine.targets])
+        expected = np.einsum("nij,tj->nti", robot.forward(q), points)[..., :3]
+        np.testing.assert_allclose(seen(machine, q), expected, atol=1e-11)
+
+
+def test_a_mechanism_and_its_machine_see_the_end_alike_and_come_back(tmp_path):
+    rng = np.random.default_rng(4)
+    scara = Mechanism("RRCP", [300.0, 200.0, 0.0], [0.0, np.pi, np.pi / 2], names=("J1", "J2", "quill", "Z"))
+    placement = Placement(spatial.GE_P60, random_frame(rng), random_frame(rng), rng.normal(size=6))
+    for robot in (spatial.PUMA_560, spatial.T3_776, scara, placement, Mechanism("RS", [10.0], [0.3])):
+        machine = spatial.to_machine(robot, {"end": [0, 0, 0], "tool": [1.0, -2.0, 3.0]})
+        q = rng.uniform(-2, 2, size=(4, len(machine.joints)))
+        chain = robot if isinstance(robot, Placement) else Placement(robot.expanded())
+        mechanism = chain.mechanism
+        expected = chain.forward(q)[:, None] @ np.array([[0, 0, 0, 1.0], [1, -2, 3, 1]])[..., None]
+        expected = expected[..., :3, 0]
+        in_mm = Machine(**{**vars(machine), "length_unit": "mm"})
+        np.testing.assert_allclose(seen(in_mm, q), expected, atol=1e-10)
+
+        machine.save(tmp_path / "machine.toml")
+        read = Machine.load(tmp_path / "machine.toml")
+        again = spatial.from_machine(read)
+        assert again.mechanism.unit == mechanism.unit
+        tools = np.array([[*target.point, 1.0] for target in read.targets])
+        back = np.einsum("nij,tj->nti", again.forward(q), tools)[..., :3]
+        np.testing.assert_allclose(back, expected, atol=1e-10)
+
+
+def test_a_screw_an_effect_a_loop_and_no_target_are_told():
+    with pytest.raises(RodgenError, match="is a screw, for which a machine file has no joint"):
+        spatial.to_machine(Mechanism("RH", [1.0], [0.0], pitch=[0.0, 2.0]))
+    with pytest.raises(RodgenError, match="closed loop"):
+        spatial.to_machine(Mechanism("RRRR", [1.0] * 4, [0.0] * 4))
+    with pytest.raises(RodgenError, match="no targets"):
+        spatial.to_machine(spatial.PUMA_560, {})
+    with pytest.raises(RodgenError, match="two joints are called 'C_S'"):
+        spatial.to_machine(Mechanism("CP", [1.0], [0.0], names=("C", "C_S")))
+    worn = spatial.to_machine(spatial.PUMA_560).add("backlash", joint="R1")
+    with pytest.raises(RodgenError, match=r"has effects \(backlash at R1\)"):
+        spatial.from_machine(worn)
+
+
+def test_a_closed_chain_of_the_workbench_is_no_mechanism(tmp_path):
+    (tmp_path / "tricept.toml").write_text(
+        'name = "T"\nfamily = "tricept"\n[units]\nlength = "mm"\nangle = "deg"\n[geometry]\nR = 330\nr = 140\n'
+        'q = [0, 0, 200]\n[measured]\nkind = "point"\nframe = "machine"\n'
+    )
+    with pytest.raises(RodgenError, match="closed chain"):
+        spatial.from_machine(Machine.load(tmp_path / "tricept.toml"))
+
+
+def test_fitted_numbers_are_taken_along():
+    """A fitted axis is where the machine of the fixed numbers has it."""
+    machine = spatial.to_machine(spatial.PUMA_560, {"end": [0, 0, 10.0]})
+    fitted = dataclasses.replace(
+        machine,
+        estimate=("R2.axis", "R2.point"),
+        values={"R2.axis.a": 0.01, "R2.axis.b": -0.02, "R2.point.a": 0.3},
+    )
+    q = np.random.default_rng(5).uniform(-2, 2, size=(3, 6))
+    points = np.array([*fitted.targets[0].point, 1.0])
+    expected = (spatial.from_machine(fitted).forward(q) @ points)[:, :3]
+    in_mm = dataclasses.replace(fitted, length_unit="mm")
+    np.testing.assert_allclose(seen(in_mm, q)[:, 0], expected, atol=1e-10)
+    plain = (spatial.from_machine(machine).forward(q) @ points)[:, :3]
+    assert np.abs(plain - expected).max() > 0.01
