@@ -20,6 +20,7 @@
 # spherical polygons of the next notebooks apply.
 
 # %%
+import re
 from enum import IntEnum
 
 import sympy as sp
@@ -869,29 +870,27 @@ d.check(
 
 # %%
 def flow_chart():
-    """SVG of the hypothetical-link technique."""
+    """SVG of the hypothetical-link technique; vectors are bold."""
     boxes = {
-        "given": ((300, 30), "given: S6, a67, P in the fixed system", "start"),
-        "free": ((300, 90), "choose a67 = 0 and α67: 90°, or 45° or 135° where s71 is small", "box"),
-        "seven": ((300, 150), "S7 = S6 c67 + (a67 × S6) s67;   P := P + a67 a67;   c71 = S7 · S1", "box"),
-        "skew": ((300, 220), "length of S7 × S1 > tolerance?", "question"),
+        "given": ((320, 30), "given: *S6*, *a67*, *P* in the fixed system", "start"),
+        "free": ((320, 90), "choose a67 = 0 and α67: 90°, or 45° or 135° where s71 is small", "box"),
+        "seven": ((320, 150), "*S7* = *S6* c67 + (*a67* × *S6*) s67;  *P* := *P* + a67 *a67*", "box"),
+        "skew": ((320, 220), "s71 = length of *S7* × *S1* > tolerance?", "question"),
         "normal": (
-            (90, 330),
-            "a71 = S7 × S1 / s71|S7 = (S1 × P) · a71 / s71|a71 = (P × S1) · S7 / s71|S1 = (P × S7) · a71 / s71",
+            (90, 340),
+            "*a71* = *S7* × *S1* / s71|S7 = (*S1* × *P*) · *a71* / s71|a71 = (*P* × *S1*) · *S7* / s71"
+            "|S1 = (*P* × *S7*) · *a71* / s71",
             "box",
         ),
-        "level": ((430, 300), "S7 = 0;   S1 = −P · S1|a71 = length of P + S1 S1", "box"),
-        "apart": ((430, 380), "a71 > tolerance · length of P?", "question"),
-        "one": ((330, 470), "special case 1|a71 = −(P + S1 S1) / a71", "box"),
-        "two": ((560, 470), "special case 2|θ7 = 0;   a71 along a67", "box"),
-        "angles": (
-            (300, 560),
-            "c7 = a67 · a71, s7 = (a67 × a71) · S7;   cos γ1 = a71 · x, sin γ1 = (a71 × x) · S1",
-            "box",
-        ),
-        "end": ((300, 620), "closed loop of seven axes: solve it for θ1 … θ6;   φ1 = θ1 − γ1", "start"),
+        "level": ((500, 300), "S7 = 0;  S1 = −*P* · *S1*|a71 = length of *P* + S1 *S1*", "box"),
+        "apart": ((500, 380), "a71 > tolerance · length of *P*?", "question"),
+        "one": ((390, 470), "special case 1|*a71* = −(*P* + S1 *S1*) / a71", "box"),
+        "two": ((610, 470), "special case 2|θ7 = 0;  *a71* = *a67*", "box"),
+        "seventh": ((320, 560), "cos θ7 = *a67* · *a71*;  sin θ7 = (*a67* × *a71*) · *S7*", "box"),
+        "first": ((320, 615), "cos γ1 = *a71* · *x*;  sin γ1 = (*a71* × *x*) · *S1*", "box"),
+        "end": ((320, 675), "closed loop of seven axes: solve it for θ1 … θ6;  φ1 = θ1 − γ1", "start"),
     }
-    arrows = [
+    arrows = (
         ("given", "free", ""),
         ("free", "seven", ""),
         ("seven", "skew", ""),
@@ -900,18 +899,20 @@ def flow_chart():
         ("level", "apart", ""),
         ("apart", "one", "yes"),
         ("apart", "two", "no"),
-        ("normal", "angles", ""),
-        ("one", "angles", ""),
-        ("two", "angles", ""),
-        ("angles", "end", ""),
-    ]
+        ("normal", "seventh", ""),
+        ("one", "seventh", ""),
+        ("two", "seventh", ""),
+        ("seventh", "first", ""),
+        ("first", "end", ""),
+    )
+    rows = {name: text.split("|") for name, (_, text, _) in boxes.items()}
     sizes = {
-        name: (max(7 * len(line) for line in text.split("|")) + 24, 18 * len(text.split("|")) + 16)
-        for name, (_, text, _) in boxes.items()
+        name: (7 * max(len(line.replace("*", "")) for line in lines) + 24, 18 * len(lines) + 16)
+        for name, lines in rows.items()
     }
     parts = [
-        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="-60 0 780 650" width="780" font-family="sans-serif" '
-        'font-size="13" text-anchor="middle">',
+        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="-40 0 780 710" width="780" font-family="sans-serif" '
+        'font-size="13">',
         '<defs><marker id="tip" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="8" markerHeight="8" orient="auto">'
         '<path d="M0,0 L8,4 L0,8 z"/></marker></defs>',
     ]
@@ -920,18 +921,21 @@ def flow_chart():
         y1, y2 = y1 + sizes[start][1] / 2, y2 - sizes[stop][1] / 2
         parts.append(f'<line x1="{x1}" y1="{y1}" x2="{x2}" y2="{y2}" stroke="black" marker-end="url(#tip)"/>')
         if label:
-            parts.append(f'<text x="{(x1 + x2) / 2 - 14}" y="{(y1 + y2) / 2}">{label}</text>')
-    for name, ((cx, cy), text, kind) in boxes.items():
+            side = -24 if x2 < x1 else 24
+            parts.append(
+                f'<text x="{(x1 + x2) / 2 + side}" y="{(y1 + y2) / 2}" text-anchor="middle">{label}</text>'
+            )
+    for name, ((cx, cy), _, kind) in boxes.items():
         width, height = sizes[name]
         fill, radius = {"start": ("#dde8f4", 14), "question": ("#f6ecd2", 0), "box": ("white", 3)}[kind]
         parts.append(
             f'<rect x="{cx - width / 2}" y="{cy - height / 2}" width="{width}" height="{height}" rx="{radius}" '
             f'fill="{fill}" stroke="black"/>'
         )
-        rows = text.split("|")
-        for row, line in enumerate(rows):
-            y_text = cy + 18 * (row - (len(rows) - 1) / 2) + 4.5
-            parts.append(f'<text x="{cx}" y="{y_text}">{line}</text>')
+        for row, line in enumerate(rows[name]):
+            baseline = cy + 18 * (row - (len(rows[name]) - 1) / 2) + 4.5
+            words = re.sub(r"\*(\w+)\*", r'<tspan font-weight="bold">\1</tspan>', line.replace(">", "&gt;"))
+            parts.append(f'<text x="{cx}" y="{baseline}" text-anchor="middle">{words}</text>')
     return "\n".join([*parts, "</svg>"])
 
 
