@@ -107,13 +107,11 @@ class Term:
             raise ValueError(f"{self.letter} is no name of the notation: expected X, Y, Z, U, V or W")
         if self.star and self.letter not in "XU":
             raise ValueError(f"{self.letter} has no star: only X and U have")
-        least = 2 if self.polar else 1
-        if not least <= len(numbers) <= self.n - (not self.polar) or not set(numbers) <= set(
-            range(1, self.n + 1)
-        ):
+        least, most = (2, self.n - 1) if self.polar else (1, self.n - 2)
+        if not least <= len(numbers) <= most or not set(numbers) <= set(range(1, self.n + 1)):
             raise ValueError(
-                f"{self.letter} of a polygon of {self.n} has {least} to {self.n - (not self.polar)} subscripts from "
-                f"1 to {self.n}, not {name or 'none'}"
+                f"{self.letter} in a polygon of {self.n} has {least} to {most} subscripts from 1 to {self.n}, not "
+                f"{name or 'none'}"
             )
         if self.bar and (self.polar or len(numbers) > 1):
             raise ValueError(f"{self.letter}_{name} has no bar: only a single X, Y or Z has")

@@ -1,0 +1,369 @@
+"""The X-Y-Z notation and the laws of spherical polygons, against rotation matrices.
+
+The derivation proves the laws by a calculus on names. Here they hold exactly on polygons that close exactly, and at 50
+digits on others; what names mean is compared with scalar products of vectors; the printed toolkit is read back.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import mpmath
+import numpy as np
+import pytest
+from closed_polygons import exact, frames, many_digits, product, rotate_x, rotate_z, spatial
+
+from rodgen import spatial as sphere
+from rodgen._polygon_laws import FAMILIES, HalfTangent, Law, laws
+from rodgen._polygon_notation import Term
+from rodgen.derivation import spherical_polygons
+from rodgen.symbolic import errata
+
+EPS = float(np.finfo(float).eps)
+SIZES = pytest.mark.parametrize("n", range(3, 8))
+RNG = np.random.default_rng(41)
+DIGITS = mpmath.mpf(10) ** -45
+"""50 digits, less what a few hundred operations and a twist near 0 lose."""
+
+
+def whole(n: int, angles: dict) -> list:
+    factors = []
+    for j in range(1, n + 1):
+        factors += [rotate_z(*angles["theta", j]), rotate_x(*angles["alpha", j])]
+    return product(*factors)
+
+
+def tables(n: int) -> list[Law]:
+    return [law for law in laws(n) if isinstance(law, Law)]
+
+
+# The laws ------------------------------------------------------------------------------------------------
+
+
+@SIZES
+def test_there_are_as_many_laws_as_rows_of_subscripts(n: int) -> None:
+    found = laws(n)
+    by_family = {family: sum(law.family == family for law in found) for family in FAMILIES}
+    rows = 6 * (n - 3) * n
+    assert by_family == {
+        "fundamental": 6 * n,
+        "subsidiary": rows,
+        "polar": 6 * n,
+        "polar subsidiary": rows,
+        "half tangent": 2 * n,
+    }
+    assert len({law.text() for law in found}) == len(found)
+
+
+@SIZES
+def test_every_law_holds_exactly_on_an_exactly_closed_polygon(n: int) -> None:
+    angles = exact(n, n)
+    assert all(x == int(i == j) for i, row in enumerate(whole(n, angles)) for j, x in enumerate(row))
+    for law in tables(n):
+        assert law.left.value(angles) == law.sign * law.right.value(angles), law.text()
+
+
+@SIZES
+def test_every_law_holds_at_50_digits_with_twists_of_either_sign(n: int) -> None:
+    with mpmath.workdps(50):
+        for seed in (n, n + 100):
+            angles = many_digits(n, seed)
+            for law in laws(n):
+                if isinstance(law, HalfTangent):
+                    cosine, sine = angles["theta", law.joint]
+                    x, y = law.sine.left.value(angles), law.sine_cosine.left.value(angles)
+                    s = angles[law.twist][1]
+                    half = sine / (1 + cosine)
+                    assert abs(x / (y + s) - half) < DIGITS * (1 + abs(half)) / abs(y + s)
+                    assert abs((s - y) / x - half) < DIGITS * (1 + abs(half)) / abs(x)
+                else:
+                    assert abs(law.left.value(angles) - law.sign * law.right.value(angles)) < DIGITS, (
+                        law.text()
+                    )
+
+
+@SIZES
+def test_every_secondary_law_holds_exactly_on_a_loop_in_space(n: int) -> None:
+    _, dual = spatial(n, exact(n, n), n)
+    for law in tables(n) if n < 6 else laws(n, shifts=False)[:-2]:  # one shift of the longest: a second each
+        assert law.left.value(dual).b == (law.sign * law.right.value(dual)).b, law.text()
+
+
+@SIZES
+def test_secondary_cosine_law_is_free_of_the_offset(n: int) -> None:
+    lengths, dual = spatial(n, exact(n, n), n)
+    angles = exact(n, n)
+    for law in tables(n):
+        if law.family == "fundamental" and law.kind == "cosine":
+            ((_, twist),) = law.right.factors
+            assert law.left.value(dual).b == -lengths[twist] * angles[twist][1]
+
+
+def test_calculus_refuses_laws_that_are_wrong() -> None:
+    """Signs, neighbours, and the misprint of the notes: each change of a law is told from the law."""
+    for law in tables(5):
+        assert not replace(law, sign=-law.sign).holds()
+        turned = tuple(j % 5 + 1 for j in law.left.subscripts)
+        assert not replace(law, left=replace(law.left, subscripts=turned)).holds()
+    wrong = [law for law in tables(3) if law.text() == "Yb_2 = s31 c1"]
+    (_, joint) = wrong[0].right.factors
+    assert not replace(wrong[0], right=replace(wrong[0].right, factors=(("s", ("alpha", 2)), joint))).holds()
+
+
+def test_two_names_are_equal_for_the_calculus_only_where_they_are_in_numbers() -> None:
+    with mpmath.workdps(30):
+        angles = many_digits(5, 3)
+        names = [
+            Term(letter, tuple((first + step * k) % 5 + 1 for k in range(count)), 5, star=star)
+            for first in range(5)
+            for step in (1, -1)
+            for count in (2, 3, 4)
+            for letter, star in (*((letter, False) for letter in "XYZUVW"), ("X", True), ("U", True))
+            if count < 4 or letter in "UVW"
+        ]
+        values = [name.value(angles) for name in names]
+        entries = [name.entry().canonical() for name in names]
+        equal = 0
+        for i, a in enumerate(names):
+            for j in range(i):
+                same = entries[i] == entries[j]
+                assert same == (abs(values[i] - values[j]) < 1e-25), (a.text(), names[j].text())
+                equal += same
+        assert equal > 50  # W_12 = W_21 and the like
+
+
+# What the names mean -------------------------------------------------------------------------------------
+
+
+def test_names_are_scalar_products_of_joints_and_links() -> None:
+    """S_i · S_j, a · S, a · a, S · a in an open chain of seven: the products of the notes' table."""
+    with mpmath.workdps(50):
+        angles = many_digits(7, 5)
+        chain = frames(7, angles)
+
+        def column(j: int, k: int) -> list:
+            return [row[k] for row in chain[j - 1]]
+
+        def dot(u: list, v: list) -> object:
+            return sum(a * b for a, b in zip(u, v, strict=True))
+
+        def value(letter: str, high: int, low: int) -> object:
+            row = tuple(range(high, low - 1, -1))
+            return Term(letter, row, 7, bar=len(row) == 1).value(angles)
+
+        for i in range(1, 6):
+            for j in range(i + 2, 8):
+                assert abs(dot(column(i, 2), column(j, 2)) - value("Z", j - 1, i + 1)) < DIGITS
+                assert abs(dot(column(i, 0), column(j, 2)) - value("X", j - 1, i + 1)) < DIGITS
+                assert abs(dot(column(i, 0), column(j, 0)) - value("W", j, i + 1)) < DIGITS
+                if j < i + 6:  # S_1 · a_71 is no name
+                    assert abs(dot(column(i, 2), column(j, 0)) - value("U", j, i)) < DIGITS
+
+
+NAMES = [
+    "X_3",
+    "Xb_3",
+    "Y_34",
+    "Z_432",
+    "X_71",
+    "X_17",
+    "X*_4321",
+    "Y_12345",
+    "U_21",
+    "V_345",
+    "U*_6712",
+    "W_123456",
+]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_numbers_agree_with_many_digits(name: str) -> None:
+    letter, mark, row = re.fullmatch(r"(\w)([b*]?)_(\d+)", name).groups()
+    alpha, theta, a, offset = RNG.uniform(-3, 3, size=(4, 20, 7))
+    value, secondary = sphere.secondary_notation(name, alpha, theta, a, offset)
+    assert np.array_equal(value, sphere.notation(name, alpha, theta))
+    term = Term(letter, tuple(map(int, row)), 7, bar=mark == "b", star=mark == "*")
+    with mpmath.workdps(40):
+        step = mpmath.mpf(10) ** -15
+        for k in range(len(alpha)):
+
+            def at(h: object, k: int = k) -> object:
+                both = (("alpha", alpha[k], a[k]), ("theta", theta[k], offset[k]))
+                angles = {
+                    (kind, j + 1): (mpmath.cos(x), mpmath.sin(x))
+                    for kind, start, way in both
+                    for j, x in enumerate(
+                        mpmath.mpf(s) + h * mpmath.mpf(w) for s, w in zip(start, way, strict=True)
+                    )
+                }
+                return term.value(angles)
+
+            assert abs(at(0) - value[k]) < 8 * EPS
+            slope = (at(step) - at(-step)) / (2 * step)
+            assert abs(slope - secondary[k]) < 1e-13 * 33  # a sum of 11 lengths of at most 3
+
+
+def test_unknown_angles_do_not_matter_where_a_name_is_without_them() -> None:
+    alpha, theta = np.full(5, np.nan), np.full(5, np.nan)
+    alpha[[3, 4]], theta[[3, 4]] = [0.5, 0.6], [0.7, 0.8]
+    assert np.isnan(sphere.notation("Y_54", alpha, theta))
+    assert np.isfinite(sphere.notation("X_54", np.where([0, 0, 0, 0, 1], 0.6, alpha), theta)) == np.isfinite(
+        0.0
+    )
+    assert np.isfinite(sphere.notation("U_54", alpha, [np.nan] * 4 + [0.8]))
+
+
+def test_float32_and_broadcasting() -> None:
+    alpha, theta = RNG.uniform(-1, 1, size=(3, 1, 5)), RNG.uniform(-1, 1, size=(4, 5))
+    wide = sphere.notation("Z_321", alpha, theta)
+    assert wide.shape == (3, 4)
+    narrow = sphere.notation("Z_321", alpha.astype(np.float32), theta.astype(np.float32))
+    assert narrow.dtype == np.float32
+    assert np.abs(narrow - wide).max() < 16 * np.finfo(np.float32).eps
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("Q_2", "no name"),
+        ("X", "no name"),
+        ("X_24", "neither rise nor fall"),
+        ("X_232", "neither rise nor fall"),
+        ("X_6", "from 1 to 5"),
+        ("X_4321", "1 to 3 subscripts"),
+        ("U_1", "2 to 4 subscripts"),
+        ("Xb_21", "no bar"),
+        ("Ub_21", "no bar"),
+        ("Y*_21", "no star"),
+    ],
+)
+def test_what_is_no_name_is_refused(name: str, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        sphere.notation(name, np.zeros(5), np.zeros(5))
+
+
+def test_twists_and_angles_of_one_number_are_needed() -> None:
+    with pytest.raises(ValueError, match="expected one n"):
+        sphere.notation("X_2", np.zeros(4), np.zeros(5))
+    with pytest.raises(ValueError, match="no more than 5"):
+        sphere.notation("X_123456", np.zeros(8), np.zeros(8))
+
+
+def test_direction_cosines_are_columns_of_the_product() -> None:
+    alpha, theta = RNG.uniform(-3, 3, size=(2, 10, 7))
+    joints, links = sphere.direction_cosines(alpha, theta)
+    for k in range(len(alpha)):
+        angles = {
+            (kind, j + 1): (np.cos(x), np.sin(x))
+            for kind, row in (("alpha", alpha[k]), ("theta", theta[k]))
+            for j, x in enumerate(row)
+        }
+        angles["theta", 1] = (1.0, 0.0)
+        chain = np.array(frames(7, angles))
+        assert np.abs(joints[k] - chain[:, :, 2]).max() < 16 * EPS
+        assert np.abs(links[k] - chain[:, :, 0]).max() < 16 * EPS
+    for j in range(4, 8):
+        row = "".join(map(str, range(j - 1, 1, -1)))
+        xyz = [sphere.notation(f"{letter}_{row}", alpha, theta) for letter in "XYZ"]
+        assert np.abs(joints[:, j - 1] - np.stack(xyz, axis=-1)).max() < 16 * EPS
+    with pytest.raises(ValueError, match="last axis"):
+        sphere.direction_cosines(0.0, 0.0)
+
+
+# The printed toolkit -------------------------------------------------------------------------------------
+
+
+def read_back(formula: str, angles: dict, lengths: dict, n: int) -> object:
+    """Evaluate a side of a printed equation."""
+
+    def factor(found: re.Match[str]) -> str:
+        letter, mark, zero, row = found.groups()
+        if letter in "XYZUVW":
+            term = Term(letter, tuple(map(int, row)), n, bar=mark == "b", star=mark == "*")
+            values[len(values)] = term.value(lengths if zero else angles)
+            if zero:
+                values[len(values) - 1] = values[len(values) - 1].b
+        else:
+            key = ("alpha" if len(row) == 2 else "theta", int(row[0]))
+            if letter in "aS":
+                dual_cosine, dual_sine = lengths[key]
+                cosine, sine = angles[key]
+                values[len(values)] = cosine * dual_sine.b - sine * dual_cosine.b
+            else:
+                values[len(values)] = angles[key]["cs".index(letter)]
+        return f"values[{len(values) - 1}]"
+
+    values: dict[int, object] = {}
+    text = re.sub(r"([A-Zacs])([b*]?)(0?)_?(\d+)", factor, formula)
+    return eval(re.sub(r"\] (?=values)", "] * ", text), {"values": values})  # made of factors alone
+
+
+@SIZES
+def test_printed_equations_hold_as_they_stand(n: int) -> None:
+    with mpmath.workdps(50):
+        angles = many_digits(n, n + 7)
+        _, dual = spatial(n, angles, n)
+        text = sphere.toolkit(n)
+        assert int(re.search(r"(\d+) equations", text)[1]) == len(laws(n))
+        found = 0
+        for line in text.partition("laws\n")[2].splitlines():
+            for equation in re.split(r" {3,}", line.strip()):
+                left, _, right = equation.partition(" = ")
+                if not right or re.search(r"_(j|ab)\b", left):  # a heading, words, or a rule in letters
+                    continue
+                found += 1
+                if left.startswith("x_"):
+                    cosine, sine = angles["theta", int(left[2:])]
+                    for side in right.split(" = "):
+                        assert (
+                            abs(read_back(side, angles, dual, n) - sine / (1 + cosine))
+                            < mpmath.mpf(10) ** -40
+                        )
+                    continue
+                off = read_back(left, angles, dual, n) - read_back(right, angles, dual, n)
+                assert abs(off) < mpmath.mpf(10) ** -40, equation  # offsets are of order 1e3
+        assert found == len(laws(n)) + 6 * n
+
+
+@SIZES
+@pytest.mark.parametrize("form", ["markdown", "latex"])
+def test_typeset_toolkit_has_every_law_and_balanced_braces(n: int, form: str) -> None:
+    text = sphere.toolkit(n, form)
+    assert all(law.latex() in text for law in laws(n))
+    assert text.count("{") == text.count("}")
+    assert text.count(r"\begin{array}") == text.count(r"\end{array}") >= 6
+    assert not re.search(r"[XYZUVW][b*]", text)
+
+
+def test_toolkit_refuses_what_it_has_not() -> None:
+    with pytest.raises(ValueError, match="3 to 7"):
+        sphere.toolkit(8)
+    with pytest.raises(ValueError, match="expected 'text'"):
+        sphere.toolkit(4, "html")  # type: ignore[arg-type]
+
+
+# The derivation ------------------------------------------------------------------------------------------
+
+
+def test_derivation_is_closed_and_its_errata_are_told() -> None:
+    derivation = spherical_polygons.derivation
+    assert derivation.open == []
+    refuted = {entry.refutation.label: entry for entry in derivation if entry.refutation}
+    assert {label: entry.origin for label, entry in refuted.items()} == {"P1": "said", "P2": "printed"}
+    text = errata(derivation)
+    assert "double-subscripts" in text
+    assert text.count("right:") == 2
+    assert all(entry.place for entry in derivation if entry.origin != "own")
+
+
+@pytest.mark.parametrize("id", ["S1-S2-S3", "single-bar", "single", "step", "triangle-X"])
+def test_what_the_notes_print_right_is_proved(id: str) -> None:
+    entry = spherical_polygons.derivation.entries[id]
+    assert (entry.origin, entry.verdict) == ("printed", "proved")
+
+
+def test_families_of_laws_are_entries_of_every_polygon() -> None:
+    ids = set(spherical_polygons.derivation.entries)
+    families = {f"{family.replace(' ', '-')}-{n}" for family in FAMILIES[:4] for n in range(3, 8)}
+    assert families - ids == {"subsidiary-3", "polar-subsidiary-3"}  # a triangle has none
