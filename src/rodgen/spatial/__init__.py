@@ -18,6 +18,7 @@ from rodgen.spatial._denavit_hartenberg import (
 from rodgen.spatial._forward import forward, frames, jacobian, link_transform
 from rodgen.spatial._hypothetical import HypotheticalLink, HypotheticalStatus, close_loop
 from rodgen.spatial._link_table import link_table, load_mechanism, save_mechanism
+from rodgen.spatial._loops import LoopSolutions, reverse_loop, reverse_sliding
 from rodgen.spatial._machine import from_machine, to_machine
 from rodgen.spatial._mechanism import FREEDOMS, GE_P60, PUMA_560, T3_776, Mechanism
 from rodgen.spatial._mobility import Mobility, mobility, mobility_of
@@ -48,6 +49,7 @@ __all__ = [
     "Group",
     "HypotheticalLink",
     "HypotheticalStatus",
+    "LoopSolutions",
     "Mechanism",
     "Mobility",
     "Pair",
@@ -81,7 +83,9 @@ __all__ = [
     "pair_from_biquadratics",
     "planar_svg",
     "reverse",
+    "reverse_loop",
     "reverse_method",
+    "reverse_sliding",
     "save_mechanism",
     "save_planar_svg",
     "secondary_notation",

@@ -1,0 +1,287 @@
+"""All ways to close a loop with three or four unknown angles, the rest of the six unknowns being slides.
+
+Three angles (group 1): the rotation closes by itself. With Rz(t1) R1 Rz(t2) R2 Rz(t3) R3 = 1 the angle between the axes
+3 and 1, which R3 keeps, gives A cos t2 + B sin t2 + D = 0; the other angles and the slides are linear.
+
+Four angles (group 2): the angle between the axes 4 and 1 is an equation in t2 and t3, and the projection of the vector
+loop across both slides is the second. It is not bilinear in 1, cos, sin of t2 and t3 as it stands, but is equal to a
+function that is, wherever the first equation holds, whatever the order of the joints (proved in the derivation
+``spatial_loops``). Its nine coefficients are found from values: at angles that satisfy the first equation, complex ones
+among them, the projection is computed, and the smallest coefficients that reproduce it are taken.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.spatial._loops_closure import offsets, polish
+from rodgen.spatial._loops_links import Link, Merged, rz
+from rodgen.spatial._mechanism import Mechanism
+from rodgen.spatial._pair import PairStatus, solve_pair
+from rodgen.spatial._status import ReverseStatus
+from rodgen.spatial._trig import TrigStatus, solve_trig
+
+__all__ = ["solve_merged"]
+
+Array = NDArray[np.float64]
+
+CLOSES = 1e-11
+"""Largest error of a loop that is closed, in rad and in the loop's size. Newton's steps leave a few rounding units."""
+MEET = 1e-7
+"""Relative smallest singular value of the derivative below which solutions meet: there the rounding of the equations
+moves a solution by more than its own distance to the next one."""
+RANKLESS = 1e-12
+"""Relative smallest singular value below which a loop has a freedom left: solutions are a family."""
+SAMPLES = 7
+"""Angles at which the projection is computed, for either angle: two values each, for eight coefficients."""
+FIT_RANK = 1e-10
+"""Share of the largest singular value below which a combination of coefficients is not determined by the values."""
+
+
+def _apply(R: Array, v: Array) -> Array:
+    found: Array = np.einsum("...ij,...j->...i", R, v)
+    return found
+
+
+def _angle(before: Array, after: Array) -> Array:
+    """Angle about z that turns one vector's direction in the plane into the other's."""
+    cross = before[..., 0] * after[..., 1] - before[..., 1] * after[..., 0]
+    return np.arctan2(cross, before[..., 0] * after[..., 0] + before[..., 1] * after[..., 1])
+
+
+def solve_merged(mechanism: Mechanism, merged: Merged, count: int, size: Array) -> tuple[Array, Array, Array]:
+    """Close a loop in all ways.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Whose variables are meant.
+    merged : Merged
+        Rotary joints and links, with one axis of `count` elements before the components.
+    count : int
+        Number of elements.
+    size : array (count)
+        Of each loop: what lengths are compared with.
+
+    Returns
+    -------
+    theta : array (count, N, m)
+    slides : array (count, N, 6 - m)
+    status : array (count, N) of int8
+    """
+    links = [_spread(link, count) for link in merged.links]
+    m = len(links)
+    if m == 3:
+        theta, status = _three_angles(links)
+    else:
+        theta, status = _four_angles(mechanism, merged, links)
+    wide = [_slot(link) for link in links]
+    with np.errstate(invalid="ignore"):
+        slides = offsets(wide, theta)
+        theta, slides, error, smallest = polish(
+            wide, theta, slides, np.broadcast_to(size[:, None], status.shape)
+        )
+        there = status < ReverseStatus.NONE
+        closed = there & (error <= CLOSES)
+    family = closed & ((status == ReverseStatus.FAMILY) | (smallest <= RANKLESS))
+    double = closed & ~family & ((status == ReverseStatus.DOUBLE) | (smallest <= MEET))
+    status = np.where(there & ~closed, ReverseStatus.NONE, status)
+    status = np.where(double, ReverseStatus.DOUBLE, np.where(family, ReverseStatus.FAMILY, status))
+    return theta, slides, status.astype(np.int8)
+
+
+def _spread(link: Link, count: int) -> Link:
+    """Give every array of a link the same first axis."""
+    slides = tuple((i, np.broadcast_to(d, (count, 3))) for i, d in link.slides)
+    return Link(np.broadcast_to(link.R, (count, 3, 3)), np.broadcast_to(link.v, (count, 3)), slides)
+
+
+def _slot(link: Link) -> Link:
+    """Make room for the axis of the solutions."""
+    return Link(link.R[:, None], link.v[:, None], tuple((i, d[:, None]) for i, d in link.slides))
+
+
+def _three_angles(links: list[Link]) -> tuple[Array, Array]:
+    R = np.stack([link.R for link in links], axis=1)
+    sines = np.hypot(R[:, :, 0, 2], R[:, :, 1, 2])
+    # the amplitude of an angle's equation is the product of the sines on both sides of it
+    first = np.argmax(sines * np.roll(sines, -1, axis=1), axis=1)
+    order = (first[:, None] + np.arange(3)) % 3
+    R = np.take_along_axis(R, order[:, :, None, None], axis=1)
+    row, column = R[:, 0, 2, :], R[:, 1, :, 2]
+    A = row[:, 0] * column[:, 0] + row[:, 1] * column[:, 1]
+    B = row[:, 1] * column[:, 0] - row[:, 0] * column[:, 1]
+    D = row[:, 2] * column[:, 2] - R[:, 2, 2, 2]
+    middle, kind = solve_trig(A, B, D)
+    whole = R[:, None, 0] @ rz(middle) @ R[:, None, 1]
+    rest = R[:, None, 2]
+    last = _angle(rest[..., :2, 2], whole[..., 2, :2])
+    start = _angle(whole[..., :2, 2], rest[..., 2, :2])
+    parallel = np.hypot(rest[..., 0, 2], rest[..., 1, 2]) <= 8 * np.finfo(float).eps
+    # two parallel axes: only the sum or difference of their angles is determined, and the first one is taken for zero
+    both = np.swapaxes(whole, -1, -2) @ np.swapaxes(rest, -1, -2)
+    start = np.where(parallel, 0.0, start)
+    last = np.where(parallel, np.arctan2(both[..., 1, 0], both[..., 0, 0]), last)
+    found = np.stack([start, middle, last], axis=-1)
+    theta = np.full_like(found, np.nan)
+    np.put_along_axis(theta, np.broadcast_to(order[:, None], found.shape), found, axis=-1)
+    status = np.full(middle.shape, ReverseStatus.NONE)
+    status[kind == TrigStatus.TWO] = ReverseStatus.REGULAR
+    status[kind == TrigStatus.DOUBLE, 0] = ReverseStatus.DOUBLE
+    status[kind == TrigStatus.INVALID] = ReverseStatus.INVALID
+    status[parallel & (status < ReverseStatus.NONE)] = ReverseStatus.FAMILY
+    return theta, status
+
+
+def _four_angles(mechanism: Mechanism, merged: Merged, links: list[Link]) -> tuple[Array, Array]:
+    count = len(links[0].v)
+    sines = np.stack([np.hypot(link.R[:, 0, 2], link.R[:, 1, 2]) for link in links], axis=1)
+    possible = []
+    for last in range(4):
+        own = (merged.joints[last], "S")
+        if all(mechanism.variables[i] == own for i, _ in links[last].slides):
+            possible.append(last)
+    worth = np.full(sines.shape, -1.0)
+    worth[:, possible] = np.nan_to_num(sines[:, possible])
+    chosen = np.argmax(worth, axis=1)
+    theta = np.full((count, 8, 4), np.nan)
+    status = np.full((count, 8), ReverseStatus.NONE)
+    for last in possible:
+        rows = np.flatnonzero(chosen == last)
+        if not len(rows):
+            continue
+        order = [(last + 1 + k) % 4 for k in range(4)]
+        ring = [_rows(links[k], rows) for k in order]
+        # an axis lies in both of its links, so a slide along the fourth one belongs to the third link as well
+        moved = tuple((i, ring[2].R[:, :, 2]) for i, _ in ring[3].slides)
+        ring[2] = replace(ring[2], slides=ring[2].slides + moved)
+        ring[3] = replace(ring[3], slides=())
+        found, kind = _ring(ring)
+        part = np.empty_like(found)
+        part[..., order] = found
+        theta[rows], status[rows] = part, kind
+    return theta, status
+
+
+def _rows(link: Link, rows: NDArray[np.intp]) -> Link:
+    return Link(link.R[rows], link.v[rows], tuple((i, d[rows]) for i, d in link.slides))
+
+
+def _ring(ring: list[Link]) -> tuple[Array, Array]:
+    """Solve for the angles of four axes in a ring; the last link has no slide."""
+    first = _cosine_law(ring)
+    second = _fitted(ring, first)
+    pair = solve_pair(np.stack([first, second], axis=-3))
+    theta2, theta3 = pair.theta1, pair.theta2
+    R0, R1, R2, R3 = (link.R[:, None] for link in ring)
+    whole = R0 @ rz(theta2) @ R1 @ rz(theta3) @ R2
+    theta4 = _angle(R3[..., :2, 2], whole[..., 2, :2])
+    theta1 = _angle(whole[..., :2, 2], R3[..., 2, :2])
+    status = np.full(theta2.shape, ReverseStatus.NONE)
+    for kind, name in (
+        (PairStatus.REGULAR, ReverseStatus.REGULAR),
+        (PairStatus.DOUBLE, ReverseStatus.DOUBLE),
+        (PairStatus.COMMON_FACTOR, ReverseStatus.FAMILY),
+        (PairStatus.INCOMPLETE, ReverseStatus.INCOMPLETE),
+        (PairStatus.INVALID, ReverseStatus.INVALID),
+    ):
+        status[pair.status == kind] = name
+    return np.stack([theta1, theta2, theta3, theta4], axis=-1), status
+
+
+def _cosine_law(ring: list[Link]) -> Array:
+    """Coefficients (count, 3, 3) of s4 . s1 - cos(alpha_41) in 1, cos, sin of the angles 2 and 3."""
+    row, column = ring[0].R[:, 2, :], ring[2].R[:, :, 2]
+    left, right = np.zeros((len(row), 3, 3)), np.zeros((len(row), 3, 3))
+    left[:, 0, 2] = row[:, 2]
+    left[:, 1, 0], left[:, 1, 1] = row[:, 0], row[:, 1]
+    left[:, 2, 0], left[:, 2, 1] = row[:, 1], -row[:, 0]
+    right[:, 2, 0] = column[:, 2]
+    right[:, 0, 1], right[:, 1, 1] = column[:, 0], column[:, 1]
+    right[:, 0, 2], right[:, 1, 2] = -column[:, 1], column[:, 0]
+    found = left @ ring[1].R @ right
+    found[:, 0, 0] -= ring[3].R[:, 2, 2]
+    return found
+
+
+def _on_the_curve(law: Array) -> tuple[Array, Array, Array]:
+    """Cosines and sines of both angles, complex, where the first equation holds: two (count, k, 3), and a weight."""
+    turns = 2 * np.pi * (np.arange(SAMPLES) + 0.3) / SAMPLES
+    given = np.stack([np.ones_like(turns), np.cos(turns), np.sin(turns)], axis=-1)
+
+    def other(table: Array) -> tuple[Array, Array]:
+        D, A, B = np.moveaxis(given @ table, -1, 0)
+        square = A**2 + B**2
+        size = square + D**2
+        fine = square > 1e-6 * np.where(size > 0, size, 1.0)
+        safe = np.where(fine, square, 1.0)
+        w = np.sqrt((square - D**2).astype(complex))
+        w = np.where(fine, w, 0.0)
+        cosine, sine = (-A * D - B * w) / safe, (-B * D + A * w) / safe
+        return np.stack([np.ones_like(cosine), cosine, sine], axis=-1), fine
+
+    third, fine3 = other(law)
+    second, fine2 = other(np.swapaxes(law, -1, -2))
+    same = np.broadcast_to(given, third.shape)
+    u = np.concatenate([same, second], axis=1)
+    v = np.concatenate([third, same], axis=1)
+    return u, v, np.concatenate([fine3, fine2], axis=1)
+
+
+def _turned(cs: Array, v: Array) -> Array:
+    """Rotate vectors (count, 3) about z by angles with cosine and sine cs (count, k, 3)."""
+    v = v[:, None]
+    x = cs[..., 1] * v[..., 0] - cs[..., 2] * v[..., 1]
+    y = cs[..., 2] * v[..., 0] + cs[..., 1] * v[..., 1]
+    return np.stack([x, y, v[..., 2] * cs[..., 0]], axis=-1)
+
+
+def _projection(ring: list[Link], u: Array, v: Array) -> Array:
+    """Vector loop dotted with the cross product of both slides' directions, seen from link 23."""
+    back = u * np.array([1.0, 1.0, -1.0])
+    middle = ring[1].R[:, None]
+
+    def from_first(vector: Array) -> Array:
+        return _turned(back, np.einsum("nji,nj->ni", ring[0].R, vector))
+
+    def from_third(vector: Array) -> Array:
+        return _apply(middle, _turned(v, vector))
+
+    up = np.broadcast_to(np.array([0.0, 0.0, 1.0]), ring[0].v.shape)
+    s1, s4 = from_first(up), from_third(ring[2].R[:, :, 2])
+    # the last link's vector as a sum of s4, s1 and their cross product
+    next_axis = ring[3].R[:, :, 2]
+    across = np.cross(up, next_axis)
+    sine2 = (across**2).sum(axis=-1)
+    safe = np.where(sine2 > 0, sine2, np.nan)
+    cosine = next_axis[:, 2]
+    along4, along1 = ring[3].v[:, 2], (ring[3].v * next_axis).sum(axis=-1)
+    parts = np.stack(
+        [along4 - cosine * along1, along1 - cosine * along4, (ring[3].v * across).sum(axis=-1)], axis=-1
+    )
+    parts = (parts / safe[:, None])[:, None]
+    total = from_first(ring[0].v) + ring[1].v[:, None] + from_third(ring[2].v)
+    total = total + parts[..., :1] * s4 + parts[..., 1:2] * s1 + parts[..., 2:] * np.cross(s4, s1)
+    directions = [from_first(d) for _, d in ring[0].slides]
+    directions += [np.broadcast_to(d[:, None], total.shape) for _, d in ring[1].slides]
+    directions += [from_third(d) for _, d in ring[2].slides]
+    found: Array = (np.cross(directions[0], directions[1]) * total).sum(axis=-1)
+    return found
+
+
+def _fitted(ring: list[Link], law: Array) -> Array:
+    """Find the smallest coefficients (count, 3, 3) that give the projection where the first equation holds."""
+    u, v, fine = _on_the_curve(law)
+    values = _projection(ring, u, v)
+    monomials = (u[..., :, None] * v[..., None, :]).reshape(*values.shape, 9)
+    weight = np.where(fine, 1 / np.abs(monomials).max(axis=-1), 0.0)
+    monomials, values = monomials * weight[..., None], values * weight
+    system = np.concatenate([monomials.real, monomials.imag], axis=1)
+    right = np.concatenate([values.real, values.imag], axis=1)
+    good = np.isfinite(system).all(axis=(1, 2)) & np.isfinite(right).all(axis=1)
+    system = np.where(good[:, None, None], system, 0.0)
+    fitted = _apply(np.linalg.pinv(system, rcond=FIT_RANK), np.where(good[:, None], right, 0.0))
+    return np.where(good[:, None], fitted, np.nan).reshape(-1, 3, 3)
