@@ -228,7 +228,7 @@ DOUBLE_BELOW = 4 * EPS
 
 
 def not_negative_zero(value):
-    """Zero without a sign, so that the angle of a negative number is π and not −π."""
+    """Zero without a sign, so that the angle of a negative number is π and not −π, and equal angles are equal."""
     return select(sp.Eq(value, 0), 0, value)
 
 
@@ -283,7 +283,7 @@ def trig_solve():
     a, b, d_, root, there, status = begin(k)
     angles = []
     for name, s in (("plus", 1), ("minus", -1)):
-        cosine = k.let(f"cosine_{name}", -a * d_ - s * b * root)
+        cosine = k.let(f"cosine_{name}", not_negative_zero(-a * d_ - s * b * root))
         sine = k.let(f"sine_{name}", not_negative_zero(-b * d_ + s * a * root))
         angles.append(sp.atan2(sine, cosine))
     return end(k, angles, there, status)

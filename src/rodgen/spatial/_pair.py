@@ -162,20 +162,28 @@ def _fast(one: Any, two: Any, loss: Any, rows: Any, exchanged: bool, angles: Any
 def _by_eigenvalues(M: Any, loss: Any, method: str) -> tuple[Any, Any]:
     """Solve prepared equations (n, 2, 3, 3): angles (n, 8, 2), statuses (n, 8)."""
     pencil = "bezout" if method == "bezout" else "sylvester"
-    first, distance = starts(M, pencil)
+    first, alone, distance = starts(M, pencil)
     common = (distance <= COMMON) | (loss >= DEPENDENT)
-    trusted = np.where(common, 1.0, loss)
-    angles, status = collected(M, trusted, np.where(common[:, None, None], np.nan, first))
-    flawed = np.flatnonzero(~common & ~consistent(M, angles, status))
-    if len(flawed):
-        other, _ = starts(M[flawed].swapaxes(-1, -2), pencil)
-        more = np.concatenate([first[flawed], other[..., ::-1], grid(len(flawed))], axis=1)
-        angles[flawed], status[flawed] = collected(M[flawed], trusted[flawed], more)
-        still = flawed[~consistent(M[flawed], angles[flawed], status[flawed])]
-        status[still] = np.where(status[still] == PairStatus.NONE, PairStatus.INCOMPLETE, status[still])
+    angles, status = np.full((len(M), SLOTS, 2), np.nan), np.full((len(M), SLOTS), PairStatus.NONE, np.int8)
+    usual = np.flatnonzero(~common)
+    if len(usual):
+        angles[usual], status[usual] = _from_starts(M[usual], loss[usual], first[usual], alone[usual], pencil)
     for row in np.flatnonzero(common):
         # what is left of a dependent equation is rounding, and an equation that is zero says nothing
-        other = M[row, ::-1] if not M[row, 0].any() else M[row]
-        given = np.stack([other[0], other[0]]) if loss[row] >= DEPENDENT else M[row]
+        some = M[row, 0] if M[row, 0].any() else M[row, 1]
+        given = np.stack([some, some]) if loss[row] >= DEPENDENT else M[row]
         angles[row], status[row] = with_common_factor(given)
+    return angles, status
+
+
+def _from_starts(M: Any, loss: Any, first: Any, alone: Any, pencil: str) -> tuple[Any, Any]:
+    """Solve equations without a common factor from starts (n, m, 2), and from more where solutions are missing."""
+    angles, status = collected(M, loss, first)
+    flawed = np.flatnonzero(~consistent(M, angles, status, alone))
+    if len(flawed):
+        other, _, _ = starts(M[flawed].swapaxes(-1, -2), pencil)
+        more = np.concatenate([first[flawed], other[..., ::-1], grid(len(flawed))], axis=1)
+        angles[flawed], status[flawed] = collected(M[flawed], loss[flawed], more)
+        still = flawed[~consistent(M[flawed], angles[flawed], status[flawed], alone[flawed])]
+        status[still] = np.where(status[still] == PairStatus.NONE, PairStatus.INCOMPLETE, status[still])
     return angles, status

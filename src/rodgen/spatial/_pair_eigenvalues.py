@@ -22,6 +22,9 @@ eight zeros."""
 COMPLEX = 0.05
 """Imaginary part of an angle up to which it may be a real one: eight solutions in one lose all but an eighth of sixteen
 digits."""
+ALONE = 1e-2
+"""Distance from other eigenvalues beyond which a real one is that of a real solution: rounding moves those of badly
+scaled equations by 1e-6 at most."""
 HALF = np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 2.0], [1.0, -1.0, 0.0]])
 """(1 + x²) (1, cos θ, sin θ), by powers of x = tan(θ/2)."""
 
@@ -90,15 +93,32 @@ def eigenvalues(M: Any, method: str = "sylvester") -> tuple[Any, Any]:
     return psi + turn[:, None], distance
 
 
-def starts(M: Any, method: str = "sylvester") -> tuple[Any, Any]:
-    """Angle pairs (n, 24, 2) near every solution, NaN where there is none, and the distance of :func:`eigenvalues`."""
+def starts(M: Any, method: str = "sylvester") -> tuple[Any, Any, Any]:
+    """Angle pairs near every solution.
+
+    Returns
+    -------
+    pairs : array (n, 24, 2)
+        NaN where there is none.
+    alone : array (n, 8)
+        Those angles θ1 that are real and far from all other eigenvalues, complex ones included: near each there is a
+        solution. NaN for the others.
+    distance : array (n,)
+        As of :func:`eigenvalues`.
+    """
     theta, distance = eigenvalues(M, method)
     with np.errstate(invalid="ignore"):
         first = np.where(np.abs(theta.imag) <= COMPLEX, theta.real, np.nan)
+        gap = np.abs(
+            theta[:, :, None] - theta[:, None, :] + 2 * np.pi * np.arange(-1, 2)[:, None, None, None]
+        )
+        gap[1, :, np.arange(8), np.arange(8)] = np.inf
+        gap = np.where(np.isnan(gap), np.inf, gap).min(axis=(0, -1))
+        alone = np.where((theta.imag == 0) & (gap > ALONE), theta.real, np.nan)
     rows = np.einsum("neij,nki->nkej", M, basis(np.nan_to_num(first)))
     second = np.stack(seconds(rows), axis=-1)
     pairs = np.stack([np.broadcast_to(first[..., None], second.shape), second], axis=-1)
-    return pairs.reshape(len(M), -1, 2), distance
+    return pairs.reshape(len(M), -1, 2), alone, distance
 
 
 def seconds(rows: Any) -> tuple[Any, Any, Any]:

@@ -32,6 +32,8 @@ NEAR = 1e-6
 """Solutions that meet and are not farther apart are one: rounding moves them by 1e-8 to 1e-7."""
 STRETCH = 1e-2
 """As far as this they are one if half way between them the equations hold as well: three solutions meet, or nearly."""
+EXPECTED = 1e-3
+"""Of an eigenvalue that stands alone, in rad: far more than it is off by, and less than it is from others."""
 SAMPLES = 60
 """Points at which the sign of the octic is looked at."""
 
@@ -148,8 +150,11 @@ def _known(M: Any, limit: Any, angles: Any, kind: Any, found: Any, status: Any, 
     return (same | family).any(axis=-1)
 
 
-def consistent(M: Any, angles: Any, status: Any) -> Any:
-    """Tell where the signs of the determinants balance, and the octic changes its sign at solutions only."""
+def consistent(M: Any, angles: Any, status: Any, expected: Any) -> Any:
+    """Tell where the signs of the determinants balance, and the octic changes its sign at solutions only.
+
+    Each of the angles θ1 that are `expected` (n, m), NaN for none, must be there as well.
+    """
     n = len(M)
     flat = np.nan_to_num(angles).reshape(-1, 2)
     of = np.repeat(np.arange(n), SLOTS)
@@ -173,4 +178,8 @@ def consistent(M: Any, angles: Any, status: Any) -> Any:
     turned = np.where(passed % 2, -1.0, 1.0) * octic
     clear = np.abs(octic) > 1e-10 * size
     up, down = (clear & (turned > 0)).any(axis=-1), (clear & (turned < 0)).any(axis=-1)
-    return (good & ~(up & down) | (meeting > 0) & good) | family
+    good &= ~(up & down) | (meeting > 0)
+    with np.errstate(invalid="ignore"):
+        off = np.abs(np.remainder(angles[:, None, :, 0] - expected[..., None] + np.pi, 2 * np.pi) - np.pi)
+        missing = ~(off <= EXPECTED).any(axis=-1) & np.isfinite(expected)
+    return good & ~missing.any(axis=-1) | family

@@ -1,0 +1,384 @@
+"""Two equations in two angles: all solutions, with the right status, whatever the equations.
+
+What is found is compared with all roots of the octic at 60 digits (pair_reference), and with equations made for chosen
+solutions: nine coefficients, so two equations through seven points have an eighth solution, and all eight are real.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pair_reference import all_angles
+
+from rodgen import spatial
+from rodgen.spatial import PairStatus, _pair
+from rodgen.spatial._pair_roots import certain_solutions
+
+EPS = np.finfo(float).eps
+methods = pytest.mark.parametrize("method", ["fast", "sylvester", "bezout"])
+
+
+def basis(angle):
+    return np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def slope(angle):
+    return np.stack([np.zeros_like(angle), -np.sin(angle), np.cos(angle)], axis=-1)
+
+
+def products(u, v):
+    return (u[..., :, None] * v[..., None, :]).reshape(*u.shape[:-1], 9)
+
+
+def values(M, pair):
+    """Both equations at every slot."""
+    u, v = basis(pair.theta1), basis(pair.theta2)
+    return np.einsum("...eij,...ki,...kj->...ke", M, u, v)
+
+
+def angles_of(pair):
+    return np.stack([pair.theta1, pair.theta2], axis=-1)
+
+
+def off(found, wanted):
+    return np.abs(np.remainder(found - wanted + np.pi, 2 * np.pi) - np.pi)
+
+
+def through(rng, points, tangents=0):
+    """Two random equations (n, 2, 3, 3) that hold at points (n, k, 2), and at the first ones along a direction, too."""
+    a, b = points[..., 0], points[..., 1]
+    rows = products(basis(a), basis(b))
+    if tangents:
+        a, b = a[:, :tangents], b[:, :tangents]
+        direction = rng.normal(size=(2, *a.shape, 1))
+        along = products(direction[0] * slope(a), basis(b)) + products(basis(a), direction[1] * slope(b))
+        rows = np.concatenate([rows, along], axis=1)
+    null = np.linalg.svd(rows)[2][:, rows.shape[1] :]
+    return (rng.normal(size=(len(rows), 2, null.shape[1])) @ null).reshape(-1, 2, 3, 3)
+
+
+def nearest(pair, points):
+    """How far the nearest solution is from each point (n, k, 2)."""
+    distance = off(angles_of(pair)[:, None], points[:, :, None]).max(axis=-1)
+    return np.nan_to_num(distance, nan=9.0).min(axis=-1)
+
+
+# all solutions, and no others ---------------------------------------------------------------------------------------
+
+
+@methods
+@pytest.mark.parametrize("spread", [0, 3], ids=["random", "badly scaled"])
+def test_all_solutions_are_those_with_60_digits(method, spread):
+    rng = np.random.default_rng(1)
+    M = rng.normal(size=(12, 2, 3, 3)) * 10.0 ** rng.uniform(-spread, spread, size=(12, 2, 3, 3))
+    pair = spatial.solve_pair(M, method=method)
+    for m, found, status in zip(M, angles_of(pair), pair.status, strict=True):
+        wanted = all_angles(m)
+        there = status == PairStatus.REGULAR
+        assert there.sum() == len(wanted)
+        assert (status[~there] == PairStatus.NONE).all()
+        assert np.isnan(found[~there]).all()
+        # condition numbers are up to 1e3 here
+        assert (off(found[there], wanted) <= 1e3 * EPS).all()
+
+
+@methods
+def test_eight_real_solutions(method):
+    rng = np.random.default_rng(2)
+    points = rng.uniform(-np.pi, np.pi, size=(200, 7, 2))
+    M = through(rng, points)
+    pair = spatial.solve_pair(M, method=method)
+    assert (pair.status == PairStatus.REGULAR).all()
+    # equations through seven points are ill conditioned; a null space in float64 is, too
+    assert nearest(pair, points).max() < 1e-8
+    assert np.abs(values(M, pair)).max() < 1e-14
+
+
+@methods
+def test_half_turns_are_angles_like_any_other(method):
+    """Infinite tangents of θ1, of θ2, and of both."""
+    rng = np.random.default_rng(3)
+    points = rng.uniform(-np.pi, np.pi, size=(100, 6, 2))
+    points[:, 0, 0] = points[:, 1, 1] = points[:, 2] = np.pi
+    pair = spatial.solve_pair(through(rng, points), method=method)
+    assert nearest(pair, points).max() < 1e-8
+
+
+@methods
+def test_solutions_may_share_an_angle(method):
+    """Two solutions at one θ1 are a double root of the octic, and solutions that stand alone all the same."""
+    rng = np.random.default_rng(4)
+    points = rng.uniform(-np.pi, np.pi, size=(100, 6, 2))
+    points[:, 1, 0], points[:, 3, 1] = points[:, 0, 0], points[:, 2, 1]
+    pair = spatial.solve_pair(through(rng, points), method=method)
+    assert nearest(pair, points).max() < 1e-8
+    assert not np.isin(pair.status, [PairStatus.INCOMPLETE, PairStatus.COMMON_FACTOR]).any()
+
+
+def test_every_double_root_of_the_octic():
+    """Equations that hold for θ2 and for -θ2: the octic is a square, with real roots at which no θ2 is real."""
+    rng = np.random.default_rng(5)
+    M = rng.normal(size=(300, 2, 3, 3))
+    M[..., 2] = 0
+    pair = spatial.solve_pair(M)
+    count = (pair.status == PairStatus.REGULAR).sum(axis=-1)
+    assert (count % 2 == 0).all()
+    assert {0, 2, 4} <= set(count.tolist())
+    assert not (pair.status == PairStatus.INCOMPLETE).any()
+    mirrored = np.stack([pair.theta1, -pair.theta2], axis=-1)
+    there = pair.status == PairStatus.REGULAR
+    assert nearest(pair, mirrored)[there].max() < 1e-9
+    # cos θ2 by Cramer's rule on a fine grid of θ1: as many zeros as pairs of solutions
+    grid = np.linspace(-np.pi, np.pi, 4001)
+    rows = np.einsum("neij,ki->nkej", M[..., :2], basis(grid))
+    det = rows[..., 0, 0] * rows[..., 1, 1] - rows[..., 0, 1] * rows[..., 1, 0]
+    change = det[:, 1:] * det[:, :-1] < 0
+    cosine = -rows[..., 0, 0] / rows[..., 0, 1]
+    zeros = (change & (np.abs(cosine[:, 1:]) < 1) & (np.abs(rows[:, 1:, 0, 1]) > 1e-2)).sum(axis=-1)
+    clear = (np.abs(np.abs(cosine[:, 1:]) - 1) > 0.02) | ~change
+    settled = clear.all(axis=-1) & ((np.abs(rows[:, 1:, 0, 1]) > 1e-2) | ~change).all(axis=-1)
+    assert settled.sum() > 200
+    np.testing.assert_array_equal(count[settled], 2 * zeros[settled])
+
+
+# solutions that meet ------------------------------------------------------------------------------------------------
+
+
+@methods
+def test_two_solutions_that_meet_are_one_double(method):
+    rng = np.random.default_rng(6)
+    points = rng.uniform(-np.pi, np.pi, size=(100, 4, 2))
+    pair = spatial.solve_pair(through(rng, points, tangents=1), method=method)
+    double = pair.status == PairStatus.DOUBLE
+    assert (double.sum(axis=-1) >= 1).all()
+    assert (nearest(pair, points)[:, 1:] < 1e-8).mean() > 0.99
+    # rounding of the coefficients moves a double solution by the root of that, times the condition of the equations
+    assert np.quantile(nearest(pair, points)[:, 0], 0.95) < 1e-6
+    assert not (pair.status == PairStatus.INCOMPLETE).any()
+
+
+@pytest.mark.parametrize("distance", [1e-2, 1e-4, 1e-6, 1e-8])
+def test_nearly_double_solutions_are_not_lost(distance):
+    rng = np.random.default_rng(7)
+    points = rng.uniform(-np.pi, np.pi, size=(100, 5, 2))
+    points[:, 1] = points[:, 0] + distance * rng.normal(size=(100, 2))
+    pair = spatial.solve_pair(through(rng, points))
+    assert not (pair.status == PairStatus.INCOMPLETE).any()
+    assert np.quantile(nearest(pair, points), 0.99) < max(1e-6, 2 * distance)
+    assert ((pair.status <= PairStatus.DOUBLE).sum(axis=-1) >= 4).all()
+
+
+def test_signs_of_the_determinants_balance():
+    """A torus has no boundary: regular solutions come with either sign of the determinant equally often."""
+    M = np.random.default_rng(8).normal(size=(3000, 2, 3, 3))
+    pair = spatial.solve_pair(M)
+    u, v = basis(pair.theta1), basis(pair.theta2)
+    a = np.einsum("neij,nki,nkj->nke", M, slope(pair.theta1), v)
+    b = np.einsum("neij,nki,nkj->nke", M, u, slope(pair.theta2))
+    signs = np.sign(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+    assert (np.nansum(signs, axis=-1) == 0).all()
+
+
+# common factors -----------------------------------------------------------------------------------------------------
+
+
+def outer(a, b):
+    return np.einsum("...i,...j->...ij", a, b)
+
+
+def holds_on_family(M, pair):
+    """At a representative the equations hold, and the derivatives are dependent."""
+    slots = pair.status == PairStatus.COMMON_FACTOR
+    u, v = basis(pair.theta1), basis(pair.theta2)
+    a = np.einsum("neij,nki,nkj->nke", M, slope(pair.theta1), v)
+    b = np.einsum("neij,nki,nkj->nke", M, u, slope(pair.theta2))
+    determinant = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return np.abs(values(M, pair)[slots]).max() < 1e-13 and np.abs(determinant[slots]).max() < 1e-12
+
+
+def test_a_factor_of_one_angle():
+    """(α·u)(β_e·v): every θ2 at two θ1, or nothing; and the same with the angles exchanged."""
+    rng = np.random.default_rng(9)
+    a, b = rng.normal(size=(40, 3)), rng.normal(size=(40, 2, 3))
+    solvable = np.hypot(a[:, 1], a[:, 2]) > np.abs(a[:, 0])
+    M = outer(a[:, None], b)
+    for case in (M, M.swapaxes(-1, -2)):
+        pair = spatial.solve_pair(case)
+        told = (pair.status == PairStatus.COMMON_FACTOR).any(axis=-1)
+        np.testing.assert_array_equal(told, solvable)
+        assert (pair.status[~solvable] == PairStatus.NONE).all()
+        assert holds_on_family(case, pair)
+
+
+@pytest.mark.parametrize("shape", [(2, 2), (1, 2), (2, 1)], ids=["of both", "of x1", "of x2"])
+def test_a_factor_of_the_biquadratics(shape):
+    """A factor that is bilinear in the tangents, or linear in one: with what stands alone beside it."""
+    rng = np.random.default_rng(10)
+    factor = rng.normal(size=(20, *shape))
+    rest = rng.normal(size=(20, 2, 4 - shape[0], 4 - shape[1]))
+    E = np.zeros((20, 2, 3, 3))
+    for i in range(shape[0]):
+        for j in range(shape[1]):
+            E[:, :, i : i + 4 - shape[0], j : j + 4 - shape[1]] += (
+                factor[:, None, i : i + 1, j : j + 1] * rest
+            )
+    M = spatial.pair_from_biquadratics(E)
+    pair = spatial.solve_pair(M)
+    assert (pair.status == PairStatus.COMMON_FACTOR).any(axis=-1).all()
+    assert holds_on_family(M, pair)
+    alone = pair.status == PairStatus.REGULAR
+    assert alone.any()
+    # they solve what is left of the equations
+    x1, x2 = np.tan(pair.theta1 / 2), np.tan(pair.theta2 / 2)
+    left = sum(
+        rest[:, None, :, i, j] * (x2**i * x1**j)[..., None]
+        for i in range(rest.shape[2])
+        for j in range(rest.shape[3])
+    )
+    scale = ((1 + x1**2) * (1 + x2**2))[..., None]
+    assert np.abs(left / scale)[alone].max() < 1e-9
+
+
+def test_dependent_and_empty_equations():
+    rng = np.random.default_rng(11)
+    one = rng.normal(size=(3, 3))
+    one[0, 0] = 0.1  # so that it has solutions
+    for m in ([one, -3 * one], [one, np.zeros((3, 3))], [np.zeros((3, 3)), one], [np.zeros((3, 3))] * 2):
+        M = np.array([m])
+        pair = spatial.solve_pair(M)
+        assert pair.status[0, 0] == PairStatus.COMMON_FACTOR
+        assert (pair.status[0, 1:] == PairStatus.NONE).all()
+        assert np.abs(values(M, pair)[0, 0]).max() < 1e-14
+    nothing = np.zeros((1, 2, 3, 3))
+    nothing[0, :, 0, 0] = 1.0
+    assert (spatial.solve_pair(nothing).status == PairStatus.NONE).all()
+
+
+def test_nearly_dependent_equations_are_not_dependent():
+    """They are solved to what their difference is known to."""
+    rng = np.random.default_rng(12)
+    one, other = rng.normal(size=(2, 100, 3, 3))
+    plain = spatial.solve_pair(np.stack([one, other], axis=1))
+    for share in (1e-3, 1e-6, 1e-9):
+        pair = spatial.solve_pair(np.stack([one, one + share * other], axis=1))
+        np.testing.assert_array_equal(pair.status, plain.status)
+        there = plain.status == PairStatus.REGULAR
+        assert off(angles_of(pair), angles_of(plain))[there].max() < 1e5 * EPS / share
+
+
+# what no row may depend on ------------------------------------------------------------------------------------------
+
+
+def test_size_of_an_equation_does_not_matter():
+    M = np.random.default_rng(13).normal(size=(50, 2, 3, 3))
+    pair = spatial.solve_pair(M)
+    scaled = spatial.solve_pair(M * np.array([2.0**500, -(2.0**-500)])[:, None, None])
+    np.testing.assert_array_equal(scaled.status, pair.status)
+    np.testing.assert_allclose(scaled.theta1, pair.theta1, atol=1e-12)
+
+
+def test_exchanged_and_turned_angles():
+    """The same solutions where the angles change places, and where one is counted from elsewhere."""
+    rng = np.random.default_rng(14)
+    M = rng.normal(size=(300, 2, 3, 3))
+    pair = spatial.solve_pair(M)
+    there = pair.status == PairStatus.REGULAR
+    exchanged = spatial.solve_pair(M.swapaxes(-1, -2))
+    points = np.stack([exchanged.theta2, exchanged.theta1], axis=-1)
+    assert nearest(pair, points)[exchanged.status == PairStatus.REGULAR].max() < 1e-10
+    np.testing.assert_array_equal((exchanged.status == PairStatus.REGULAR).sum(axis=-1), there.sum(axis=-1))
+    turn = 2.7
+    T = np.array([[1, 0, 0], [0, np.cos(turn), np.sin(turn)], [0, -np.sin(turn), np.cos(turn)]])
+    turned = spatial.solve_pair(T @ M)
+    points = np.stack([turned.theta1 + turn, turned.theta2], axis=-1)
+    assert nearest(pair, points)[turned.status == PairStatus.REGULAR].max() < 1e-10
+    np.testing.assert_array_equal((turned.status == PairStatus.REGULAR).sum(axis=-1), there.sum(axis=-1))
+
+
+def test_order_and_range():
+    pair = spatial.solve_pair(np.random.default_rng(15).normal(size=(500, 2, 3, 3)))
+    there = pair.status == PairStatus.REGULAR
+    assert (there[:, 1:] <= there[:, :-1]).all()  # those there come first
+    assert (np.diff(np.where(there, pair.theta1, 9.0), axis=-1)[there[:, 1:]] > 0).all()
+    for theta in pair[:2]:
+        assert (theta[there] > -np.pi).all()
+        assert (theta[there] <= np.pi).all()
+        assert np.isnan(theta[~there]).all()
+
+
+def test_what_is_not_finite_is_invalid():
+    M = np.random.default_rng(16).normal(size=(4, 2, 3, 3))
+    M[1, 0, 2, 1], M[2, 1, 0, 0] = np.nan, np.inf
+    pair = spatial.solve_pair(M)
+    assert (pair.status[1:3] == PairStatus.INVALID).all()
+    assert np.isnan(pair.theta1[1:3]).all()
+    assert (pair.status[[0, 3]] != PairStatus.INVALID).all()
+
+
+def test_interface():
+    M = np.random.default_rng(17).normal(size=(2, 3, 2, 3, 3))
+    pair = spatial.solve_pair(M)
+    assert pair.theta1.shape == pair.theta2.shape == pair.status.shape == (2, 3, 8)
+    assert pair.status.dtype == np.int8
+    one = spatial.solve_pair(M[1, 2].tolist())
+    np.testing.assert_array_equal(one.theta1, pair.theta1[1, 2])
+    assert spatial.solve_pair(np.zeros((0, 2, 3, 3))).theta1.shape == (0, 8)
+    with pytest.raises(ValueError, match=r"expected \(\.\.\., 2, 3, 3\)"):
+        spatial.solve_pair(np.zeros((3, 3)))
+    with pytest.raises(ValueError, match="expected 'fast', 'sylvester' or 'bezout'"):
+        spatial.solve_pair(M, method="newton")
+    with pytest.raises(TypeError, match="complex"):
+        spatial.solve_pair(M + 0j)
+
+
+def test_biquadratics_are_the_same_equations():
+    rng = np.random.default_rng(18)
+    E = rng.normal(size=(2, 3, 3))
+    M = spatial.pair_from_biquadratics(E)
+    for x1, x2 in rng.normal(size=(5, 2)):
+        direct = np.einsum("eba,b,a->e", E, x2 ** np.arange(3), x1 ** np.arange(3))
+        u, v = basis(2 * np.arctan(x1)), basis(2 * np.arctan(x2))
+        np.testing.assert_allclose(
+            np.einsum("eij,i,j->e", M, u, v) * (1 + x1**2) * (1 + x2**2),
+            direct,
+            atol=1e-12 * np.abs(direct).max(),
+        )
+
+
+# the two ways -------------------------------------------------------------------------------------------------------
+
+
+def test_the_fast_way_is_the_usual_way_and_agrees():
+    """Of random equations hardly any needs eigenvalues; where it is certain it is right."""
+    M = np.random.default_rng(19).normal(size=(4000, 2, 3, 3))
+    one, two, loss = _pair.kernels.pair_prepared(M[:, 0], M[:, 1])
+    angles, certain = certain_solutions(one, two, loss)
+    assert certain.mean() > 0.99
+    by_eigenvalues = spatial.solve_pair(M[:1000], method="sylvester")
+    some = np.flatnonzero(certain[:1000])
+    np.testing.assert_array_equal(
+        np.isfinite(angles[some, :, 0]), by_eigenvalues.status[some] == PairStatus.REGULAR
+    )
+    assert np.nanmax(off(angles[some], angles_of(by_eigenvalues)[some])) < 1e-10
+
+
+@pytest.mark.parametrize("lost", [1, 2])
+def test_lost_starts_are_made_up_for_or_told(lost, monkeypatch):
+    """Where starts near some solutions are taken away everywhere, either the others lead there or a slot says so."""
+    rng = np.random.default_rng(20)
+    points = rng.uniform(-np.pi, np.pi, size=(60, 7, 2))
+    M = through(rng, points)
+    complete = spatial.solve_pair(M, method="sylvester")
+    taken = angles_of(complete)[:, :lost]
+
+    def without(M, loss, starts, collected=_pair.collected):
+        angles, status = collected(M, loss, starts)
+        rows = [np.flatnonzero((complete_M == m).all(axis=(-1, -2, -3)))[0] for m in M]
+        near = (off(angles[:, :, None], taken[rows][:, None]).max(axis=-1) < 1e-6).any(axis=-1)
+        return np.where(near[..., None], np.nan, angles), np.where(near, PairStatus.NONE, status)
+
+    one, two, _ = _pair.kernels.pair_prepared(M[:, 0], M[:, 1])
+    complete_M = np.stack([one, two], axis=1)
+    monkeypatch.setattr(_pair, "collected", without)
+    told = spatial.solve_pair(M, method="sylvester").status == PairStatus.INCOMPLETE
+    assert told.any(axis=-1).mean() > 0.95
