@@ -29,6 +29,7 @@ from rodgen.codegen import KernelBuilder
 from rodgen.symbolic import (
     LARGEST,
     Derivation,
+    cross,
     dot,
     equal,
     in_notebook,
@@ -94,19 +95,31 @@ def of_quaternion(w, x, y, z):
     return sp.eye(3) * (w**2 - part.dot(part)) + 2 * part * part.T + 2 * w * skew(part)
 
 
+def matrix(name, latex, quantity, value):
+    """Enter a matrix into the table of symbols."""
+    rows, columns = value.shape
+    return d.matrix(name, latex, quantity, "1, length", value=value, rows=rows, columns=columns)
+
+
 R = of_quaternion(q0, q1, q2, q3)
 UNIT = {q0: q0**2 + q1**2 + q2**2 + q3**2 - 1}
 T = transform(R, P)
+R_AB = matrix("R_AB", "{}^A_BR", "rotation matrix, of a unit quaternion", R)
+T_AB = matrix("T_AB", "{}^A_BT", "transformation matrix", T)
+T_BA = matrix("T_BA", "{}^B_AT", "transformation matrix of A in B", inverse(T))
+one_3, one_4 = im(sp.eye(3)), im(sp.eye(4))
 d.state(
     "transformation",
-    equal(im(T * sp.Matrix([*p, 1])), im([*(R * sp.Matrix(list(p)) + sp.Matrix(list(P))), 1])),
+    equal(T_AB * im([*p, 1]), im([*(R * sp.Matrix(list(p)) + sp.Matrix(list(P))), 1])),
     text="A transformation matrix takes the coordinates of a point in B to those in A.",
     place="Transformation Matrix Definition",
 ).prove()
+
+# %%
 d.state(
     "reverse-transformation",
-    equal(im(T * inverse(T)), im(sp.eye(4))),
-    equal(im(inverse(T) * T), im(sp.eye(4))),
+    equal(T_AB * T_BA, one_4),
+    equal(T_BA * T_AB, one_4),
     text="Its inverse has the transposed rotation, and the origin of A in B.",
     place="Reverse Transformation Matrix Definition",
 ).prove(modulo=UNIT)
@@ -143,10 +156,13 @@ about_m = sp.Matrix(
         [mx * mz * v - my * s, my * mz * v + mx * s, mz**2 * v + c],
     ]
 )
+R_AC = matrix("R_AC", "{}^A_CR", "axes a, b, m of C as columns", ACR)
+R_CD = matrix("R_CD", "{}^C_DR", "rotation about z", about_z(theta))
+R_m = matrix("R_m", r"R_{\vec m}", "rotation about m", about_m)
 in_quaternion = dict(zip((along, across, m), (R[:, 0], R[:, 1], R[:, 2]), strict=True))
 d.state(
     "same-relation",
-    equal(im(about_m.T * ACR * about_z(theta)), im(ACR)),
+    equal(R_m.T * R_AC * R_CD, R_AC),
     text="The relation of D to B is that of C to A: R(B to D) = R(A to C).",
     place="Formula Derivation",
 ).prove(given=in_quaternion, modulo=UNIT)
@@ -158,32 +174,38 @@ d.state(
 
 # %%
 products = sp.expand(ACR * about_z(theta) * ACR.T)
-rule_1 = [along[i] ** 2 + across[i] ** 2 - (1 - m[i] ** 2) for i in range(3)]
+first, second, third = (list(w) for w in (along, across, m))
+rule_1 = [first[i] ** 2 + second[i] ** 2 - (1 - third[i] ** 2) for i in range(3)]
 rule_2 = {
-    (i, j): along[i] * along[j] + across[i] * across[j] + m[i] * m[j] for i, j in ((0, 1), (0, 2), (1, 2))
+    (i, j): first[i] * first[j] + second[i] * second[j] + third[i] * third[j]
+    for i, j in ((0, 1), (0, 2), (1, 2))
 }
 rule_3 = list(sp.Matrix(list(along)).cross(sp.Matrix(list(across))) - sp.Matrix(list(m)))
 d.state(
     "rule-1",
-    *(equal(along[i] ** 2 + across[i] ** 2, 1 - m[i] ** 2) for i in range(3)),
+    *(equal(first[i] ** 2 + second[i] ** 2, 1 - third[i] ** 2) for i in range(3)),
     text="The dot product of a row with itself is one.",
     place="Formula Derivation",
 ).prove(given=in_quaternion, modulo=UNIT)
+
+# %%
 d.state(
     "rule-2",
-    *(equal(along[i] * along[j] + across[i] * across[j], -m[i] * m[j]) for i, j in rule_2),
+    *(equal(first[i] * first[j] + second[i] * second[j], -third[i] * third[j]) for i, j in rule_2),
     text="The dot product of two rows is zero.",
     place="Formula Derivation",
 ).prove(given=in_quaternion, modulo=UNIT)
+
+# %%
 ax, ay, az = along
 bx, by, bz = across
 d.state(
     "rule-3",
     equal(im([ay * bz - az * by, ax * bz - az * bx, ax * by - ay * bx]), im([mx, my, mz])),
-    said="the cross product of the first two columns equals the third column",
+    text="The cross product of the first two columns equals the third column.",
     place="Formula Derivation",
     assumptions=[
-        *(sp.Eq(along[i] ** 2 + across[i] ** 2 + m[i] ** 2, 1) for i in range(3)),
+        *(sp.Eq(first[i] ** 2 + second[i] ** 2 + third[i] ** 2, 1) for i in range(3)),
         *(sp.Eq(rule, 0) for rule in rule_2.values()),
         sp.Eq(dot(along, along), 1),
     ],
@@ -223,9 +245,12 @@ for i in range(3):
                 else f"rule 2 of the rows {names[i]}, {names[j]} and s times rule 3 of {names[3 - i - j]}."
             ),
         ).prove()
+d.entries["entry-12"]
+
+# %%
 d.state(
     "general-rotation",
-    equal(im(ACR * about_z(theta) * ACR.T), im(about_m)),
+    equal(R_AC * R_CD * R_AC.T, im(about_m)),
     text="The rotation by the angle θ about the unit vector m.",
     place="General Rotation Transformation Matrix",
 ).prove(
@@ -235,9 +260,12 @@ d.state(
     modulo=UNIT,
     because="Each entry is proved, and what the certificates hold is zero for every rotation matrix.",
 )
+
+# %%
 d.check(
     "same-as-rotations",
-    equal(im(about_m), im(matrix_from_axis_angle(sp.Matrix(list(m)), c, s))),
+    equal(R_m, c * one_3 + s * skew(m) + v * m * m.T),
+    equal(R_m, im(matrix_from_axis_angle(sp.Matrix(list(m)), c, s))),
     text="It is Rodrigues' matrix, from which the kernel matrix_from_axis_angle of the notebook rotations is made.",
 ).prove(modulo={mz: dot(m, m) - 1})
 
@@ -264,6 +292,8 @@ d.state(
     text="The sum of the diagonal.",
     place="Find Vector and Rotation Angle",
 ).prove()
+
+# %%
 d.state(
     "trace-unit",
     equal(about_m.trace(), v - 3 * c),
@@ -277,12 +307,16 @@ d.state(
     label="L2",
     because="A sign: the line before has + 3c, and so has the next expression in the same line, (1 − c) + 3c.",
 )
+
+# %%
 d.state(
     "trace-angle",
     equal(about_m.trace(), 1 + 2 * c),
     text="So the trace gives the cosine of the angle.",
     place="Find Vector and Rotation Angle",
 ).prove(modulo=UNIT_M)
+
+# %%
 w = d.vector(
     "w",
     r"\vec w",
@@ -305,6 +339,8 @@ d.state(
     "r_ji − r_ij = 2 m_k s with i < j is right where (i,j,k) is an even permutation, and (1,3,2) is odd.",
     place="Find Vector and Rotation Angle",
 ).prove()
+
+# %%
 d.state(
     "always-a-vector",
     sp.Ne(s, 0),
@@ -319,6 +355,8 @@ d.state(
     because="Not for θ = 0, where every vector is right, nor for θ = π, where the differences are zero and the vector "
     "stands in the symmetric part: its sign is free.",
 )
+
+# %%
 d.check(
     "sine-and-cosine",
     equal(dot(w, w), (2 * s) ** 2),
@@ -358,12 +396,18 @@ written_out = sp.Matrix(
         [0, 0, 0, 1],
     ]
 )
+shift_a = matrix("T_a", "T_x(a_{ij})", "shift along a", shift(x=a))
+turn_alpha = matrix("T_alpha", r"R_x(\alpha_{ij})", "turn about a", transform(about_x(alpha), [0, 0, 0]))
+shift_S = matrix("T_S", "T_z(S_j)", "shift along S", shift(z=S))
+turn_theta = matrix("T_theta", r"R_z(\theta_j)", "turn about S", transform(about_z(theta), [0, 0, 0]))
 d.state(
     "link-transform",
-    equal(im(written_out), im(link(a, alpha, S, theta))),
+    equal(im(written_out), shift_a * turn_alpha * shift_S * turn_theta),
     text="The transform from link to link.",
     place="General Link to Link Transformation Matrix",
 ).prove()
+
+# %%
 x, y, z = (d.vector(f"{n}_i", rf"\vec {n}", f"{n} axis of system i", "1") for n in "xyz")
 before = transform(sp.Matrix.hstack(*(sp.Matrix(list(u)) for u in (x, y, z))), P)
 
@@ -376,9 +420,12 @@ def next_frame(frame, a, ca, sa, S, c, s):
 
 
 stepped = next_frame([sp.Matrix(list(u)) for u in (x, y, z, P)], a, ca, sa, S, c, s)
+T_Fi = matrix("T_Fi", "{}^F_iT", "system i", before)
+T_ij = matrix("T_ij", "{}^i_jT", "transform from link to link", written_out)
+T_Fj = matrix("T_Fj", "{}^F_jT", "system j", transform(sp.Matrix.hstack(*stepped[:3]), stepped[3]))
 d.check(
     "next-frame",
-    equal(im(transform(sp.Matrix.hstack(*stepped[:3]), stepped[3])), im(before * written_out)),
+    equal(T_Fj, T_Fi * T_ij),
     text="The next system: its axes are those of this one, turned about x by the twist and about the new z by the "
     "joint's angle.",
 ).prove()
@@ -397,14 +444,20 @@ d.check(
     equal(im(link(0, 0, 0, phi)), im(transform(about_z(phi), [0, 0, 0]))),
     text="The first system is turned about the first joint's axis.",
 ).prove()
+
+# %%
 tool = d.vector("t", r"\vec t", "tool point in system 6", "length")
 x6, y6, z6 = (R[:, n] for n in range(3))
+S6, a67_6 = (
+    d.vector("S_6", r"\vec S_6", "axis of joint 6", "1", value=z6),
+    d.vector("a_6", r"\vec a_{67}", "direction of the link 67", "1", value=x6),
+)
+tool_F = d.vector(
+    "P_tool", r"\vec P_t", "tool point in F", "length", value=(T * sp.Matrix([*tool, 1]))[:3, 0]
+)
 d.check(
     "origin-from-tool",
-    equal(
-        im(list(P)),
-        im((T * sp.Matrix([*tool, 1]))[:3, 0] - tool[0] * x6 - tool[1] * z6.cross(x6) - tool[2] * z6),
-    ),
+    equal(P, tool_F - tool[0] * a67_6 - tool[1] * cross(S6, a67_6) - tool[2] * S6),
     text="From a tool point back to the origin: P = P_tool − x a67 − y (S6 × a67) − z S6.",
 ).prove(modulo=UNIT)
 
@@ -415,21 +468,29 @@ d.check(
 # $T=A\,T_z(S)R_z(\theta)\,B$.
 
 # %%
-twist_z = sp.zeros(4, 4)
+twist_z, shift_z = sp.zeros(4, 4), sp.Matrix(4, 4, lambda i, j: int(i == 2 and j == 3))
 twist_z[:3, :3] = skew(sp.Matrix([0, 0, 1]))
 screw = shift(z=S) * transform(about_z(theta), [0, 0, 0])
 d.check(
     "joint-derivative",
-    equal(im(screw.diff(theta)), im(twist_z * screw)),
-    equal(im(screw.diff(S)), im(sp.Matrix(4, 4, lambda i, j: int(i == 2 and j == 3)) * screw)),
+    equal(im(screw.diff(theta)), im(twist_z) * shift_S * turn_theta),
+    equal(im(screw.diff(S)), im(shift_z) * shift_S * turn_theta),
     text="The derivative of a joint's motion is its twist times the motion.",
 ).prove()
+
+# %%
 carried = sp.zeros(4, 4)
 carried[:3, :3] = skew(z6)
 carried[:3, 3] = -z6.cross(sp.Matrix(list(P)))
+twist_S = matrix(
+    "twist_S",
+    r"\xi",
+    "turns by S, the z axis of B, about the origin P of B: p moves with S × (p − P)",
+    carried,
+)
 d.check(
     "carried-twist",
-    equal(im(T * twist_z * inverse(T)), im(carried)),
+    equal(T_AB * im(twist_z) * T_BA, twist_S),
     text="Carried into the fixed system it is the rotation about the joint's axis: a point p moves with S × (p − P).",
 ).prove(modulo=UNIT)
 
@@ -447,39 +508,41 @@ d.check(
 turn = d.symbol("turn", "q", "variable of a joint", "rad")
 d.check(
     "standard-dh",
-    equal(
-        im(
-            transform(about_z(theta), [0, 0, 0])
-            * shift(z=S)
-            * shift(x=a)
-            * transform(about_x(alpha), [0, 0, 0])
-        ),
-        im(screw * (shift(x=a) * transform(about_x(alpha), [0, 0, 0]))),
-    ),
+    equal(turn_theta * shift_S * shift_a * turn_alpha, im(screw) * im(link(a, alpha, 0, 0))),
     text="Standard Denavit-Hartenberg: the joint's screw motion and then the link's.",
 ).prove()
+
+# %%
 line = sp.eye(4)
 line[:3, :3] = matrix_from_axis_angle(z6, cos(turn), sin(turn))
 line[:3, 3] = (sp.eye(3) - line[:3, :3]) * sp.Matrix(list(P))
+T_line = matrix("T_line", r"e^{\xi q}", "turn by q about the line along S through P", line)
 d.check(
     "exponential",
-    equal(im(T * transform(about_z(turn), [0, 0, 0])), im(line * T)),
+    equal(T_AB * im(transform(about_z(turn), [0, 0, 0])), T_line * T_AB),
     text="To turn the joint after its axis is carried somewhere is to turn about the carried line, and then carry: all "
     "joints one after the other make the product of exponentials.",
 ).prove(modulo=UNIT)
+
+# %%
 other = d.vector("p_other", r"\vec p'", "a point of another line", "length")
 u = d.vector("u", r"\vec u", "direction of a line", "1")
 u_other = d.vector("u_other", r"\vec u'", "direction of another line", "1")
 lines = [sp.Matrix(list(w)) for w in (p, u, other, u_other)]
 normal = lines[1].cross(lines[3])
 gap = lines[2] - lines[0]
-foot = lines[0] + gap.cross(lines[3]).dot(normal) / normal.dot(normal) * lines[1]
-foot_other = lines[2] + gap.cross(lines[1]).dot(normal) / normal.dot(normal) * lines[3]
+foot_value = lines[0] + gap.cross(lines[3]).dot(normal) / normal.dot(normal) * lines[1]
+foot_other_value = lines[2] + gap.cross(lines[1]).dot(normal) / normal.dot(normal) * lines[3]
+across_both = d.vector("n", r"\vec n", "u × u'", "1", value=normal)
+foot = d.vector("f", r"\vec f", "foot p + (((p' − p) × u') · n / n²) u", "length", value=foot_value)
+foot_other = d.vector(
+    "f_other", r"\vec f'", "foot p' + (((p' − p) × u) · n / n²) u'", "length", value=foot_other_value
+)
 d.check(
     "common-perpendicular",
-    equal(dot(foot_other - foot, lines[1]), 0),
-    equal(dot(foot_other - foot, lines[3]), 0),
-    equal(im(foot_other - foot), im(gap.dot(normal) / normal.dot(normal) * normal)),
+    equal(dot(foot_other - foot, u), 0),
+    equal(dot(foot_other - foot, u_other), 0),
+    equal(foot_other - foot, dot(other - p, across_both) / dot(across_both, across_both) * across_both),
     text="The feet of the common perpendicular of two lines that are not parallel: from axes in space to links.",
 ).prove()
 
@@ -527,13 +590,13 @@ def link_by(a, twist, S, angle):
     return written_out.xreplace(replaced)
 
 
-def closed(S7v, a67v, P, twist71, loop):
-    """The product all the way round: the end frame, the links 67 and 71."""
-    a71v, S7, a71, S1 = loop
+def loop_of(S7v, a67v, P, twist71, found):
+    """The end frame and the links 67 and 71; the twist 67 turns S6 into S7."""
+    a71v, S7, a71, S1 = found
     S6 = c67 * S7v - s67 * a67v.cross(S7v)
     seven, one = turns(S7v, a67v, a71v)
     end = transform(sp.Matrix.hstack(a67v, S6.cross(a67v), S6), P - a67 * a67v)
-    return end * link_by(a67, (c67, s67), S7, seven) * link_by(a71, twist71, S1, one)
+    return end, link_by(a67, (c67, s67), S7, seven), link_by(a71, twist71, S1, one)
 
 
 c71, s71 = cos(alpha71), sin(alpha71)
@@ -541,13 +604,44 @@ S7v = sp.Matrix([s71 * cos(azimuth), s71 * sin(azimuth), c71])
 level = sp.Matrix([sin(azimuth), -cos(azimuth), 0])
 a67v = cos(spin) * level + sin(spin) * S7v.cross(level)
 end_67 = sp.Matrix(list(P))
+found = normal_case(S7v, a67v, end_67, c71, s71)
+by_loop = loop_of(S7v, a67v, end_67, (c71, s71), found)
+LOOP = tuple(
+    matrix(name, latex, quantity, value)
+    for name, latex, quantity, value in zip(
+        ("T_F6", "T_67", "T_71"),
+        ("{}^F_6T", "{}^6_7T", "{}^7_1T"),
+        ("end frame", "transform over the link 67", "transform over the link 71, with γ1"),
+        by_loop,
+        strict=True,
+    )
+)
+T_F6, T_67, T_71 = LOOP
+axis_7 = d.vector("S_7v", r"\vec S_7", "axis of joint 7", "1", value=S7v)
+axis_1 = d.vector("S_1v", r"\vec S_1", "axis of joint 1", "1", value=S_1)
+along_67 = d.vector("a_67v", r"\vec a_{67}", "direction of the link 67", "1", value=a67v)
+along_71 = d.vector("a_71v", r"\vec a_{71}", "direction of the link 71", "1", value=found[0])
+S_7 = d.symbol("S_7", "S_7", "offset of joint 7", "length", value=found[1])
+a_71 = d.symbol("a_71", "a_{71}", "length of the link 71", "length", value=found[2])
+S_1n = d.symbol("S_1", "S_1", "offset of joint 1", "length", value=found[3])
+d.check(
+    "normal-lengths",
+    equal(s71 * along_71, cross(axis_7, axis_1)),
+    equal(s71 * S_7, dot(cross(axis_1, P), along_71)),
+    equal(s71 * a_71, dot(cross(P, axis_1), axis_7)),
+    equal(s71 * S_1n, dot(cross(P, axis_7), along_71)),
+    equal(P + S_7 * axis_7 + a_71 * along_71 + S_1n * axis_1, im(sp.zeros(3, 1))),
+    text="Where s71 is not zero, the three lengths are triple products of P with two of the three directions, and "
+    "the vector loop closes. The length a71 comes out signed. P is where the link 67 ends.",
+).prove()
+
+# %%
 d.check(
     "normal-case",
-    equal(im(closed(S7v, a67v, end_67, (c71, s71), normal_case(S7v, a67v, end_67, c71, s71))), im(sp.eye(4))),
-    text="Where s71 is not zero, a71 = S7 × S1 / s71, and the three lengths are triple products of P with two of the "
-    "three directions. The transforms then close: the product all the way round, with γ1 in place of θ1, is the "
-    "unit matrix. So φ1 = θ1 − γ1. S7 is any vector off the z axis here, a67 any one across it: every pose is one of "
-    "these. The length a71 comes out signed.",
+    equal(T_F6 * T_67 * T_71, one_4),
+    text="The transforms close: the product all the way round, with cos θ7 = a67 · a71, sin θ7 = (a67 × a71) · S7, "
+    "cos γ1 = a71 · x, sin γ1 = (a71 × x) · S1 and γ1 in place of θ1, is the unit matrix. So φ1 = θ1 − γ1. S7 is any "
+    "vector off the z axis here, a67 any one across it: every pose is one of these.",
 ).prove()
 
 # %% [markdown]
@@ -571,6 +665,8 @@ d.state(
     text="The loop times S1: S1 = −P · S1, since a71 is across S1.",
     place=special,
 ).prove()
+
+# %%
 d.state(
     "special-1-a71",
     equal(a71_1, r71),
@@ -582,13 +678,22 @@ d.state(
     im(end_parallel + r71 * a71v_1 + S1_1 * S_1),
     because="Both sides of the first are positive and have one square; the second adds up to zero.",
 )
+
+# %%
 d.check(
     "special-1",
-    equal(
-        im(closed(S7v_parallel, a67v_level, end_parallel, (same, 0), (a71v_1, 0, r71, S1_1))), im(sp.eye(4))
-    ),
+    equal(T_F6 * T_67 * T_71, one_4),
     text="The transforms close, with α71 = 0 or π.",
-).prove(modulo={same: same**2 - 1})
+).prove(
+    given=dict(
+        zip(
+            LOOP,
+            loop_of(S7v_parallel, a67v_level, end_parallel, (same, 0), (a71v_1, 0, r71, S1_1)),
+            strict=True,
+        )
+    ),
+    modulo={same: same**2 - 1},
+)
 
 # %% [markdown]
 # The notes go to this case when $\alpha_{71}$ is "very close" to 0° or 180°. It closes the loop only when it is equal:
@@ -621,18 +726,26 @@ d.state(
 # %%
 d.state(
     "special-2",
-    equal(
-        im(
-            closed(
-                S7v_parallel, a67v_level, sp.Matrix([0, 0, height]), (same, 0), (a67v_level, 0, 0, -height)
-            )
-        ),
-        im(sp.eye(4)),
-    ),
+    equal(T_F6 * T_67 * T_71, one_4),
     equal(im(turns(S7v_parallel, a67v_level, a67v_level)[0]), im([1, 0])),
     text="S7 = 0, θ7 = 0, a71 = 0, and a71 along a67: the transforms close.",
     place="Special Case 2",
-).prove(modulo={same: same**2 - 1})
+).prove(
+    given=dict(
+        zip(
+            LOOP,
+            loop_of(
+                S7v_parallel,
+                a67v_level,
+                sp.Matrix([0, 0, height]),
+                (same, 0),
+                (a67v_level, 0, 0, -height),
+            ),
+            strict=True,
+        )
+    ),
+    modulo={same: same**2 - 1},
+)
 
 # %% [markdown]
 # ### No need for special cases
@@ -824,9 +937,9 @@ by_port |= {
 }
 d.check(
     "kernel-step",
-    equal(im(made_frame.xreplace(by_port)), im(before * written_out)),
+    equal(T_Fj, T_Fi * T_ij),
     text="The kernel's next system is the product of the two matrices.",
-).prove()
+).prove(given={T_Fj: made_frame.xreplace(by_port)})
 
 
 # %%
@@ -853,14 +966,17 @@ def step_of_forward(n):
     first = transform(about_z(phi), [0, 0, sp.Symbol("offset_1", real=True)])
     by_first = {sp.Symbol("angle_1", real=True): phi}
     wanted = (before if n > 2 else first) * written_out
-    return equal(im(found.xreplace(here | by_letters | by_first)), im(wanted))
+    return im(found.xreplace(here | by_letters | by_first)) - im(wanted)
 
 
 d.check(
     "kernel-forward",
+    equal(T_Fj, T_Fi * T_ij),
+    text="The kernel of six links goes from each system to the next by the product with that link's transform.",
+).prove(
     *(step_of_forward(n) for n in range(2, 7)),
-    text="Each step of the kernel of six links is the product with that link's transform.",
-).prove()
+    because="The five steps, written in the letters of the system before, are that product.",
+)
 
 # %% [markdown]
 # ## The flow chart

@@ -1,0 +1,63 @@
+"""The derivation of links: closed, with its errata, and right in numbers that the proofs do not use."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree
+
+import numpy as np
+import sympy as sp
+from scipy.spatial.transform import Rotation
+
+from rodgen.derivation import spatial_links as notes
+from rodgen.symbolic import errata
+
+derivation = notes.derivation
+
+
+def test_every_formula_is_decided():
+    assert derivation.open == []
+    assert [entry.id for entry in derivation if entry.verdict == "refuted"] == [
+        "rule-3",
+        "trace-unit",
+        "always-a-vector",
+        "very-close",
+    ]
+
+
+def test_the_errata_are_numbered_and_say_what_is_right():
+    text = errata(derivation)
+    assert [line.split()[0] for line in text.splitlines() if line[:1] == "L"] == ["L1", "L2", "L3", "L4"]
+    assert "The component along j is a_z b_x − a_x b_z" in text
+    assert text.count("wrong:") == 4
+
+
+def test_the_general_rotation_is_scipys():
+    symbols = [*notes.m, notes.theta]
+    matrix = sp.lambdify(symbols, notes.about_m)
+    for vector in Rotation.random(10, random_state=1).as_rotvec():
+        angle = np.linalg.norm(vector)
+        found = matrix(*(vector / angle), angle)
+        np.testing.assert_allclose(found, Rotation.from_rotvec(vector).as_matrix(), atol=1e-15)
+
+
+def test_without_the_rules_the_certificates_are_not_zero():
+    """For axes that are no frame each rule leaves something: the certificates are no empty identities."""
+    point = {
+        **dict(zip(notes.along, (1, 2, 3), strict=True)),
+        **dict(zip(notes.across, (2, 0, 1), strict=True)),
+    }
+    point |= {**dict(zip(notes.m, (1, 1, 2), strict=True)), notes.theta: sp.pi / 3}
+    for i in range(3):
+        for j in range(3):
+            rest = notes.certificate[i, j].subs(point)
+            assert rest != 0
+            assert sp.simplify(notes.products[i, j].subs(point) - notes.about_m[i, j].subs(point) - rest) == 0
+
+
+def test_the_flow_chart_is_a_drawing_with_all_three_cases():
+    drawing = ElementTree.fromstring(notes.flow_chart())
+    words = " ".join("".join(text.itertext()) for text in drawing.iter("{http://www.w3.org/2000/svg}text"))
+    assert "special case 1" in words
+    assert "special case 2" in words
+    assert "S7 = (S1 × P) · a71 / s71" in words
+    assert "φ1 = θ1 − γ1" in words
