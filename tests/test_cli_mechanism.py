@@ -188,6 +188,26 @@ def test_loops(name: str, input: str, tmp_path: Path, capsys: Any) -> None:
     assert [row["status"] for row in rows if row["solution"] == "0"] == ["none"]
 
 
+def test_robot_with_slides(tmp_path: Path, capsys: Any) -> None:
+    """A gantry with three slides and a wrist: both ways of the wrist, held to the search."""
+    header = ["joint", "type", "S [mm]", "theta [deg]", "a [mm]", "alpha [deg]"]
+    rows = [["X", "P", "", 0, 0, 90], ["Y", "P", "", 90, 0, 90], ["Z", "P", "", 30, 20, 40]]
+    rows += [["A", "R", 5, "", 10, 60], ["B", "R", 0, "", 0, 90], ["C", "R", 15, "", "", ""]]
+    file = write(tmp_path / "gantry.csv", header, rows)
+    gantry = spatial.load_mechanism(file)
+    given = ["X [mm]", "Y [mm]", "Z [mm]", "A [deg]", "B [deg]", "C [deg]"]
+    table = write(tmp_path / "in.csv", given, [[100, -50, 30, 10, 40, 70]])
+    made, _ = run(capsys, "forward", file, table)
+    header = [*(f"{axis} [mm]" for axis in POSE), *QUATERNION]
+    table = write(tmp_path / "poses.csv", header, [[row[x] for x in header] for row in made])
+    back, err = run(capsys, "reverse", file, table)
+    found = numbers(back, given)
+    assert err.endswith("2 rows: 2 regular\n")
+    numeric = search(gantry, poses(made, "mm"))[0].solutions
+    numeric[:, 3:] = np.degrees(numeric[:, 3:])
+    np.testing.assert_allclose(found[np.argsort(found[:, 0])], numeric[np.argsort(numeric[:, 0])], atol=1e-8)
+
+
 def test_rccc_gives_the_angles_of_the_course(tmp_path: Path, capsys: Any) -> None:
     """Crane and Duffy's problem 6.2: the spherical quadrilateral with theta4 = 75 deg, which is R1 here."""
     table = write(tmp_path / "inputs.csv", ["R1 [deg]"], [[75]])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from rodgen._commands.mechanism._mechanism import (
 )
 from rodgen._commands.mechanism._tool import add_tool, tool_of
 from rodgen.errors import InputFileError, shown
+
+if TYPE_CHECKING:
+    from rodgen.spatial import Mechanism
 
 __all__ = ["add_to"]
 
@@ -68,7 +71,6 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _robot(options: argparse.Namespace, chain: Chain) -> int:
-    from rodgen import spatial
     from rodgen.tables import Column
 
     if options.given is not None:
@@ -84,12 +86,21 @@ def _robot(options: argparse.Namespace, chain: Chain) -> int:
             table = np.column_stack(values)
             T = np.zeros((len(table), 4, 4))
             T[:, :3, :3], T[:, :3, 3], T[:, 3, 3] = _rotations(form, table[:, 3:]), table[:, :3], 1.0
-            found = spatial.reverse(here.mechanism, to_base @ T @ to_end)
-            return _answers(here, found.solutions, found.status)
+            return _answers(here, *_solutions(here.mechanism, to_base @ T @ to_end))
 
         return _results(here, list(range(len(here.mechanism.variables)))), function
 
     return run(options, columns, prepare)
+
+
+def _solutions(mechanism: Mechanism, T: Any) -> tuple[Any, Any]:
+    from rodgen import spatial
+
+    if set(mechanism.joints) & set("PC"):
+        slid = spatial.reverse_sliding(mechanism, T)
+        return slid.values, slid.status
+    found = spatial.reverse(mechanism, T)
+    return found.solutions, found.status
 
 
 def _loop(options: argparse.Namespace, chain: Chain) -> int:
