@@ -286,9 +286,12 @@ for axis, made, unit in (("x", about_x, (1, 0, 0)), ("y", about_y, (0, 1, 0)), (
 
 # %%
 UNIT_M = {mz: dot(m, m) - 1}
+versine = d.symbol("v", "v", "1 − cos θ", "1", value=v)
+r11, r12, r13, r21, r22, r23, r31, r32, r33 = R_m
+trace = r11 + r22 + r33
 d.state(
     "trace",
-    equal(about_m.trace(), (mx**2 + my**2 + mz**2) * v + 3 * c),
+    equal(trace, (mx**2 + my**2 + mz**2) * versine + 3 * c),
     text="The sum of the diagonal.",
     place="Find Vector and Rotation Angle",
 ).prove()
@@ -296,13 +299,13 @@ d.state(
 # %%
 d.state(
     "trace-unit",
-    equal(about_m.trace(), v - 3 * c),
+    equal(trace, versine - 3 * c),
     text="The same, since m is a unit vector.",
     place="Find Vector and Rotation Angle",
     assumptions=[sp.Eq(dot(m, m), 1)],
 ).refute(
     {theta: 0, m: (0, 0, 1)},
-    equal(about_m.trace(), v + 3 * c),
+    equal(trace, versine + 3 * c),
     modulo=UNIT_M,
     label="L2",
     because="A sign: the line before has + 3c, and so has the next expression in the same line, (1 − c) + 3c.",
@@ -311,30 +314,20 @@ d.state(
 # %%
 d.state(
     "trace-angle",
-    equal(about_m.trace(), 1 + 2 * c),
+    equal(trace, 1 + 2 * c),
     text="So the trace gives the cosine of the angle.",
     place="Find Vector and Rotation Angle",
 ).prove(modulo=UNIT_M)
 
 # %%
 w = d.vector(
-    "w",
-    r"\vec w",
-    "(r32 − r23, r13 − r31, r21 − r12)",
-    "1",
-    value=sp.Matrix(
-        [
-            about_m[2, 1] - about_m[1, 2],
-            about_m[0, 2] - about_m[2, 0],
-            about_m[1, 0] - about_m[0, 1],
-        ]
-    ),
+    "w", r"\vec w", "differences of the entries", "1", value=sp.Matrix([r32 - r23, r13 - r31, r21 - r12])
 )
 d.state(
     "differences",
-    equal(about_m[1, 0] - about_m[0, 1], 2 * mz * s),
-    equal(about_m[2, 1] - about_m[1, 2], 2 * mx * s),
-    equal(about_m[0, 2] - about_m[2, 0], 2 * my * s),
+    equal(r21 - r12, 2 * mz * s),
+    equal(r32 - r23, 2 * mx * s),
+    equal(r13 - r31, 2 * my * s),
     text="Differences of the other entries give the vector. The notes call the last one an exception: their rule "
     "r_ji − r_ij = 2 m_k s with i < j is right where (i,j,k) is an even permutation, and (1,3,2) is odd.",
     place="Find Vector and Rotation Angle",
@@ -349,7 +342,8 @@ d.state(
     place="Find Vector and Rotation Angle",
 ).refute(
     {theta: sp.pi},
-    equal(im(about_m.subs(theta, sp.pi)), im(2 * sp.Matrix(list(m)) * sp.Matrix(list(m)).T - sp.eye(3))),
+    equal(R_m, 2 * m * m.T - one_3),
+    given={theta: sp.pi},
     label="L3",
     modulo=UNIT_M,
     because="Not for θ = 0, where every vector is right, nor for θ = π, where the differences are zero and the vector "
@@ -360,7 +354,7 @@ d.state(
 d.check(
     "sine-and-cosine",
     equal(dot(w, w), (2 * s) ** 2),
-    equal(about_m.trace() - 1, 2 * c),
+    equal(trace - 1, 2 * c),
     text="|w| and the trace less one are 2 sin θ and 2 cos θ: atan2 of both is right to rounding where the arccosine "
     "is not. The package goes through the quaternion's largest component, so that the vector is right to rounding, "
     "too (notebook rotations).",
@@ -702,9 +696,14 @@ d.check(
 # %%
 a71v_near = sp.Matrix([cos(azimuth_a), sin(azimuth_a), 0])
 seven_near, _ = turns(S7v, a67v, a71v_near)
+along_near = d.vector("a_near", r"\vec a_{71}'", "a71 of special case 1", "1", value=a71v_near)
+c7, s7 = (
+    d.symbol(f"{letter}_7", f"{letter}_7", quantity, "1", value=value)
+    for letter, quantity, value in zip("cs", ("a67 · a71'", "(a67 × a71') · S7"), seven_near, strict=True)
+)
 d.state(
     "very-close",
-    equal(seven_near[0] ** 2 + seven_near[1] ** 2, 1),
+    equal(c7**2 + s7**2, 1),
     said="problems are encountered when α71 is very close to either 0 or 180 degrees. The first step to solving "
     "special case one is to set S7 equal to zero (…) Now the same series of sin and cos equations as the normal case "
     "can be used to find the remaining angles",
@@ -713,7 +712,7 @@ d.state(
     assumptions=[sp.Lt(sp.Abs(s71), sp.Rational(1, 500))],
 ).refute(
     {alpha71: 2 * sp.atan(sp.Rational(1, 1000)), azimuth: 0, spin: 0, azimuth_a: 0},
-    equal(seven_near[0] ** 2 + seven_near[1] ** 2, 1 - dot(a71v_near, S7v) ** 2),
+    equal(c7**2 + s7**2, 1 - dot(along_near, axis_7) ** 2),
     label="L4",
     because="Only where S7 and S1 are parallel is a71 across both. With S7 = 0 the loop misses by up to |P| s71; "
     "without, rounding is multiplied by 1/s71. In double precision the two are alike at s71 = 1e-8, which is the "
