@@ -34,7 +34,7 @@ static inline float power_of_two_scale_f32(float x) {
   return x;
 }
 
-/* trig_solve: 10 add, 15 mul, 1 sqrt, 12 select, 9 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
+/* trig_solve: 10 add, 15 mul, 1 sqrt, 14 select, 11 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
 void trig_equation_trig_solve_f64(double A, double B, double D, double theta[2], int8_t *status) {
   /* inputs */
   /* intermediate terms */
@@ -58,14 +58,16 @@ void trig_equation_trig_solve_f64(double A, double B, double D, double theta[2],
   const int there = (valid) && (!(empty)) && ((is_double) || (two));
   const double x3 = a*d;
   const double x4 = b*w;
-  const double cosine_plus = -x3 - x4;
-  const double x5 = a*w;
-  const double x6 = b*d;
-  const double x7 = x5 - x6;
-  const double sine_plus = ((x7 == 0.0) ? 0.0 : x7);
-  const double cosine_minus = x4 - x3;
-  const double x8 = x5 + x6;
-  const double sine_minus = ((x8 == 0.0) ? 0.0 : -x8);
+  const double x5 = x3 + x4;
+  const double cosine_plus = ((x5 == 0.0) ? 0.0 : -x5);
+  const double x6 = a*w;
+  const double x7 = b*d;
+  const double x8 = x6 - x7;
+  const double sine_plus = ((x8 == 0.0) ? 0.0 : x8);
+  const double x9 = x3 - x4;
+  const double cosine_minus = ((x9 == 0.0) ? 0.0 : -x9);
+  const double x10 = x6 + x7;
+  const double sine_minus = ((x10 == 0.0) ? 0.0 : -x10);
   const double status_value = ((!(valid)) ? 5.0 : (((empty) && (fabs(d) > 0.0)) ? 4.0 : ((empty) ? 3.0 : ((is_double) ? 1.0 : ((two) ? 0.0 : 2.0)))));
   /* outputs */
   theta[0] = ((there) ? atan2(sine_plus, cosine_plus) : (double)NAN);
@@ -78,7 +80,7 @@ void trig_equation_trig_solve_batch_f64(size_t count, const double *A, const dou
     trig_equation_trig_solve_f64(A[i], B[i], D[i], theta + 2 * i, status + i);
 }
 
-/* trig_solve: 10 add, 15 mul, 1 sqrt, 12 select, 9 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
+/* trig_solve: 10 add, 15 mul, 1 sqrt, 14 select, 11 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
 void trig_equation_trig_solve_f32(float A, float B, float D, float theta[2], int8_t *status) {
   /* inputs */
   /* intermediate terms */
@@ -102,14 +104,16 @@ void trig_equation_trig_solve_f32(float A, float B, float D, float theta[2], int
   const int there = (valid) && (!(empty)) && ((is_double) || (two));
   const float x3 = a*d;
   const float x4 = b*w;
-  const float cosine_plus = -x3 - x4;
-  const float x5 = a*w;
-  const float x6 = b*d;
-  const float x7 = x5 - x6;
-  const float sine_plus = ((x7 == 0.0f) ? 0.0f : x7);
-  const float cosine_minus = x4 - x3;
-  const float x8 = x5 + x6;
-  const float sine_minus = ((x8 == 0.0f) ? 0.0f : -x8);
+  const float x5 = x3 + x4;
+  const float cosine_plus = ((x5 == 0.0f) ? 0.0f : -x5);
+  const float x6 = a*w;
+  const float x7 = b*d;
+  const float x8 = x6 - x7;
+  const float sine_plus = ((x8 == 0.0f) ? 0.0f : x8);
+  const float x9 = x3 - x4;
+  const float cosine_minus = ((x9 == 0.0f) ? 0.0f : -x9);
+  const float x10 = x6 + x7;
+  const float sine_minus = ((x10 == 0.0f) ? 0.0f : -x10);
   const float status_value = ((!(valid)) ? 5.0f : (((empty) && (fabsf(d) > 0.0f)) ? 4.0f : ((empty) ? 3.0f : ((is_double) ? 1.0f : ((two) ? 0.0f : 2.0f)))));
   /* outputs */
   theta[0] = ((there) ? atan2f(sine_plus, cosine_plus) : (float)NAN);

@@ -24,8 +24,8 @@
 
 enum { BLOCK = 16 };
 
-/* trig_solve: 10 add, 15 mul, 1 sqrt, 12 select, 9 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
-/* 10 add, 15 mul, 1 sqrt, 12 select, 9 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
+/* trig_solve: 10 add, 15 mul, 1 sqrt, 14 select, 11 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
+/* 10 add, 15 mul, 1 sqrt, 14 select, 11 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
 static inline void trig_solve_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -52,14 +52,16 @@ static inline void trig_solve_f64(double (*restrict input)[BLOCK], double (*rest
     const int64_t there = (valid) & (~(empty)) & ((is_double) | (two));
     const double x3 = a*d;
     const double x4 = b*w;
-    const double cosine_plus = -x3 - x4;
-    const double x5 = a*w;
-    const double x6 = b*d;
-    const double x7 = x5 - x6;
-    const double sine_plus = blend_f64(mask_f64(x7 == 0.0), 0.0, x7);
-    const double cosine_minus = x4 - x3;
-    const double x8 = x5 + x6;
-    const double sine_minus = blend_f64(mask_f64(x8 == 0.0), 0.0, -x8);
+    const double x5 = x3 + x4;
+    const double cosine_plus = blend_f64(mask_f64(x5 == 0.0), 0.0, -x5);
+    const double x6 = a*w;
+    const double x7 = b*d;
+    const double x8 = x6 - x7;
+    const double sine_plus = blend_f64(mask_f64(x8 == 0.0), 0.0, x8);
+    const double x9 = x3 - x4;
+    const double cosine_minus = blend_f64(mask_f64(x9 == 0.0), 0.0, -x9);
+    const double x10 = x6 + x7;
+    const double sine_minus = blend_f64(mask_f64(x10 == 0.0), 0.0, -x10);
     const double theta_1 = blend_f64(there, vector_atan2_f64(sine_plus, cosine_plus), (double)NAN);
     const double theta_2 = blend_f64(there, vector_atan2_f64(sine_minus, cosine_minus), (double)NAN);
     const double status = blend_f64(~(valid), 5.0, blend_f64((empty) & (mask_f64(fabs(d) > 0.0)), 4.0, blend_f64(empty, 3.0, blend_f64(is_double, 1.0, blend_f64(two, 0.0, 2.0)))));
@@ -142,8 +144,8 @@ void LOOP(trig_equation_trig_solve_loop_f64)(char **args, const ptrdiff_t *dimen
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* trig_solve: 10 add, 15 mul, 1 sqrt, 12 select, 9 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
-/* 10 add, 15 mul, 1 sqrt, 12 select, 9 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
+/* trig_solve: 10 add, 15 mul, 1 sqrt, 14 select, 11 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
+/* 10 add, 15 mul, 1 sqrt, 14 select, 11 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
 static inline void trig_solve_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -170,14 +172,16 @@ static inline void trig_solve_f32(float (*restrict input)[BLOCK], float (*restri
     const int32_t there = (valid) & (~(empty)) & ((is_double) | (two));
     const float x3 = a*d;
     const float x4 = b*w;
-    const float cosine_plus = -x3 - x4;
-    const float x5 = a*w;
-    const float x6 = b*d;
-    const float x7 = x5 - x6;
-    const float sine_plus = blend_f32(mask_f32(x7 == 0.0f), 0.0f, x7);
-    const float cosine_minus = x4 - x3;
-    const float x8 = x5 + x6;
-    const float sine_minus = blend_f32(mask_f32(x8 == 0.0f), 0.0f, -x8);
+    const float x5 = x3 + x4;
+    const float cosine_plus = blend_f32(mask_f32(x5 == 0.0f), 0.0f, -x5);
+    const float x6 = a*w;
+    const float x7 = b*d;
+    const float x8 = x6 - x7;
+    const float sine_plus = blend_f32(mask_f32(x8 == 0.0f), 0.0f, x8);
+    const float x9 = x3 - x4;
+    const float cosine_minus = blend_f32(mask_f32(x9 == 0.0f), 0.0f, -x9);
+    const float x10 = x6 + x7;
+    const float sine_minus = blend_f32(mask_f32(x10 == 0.0f), 0.0f, -x10);
     const float theta_1 = blend_f32(there, vector_atan2_f32(sine_plus, cosine_plus), (float)NAN);
     const float theta_2 = blend_f32(there, vector_atan2_f32(sine_minus, cosine_minus), (float)NAN);
     const float status = blend_f32(~(valid), 5.0f, blend_f32((empty) & (mask_f32(fabsf(d) > 0.0f)), 4.0f, blend_f32(empty, 3.0f, blend_f32(is_double, 1.0f, blend_f32(two, 0.0f, 2.0f)))));

@@ -74,7 +74,7 @@ trig_solve.types = ["ddd->db", "fff->fb"]
 
 
 def _trig_solve(A, B, D, eps, largest):
-    # 10 add, 15 mul, 1 sqrt, 12 select, 9 compare, 7 abs, 2 atan2, 1 power_of_two_scale
+    # 10 add, 15 mul, 1 sqrt, 14 select, 11 compare, 7 abs, 2 atan2, 1 power_of_two_scale
     size = 0.25*np.abs(A) + 0.25*np.abs(B) + 0.25*np.abs(D)
     scale = _power_of_two_scale(size)
     a = A*scale
@@ -103,20 +103,24 @@ def _trig_solve(A, B, D, eps, largest):
     there = (valid) & (~(empty)) & ((is_double) | (two))
     x3 = a*d
     x4 = b*w
-    cosine_plus = -x3 - x4
-    x5 = a*w
+    x5 = x3 + x4
+    cosine_plus = np.where(x5 == 0.0, 0.0, -x5)
+    del x5
+    x6 = a*w
     del a, w
-    x6 = b*d
+    x7 = b*d
     del b
-    x7 = x5 - x6
-    sine_plus = np.where(x7 == 0.0, 0.0, x7)
-    del x7
-    cosine_minus = x4 - x3
-    del x3, x4
-    x8 = x5 + x6
-    del x5, x6
-    sine_minus = np.where(x8 == 0.0, 0.0, -x8)
+    x8 = x6 - x7
+    sine_plus = np.where(x8 == 0.0, 0.0, x8)
     del x8
+    x9 = x3 - x4
+    del x3, x4
+    cosine_minus = np.where(x9 == 0.0, 0.0, -x9)
+    del x9
+    x10 = x6 + x7
+    del x6, x7
+    sine_minus = np.where(x10 == 0.0, 0.0, -x10)
+    del x10
     theta_1 = np.where(there, np.arctan2(sine_plus, cosine_plus), np.nan)
     del cosine_plus, sine_plus
     theta_2 = np.where(there, np.arctan2(sine_minus, cosine_minus), np.nan)
