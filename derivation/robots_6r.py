@@ -415,12 +415,48 @@ d.check(
 ).prove()
 
 # %% [markdown]
+# ## A free angle
+#
+# Where an angle $t$ is free, what follows may still not be possible for each: a wrist with the twists 61° does not
+# bend in every direction, and a triangle has to reach. Both ask that a scalar product with a vector that $t$ turns lies
+# in an interval, $|f(t)-f_0|\le b$ with $f=f_c\cos t+f_s\sin t+f_1$.
+
+# %%
+x_turned = sp.Matrix(d.vector("x", r"\vec x", "a vector that a free angle turns", "1"))
+y_held = sp.Matrix(d.vector("y", r"\vec y", "a vector that it does not turn", "1"))
+f_c, f_s = (
+    x_turned[0] * y_held[0] + x_turned[1] * y_held[1],
+    x_turned[0] * y_held[1] - x_turned[1] * y_held[0],
+)
+d.check(
+    "free-angle",
+    equal((rz(1) * x_turned).dot(y_held), c1 * f_c + s1 * f_s + x_turned[2] * y_held[2]),
+    text="The product with a turned vector.",
+).prove()
+at = d.symbol("at", r"\kappa", "the value of fc cos t + fs sin t that is wanted", "1")
+aside = d.symbol("rest", r"q", "√(fc² + fs² - κ²)", "1")
+fc, fs = d.symbol("along", "f_c", "factor of cos t", "1"), d.symbol("across", "f_s", "factor of sin t", "1")
+chosen_c, chosen_s = (fc * at - fs * aside) / (fc**2 + fs**2), (fs * at + fc * aside) / (fc**2 + fs**2)
+mirrored_c = ((fc**2 - fs**2) * chosen_c + 2 * fc * fs * chosen_s) / (fc**2 + fs**2)
+mirrored_s = (2 * fc * fs * chosen_c - (fc**2 - fs**2) * chosen_s) / (fc**2 + fs**2)
+on_circle = {aside: aside**2 + at**2 - fc**2 - fs**2}
+d.check(
+    "free-angle-chosen",
+    equal(fc * chosen_c + fs * chosen_s, at),
+    equal(fc * mirrored_c + fs * mirrored_s, at),
+    equal(chosen_c**2 + chosen_s**2, 1),
+    equal(mirrored_c**2 + mirrored_s**2, 1),
+    text="An angle with the value κ, and its mirror image.",
+).prove(modulo=on_circle)
+
+# %% [markdown]
 # ## The kernels
 #
 # All eight solutions come out of one straight-line program, with a status each; those that there are come first.
 # Cosines and sines are carried as pairs; angles are taken at the very end, so that none has to be brought back into its
 # range. Where an angle is not determined (the wrist's centre on $\vec S_1$, the elbow folded on joint 2, axes 4 and 6
-# in line) the status is FAMILY and the free angle is zero; where two solutions meet, one is given, as DOUBLE.
+# in line) the status is FAMILY, and the free angle is zero wherever that leaves a solution; where two solutions meet,
+# one is given, as DOUBLE.
 
 
 # %%
@@ -429,7 +465,7 @@ class RobotStatus(IntEnum):
 
     REGULAR: a solution that stands alone.
     DOUBLE: two solutions meet here; the slot of the other one is empty.
-    FAMILY: an angle is free; the representative has zero there.
+    FAMILY: an angle is free; the representative has zero there, where zero leaves a solution.
     NONE: no solution; the value is NaN.
     INVALID: the pose is not finite, or not a pose; the value is NaN.
     """
@@ -518,16 +554,55 @@ def direction(k, name, x, y, u, v, free):
     )
 
 
-def triangle(k, name, end, forearm, a, square, spare):
-    """θ2 and θ3 of both triangles with the sides a23 and l and the third side `end`."""
+def freed(k, name, along, across, fixed, centre, width):
+    """Two choices of a free angle t: cosine and sine of the first and of the second, and whether there is a second.
+
+    What follows needs along cos t + across sin t + fixed within `width` of `centre`. Zero is chosen where it serves,
+    else an angle that comes nearest the centre. Where both extremes are out of reach the angles that serve are two
+    arcs, each the other's mirror image: two families, so the second choice is the first one mirrored.
+    """
+    square = k.let(f"{name}_square", along**2 + across**2)
+    size = k.let(f"{name}_amplitude", sp.sqrt(square))
+    scale = k.let(f"{name}_per_square", 1 / select(square > 0, square, 1))
+    serves = k.let(f"{name}_serves", (abs(along + fixed - centre) <= width) | (square <= 0))
+    wanted = centre - fixed
+    at = k.let(f"{name}_at", select(wanted > size, size, select(wanted < -size, -size, wanted)))
+    rest = k.let(f"{name}_rest", sp.sqrt(select(square > at**2, square - at**2, 0)))
+    c = k.let(f"{name}_c_first", select(serves, 1, (along * at - across * rest) * scale))
+    s = k.let(f"{name}_s_first", select(serves, 0, (across * at + along * rest) * scale))
+    c_twice, s_twice = (along**2 - across**2) * scale, 2 * along * across * scale
+    mirrored = (
+        k.let(f"{name}_c_second", c_twice * c + s_twice * s),
+        k.let(f"{name}_s_second", s_twice * c - c_twice * s),
+    )
+    split = k.let(f"{name}_split", (size - wanted > width) & (size + wanted > width))
+    return (c, s), mirrored, split
+
+
+def seen_through(x, y):
+    """What a vector's turning about z makes of its product with another one: times cosine, times sine, and constant."""
+    return x[0] * y[0] + x[1] * y[1], x[0] * y[1] - x[1] * y[0], x[2] * y[2]
+
+
+def triangle(k, name, end, forearm, a, square, spare, needs=None):
+    """θ2 and θ3 of both triangles with the sides a23 and l and the third side `end`.
+
+    Where θ2 is free, what follows may need it: `needs` gives the arguments of :func:`freed` for a pair of θ3.
+    """
     l1, l2 = forearm
     area = k.let(f"{name}_area", ROUNDINGS * EPS * spare**2)
     found = []
     third = roots(k, f"{name}_3", 2 * a * l1, -2 * a * l2, square - end.dot(end), area, FREE * EPS * spare**2)
-    for letter, (c, s, exists, double, any_3) in zip("ab", third, strict=True):
+    any_2 = k.let(f"{name}_any", total(end) <= FREE * EPS * spare)
+    for number, (letter, (c, s, exists, double, any_3)) in enumerate(zip("ab", third, strict=True)):
         arm = k.let(f"{name}_arm_{letter}", sp.Matrix([a + c * l1 - s * l2, s * l1 + c * l2]))
-        any_2 = k.let(f"{name}_any_{letter}", total(end) <= FREE * EPS * spare)
         c_2, s_2 = direction(k, f"{name}_2_{letter}", arm[0], arm[1], end[0], end[1], any_2)
+        if needs is not None:
+            *choices, split = freed(k, f"{name}_free_{letter}", *needs(c, s))
+            c_2 = k.let(f"{name}_chosen_c_{letter}", select(any_2, choices[number][0], c_2))
+            s_2 = k.let(f"{name}_chosen_s_{letter}", select(any_2, choices[number][1], s_2))
+            if number:
+                exists = k.let(f"{name}_more", exists | (third[0][2] & any_2 & split))
         found.append((c_2, s_2, c, s, exists, double, any_3 | any_2))
     return found
 
@@ -577,8 +652,11 @@ def seen_from_2(k, letter, R, W, c, s, a12, c_12, s_12):
     """W in the plane of joint 2, and the end's axes in its axes."""
     side = k.let(f"side_{letter}", -s * W[0] + c * W[1])
     end = k.let(f"end_{letter}", sp.Matrix([c * W[0] + s * W[1] - a12, c_12 * side + s_12 * W[2]]))
-    axes = k.let(f"axes_{letter}", about_x(c_12, s_12).T * (about_z(c, s).T * R))
-    return end, axes
+    return end, axes_from_2(k, letter, R, c, s, c_12, s_12)
+
+
+def axes_from_2(k, letter, R, c, s, c_12, s_12):
+    return k.let(f"axes_{letter}", about_x(c_12, s_12).T * (about_z(c, s).T * R))
 
 
 def moved_up(k, rows):
@@ -651,17 +729,33 @@ def behind_wrist():
     height = k.let("height", offset[1] + offset[2] + cosine[2] * offset[3])
     forearm = k.let("forearm", sp.Matrix([a[2], -sine[2] * offset[3]]))
     square = k.let("square", a[1] ** 2 + forearm.dot(forearm))
+    wrist_bends = k.let("bends", sp.Matrix([cosine[3] * cosine[4], abs(sine[3] * sine[4])]))
     slots = []
-    for i, (c_1, s_1, exists_1, double_1, free_1) in zip(
-        "ab", first_angle(k, W, cosine, sine, height, spare), strict=True
+    for number, (i, (c_1, s_1, exists_1, double_1, free_1)) in enumerate(
+        zip("ab", first_angle(k, W, cosine, sine, height, spare), strict=True)
     ):
-        end, axes = seen_from_2(k, i, R, W, c_1, s_1, a[0], cosine[0], sine[0])
+        end, from_2 = seen_from_2(k, i, R, W, c_1, s_1, a[0], cosine[0], sine[0])
+
+        def if_folded(c, s, axis_6=from_2[:, 2]):
+            axis_4 = sp.Matrix([s * sine[2], -c * sine[2], cosine[2]])
+            return *seen_through(axis_4, axis_6), *wrist_bends
+
         for j, (c_2, s_2, c_3, s_3, exists_3, double_3, free_3) in zip(
-            "ab", triangle(k, f"triangle_{i}", end, forearm, a[1], square, spare), strict=True
+            "ab", triangle(k, f"triangle_{i}", end, forearm, a[1], square, spare, if_folded), strict=True
         ):
             here = f"{i}{j}"
             c_23 = k.let(f"c_23_{here}", c_2 * c_3 - s_2 * s_3)
             s_23 = k.let(f"s_23_{here}", s_2 * c_3 + c_2 * s_3)
+            # with the wrist's centre on S1 the wrist may not bend far enough for every θ1
+            axis_4 = sp.Matrix([s_23 * sine[2], -c_23 * sine[2], cosine[2]])
+            axis_4 = k.let(f"axis_4_{here}", about_x(cosine[0], sine[0]) * axis_4)
+            *choices, split = freed(k, f"first_{here}", *seen_through(axis_4, R[:, 2]), *wrist_bends)
+            first = [
+                k.let(f"{letter}_1_{here}", select(free_1, chosen, usual))
+                for letter, chosen, usual in zip("cs", choices[number], (c_1, s_1), strict=True)
+            ]
+            there_1 = exists_1 if number == 0 else k.let(f"more_{here}", exists_1 | (free_1 & split))
+            axes = axes_from_2(k, here, R, *first, cosine[0], sine[0])
             N = k.let(f"N_{here}", about_x(cosine[2], sine[2]).T * (about_z(c_23, s_23).T * axes))
             h = k.let(f"h_{here}", sp.sqrt(N[0, 2] ** 2 + N[1, 2] ** 2))
             for m, (c_5, s_5, exists_5, double_5, free_5) in zip(
@@ -679,8 +773,8 @@ def behind_wrist():
                 s_6 = k.let(f"s_6_{slot}", cosine[4] * (-s_5 * u + c_5 * v_5) + sine[4] * z_5)
                 slots.append(
                     (
-                        ((c_1, s_1), (c_2, s_2), (c_3, s_3), (c_4, s_4), (c_5, s_5), (c_6, s_6)),
-                        exists_1 & exists_3 & exists_5,
+                        (first, (c_2, s_2), (c_3, s_3), (c_4, s_4), (c_5, s_5), (c_6, s_6)),
+                        there_1 & exists_3 & exists_5,
                         double_1 | double_3 | double_5,
                         free_1 | free_3 | free_5,
                     )
@@ -697,27 +791,63 @@ def three_parallel():
     )
     height = k.let("height", offset[1] + offset[2] + offset[3] + cosine[3] * offset[4])
     square = k.let("square", a[1] ** 2 + a[2] ** 2)
+    hand = sp.Matrix([a[3], -offset[4] * sine[3]])  # a45 and S5 in the plane, less the turn by θ2 + θ3 + θ4
+    width = k.let("width", 2 * abs(a[1] * a[2]))
+    # with W on S1 the wrist may not bend far enough for every θ1
+    *choices, split = freed(
+        k,
+        "first_free",
+        *seen_through(sp.Matrix([0, -sine[0], cosine[0]]), R[:, 2]),
+        cosine[3] * cosine[4],
+        abs(sine[3] * sine[4]),
+    )
     slots = []
-    for i, (c_1, s_1, exists_1, double_1, free_1) in zip(
-        "ab", first_angle(k, W, cosine, sine, height, spare), strict=True
+    for number, (i, (c_1, s_1, exists_1, double_1, free_1)) in enumerate(
+        zip("ab", first_angle(k, W, cosine, sine, height, spare), strict=True)
     ):
+        c_1, s_1 = (
+            k.let(f"{letter}_1_{i}", select(free_1, chosen, usual))
+            for letter, chosen, usual in zip("cs", choices[number], (c_1, s_1), strict=True)
+        )
+        if number:
+            exists_1 = k.let("first_more", exists_1 | (free_1 & split))
         whole, axes = seen_from_2(k, i, R, W, c_1, s_1, a[0], cosine[0], sine[0])
         h = k.let(f"h_{i}", sp.sqrt(axes[2, 0] ** 2 + axes[2, 1] ** 2))
-        for m, (c_5, s_5, exists_5, double_5, free_5) in zip(
-            "ab", bend(k, f"bend_{i}", axes[2, 2], h, cosine[3:, 0], sine[3:, 0]), strict=True
-        ):
+        bends = bend(k, f"bend_{i}", axes[2, 2], h, cosine[3:, 0], sine[3:, 0])
+        for branch, (m, (c_5, s_5, exists_5, double_5, free_5)) in enumerate(zip("ab", bends, strict=True)):
             here = f"{i}{m}"
             x = sine[3] * s_5
             y = cosine[4] * sine[3] * c_5 + sine[4] * cosine[3]
             c_6, s_6 = direction(k, f"sixth_{here}", axes[2, 0], axes[2, 1], x, y, free_5)
             u, v = c_5, -cosine[4] * s_5
             back = sp.Matrix([c_6 * u + s_6 * v, -s_6 * u + c_6 * v, sine[4] * s_5])
-            c_234 = k.let(f"c_234_{here}", (axes[0, :] * back)[0])
-            s_234 = k.let(f"s_234_{here}", (axes[1, :] * back)[0])
-            shift = offset[4] * sine[3]
+            c_234 = k.let(f"c_zero_{here}", (axes[0, :] * back)[0])
+            s_234 = k.let(f"s_zero_{here}", (axes[1, :] * back)[0])
+            # where S2 and S6 are parallel, θ6 is free, but the triangle may not reach for every θ6
+            turned = sp.Matrix([c_234 * hand[0] - s_234 * hand[1], s_234 * hand[0] + c_234 * hand[1]])
+            turned = k.let(f"hand_{here}", turned)
+            *turns, more = freed(
+                k,
+                f"turn_{here}",
+                -2 * whole.dot(turned),
+                -2 * (turned[0] * whole[1] - turned[1] * whole[0]),
+                whole.dot(whole) + turned.dot(turned),
+                square,
+                width,
+            )
+            c_t, s_t = (select(free_5, x, y) for x, y in zip(turns[branch], (1, 0), strict=True))
+            c_t, s_t = k.let(f"c_turn_{here}", c_t), k.let(f"s_turn_{here}", s_t)
+            c_6 = k.let(f"c_6_{here}", select(free_5, c_t, c_6))
+            s_6 = k.let(f"s_6_{here}", select(free_5, select(axes[2, 2] > 0, -s_t, s_t), s_6))
+            if branch:
+                exists_5 = k.let(f"bend_more_{here}", exists_5 | (free_5 & more))
+            c_234, s_234 = (
+                k.let(f"c_234_{here}", c_234 * c_t - s_234 * s_t),
+                k.let(f"s_234_{here}", s_234 * c_t + c_234 * s_t),
+            )
             end = k.let(
                 f"corner_{here}",
-                whole - sp.Matrix([a[3] * c_234 + shift * s_234, a[3] * s_234 - shift * c_234]),
+                whole - sp.Matrix([c_t * turned[0] - s_t * turned[1], s_t * turned[0] + c_t * turned[1]]),
             )
             forearm = (a[2], sp.S.Zero)
             for j, (c_2, s_2, c_3, s_3, exists_3, double_3, free_3) in zip(
