@@ -561,8 +561,14 @@ d.check(
 # ## Quadrilateral
 #
 # The four twists and $\theta_4$ are given. The cosine law $Z_{41}=c_{23}$ is $Ac_1+Bs_1+D=0$; $\theta_2$ and
-# $\theta_3$ follow from sines and cosines. The notes take $\theta_3$ from $X_{14}$ and $Y_{14}$; the kernel takes it
+# $\theta_3$ follow from sines and cosines. The laws would give $\theta_3$ by $X_{14}$ and $Y_{14}$; the kernel takes it
 # from the row $(W,V,U)_{412}$, which has a value where $s_{23}$ vanishes, too.
+#
+# With $\beta$ the angle between $\vec S_1$ and $\vec S_3$, $(X_4,Y_4,Z_4)=(\sin\beta\sin\gamma,\sin\beta\cos\gamma,
+# \cos\beta)$, the law is that of a triangle with the sides $\alpha_{12}$, $\beta$, $\alpha_{23}$:
+# $\cos(\theta_1-\gamma)=(c_{23}-c_{12}\cos\beta)/(s_{12}\sin\beta)$. Where $\alpha_{23}$ is small or near $\pi$ its
+# cosine hardly changes, and the difference loses the digits that $\theta_1$ needs; at $\alpha_{23}=2\cdot10^{-5}$ the polygon
+# stayed open by $4\cdot10^{-12}$. The differences of cosines as products of sines of half sums keep them all.
 
 # %%
 quad = {
@@ -613,16 +619,32 @@ d.check(
     text="The cosine and the sine of θ₁ of the two linear equations.",
     assumptions=[sp.Ne(square, 0)],
 ).prove()
-A, B, D, r, root = (sp.Symbol(name, real=True) for name in ("A", "B", "D", "r", "root"))
-sign = sp.Symbol("sigma", real=True)
-root_c, root_s = (-A * D - sign * B * root) / r**2, (-B * D + sign * A * root) / r**2
-circle = {root: root**2 - (r**2 - D**2), sign: sign**2 - 1, A: A**2 + B**2 - r**2}
+
+u, v, w = (
+    d.symbol(name, name, f"{words} a spherical triangle", "rad")
+    for name, words in (("u", "side of"), ("v", "side of"), ("w", "side opposite to the angle sought in"))
+)
+P, Q = d.symbol("P", "P", "cos(u - v) - cos w", "1"), d.symbol("Q", "Q", "cos w - cos(u + v)", "1")
+root = d.symbol("root", r"\sqrt{PQ}", "root of P Q", "1")
+differences = {P: sp.cos(u - v) - sp.cos(w), Q: sp.cos(w) - sp.cos(u + v)}
 d.check(
-    "two-roots",
-    equal(A * root_c + B * root_s + D, 0),
-    equal(root_c**2 + root_s**2, 1),
-    text="Cosine and sine of both roots of A c + B s + D = 0, with r² = A² + B², root² = r² - D² and σ = ±1.",
-).prove(modulo=circle)
+    "half-sums",
+    equal(sp.cos(2 * u - 2 * v) - sp.cos(2 * w), 2 * sp.sin(w + u - v) * sp.sin(w - u + v)),
+    equal(sp.cos(2 * w) - sp.cos(2 * u + 2 * v), 2 * sp.sin(u + v + w) * sp.sin(u + v - w)),
+    text="P and Q of the sides 2u, 2v and 2w are products.",
+).prove()
+d.check(
+    "triangle-angle",
+    equal(sp.sin(u) * sp.sin(v) * (Q - P) / (P + Q), sp.cos(w) - sp.cos(u) * sp.cos(v)),
+    equal(sp.sin(u) * sp.sin(v) * (P - Q) / (P + Q), sp.cos(u) * sp.cos(v) - sp.cos(w)),
+    text="The cosine of the angle inside a triangle, and of that from side to side: (Q - P)/(P + Q), and its opposite.",
+    assumptions=[sp.Ne(sp.sin(u) * sp.sin(v), 0)],
+).prove(given=differences)
+d.check(
+    "triangle-sine",
+    equal(((Q - P) / (P + Q)) ** 2 + (2 * root / (P + Q)) ** 2, 1),
+    text="Its sine is ±2√(PQ)/(P + Q); there are two angles where P and Q have one sign, one where one of them is 0.",
+).prove(modulo={root: root**2 - P * Q})
 
 
 # %% [markdown]
@@ -651,7 +673,7 @@ class PolygonStatus(IntEnum):
 
 
 NEAR = 16 * EPS
-"""Cosines that close a polygon are sums of at most four products of sines and cosines: some ten roundings."""
+"""Sides of a triangle are sums and products of at most ten sines and cosines, angles of some rad."""
 
 
 def pairs(k, name, angles):
@@ -712,10 +734,6 @@ def closing_row(k, name, row, chain):
     return row
 
 
-def angle_of(s, c):
-    return sp.atan2(s, c)
-
-
 def polygon_status(k, finite, none, family, double):
     return sp.Piecewise(
         (PolygonStatus.INVALID, sp.Not(finite)),
@@ -731,23 +749,32 @@ def magnitudes(*vectors):
     return sum((abs(x) for v in vectors for x in v), sp.S.Zero)
 
 
-def roots_of(k, a, b, dd):
-    """Cosines and sines of both roots of a c + b s + dd = 0, and what they are; angle 0 where every one is a root."""
-    a, b, dd = k.let("A", a), k.let("B", b), k.let("D", dd)
-    r = k.let("r", sp.sqrt(a**2 + b**2))
-    every = k.let("any_root", r <= NEAR)
-    off = k.let("off", abs(dd) - r)
-    none, double = k.let("no_root", off > NEAR), k.let("one_root", abs(off) <= NEAR)
-    root = k.let("root", select(off < -NEAR, sp.sqrt(abs((r - dd) * (r + dd))), 0))
-    # a double root has |D| = r: what |D| is more than r would make a cosine beyond 1
-    bound = k.let("bound", select(double, select(dd < 0, -r, r), dd))
-    square = k.let("square", select(every, 1, r**2))
-    found = []
-    for number, sigma in ((1, 1), (2, -1)):
-        c = select(every, 1, (-a * bound - sigma * b * root) / square)
-        s = select(every, 0, (-b * bound + sigma * a * root) / square)
-        found.append((k.let(f"c_root{number}", c), k.let(f"s_root{number}", s)))
-    return found, none, every, double
+def triangle(k, u, v, w, size, inside):
+    """Cosine and sine of an angle of a triangle from its sides u, v and the opposite one w, and what it is.
+
+    `size` is sin u sin v. The angle is the one inside, or that from side to side; 0 where it can be any.
+    """
+    factors = k.let(
+        "factors", sp.Matrix([sp.sin(x / 2) for x in (w + u - v, w - u + v, u + v + w, u + v - w)])
+    )
+    sign = k.let("side", select(size < 0, -1, 1))
+    found, short, zero = [], [], []
+    for name, (f, g) in (("p", factors[0:2]), ("q", factors[2:4])):
+        value, tolerance = (
+            k.let(f"{name}_side", sign * f * g),
+            k.let(f"{name}_near", NEAR * (abs(f) + abs(g))),
+        )
+        short.append(k.let(f"{name}_short", value < -tolerance))
+        zero.append(k.let(f"{name}_zero", abs(value) <= tolerance))
+        found.append(k.let(f"{name}", select(zero[-1], 0, value)))
+    flat = k.let("flat", abs(size) <= NEAR)
+    none = k.let("no_angle", sp.Or(*short, flat & sp.Not(sp.And(*zero))))
+    one = k.let("one_angle", sp.Or(*zero))
+    (p, q), any_angle = found, k.let("any_angle", sp.Or(flat, sp.And(*zero)))
+    whole = k.let("p_and_q", select(any_angle, 1, p + q))
+    cosine = k.let("cosine", select(any_angle, 1, (q - p if inside else p - q) / whole))
+    sine = k.let("sine", select(any_angle, 0, 2 * sp.sqrt(abs(p * q)) / whole))
+    return cosine, sine, none, any_angle, one
 
 
 def quadrilateral():
@@ -762,24 +789,39 @@ def quadrilateral():
     x4, y4, z4 = (
         k.let(f"{n}_4", v) for n, v in zip("xsyz", chain_value([p34, p4, p41]), strict=True) if n != "s"
     )
-    roots, none, every, double = roots_of(k, p12[1] * y4, p12[1] * x4, p12[0] * z4 - p23[0])
+    far = k.let("sine_13", sp.sqrt(x4**2 + y4**2))
+    sides = (twists[0], sp.atan2(far, z4), twists[1])
+    cosine, sine, none, every, double = triangle(k, *sides, p12[1] * far, True)
+    on_axis = k.let("on_axis", far <= NEAR)
+    divisor = k.let("far", select(on_axis, 1, far))
+    toward = (
+        k.let("c_gamma", select(on_axis, 1, y4 / divisor)),
+        k.let("s_gamma", select(on_axis, 0, x4 / divisor)),
+    )
+    roots = [
+        (
+            k.let(f"c_1_{number}", toward[0] * cosine - sign * toward[1] * sine),
+            k.let(f"s_1_{number}", toward[1] * cosine + sign * toward[0] * sine),
+        )
+        for number, sign in ((1, 1), (2, -1))
+    ]
     family = k.let("family", sp.Or(every, abs(p23[1]) <= NEAR))
     finite = k.let("finite", magnitudes(twists, [theta_4]) <= LARGEST)
     good = k.let("good", finite & sp.Not(none))
     rows = []
     for number, (c, s) in enumerate(roots, start=1):
-        x41, _, y41 = k.let(f"x_41_{number}", x4 * c - y4 * s), None, None
+        x41 = k.let(f"x_41_{number}", x4 * c - y4 * s)
         y41 = k.let(f"y_41_{number}", p12[0] * (x4 * s + y4 * c) - p12[1] * z4)
         flat = abs(p23[1]) <= NEAR
         side = select(p23[1] < 0, -1, 1)
-        sine = k.let(f"sine_2_{number}", select(flat, 0, side * x41))
-        cosine = k.let(f"cosine_2_{number}", select(flat, 1, side * y41))
-        length = k.let(f"length_2_{number}", sp.sqrt(sine**2 + cosine**2))
+        sine_2 = k.let(f"sine_2_{number}", select(flat, 0, side * x41))
+        cosine_2 = k.let(f"cosine_2_{number}", select(flat, 1, side * y41))
+        length = k.let(f"length_2_{number}", sp.sqrt(sine_2**2 + cosine_2**2))
         length = k.let(f"divisor_2_{number}", select(length > 0, length, 1))
-        second = (k.let(f"c_2_{number}", cosine / length), k.let(f"s_2_{number}", sine / length))
+        second = (k.let(f"c_2_{number}", cosine_2 / length), k.let(f"s_2_{number}", sine_2 / length))
         row = closing_row(k, f"{number}", [p4[0], -p4[1], 0], [p41, (c, s), p12, second])
-        third = angle_of(p23[0] * row[1] + p23[1] * row[2], row[0])
-        rows.append([angle_of(s, c), angle_of(sine, cosine), third, theta_4])
+        third = sp.atan2(p23[0] * row[1] + p23[1] * row[2], row[0])
+        rows.append([sp.atan2(s, c), sp.atan2(sine_2, cosine_2), third, theta_4])
     values = sp.Matrix(rows)
     k.output(
         "theta",
@@ -807,7 +849,9 @@ def pentagon():
     (p12, p23, p34, p45, p51), (p4, p5) = pairs(k, "alpha", twists), pairs(k, "theta", given)
     x45, _, y45, z45 = chain_value([p34, p4, p45, p5, p51])
     x45, y45, z45 = k.let("x_45", x45), k.let("y_45", y45), k.let("z_45", z45)
-    roots, none, every, double = roots_of(k, p12[1] * p23[1], sp.S.Zero, z45 - p12[0] * p23[0])
+    sides = (twists[0], twists[1], sp.atan2(sp.sqrt(x45**2 + y45**2), z45))
+    cosine, sine, none, every, double = triangle(k, *sides, p12[1] * p23[1], False)
+    roots = [(cosine, sine), (cosine, -sine)]
     finite = k.let("finite", magnitudes(twists, given) <= LARGEST)
     good = k.let("good", finite & sp.Not(none))
     rows, free = [], []
@@ -817,14 +861,14 @@ def pentagon():
         length = k.let(f"length_1_{number}", sp.sqrt(xb**2 + yb**2))
         flat = k.let(f"flat_1_{number}", length <= NEAR)
         free.append(flat)
-        cosine = k.let(f"cosine_1_{number}", select(flat, 1, xb * x45 - yb * y45))
-        sine = k.let(f"sine_1_{number}", select(flat, 0, -(yb * x45 + xb * y45)))
-        divisor = k.let(f"size_1_{number}", sp.sqrt(cosine**2 + sine**2))
+        cosine_1 = k.let(f"cosine_1_{number}", select(flat, 1, xb * x45 - yb * y45))
+        sine_1 = k.let(f"sine_1_{number}", select(flat, 0, -(yb * x45 + xb * y45)))
+        divisor = k.let(f"size_1_{number}", sp.sqrt(cosine_1**2 + sine_1**2))
         divisor = k.let(f"divisor_1_{number}", select(divisor > 0, divisor, 1))
-        first = (k.let(f"c_1_{number}", cosine / divisor), k.let(f"s_1_{number}", sine / divisor))
+        first = (k.let(f"c_1_{number}", cosine_1 / divisor), k.let(f"s_1_{number}", sine_1 / divisor))
         row = closing_row(k, f"{number}", [p4[0], -p4[1], 0], [p45, p5, p51, first, p12, (c, s)])
-        third = angle_of(p23[0] * row[1] + p23[1] * row[2], row[0])
-        rows.append([angle_of(sine, cosine), angle_of(s, c), third, *given])
+        third = sp.atan2(p23[0] * row[1] + p23[1] * row[2], row[0])
+        rows.append([sp.atan2(sine_1, cosine_1), sp.atan2(s, c), third, *given])
     family = k.let("family", sp.Or(every, *free))
     values = sp.Matrix(rows)
     k.output(
