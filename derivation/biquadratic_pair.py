@@ -699,7 +699,8 @@ def pair_polish():
         (f, g), ((fa, fb), (ga, gb)) = at(step)
         det = k.let(f"det{step}", fa * gb - fb * ga)
         trace = k.let(f"trace{step}", fa**2 + fb**2 + ga**2 + gb**2)
-        regular = k.let(f"regular{step}", abs(det) > 4 * sp.sqrt(EPS) * trace)
+        # near solutions that meet the plain step goes along the curve on which they lie, the damped one hardly at all
+        regular = k.let(f"regular{step}", abs(det) > 64 * EPS * trace)
         # least squares with a trace of damping
         damping = k.let(f"damping{step}", EPS * trace)
         aa, bb = fa**2 + ga**2 + damping, fb**2 + gb**2 + damping
