@@ -241,6 +241,8 @@ def test_placements_of_loops_and_wrong_frames_are_told():
         Placement(spatial.PUMA_560, base=np.eye(3))
     with pytest.raises(RodgenError, match="expected 6 numbers"):
         Placement(spatial.PUMA_560, zero=[0.0])
+    with pytest.raises(RodgenError, match=r"shape \(1,\); expected \(..., 6\)"):
+        Placement(spatial.PUMA_560).forward([0.0])
 
 
 # machines ------------------------------------------------------------------------------------------------------------

@@ -106,6 +106,8 @@ def test_of_a_half_turn_the_first_component_that_is_not_zero_is_positive():
     assert (found.status == rodgen.RotationStatus.HALF_TURN).all()
     np.testing.assert_allclose(found.vector, vectors * np.sign(signs)[:, None], atol=4 * EPS)
     np.testing.assert_allclose(found.angle, np.pi, atol=4 * EPS)
+    np.testing.assert_allclose(spatial.vector_and_angle(np.diag([-1.0, -1.0, 1.0])).vector, [0, 0, 1])
+    np.testing.assert_allclose(spatial.vector_and_angle(np.eye(3)).vector, np.nan)
 
 
 def test_a_reflection_and_what_is_not_finite_are_invalid():

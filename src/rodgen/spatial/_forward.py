@@ -15,7 +15,7 @@ from rodgen._kernels import kernels
 from rodgen.errors import RodgenError
 from rodgen.spatial._mechanism import Mechanism
 
-__all__ = ["forward", "frames", "jacobian", "link_transform"]
+__all__ = ["checked", "forward", "frames", "jacobian", "link_transform"]
 
 
 def link_transform(a: ArrayLike, alpha: ArrayLike, offset: ArrayLike, angle: ArrayLike) -> Any:
@@ -80,7 +80,7 @@ def forward(mechanism: Mechanism, variables: ArrayLike) -> Any:
     >>> spatial.forward(spatial.PUMA_560, np.zeros(6))[:3, 3].round(6) + 0.0
     array([17.8, -5.9, 13. ])
     """
-    q = _checked(mechanism, variables)
+    q = checked(mechanism, variables)
     if _is_6r(mechanism):
         return kernels.link_forward_6r(*_six(mechanism), q)
     frame = _all(mechanism, q)[-1]
@@ -113,7 +113,7 @@ def frames(mechanism: Mechanism, variables: ArrayLike) -> Any:
     >>> spatial.frames(spatial.GE_P60, [0.0] * 6)[:, :3, 3].round(6)[3] + 0.0
     array([160. ,   9.8,   0. ])
     """
-    q = _checked(mechanism, variables)
+    q = checked(mechanism, variables)
     return np.stack(_all(mechanism, q), axis=-3)
 
 
@@ -151,7 +151,7 @@ def jacobian(mechanism: Mechanism, variables: ArrayLike) -> Any:
     >>> int(np.linalg.matrix_rank(rates))  # the wrist is stretched
     5
     """
-    q = _checked(mechanism, variables)
+    q = checked(mechanism, variables)
     if _is_6r(mechanism):
         return kernels.link_jacobian_6r(*_six(mechanism), q)
     chain = _all(mechanism, q)
@@ -167,7 +167,8 @@ def jacobian(mechanism: Mechanism, variables: ArrayLike) -> Any:
     return found
 
 
-def _checked(mechanism: Mechanism, variables: ArrayLike) -> NDArray[Any]:
+def checked(mechanism: Mechanism, variables: ArrayLike) -> NDArray[Any]:
+    """Return variables as an array of numbers (..., v), or say what is wrong with them."""
     expected = len(mechanism.variables)
     q = np.asarray(variables)
     if q.dtype.kind not in "fiub":

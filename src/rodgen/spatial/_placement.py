@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
-from rodgen.spatial._forward import forward
+from rodgen.spatial._forward import checked, forward
 from rodgen.spatial._mechanism import Mechanism
 
 __all__ = ["Placement", "at_zero", "mechanism_at", "placed"]
@@ -91,8 +91,14 @@ class Placement:
         Returns
         -------
         array (..., 4, 4)
+
+        Raises
+        ------
+        RodgenError
+            When the number of coordinates is another one.
         """
-        return self.base @ forward(self.mechanism, np.asarray(coordinates, float) + self.zero) @ self.end
+        q = checked(self.mechanism, coordinates)
+        return self.base @ forward(self.mechanism, q + self.zero) @ self.end
 
 
 def placed(robot: Mechanism | Placement) -> Placement:
