@@ -83,9 +83,14 @@ def closure(links: Sequence[Link], theta: Array, slides: Array) -> tuple[Array, 
 
 
 def polish(
-    links: Sequence[Link], theta: Array, slides: Array, size: Array
+    links: Sequence[Link],
+    theta: Array,
+    slides: Array,
+    size: Array,
+    steps: int = STEPS,
+    longest: float = np.inf,
 ) -> tuple[Array, Array, Array, Array]:
-    """Improve solutions by Newton's method; `size` is what lengths are measured in.
+    """Improve solutions by Newton's method; `size` is what lengths are measured in, `longest` the longest step.
 
     Returns
     -------
@@ -95,12 +100,16 @@ def polish(
         What is left: the larger of the rotation in rad and of the vector in `size`.
     smallest : array (...)
         Smallest singular value of the derivative, lengths in `size`, relative to the largest.
+
+    Notes
+    -----
+    The best of all steps is kept, so that a step that makes it worse does no harm.
     """
     m = len(links)
     best = np.full(theta.shape[:-1], np.inf)
     smallest = np.zeros(theta.shape[:-1])
     current, along = theta, slides
-    for step in range(STEPS + 1):
+    for step in range(steps + 1):
         turn, p, J = closure(links, current, along)
         scaled = np.concatenate([turn, p / size[..., None]], axis=-1)
         error = np.abs(scaled).max(axis=-1)
@@ -116,10 +125,13 @@ def polish(
         values = np.linalg.svd(J, compute_uv=False)
         ratio = values[..., -1] / np.where(values[..., 0] > 0, values[..., 0], 1.0)
         smallest = np.where(better, ratio, smallest)
-        if step == STEPS or not good.any():
+        if step == steps or not good.any():
             break
         left: Array = np.where(good[..., None], scaled, 0.0)
         change: Array = np.einsum("...ij,...j->...i", -np.linalg.pinv(J, rcond=RANK), left)
+        change = (
+            change * np.minimum(1.0, longest / np.maximum(np.abs(change).max(axis=-1), 1e-300))[..., None]
+        )
         current = current + change[..., :m]
         along = along + change[..., m:] * size[..., None]
     return theta, slides, best, smallest

@@ -13,12 +13,14 @@ among them, the projection is computed, and the smallest coefficients that repro
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.spatial._loops_closure import offsets, polish
 from rodgen.spatial._loops_links import Link, Merged, rz
+from rodgen.spatial._loops_search import different, moves, repeated, search
 from rodgen.spatial._mechanism import Mechanism
 from rodgen.spatial._pair import PairStatus, solve_pair
 from rodgen.spatial._status import ReverseStatus
@@ -33,10 +35,13 @@ CLOSES = 1e-11
 MEET = 1e-7
 """Relative smallest singular value of the derivative below which solutions meet: there the rounding of the equations
 moves a solution by more than its own distance to the next one."""
-RANKLESS = 1e-12
-"""Relative smallest singular value below which a loop has a freedom left: solutions are a family."""
+ODD = 1e-8
+"""Sine of a twist, or share of an equation's coefficients, below which the equation says nothing."""
+NOISE = 1e-14
+"""Coefficients of an equation below this, in its natural scale, are the rounding of zero."""
 SAMPLES = 7
-"""Angles at which the projection is computed, for either angle: two values each, for eight coefficients."""
+"""Values of each angle at which the projection is computed, at both values of the other: 28 equations or more, where 8
+are needed, so that none of them has to be well placed."""
 FIT_RANK = 1e-10
 """Share of the largest singular value below which a combination of coefficients is not determined by the values."""
 
@@ -73,24 +78,51 @@ def solve_merged(mechanism: Mechanism, merged: Merged, count: int, size: Array) 
     status : array (count, N) of int8
     """
     links = [_spread(link, count) for link in merged.links]
-    m = len(links)
-    if m == 3:
-        theta, status = _three_angles(links)
-    else:
-        theta, status = _four_angles(mechanism, merged, links)
+    theta, status, odd = _three_angles(links) if len(links) == 3 else _four_angles(mechanism, merged, links)
     wide = [_slot(link) for link in links]
+    sizes = np.broadcast_to(size[:, None], status.shape)
     with np.errstate(invalid="ignore"):
-        slides = offsets(wide, theta)
-        theta, slides, error, smallest = polish(
-            wide, theta, slides, np.broadcast_to(size[:, None], status.shape)
-        )
+        theta, slides, error, smallest = polish(wide, theta, offsets(wide, theta), sizes)
         there = status < ReverseStatus.NONE
         closed = there & (error <= CLOSES)
-    family = closed & ((status == ReverseStatus.FAMILY) | (smallest <= RANKLESS))
-    double = closed & ~family & ((status == ReverseStatus.DOUBLE) | (smallest <= MEET))
     status = np.where(there & ~closed, ReverseStatus.NONE, status)
-    status = np.where(double, ReverseStatus.DOUBLE, np.where(family, ReverseStatus.FAMILY, status))
+    for n in map(int, np.flatnonzero(odd)):
+        _add_searched(links, n, float(size[n]), theta, slides, status, smallest)
+    singular = (status < ReverseStatus.NONE) & (smallest <= MEET)
+    with np.errstate(invalid="ignore"):
+        status[repeated(theta, slides, size, singular)] = ReverseStatus.NONE
+    element, slot = np.nonzero(singular & (status < ReverseStatus.NONE))
+    if len(element):
+        parts = [_rows(link, element) for link in links]
+        movable = moves(parts, theta[element, slot], slides[element, slot], size[element], CLOSES)
+        status[element, slot] = np.where(movable, ReverseStatus.FAMILY, ReverseStatus.DOUBLE)
     return theta, slides, status.astype(np.int8)
+
+
+def _add_searched(
+    links: list[Link],
+    n: int,
+    size: float,
+    theta: Array,
+    slides: Array,
+    status: NDArray[Any],
+    smallest: Array,
+) -> None:
+    """Fill free slots of a loop for which the equations fail with what a search finds; mark the rest incomplete."""
+    rows = np.array([n])
+    angles, along, ratio, closes = search([_rows(link, rows) for link in links], np.array([size]), CLOSES)
+    free = list(np.flatnonzero(status[n] >= ReverseStatus.NONE))
+    some_singular = bool(((status[n] < ReverseStatus.NONE) & (smallest[n] <= MEET)).any())
+    for k in np.flatnonzero(closes[0]):
+        known = status[n] < ReverseStatus.NONE
+        if not free or (some_singular and ratio[0, k] <= MEET):
+            continue
+        if different(angles[0, k : k + 1], along[0, k : k + 1], size, theta[n, known], slides[n, known])[0]:
+            slot = free.pop(0)
+            theta[n, slot], slides[n, slot], smallest[n, slot] = angles[0, k], along[0, k], ratio[0, k]
+            status[n, slot] = ReverseStatus.REGULAR
+            some_singular |= bool(ratio[0, k] <= MEET)
+    status[n, free] = ReverseStatus.INCOMPLETE
 
 
 def _spread(link: Link, count: int) -> Link:
@@ -104,7 +136,7 @@ def _slot(link: Link) -> Link:
     return Link(link.R[:, None], link.v[:, None], tuple((i, d[:, None]) for i, d in link.slides))
 
 
-def _three_angles(links: list[Link]) -> tuple[Array, Array]:
+def _three_angles(links: list[Link]) -> tuple[Array, NDArray[Any], NDArray[np.bool_]]:
     R = np.stack([link.R for link in links], axis=1)
     sines = np.hypot(R[:, :, 0, 2], R[:, :, 1, 2])
     # the amplitude of an angle's equation is the product of the sines on both sides of it
@@ -132,11 +164,12 @@ def _three_angles(links: list[Link]) -> tuple[Array, Array]:
     status[kind == TrigStatus.TWO] = ReverseStatus.REGULAR
     status[kind == TrigStatus.DOUBLE, 0] = ReverseStatus.DOUBLE
     status[kind == TrigStatus.INVALID] = ReverseStatus.INVALID
-    status[parallel & (status < ReverseStatus.NONE)] = ReverseStatus.FAMILY
-    return theta, status
+    return theta, status, (np.hypot(A, B) <= ODD) | parallel[:, 0]
 
 
-def _four_angles(mechanism: Mechanism, merged: Merged, links: list[Link]) -> tuple[Array, Array]:
+def _four_angles(
+    mechanism: Mechanism, merged: Merged, links: list[Link]
+) -> tuple[Array, NDArray[Any], NDArray[np.bool_]]:
     count = len(links[0].v)
     sines = np.stack([np.hypot(link.R[:, 0, 2], link.R[:, 1, 2]) for link in links], axis=1)
     possible = []
@@ -149,6 +182,7 @@ def _four_angles(mechanism: Mechanism, merged: Merged, links: list[Link]) -> tup
     chosen = np.argmax(worth, axis=1)
     theta = np.full((count, 8, 4), np.nan)
     status = np.full((count, 8), ReverseStatus.NONE)
+    odd = worth.max(axis=1) <= ODD
     for last in possible:
         rows = np.flatnonzero(chosen == last)
         if not len(rows):
@@ -159,18 +193,19 @@ def _four_angles(mechanism: Mechanism, merged: Merged, links: list[Link]) -> tup
         moved = tuple((i, ring[2].R[:, :, 2]) for i, _ in ring[3].slides)
         ring[2] = replace(ring[2], slides=ring[2].slides + moved)
         ring[3] = replace(ring[3], slides=())
-        found, kind = _ring(ring)
+        found, kind, strange = _ring(ring)
         part = np.empty_like(found)
         part[..., order] = found
         theta[rows], status[rows] = part, kind
-    return theta, status
+        odd[rows] |= strange
+    return theta, status, odd
 
 
 def _rows(link: Link, rows: NDArray[np.intp]) -> Link:
     return Link(link.R[rows], link.v[rows], tuple((i, d[rows]) for i, d in link.slides))
 
 
-def _ring(ring: list[Link]) -> tuple[Array, Array]:
+def _ring(ring: list[Link]) -> tuple[Array, NDArray[Any], NDArray[np.bool_]]:
     """Solve for the angles of four axes in a ring; the last link has no slide."""
     first = _cosine_law(ring)
     second = _fitted(ring, first)
@@ -180,16 +215,10 @@ def _ring(ring: list[Link]) -> tuple[Array, Array]:
     whole = R0 @ rz(theta2) @ R1 @ rz(theta3) @ R2
     theta4 = _angle(R3[..., :2, 2], whole[..., 2, :2])
     theta1 = _angle(whole[..., :2, 2], R3[..., 2, :2])
-    status = np.full(theta2.shape, ReverseStatus.NONE)
-    for kind, name in (
-        (PairStatus.REGULAR, ReverseStatus.REGULAR),
-        (PairStatus.DOUBLE, ReverseStatus.DOUBLE),
-        (PairStatus.COMMON_FACTOR, ReverseStatus.FAMILY),
-        (PairStatus.INCOMPLETE, ReverseStatus.INCOMPLETE),
-        (PairStatus.INVALID, ReverseStatus.INVALID),
-    ):
-        status[pair.status == kind] = name
-    return np.stack([theta1, theta2, theta3, theta4], axis=-1), status
+    there = pair.status <= PairStatus.COMMON_FACTOR
+    status = np.where(there, ReverseStatus.REGULAR, ReverseStatus.NONE)
+    strange = (pair.status == PairStatus.COMMON_FACTOR) | (pair.status >= PairStatus.INCOMPLETE)
+    return np.stack([theta1, theta2, theta3, theta4], axis=-1), status, strange.any(axis=-1)
 
 
 def _cosine_law(ring: list[Link]) -> Array:
@@ -204,7 +233,7 @@ def _cosine_law(ring: list[Link]) -> Array:
     right[:, 0, 2], right[:, 1, 2] = -column[:, 1], column[:, 0]
     found = left @ ring[1].R @ right
     found[:, 0, 0] -= ring[3].R[:, 2, 2]
-    return found
+    return np.where(np.abs(found) > NOISE, found, 0.0)
 
 
 def _on_the_curve(law: Array) -> tuple[Array, Array, Array]:
@@ -218,14 +247,16 @@ def _on_the_curve(law: Array) -> tuple[Array, Array, Array]:
         size = square + D**2
         fine = square > 1e-6 * np.where(size > 0, size, 1.0)
         safe = np.where(fine, square, 1.0)
-        w = np.sqrt((square - D**2).astype(complex))
-        w = np.where(fine, w, 0.0)
+        root = np.sqrt(np.where(fine, square - D**2, 0.0).astype(complex))
+        # real roots are two; of complex ones the second is the conjugate of the first and says nothing new
+        w = np.concatenate([root, -root], axis=-1)
+        A, B, D, safe = (np.concatenate([x, x], axis=-1) for x in (A, B, D, safe))
         cosine, sine = (-A * D - B * w) / safe, (-B * D + A * w) / safe
-        return np.stack([np.ones_like(cosine), cosine, sine], axis=-1), fine
+        return np.stack([np.ones_like(cosine), cosine, sine], axis=-1), np.concatenate([fine, fine], axis=-1)
 
     third, fine3 = other(law)
     second, fine2 = other(np.swapaxes(law, -1, -2))
-    same = np.broadcast_to(given, third.shape)
+    same = np.broadcast_to(np.concatenate([given, given]), third.shape)
     u = np.concatenate([same, second], axis=1)
     v = np.concatenate([third, same], axis=1)
     return u, v, np.concatenate([fine3, fine2], axis=1)
@@ -284,4 +315,7 @@ def _fitted(ring: list[Link], law: Array) -> Array:
     good = np.isfinite(system).all(axis=(1, 2)) & np.isfinite(right).all(axis=1)
     system = np.where(good[:, None, None], system, 0.0)
     fitted = _apply(np.linalg.pinv(system, rcond=FIT_RANK), np.where(good[:, None], right, 0.0))
-    return np.where(good[:, None], fitted, np.nan).reshape(-1, 3, 3)
+    # a length: that of the whole loop is its natural scale
+    scale = sum(np.abs(link.v).max(axis=-1) for link in ring)
+    fitted = np.where(np.abs(fitted) > 16 * NOISE * scale[:, None], fitted, 0.0)
+    return np.where(good[:, None], fitted, 0.0).reshape(-1, 3, 3)
