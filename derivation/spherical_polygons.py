@@ -567,7 +567,7 @@ d.check(
 # With $\beta$ the angle between $\vec S_1$ and $\vec S_3$, $(X_4,Y_4,Z_4)=(\sin\beta\sin\gamma,\sin\beta\cos\gamma,
 # \cos\beta)$, the law is that of a triangle with the sides $\alpha_{12}$, $\beta$, $\alpha_{23}$:
 # $\cos(\theta_1-\gamma)=(c_{23}-c_{12}\cos\beta)/(s_{12}\sin\beta)$. Where $\alpha_{23}$ is small or near $\pi$ its
-# cosine hardly changes, and the difference loses the digits that $\theta_1$ needs; at $\alpha_{23}=2\cdot10^{-5}$ the polygon
+# cosine hardly changes, and the difference loses the digits that $\theta_1$ needs: at $2\cdot10^{-5}$ the polygon
 # stayed open by $4\cdot10^{-12}$. The differences of cosines as products of sines of half sums keep them all.
 
 # %%
@@ -754,9 +754,8 @@ def triangle(k, u, v, w, size, inside):
 
     `size` is sin u sin v. The angle is the one inside, or that from side to side; 0 where it can be any.
     """
-    factors = k.let(
-        "factors", sp.Matrix([sp.sin(x / 2) for x in (w + u - v, w - u + v, u + v + w, u + v - w)])
-    )
+    half = k.let("half_sums", sp.Matrix([(w + u - v) / 2, (w - u + v) / 2, (u + v + w) / 2, (u + v - w) / 2]))
+    factors = k.let("factors", sp.Matrix([sp.sin(x) for x in half]))
     sign = k.let("side", select(size < 0, -1, 1))
     found, short, zero = [], [], []
     for name, (f, g) in (("p", factors[0:2]), ("q", factors[2:4])):
