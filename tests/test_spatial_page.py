@@ -1,0 +1,51 @@
+"""The page on spatial mechanisms: its code runs, and gives what it says."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rodgen import cli, spatial
+
+ROOT = Path(__file__).parent.parent
+PAGE = (ROOT / "docs/spatial_mechanisms.md").read_text(encoding="utf-8")
+
+
+def test_code_runs_and_gives_problem_6_2(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    names: dict[str, object] = {}
+    for block in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL):
+        exec(block, names)
+    assert names["found"].status.tolist() == [spatial.ReverseStatus.REGULAR] * 8
+    told = re.search(r"# ([-\d., ]+); ([-\d., ]+): problem 6.2", PAGE)
+    expected = [[float(x) for x in row.split(",")] for row in told.groups()]
+    np.testing.assert_allclose(np.degrees(names["ways"].values[:, [1, 3, 5]]), expected, atol=6e-5)
+
+
+def test_every_status_is_explained() -> None:
+    rows = re.findall(r"^\| ([A-Z_]+) \|", PAGE, re.MULTILINE)
+    assert rows == [status.name for status in spatial.ReverseStatus]
+
+
+def test_link_table_of_the_page_is_one(tmp_path: Path) -> None:
+    lines = re.search(r"((?:    .*\n)+)", PAGE[PAGE.index("As a table") :])[1]
+    path = tmp_path / "arm.csv"
+    path.write_text("\n".join(line.strip() for line in lines.splitlines()))
+    found = spatial.load_mechanism(path)
+    assert (found.joints, found.names) == (("R", "P", "R"), ("base", "slide", "tool"))
+
+
+def test_commands_of_the_page_are_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    commands = re.findall(r"^    rodgen (mechanism .*)$", PAGE, re.MULTILINE)
+    assert {command.split()[1] for command in commands} == {"mobility", "forward", "reverse", "toolkit"}
+    for command in commands:
+        # what is missing are the files, not an option
+        words = [
+            str(tmp_path / word) if "." in word and "," not in word else word for word in command.split()
+        ]
+        code = cli.main(words)
+        told = capsys.readouterr().err
+        assert code == 0 or "no such file" in told
