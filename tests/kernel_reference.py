@@ -15,6 +15,8 @@ import mpmath
 import numpy as np
 from chi_inputs import chi_inputs
 from link_inputs import link_inputs
+from loop_inputs import loop_inputs
+from pair_inputs import pair_inputs, trig_inputs
 from scipy.spatial.transform import Rotation
 from sps_inputs import sps_inputs
 from tricept_cases import inputs as tricept_inputs
@@ -23,6 +25,7 @@ from tricept_parameter_inputs import parameter_inputs
 from rodgen.codegen import Kernel
 from rodgen.derivation import (
     axis,
+    biquadratic_pair,
     instantaneous_euler,
     instantaneous_euler_arm,
     instantaneous_euler_inverse,
@@ -32,9 +35,11 @@ from rodgen.derivation import (
     rodrigues,
     rotations,
     spatial_links,
+    spatial_loops,
     three_sps_s,
     tricept,
     tricept_uncertainty,
+    trig_equation,
 )
 
 CHI = (
@@ -44,7 +49,12 @@ CHI = (
     instantaneous_euler_motion,
     instantaneous_euler_ridges,
 )
-SPATIAL = {spatial_links: link_inputs}
+SPATIAL = {
+    spatial_links: link_inputs,
+    spatial_loops: loop_inputs,
+    biquadratic_pair: pair_inputs,
+    trig_equation: trig_inputs,
+}
 """Derivations of spatial mechanisms, each with the function that gives a kernel's inputs by its name."""
 MODULES = {
     d.name: d
