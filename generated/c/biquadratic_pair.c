@@ -2154,7 +2154,7 @@ void biquadratic_pair_pair_angles_batch_f32(size_t count, const float *one, cons
     biquadratic_pair_pair_angles_f32(one + 9 * i, two + 9 * i, turn + 2 * i, tangent[i], angles + 2 * i);
 }
 
-/* pair_polish: 135 add, 162 mul, 7 div, 1 sqrt, 18 select, 14 compare, 31 abs, 6 cos, 6 sin */
+/* pair_polish: 135 add, 161 mul, 7 div, 18 select, 14 compare, 31 abs, 6 cos, 6 sin */
 void biquadratic_pair_pair_polish_f64(const double one[9], const double two[9], const double angles[2], double polished[2], double *residual, double *condition, double *determinant) {
   /* inputs */
   const double one_1_1 = one[0];
@@ -2204,9 +2204,9 @@ void biquadratic_pair_pair_polish_f64(const double one[9], const double two[9], 
   const double x0 = (j0_0*j0_0) + (j1_0*j1_0);
   const double x1 = (i0_0*i0_0) + (i1_0*i1_0);
   const double trace0 = x0 + x1;
-  const double x8 = 4.0*sqrt(DBL_EPSILON);
-  const int regular0 = fabs(det0) > trace0*x8;
-  const double damping0 = DBL_EPSILON*trace0;
+  const double x2 = DBL_EPSILON*trace0;
+  const int regular0 = fabs(det0) > 64.0*x2;
+  const double damping0 = x2;
   const double ab0 = i0_0*j0_0 + i1_0*j1_0;
   const double aa0 = damping0 + x0;
   const double bb0 = damping0 + x1;
@@ -2216,9 +2216,9 @@ void biquadratic_pair_pair_polish_f64(const double one[9], const double two[9], 
   const double by0 = ((below0 != 0.0) ? 1.0/below0 : 0.0);
   const double step_a0 = by0*((regular0) ? f0_0*i1_0 - f1_0*i0_0 : bb0*ra0 - ab0*rb0);
   const double step_b0 = by0*((regular0) ? f1_0*j0_0 - f0_0*j1_0 : aa0*rb0 - ab0*ra0);
-  const double x2 = fabs(step_a0);
-  const double x3 = fabs(step_b0);
-  const double longest0 = ((x2 > x3) ? x2 : x3);
+  const double x3 = fabs(step_a0);
+  const double x4 = fabs(step_b0);
+  const double longest0 = ((x3 > x4) ? x3 : x4);
   const double short0 = ((longest0 > 0.5) ? 0.5*((longest0 > 0.0) ? 1.0/longest0 : 1.0) : 1.0);
   const double first0 = angles_1 - short0*step_a0;
   const double second0 = angles_2 - short0*step_b0;
@@ -2243,23 +2243,24 @@ void biquadratic_pair_pair_polish_f64(const double one[9], const double two[9], 
   const double j1_1 = column1_1_3*cu1 - column1_1_2*su1;
   const double i1_1 = cv1*row1_1_3 - row1_1_2*sv1;
   const double det1 = i1_1*j0_1 - i0_1*j1_1;
-  const double x4 = (j0_1*j0_1) + (j1_1*j1_1);
-  const double x5 = (i0_1*i0_1) + (i1_1*i1_1);
-  const double trace1 = x4 + x5;
-  const int regular1 = fabs(det1) > trace1*x8;
-  const double damping1 = DBL_EPSILON*trace1;
+  const double x5 = (j0_1*j0_1) + (j1_1*j1_1);
+  const double x6 = (i0_1*i0_1) + (i1_1*i1_1);
+  const double trace1 = x5 + x6;
+  const double x7 = DBL_EPSILON*trace1;
+  const int regular1 = fabs(det1) > 64.0*x7;
+  const double damping1 = x7;
   const double ab1 = i0_1*j0_1 + i1_1*j1_1;
-  const double aa1 = damping1 + x4;
-  const double bb1 = damping1 + x5;
+  const double aa1 = damping1 + x5;
+  const double bb1 = damping1 + x6;
   const double ra1 = f0_1*j0_1 + f1_1*j1_1;
   const double rb1 = f0_1*i0_1 + f1_1*i1_1;
   const double below1 = ((regular1) ? det1 : aa1*bb1 - (ab1*ab1));
   const double by1 = ((below1 != 0.0) ? 1.0/below1 : 0.0);
   const double step_a1 = by1*((regular1) ? f0_1*i1_1 - f1_1*i0_1 : bb1*ra1 - ab1*rb1);
   const double step_b1 = by1*((regular1) ? f1_1*j0_1 - f0_1*j1_1 : aa1*rb1 - ab1*ra1);
-  const double x6 = fabs(step_a1);
-  const double x7 = fabs(step_b1);
-  const double longest1 = ((x6 > x7) ? x6 : x7);
+  const double x8 = fabs(step_a1);
+  const double x9 = fabs(step_b1);
+  const double longest1 = ((x8 > x9) ? x8 : x9);
   const double short1 = ((longest1 > 0.5) ? 0.5*((longest1 > 0.0) ? 1.0/longest1 : 1.0) : 1.0);
   const double first1 = first0 - short1*step_a1;
   const double second1 = second0 - short1*step_b1;
@@ -2302,7 +2303,7 @@ void biquadratic_pair_pair_polish_batch_f64(size_t count, const double *one, con
     biquadratic_pair_pair_polish_f64(one + 9 * i, two + 9 * i, angles + 2 * i, polished + 2 * i, residual + i, condition + i, determinant + i);
 }
 
-/* pair_polish: 135 add, 162 mul, 7 div, 1 sqrt, 18 select, 14 compare, 31 abs, 6 cos, 6 sin */
+/* pair_polish: 135 add, 161 mul, 7 div, 18 select, 14 compare, 31 abs, 6 cos, 6 sin */
 void biquadratic_pair_pair_polish_f32(const float one[9], const float two[9], const float angles[2], float polished[2], float *residual, float *condition, float *determinant) {
   /* inputs */
   const float one_1_1 = one[0];
@@ -2352,9 +2353,9 @@ void biquadratic_pair_pair_polish_f32(const float one[9], const float two[9], co
   const float x0 = (j0_0*j0_0) + (j1_0*j1_0);
   const float x1 = (i0_0*i0_0) + (i1_0*i1_0);
   const float trace0 = x0 + x1;
-  const float x8 = 4.0f*sqrtf(FLT_EPSILON);
-  const int regular0 = fabsf(det0) > trace0*x8;
-  const float damping0 = FLT_EPSILON*trace0;
+  const float x2 = FLT_EPSILON*trace0;
+  const int regular0 = fabsf(det0) > 64.0f*x2;
+  const float damping0 = x2;
   const float ab0 = i0_0*j0_0 + i1_0*j1_0;
   const float aa0 = damping0 + x0;
   const float bb0 = damping0 + x1;
@@ -2364,9 +2365,9 @@ void biquadratic_pair_pair_polish_f32(const float one[9], const float two[9], co
   const float by0 = ((below0 != 0.0f) ? 1.0f/below0 : 0.0f);
   const float step_a0 = by0*((regular0) ? f0_0*i1_0 - f1_0*i0_0 : bb0*ra0 - ab0*rb0);
   const float step_b0 = by0*((regular0) ? f1_0*j0_0 - f0_0*j1_0 : aa0*rb0 - ab0*ra0);
-  const float x2 = fabsf(step_a0);
-  const float x3 = fabsf(step_b0);
-  const float longest0 = ((x2 > x3) ? x2 : x3);
+  const float x3 = fabsf(step_a0);
+  const float x4 = fabsf(step_b0);
+  const float longest0 = ((x3 > x4) ? x3 : x4);
   const float short0 = ((longest0 > 0.5f) ? 0.5f*((longest0 > 0.0f) ? 1.0f/longest0 : 1.0f) : 1.0f);
   const float first0 = angles_1 - short0*step_a0;
   const float second0 = angles_2 - short0*step_b0;
@@ -2391,23 +2392,24 @@ void biquadratic_pair_pair_polish_f32(const float one[9], const float two[9], co
   const float j1_1 = column1_1_3*cu1 - column1_1_2*su1;
   const float i1_1 = cv1*row1_1_3 - row1_1_2*sv1;
   const float det1 = i1_1*j0_1 - i0_1*j1_1;
-  const float x4 = (j0_1*j0_1) + (j1_1*j1_1);
-  const float x5 = (i0_1*i0_1) + (i1_1*i1_1);
-  const float trace1 = x4 + x5;
-  const int regular1 = fabsf(det1) > trace1*x8;
-  const float damping1 = FLT_EPSILON*trace1;
+  const float x5 = (j0_1*j0_1) + (j1_1*j1_1);
+  const float x6 = (i0_1*i0_1) + (i1_1*i1_1);
+  const float trace1 = x5 + x6;
+  const float x7 = FLT_EPSILON*trace1;
+  const int regular1 = fabsf(det1) > 64.0f*x7;
+  const float damping1 = x7;
   const float ab1 = i0_1*j0_1 + i1_1*j1_1;
-  const float aa1 = damping1 + x4;
-  const float bb1 = damping1 + x5;
+  const float aa1 = damping1 + x5;
+  const float bb1 = damping1 + x6;
   const float ra1 = f0_1*j0_1 + f1_1*j1_1;
   const float rb1 = f0_1*i0_1 + f1_1*i1_1;
   const float below1 = ((regular1) ? det1 : aa1*bb1 - (ab1*ab1));
   const float by1 = ((below1 != 0.0f) ? 1.0f/below1 : 0.0f);
   const float step_a1 = by1*((regular1) ? f0_1*i1_1 - f1_1*i0_1 : bb1*ra1 - ab1*rb1);
   const float step_b1 = by1*((regular1) ? f1_1*j0_1 - f0_1*j1_1 : aa1*rb1 - ab1*ra1);
-  const float x6 = fabsf(step_a1);
-  const float x7 = fabsf(step_b1);
-  const float longest1 = ((x6 > x7) ? x6 : x7);
+  const float x8 = fabsf(step_a1);
+  const float x9 = fabsf(step_b1);
+  const float longest1 = ((x8 > x9) ? x8 : x9);
   const float short1 = ((longest1 > 0.5f) ? 0.5f*((longest1 > 0.0f) ? 1.0f/longest1 : 1.0f) : 1.0f);
   const float first1 = first0 - short1*step_a1;
   const float second1 = second0 - short1*step_b1;

@@ -98,7 +98,7 @@ void biquadratic_pair_pair_angles_batch_f32(size_t count, const float *one, cons
 
 /* Newton's method for two equations in two angles, and how good the angles are.
  * Source: derivation biquadratic_pair; Robot Geometry, pairs of biquadratics
- * Operations: 135 add, 162 mul, 7 div, 1 sqrt, 18 select, 14 compare, 31 abs, 6 cos, 6 sin
+ * Operations: 135 add, 161 mul, 7 div, 18 select, 14 compare, 31 abs, 6 cos, 6 sin
  * one : array (3, 3), 1 coefficients of the first equation
  * two : array (3, 3), 1 those of the second
  * angles : array (2), rad first and second angle

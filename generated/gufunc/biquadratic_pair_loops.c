@@ -3104,8 +3104,8 @@ void LOOP(biquadratic_pair_pair_angles_loop_f32)(char **args, const ptrdiff_t *d
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* pair_polish: 135 add, 162 mul, 7 div, 1 sqrt, 18 select, 14 compare, 31 abs, 6 cos, 6 sin */
-/* 135 add, 162 mul, 7 div, 1 sqrt, 18 select, 14 compare, 31 abs, 6 cos, 6 sin */
+/* pair_polish: 135 add, 161 mul, 7 div, 18 select, 14 compare, 31 abs, 6 cos, 6 sin */
+/* 135 add, 161 mul, 7 div, 18 select, 14 compare, 31 abs, 6 cos, 6 sin */
 static inline void pair_polish_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -3155,9 +3155,9 @@ static inline void pair_polish_f64(double (*restrict input)[BLOCK], double (*res
     const double x0 = (j0_0*j0_0) + (j1_0*j1_0);
     const double x1 = (i0_0*i0_0) + (i1_0*i1_0);
     const double trace0 = x0 + x1;
-    const double x8 = 4.0*sqrt(DBL_EPSILON);
-    const int64_t regular0 = mask_f64(fabs(det0) > trace0*x8);
-    const double damping0 = DBL_EPSILON*trace0;
+    const double x2 = DBL_EPSILON*trace0;
+    const int64_t regular0 = mask_f64(fabs(det0) > 64.0*x2);
+    const double damping0 = x2;
     const double ab0 = i0_0*j0_0 + i1_0*j1_0;
     const double aa0 = damping0 + x0;
     const double bb0 = damping0 + x1;
@@ -3167,9 +3167,9 @@ static inline void pair_polish_f64(double (*restrict input)[BLOCK], double (*res
     const double by0 = blend_f64(mask_f64(below0 != 0.0), 1.0/below0, 0.0);
     const double step_a0 = by0*blend_f64(regular0, f0_0*i1_0 - f1_0*i0_0, bb0*ra0 - ab0*rb0);
     const double step_b0 = by0*blend_f64(regular0, f1_0*j0_0 - f0_0*j1_0, aa0*rb0 - ab0*ra0);
-    const double x2 = fabs(step_a0);
-    const double x3 = fabs(step_b0);
-    const double longest0 = blend_f64(mask_f64(x2 > x3), x2, x3);
+    const double x3 = fabs(step_a0);
+    const double x4 = fabs(step_b0);
+    const double longest0 = blend_f64(mask_f64(x3 > x4), x3, x4);
     const double short0 = blend_f64(mask_f64(longest0 > 0.5), 0.5*blend_f64(mask_f64(longest0 > 0.0), 1.0/longest0, 1.0), 1.0);
     const double first0 = angles_1 - short0*step_a0;
     const double second0 = angles_2 - short0*step_b0;
@@ -3194,23 +3194,24 @@ static inline void pair_polish_f64(double (*restrict input)[BLOCK], double (*res
     const double j1_1 = column1_1_3*cu1 - column1_1_2*su1;
     const double i1_1 = cv1*row1_1_3 - row1_1_2*sv1;
     const double det1 = i1_1*j0_1 - i0_1*j1_1;
-    const double x4 = (j0_1*j0_1) + (j1_1*j1_1);
-    const double x5 = (i0_1*i0_1) + (i1_1*i1_1);
-    const double trace1 = x4 + x5;
-    const int64_t regular1 = mask_f64(fabs(det1) > trace1*x8);
-    const double damping1 = DBL_EPSILON*trace1;
+    const double x5 = (j0_1*j0_1) + (j1_1*j1_1);
+    const double x6 = (i0_1*i0_1) + (i1_1*i1_1);
+    const double trace1 = x5 + x6;
+    const double x7 = DBL_EPSILON*trace1;
+    const int64_t regular1 = mask_f64(fabs(det1) > 64.0*x7);
+    const double damping1 = x7;
     const double ab1 = i0_1*j0_1 + i1_1*j1_1;
-    const double aa1 = damping1 + x4;
-    const double bb1 = damping1 + x5;
+    const double aa1 = damping1 + x5;
+    const double bb1 = damping1 + x6;
     const double ra1 = f0_1*j0_1 + f1_1*j1_1;
     const double rb1 = f0_1*i0_1 + f1_1*i1_1;
     const double below1 = blend_f64(regular1, det1, aa1*bb1 - (ab1*ab1));
     const double by1 = blend_f64(mask_f64(below1 != 0.0), 1.0/below1, 0.0);
     const double step_a1 = by1*blend_f64(regular1, f0_1*i1_1 - f1_1*i0_1, bb1*ra1 - ab1*rb1);
     const double step_b1 = by1*blend_f64(regular1, f1_1*j0_1 - f0_1*j1_1, aa1*rb1 - ab1*ra1);
-    const double x6 = fabs(step_a1);
-    const double x7 = fabs(step_b1);
-    const double longest1 = blend_f64(mask_f64(x6 > x7), x6, x7);
+    const double x8 = fabs(step_a1);
+    const double x9 = fabs(step_b1);
+    const double longest1 = blend_f64(mask_f64(x8 > x9), x8, x9);
     const double short1 = blend_f64(mask_f64(longest1 > 0.5), 0.5*blend_f64(mask_f64(longest1 > 0.0), 1.0/longest1, 1.0), 1.0);
     const double first1 = first0 - short1*step_a1;
     const double second1 = second0 - short1*step_b1;
@@ -3405,8 +3406,8 @@ void LOOP(biquadratic_pair_pair_polish_loop_f64)(char **args, const ptrdiff_t *d
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* pair_polish: 135 add, 162 mul, 7 div, 1 sqrt, 18 select, 14 compare, 31 abs, 6 cos, 6 sin */
-/* 135 add, 162 mul, 7 div, 1 sqrt, 18 select, 14 compare, 31 abs, 6 cos, 6 sin */
+/* pair_polish: 135 add, 161 mul, 7 div, 18 select, 14 compare, 31 abs, 6 cos, 6 sin */
+/* 135 add, 161 mul, 7 div, 18 select, 14 compare, 31 abs, 6 cos, 6 sin */
 static inline void pair_polish_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -3456,9 +3457,9 @@ static inline void pair_polish_f32(float (*restrict input)[BLOCK], float (*restr
     const float x0 = (j0_0*j0_0) + (j1_0*j1_0);
     const float x1 = (i0_0*i0_0) + (i1_0*i1_0);
     const float trace0 = x0 + x1;
-    const float x8 = 4.0f*sqrtf(FLT_EPSILON);
-    const int32_t regular0 = mask_f32(fabsf(det0) > trace0*x8);
-    const float damping0 = FLT_EPSILON*trace0;
+    const float x2 = FLT_EPSILON*trace0;
+    const int32_t regular0 = mask_f32(fabsf(det0) > 64.0f*x2);
+    const float damping0 = x2;
     const float ab0 = i0_0*j0_0 + i1_0*j1_0;
     const float aa0 = damping0 + x0;
     const float bb0 = damping0 + x1;
@@ -3468,9 +3469,9 @@ static inline void pair_polish_f32(float (*restrict input)[BLOCK], float (*restr
     const float by0 = blend_f32(mask_f32(below0 != 0.0f), 1.0f/below0, 0.0f);
     const float step_a0 = by0*blend_f32(regular0, f0_0*i1_0 - f1_0*i0_0, bb0*ra0 - ab0*rb0);
     const float step_b0 = by0*blend_f32(regular0, f1_0*j0_0 - f0_0*j1_0, aa0*rb0 - ab0*ra0);
-    const float x2 = fabsf(step_a0);
-    const float x3 = fabsf(step_b0);
-    const float longest0 = blend_f32(mask_f32(x2 > x3), x2, x3);
+    const float x3 = fabsf(step_a0);
+    const float x4 = fabsf(step_b0);
+    const float longest0 = blend_f32(mask_f32(x3 > x4), x3, x4);
     const float short0 = blend_f32(mask_f32(longest0 > 0.5f), 0.5f*blend_f32(mask_f32(longest0 > 0.0f), 1.0f/longest0, 1.0f), 1.0f);
     const float first0 = angles_1 - short0*step_a0;
     const float second0 = angles_2 - short0*step_b0;
@@ -3495,23 +3496,24 @@ static inline void pair_polish_f32(float (*restrict input)[BLOCK], float (*restr
     const float j1_1 = column1_1_3*cu1 - column1_1_2*su1;
     const float i1_1 = cv1*row1_1_3 - row1_1_2*sv1;
     const float det1 = i1_1*j0_1 - i0_1*j1_1;
-    const float x4 = (j0_1*j0_1) + (j1_1*j1_1);
-    const float x5 = (i0_1*i0_1) + (i1_1*i1_1);
-    const float trace1 = x4 + x5;
-    const int32_t regular1 = mask_f32(fabsf(det1) > trace1*x8);
-    const float damping1 = FLT_EPSILON*trace1;
+    const float x5 = (j0_1*j0_1) + (j1_1*j1_1);
+    const float x6 = (i0_1*i0_1) + (i1_1*i1_1);
+    const float trace1 = x5 + x6;
+    const float x7 = FLT_EPSILON*trace1;
+    const int32_t regular1 = mask_f32(fabsf(det1) > 64.0f*x7);
+    const float damping1 = x7;
     const float ab1 = i0_1*j0_1 + i1_1*j1_1;
-    const float aa1 = damping1 + x4;
-    const float bb1 = damping1 + x5;
+    const float aa1 = damping1 + x5;
+    const float bb1 = damping1 + x6;
     const float ra1 = f0_1*j0_1 + f1_1*j1_1;
     const float rb1 = f0_1*i0_1 + f1_1*i1_1;
     const float below1 = blend_f32(regular1, det1, aa1*bb1 - (ab1*ab1));
     const float by1 = blend_f32(mask_f32(below1 != 0.0f), 1.0f/below1, 0.0f);
     const float step_a1 = by1*blend_f32(regular1, f0_1*i1_1 - f1_1*i0_1, bb1*ra1 - ab1*rb1);
     const float step_b1 = by1*blend_f32(regular1, f1_1*j0_1 - f0_1*j1_1, aa1*rb1 - ab1*ra1);
-    const float x6 = fabsf(step_a1);
-    const float x7 = fabsf(step_b1);
-    const float longest1 = blend_f32(mask_f32(x6 > x7), x6, x7);
+    const float x8 = fabsf(step_a1);
+    const float x9 = fabsf(step_b1);
+    const float longest1 = blend_f32(mask_f32(x8 > x9), x8, x9);
     const float short1 = blend_f32(mask_f32(longest1 > 0.5f), 0.5f*blend_f32(mask_f32(longest1 > 0.0f), 1.0f/longest1, 1.0f), 1.0f);
     const float first1 = first0 - short1*step_a1;
     const float second1 = second0 - short1*step_b1;

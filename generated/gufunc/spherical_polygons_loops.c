@@ -3124,8 +3124,8 @@ void LOOP(spherical_polygons_polygon_secondary_5_loop_f32)(char **args, const pt
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* polygon_quadrilateral: 37 add, 75 mul, 3 div, 4 sqrt, 26 select, 14 compare, 13 abs, 6 atan2, 5 cos, 5 sin */
-/* 37 add, 75 mul, 3 div, 4 sqrt, 26 select, 14 compare, 13 abs, 6 atan2, 5 cos, 5 sin */
+/* polygon_quadrilateral: 44 add, 83 mul, 4 div, 4 sqrt, 27 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin */
+/* 44 add, 83 mul, 4 div, 4 sqrt, 27 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin */
 static inline void polygon_quadrilateral_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -3148,48 +3148,73 @@ static inline void polygon_quadrilateral_f64(double (*restrict input)[BLOCK], do
     const double x0 = c_theta_1*s_alpha_3;
     const double y_4 = -c_alpha_3*s_alpha_4 - c_alpha_4*x0;
     const double z_4 = c_alpha_3*c_alpha_4 - s_alpha_4*x0;
-    const double A = s_alpha_1*y_4;
-    const double B = s_alpha_1*x_4;
-    const double D = c_alpha_1*z_4 - c_alpha_2;
-    const double r = sqrt((A*A) + (B*B));
-    const double x14 = 16.0*DBL_EPSILON;
-    const int64_t any_root = mask_f64(r <= x14);
-    const double off = fabs(D) - r;
-    const int64_t no_root = mask_f64(off > x14);
-    const int64_t one_root = mask_f64(fabs(off) <= x14);
-    const double root = blend_f64(mask_f64(off < -x14), sqrt(fabs((D - r)*(D + r))), 0.0);
-    const double bound = blend_f64(one_root, blend_f64(mask_f64(D < 0.0), -r, r), D);
-    const double square = blend_f64(any_root, 1.0, (r*r));
-    const double x2 = 1.0/square;
-    const double x3 = A*bound;
-    const double x4 = B*root;
-    const double c_root1 = blend_f64(any_root, 1.0, x2*(-x3 - x4));
-    const double x5 = A*root;
-    const double x6 = B*bound;
-    const double s_root1 = blend_f64(any_root, 0.0, x2*(x5 - x6));
-    const double c_root2 = blend_f64(any_root, 1.0, x2*(x4 - x3));
-    const double s_root2 = blend_f64(any_root, 0.0, x2*(-x5 - x6));
-    const int64_t family = (any_root) | (mask_f64(fabs(s_alpha_2) <= x14));
+    const double sine_13 = sqrt((x_4*x_4) + (y_4*y_4));
+    const double x1 = 0.5*vector_atan2_f64(sine_13, z_4);
+    const double x2 = 0.5*alpha_1;
+    const double x3 = 0.5*alpha_2;
+    const double x4 = x2 + x3;
+    const double half_sums_1 = x4 - x1;
+    const double half_sums_2 = x1 + x3 - x2;
+    const double half_sums_3 = x1 + x4;
+    const double half_sums_4 = x1 + x2 - x3;
+    const double factors_1 = vector_sin_f64(half_sums_1);
+    const double factors_2 = vector_sin_f64(half_sums_2);
+    const double factors_3 = vector_sin_f64(half_sums_3);
+    const double factors_4 = vector_sin_f64(half_sums_4);
+    const double x18 = s_alpha_1*sine_13;
+    const double side = blend_f64(mask_f64(x18 < 0.0), -1.0, 1.0);
+    const double p_side = factors_1*factors_2*side;
+    const double x5 = 16.0*DBL_EPSILON;
+    const double p_near = x5*(fabs(factors_1) + fabs(factors_2));
+    const int64_t p_short = mask_f64(p_side < -p_near);
+    const int64_t p_zero = mask_f64(fabs(p_side) <= p_near);
+    const double p = blend_f64(p_zero, 0.0, p_side);
+    const double q_side = factors_3*factors_4*side;
+    const double q_near = x5*(fabs(factors_3) + fabs(factors_4));
+    const int64_t q_short = mask_f64(q_side < -q_near);
+    const int64_t q_zero = mask_f64(fabs(q_side) <= q_near);
+    const double q = blend_f64(q_zero, 0.0, q_side);
+    const int64_t flat = mask_f64(fabs(x18) <= x5);
+    const int64_t no_angle = (p_short) | (q_short) | ((flat) & (~((p_zero) & (q_zero))));
+    const int64_t one_angle = (p_zero) | (q_zero);
+    const int64_t any_angle = (flat) | ((p_zero) & (q_zero));
+    const double p_and_q = blend_f64(any_angle, 1.0, p + q);
+    const double x6 = 1.0/p_and_q;
+    const double cosine = blend_f64(any_angle, 1.0, x6*(q - p));
+    const double sine = blend_f64(any_angle, 0.0, 2.0*x6*sqrt(fabs(p*q)));
+    const int64_t on_axis = mask_f64(sine_13 <= x5);
+    const double far = blend_f64(on_axis, 1.0, sine_13);
+    const double x7 = 1.0/far;
+    const double c_gamma = blend_f64(on_axis, 1.0, x7*y_4);
+    const double s_gamma = blend_f64(on_axis, 0.0, x7*x_4);
+    const double x8 = c_gamma*cosine;
+    const double x9 = s_gamma*sine;
+    const double c_1_1 = x8 - x9;
+    const double x10 = c_gamma*sine;
+    const double s_1_1 = cosine*s_gamma + x10;
+    const double c_1_2 = x8 + x9;
+    const double s_1_2 = cosine*s_gamma - x10;
+    const int64_t family = (any_angle) | (mask_f64(fabs(s_alpha_2) <= x5));
     const int64_t finite = mask_f64(fabs(alpha_1) + fabs(alpha_2) + fabs(alpha_3) + fabs(alpha_4) + fabs(theta_4) <= DBL_MAX);
-    const int64_t good = (finite) & (~(no_root));
-    const double x_41_1 = c_root1*x_4 - s_root1*y_4;
-    const double x7 = -s_alpha_1*z_4;
-    const double y_41_1 = c_alpha_1*(c_root1*y_4 + s_root1*x_4) + x7;
-    const double x8 = blend_f64(mask_f64(s_alpha_2 < 0.0), -1.0, 1.0);
-    const double sine_2_1 = blend_f64(mask_f64(fabs(s_alpha_2) <= x14), 0.0, x8*x_41_1);
-    const double cosine_2_1 = blend_f64(mask_f64(fabs(s_alpha_2) <= x14), 1.0, x8*y_41_1);
+    const int64_t good = (finite) & (~(no_angle));
+    const double x_41_1 = c_1_1*x_4 - s_1_1*y_4;
+    const double x11 = -s_alpha_1*z_4;
+    const double y_41_1 = c_alpha_1*(c_1_1*y_4 + s_1_1*x_4) + x11;
+    const double x12 = blend_f64(mask_f64(s_alpha_2 < 0.0), -1.0, 1.0);
+    const double sine_2_1 = blend_f64(mask_f64(fabs(s_alpha_2) <= x5), 0.0, x12*x_41_1);
+    const double cosine_2_1 = blend_f64(mask_f64(fabs(s_alpha_2) <= x5), 1.0, x12*y_41_1);
     const double length_2_1 = sqrt((cosine_2_1*cosine_2_1) + (sine_2_1*sine_2_1));
     const double divisor_2_1 = blend_f64(mask_f64(length_2_1 > 0.0), length_2_1, 1.0);
-    const double x9 = 1.0/divisor_2_1;
-    const double c_2_1 = cosine_2_1*x9;
-    const double s_2_1 = sine_2_1*x9;
+    const double x13 = 1.0/divisor_2_1;
+    const double c_2_1 = cosine_2_1*x13;
+    const double s_2_1 = sine_2_1*x13;
     const double row_11_1 = c_theta_1;
-    const double x10 = -c_alpha_4*s_theta_1;
-    const double row_11_2 = x10;
-    const double x11 = s_alpha_4*s_theta_1;
-    const double row_11_3 = x11;
-    const double row_12_1 = c_root1*row_11_1 + row_11_2*s_root1;
-    const double row_12_2 = c_root1*row_11_2 - row_11_1*s_root1;
+    const double x14 = -c_alpha_4*s_theta_1;
+    const double row_11_2 = x14;
+    const double x15 = s_alpha_4*s_theta_1;
+    const double row_11_3 = x15;
+    const double row_12_1 = c_1_1*row_11_1 + row_11_2*s_1_1;
+    const double row_12_2 = c_1_1*row_11_2 - row_11_1*s_1_1;
     const double row_12_3 = row_11_3;
     const double row_13_1 = row_12_1;
     const double row_13_2 = c_alpha_1*row_12_2 + row_12_3*s_alpha_1;
@@ -3197,20 +3222,20 @@ static inline void polygon_quadrilateral_f64(double (*restrict input)[BLOCK], do
     const double row_14_1 = c_2_1*row_13_1 + row_13_2*s_2_1;
     const double row_14_2 = c_2_1*row_13_2 - row_13_1*s_2_1;
     const double row_14_3 = row_13_3;
-    const double x_41_2 = c_root2*x_4 - s_root2*y_4;
-    const double y_41_2 = c_alpha_1*(c_root2*y_4 + s_root2*x_4) + x7;
-    const double sine_2_2 = blend_f64(mask_f64(fabs(s_alpha_2) <= x14), 0.0, x8*x_41_2);
-    const double cosine_2_2 = blend_f64(mask_f64(fabs(s_alpha_2) <= x14), 1.0, x8*y_41_2);
+    const double x_41_2 = c_1_2*x_4 - s_1_2*y_4;
+    const double y_41_2 = c_alpha_1*(c_1_2*y_4 + s_1_2*x_4) + x11;
+    const double sine_2_2 = blend_f64(mask_f64(fabs(s_alpha_2) <= x5), 0.0, x12*x_41_2);
+    const double cosine_2_2 = blend_f64(mask_f64(fabs(s_alpha_2) <= x5), 1.0, x12*y_41_2);
     const double length_2_2 = sqrt((cosine_2_2*cosine_2_2) + (sine_2_2*sine_2_2));
     const double divisor_2_2 = blend_f64(mask_f64(length_2_2 > 0.0), length_2_2, 1.0);
-    const double x12 = 1.0/divisor_2_2;
-    const double c_2_2 = cosine_2_2*x12;
-    const double s_2_2 = sine_2_2*x12;
+    const double x16 = 1.0/divisor_2_2;
+    const double c_2_2 = cosine_2_2*x16;
+    const double s_2_2 = sine_2_2*x16;
     const double row_21_1 = c_theta_1;
-    const double row_21_2 = x10;
-    const double row_21_3 = x11;
-    const double row_22_1 = c_root2*row_21_1 + row_21_2*s_root2;
-    const double row_22_2 = c_root2*row_21_2 - row_21_1*s_root2;
+    const double row_21_2 = x14;
+    const double row_21_3 = x15;
+    const double row_22_1 = c_1_2*row_21_1 + row_21_2*s_1_2;
+    const double row_22_2 = c_1_2*row_21_2 - row_21_1*s_1_2;
     const double row_22_3 = row_21_3;
     const double row_23_1 = row_22_1;
     const double row_23_2 = c_alpha_1*row_22_2 + row_22_3*s_alpha_1;
@@ -3218,16 +3243,16 @@ static inline void polygon_quadrilateral_f64(double (*restrict input)[BLOCK], do
     const double row_24_1 = c_2_2*row_23_1 + row_23_2*s_2_2;
     const double row_24_2 = c_2_2*row_23_2 - row_23_1*s_2_2;
     const double row_24_3 = row_23_3;
-    const double theta_1_1 = blend_f64(good, vector_atan2_f64(s_root1, c_root1), (double)NAN);
+    const double theta_1_1 = blend_f64(good, vector_atan2_f64(s_1_1, c_1_1), (double)NAN);
     const double theta_1_2 = blend_f64(good, vector_atan2_f64(sine_2_1, cosine_2_1), (double)NAN);
     const double theta_1_3 = blend_f64(good, vector_atan2_f64(c_alpha_2*row_14_2 + row_14_3*s_alpha_2, row_14_1), (double)NAN);
-    const double x13 = blend_f64(good, theta_4, (double)NAN);
-    const double theta_1_4 = x13;
-    const double theta_2_1 = blend_f64(good, vector_atan2_f64(s_root2, c_root2), (double)NAN);
+    const double x17 = blend_f64(good, theta_4, (double)NAN);
+    const double theta_1_4 = x17;
+    const double theta_2_1 = blend_f64(good, vector_atan2_f64(s_1_2, c_1_2), (double)NAN);
     const double theta_2_2 = blend_f64(good, vector_atan2_f64(sine_2_2, cosine_2_2), (double)NAN);
     const double theta_2_3 = blend_f64(good, vector_atan2_f64(c_alpha_2*row_24_2 + row_24_3*s_alpha_2, row_24_1), (double)NAN);
-    const double theta_2_4 = x13;
-    const double status = blend_f64(~(finite), 4.0, blend_f64(no_root, 3.0, blend_f64(family, 2.0, blend_f64(one_root, 1.0, 0.0))));
+    const double theta_2_4 = x17;
+    const double status = blend_f64(~(finite), 4.0, blend_f64(no_angle, 3.0, blend_f64(family, 2.0, blend_f64(one_angle, 1.0, 0.0))));
     output[0][i] = theta_1_1;
     output[1][i] = theta_1_2;
     output[2][i] = theta_1_3;
@@ -3241,14 +3266,18 @@ static inline void polygon_quadrilateral_f64(double (*restrict input)[BLOCK], do
     output[10][i] = fabs(alpha_2);
     output[11][i] = fabs(alpha_3);
     output[12][i] = fabs(alpha_4);
-    output[13][i] = fabs(theta_4);
+    output[13][i] = fabs(half_sums_1);
+    output[14][i] = fabs(half_sums_2);
+    output[15][i] = fabs(half_sums_3);
+    output[16][i] = fabs(half_sums_4);
+    output[17][i] = fabs(theta_4);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
 static void polygon_quadrilateral_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[9][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[9][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
     const double alpha[4] = {input[0][i], input[1][i], input[2][i], input[3][i]};
     const double theta_4 = input[4][i];
@@ -3266,7 +3295,7 @@ static inline void polygon_quadrilateral_block_f64(double (*restrict input)[BLOC
   polygon_quadrilateral_f64(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[9][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[9][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[15][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
     polygon_quadrilateral_beyond_f64(input, output);
 }
@@ -3284,7 +3313,7 @@ void LOOP(spherical_polygons_polygon_quadrilateral_loop_f64)(char **args, const 
   ptrdiff_t offsets_2[8];
   for (int k = 0; k < 8; ++k)
     offsets_2[k] = (k / 4) % 2 * core[1] + (k / 1) % 4 * core[2];
-  double input[5][BLOCK], output[14][BLOCK];
+  double input[5][BLOCK], output[18][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -3332,8 +3361,8 @@ void LOOP(spherical_polygons_polygon_quadrilateral_loop_f64)(char **args, const 
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* polygon_quadrilateral: 37 add, 75 mul, 3 div, 4 sqrt, 26 select, 14 compare, 13 abs, 6 atan2, 5 cos, 5 sin */
-/* 37 add, 75 mul, 3 div, 4 sqrt, 26 select, 14 compare, 13 abs, 6 atan2, 5 cos, 5 sin */
+/* polygon_quadrilateral: 44 add, 83 mul, 4 div, 4 sqrt, 27 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin */
+/* 44 add, 83 mul, 4 div, 4 sqrt, 27 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin */
 static inline void polygon_quadrilateral_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -3356,48 +3385,73 @@ static inline void polygon_quadrilateral_f32(float (*restrict input)[BLOCK], flo
     const float x0 = c_theta_1*s_alpha_3;
     const float y_4 = -c_alpha_3*s_alpha_4 - c_alpha_4*x0;
     const float z_4 = c_alpha_3*c_alpha_4 - s_alpha_4*x0;
-    const float A = s_alpha_1*y_4;
-    const float B = s_alpha_1*x_4;
-    const float D = c_alpha_1*z_4 - c_alpha_2;
-    const float r = sqrtf((A*A) + (B*B));
-    const float x14 = 16.0f*FLT_EPSILON;
-    const int32_t any_root = mask_f32(r <= x14);
-    const float off = fabsf(D) - r;
-    const int32_t no_root = mask_f32(off > x14);
-    const int32_t one_root = mask_f32(fabsf(off) <= x14);
-    const float root = blend_f32(mask_f32(off < -x14), sqrtf(fabsf((D - r)*(D + r))), 0.0f);
-    const float bound = blend_f32(one_root, blend_f32(mask_f32(D < 0.0f), -r, r), D);
-    const float square = blend_f32(any_root, 1.0f, (r*r));
-    const float x2 = 1.0f/square;
-    const float x3 = A*bound;
-    const float x4 = B*root;
-    const float c_root1 = blend_f32(any_root, 1.0f, x2*(-x3 - x4));
-    const float x5 = A*root;
-    const float x6 = B*bound;
-    const float s_root1 = blend_f32(any_root, 0.0f, x2*(x5 - x6));
-    const float c_root2 = blend_f32(any_root, 1.0f, x2*(x4 - x3));
-    const float s_root2 = blend_f32(any_root, 0.0f, x2*(-x5 - x6));
-    const int32_t family = (any_root) | (mask_f32(fabsf(s_alpha_2) <= x14));
+    const float sine_13 = sqrtf((x_4*x_4) + (y_4*y_4));
+    const float x1 = 0.5f*vector_atan2_f32(sine_13, z_4);
+    const float x2 = 0.5f*alpha_1;
+    const float x3 = 0.5f*alpha_2;
+    const float x4 = x2 + x3;
+    const float half_sums_1 = x4 - x1;
+    const float half_sums_2 = x1 + x3 - x2;
+    const float half_sums_3 = x1 + x4;
+    const float half_sums_4 = x1 + x2 - x3;
+    const float factors_1 = vector_sin_f32(half_sums_1);
+    const float factors_2 = vector_sin_f32(half_sums_2);
+    const float factors_3 = vector_sin_f32(half_sums_3);
+    const float factors_4 = vector_sin_f32(half_sums_4);
+    const float x18 = s_alpha_1*sine_13;
+    const float side = blend_f32(mask_f32(x18 < 0.0f), -1.0f, 1.0f);
+    const float p_side = factors_1*factors_2*side;
+    const float x5 = 16.0f*FLT_EPSILON;
+    const float p_near = x5*(fabsf(factors_1) + fabsf(factors_2));
+    const int32_t p_short = mask_f32(p_side < -p_near);
+    const int32_t p_zero = mask_f32(fabsf(p_side) <= p_near);
+    const float p = blend_f32(p_zero, 0.0f, p_side);
+    const float q_side = factors_3*factors_4*side;
+    const float q_near = x5*(fabsf(factors_3) + fabsf(factors_4));
+    const int32_t q_short = mask_f32(q_side < -q_near);
+    const int32_t q_zero = mask_f32(fabsf(q_side) <= q_near);
+    const float q = blend_f32(q_zero, 0.0f, q_side);
+    const int32_t flat = mask_f32(fabsf(x18) <= x5);
+    const int32_t no_angle = (p_short) | (q_short) | ((flat) & (~((p_zero) & (q_zero))));
+    const int32_t one_angle = (p_zero) | (q_zero);
+    const int32_t any_angle = (flat) | ((p_zero) & (q_zero));
+    const float p_and_q = blend_f32(any_angle, 1.0f, p + q);
+    const float x6 = 1.0f/p_and_q;
+    const float cosine = blend_f32(any_angle, 1.0f, x6*(q - p));
+    const float sine = blend_f32(any_angle, 0.0f, 2.0f*x6*sqrtf(fabsf(p*q)));
+    const int32_t on_axis = mask_f32(sine_13 <= x5);
+    const float far = blend_f32(on_axis, 1.0f, sine_13);
+    const float x7 = 1.0f/far;
+    const float c_gamma = blend_f32(on_axis, 1.0f, x7*y_4);
+    const float s_gamma = blend_f32(on_axis, 0.0f, x7*x_4);
+    const float x8 = c_gamma*cosine;
+    const float x9 = s_gamma*sine;
+    const float c_1_1 = x8 - x9;
+    const float x10 = c_gamma*sine;
+    const float s_1_1 = cosine*s_gamma + x10;
+    const float c_1_2 = x8 + x9;
+    const float s_1_2 = cosine*s_gamma - x10;
+    const int32_t family = (any_angle) | (mask_f32(fabsf(s_alpha_2) <= x5));
     const int32_t finite = mask_f32(fabsf(alpha_1) + fabsf(alpha_2) + fabsf(alpha_3) + fabsf(alpha_4) + fabsf(theta_4) <= FLT_MAX);
-    const int32_t good = (finite) & (~(no_root));
-    const float x_41_1 = c_root1*x_4 - s_root1*y_4;
-    const float x7 = -s_alpha_1*z_4;
-    const float y_41_1 = c_alpha_1*(c_root1*y_4 + s_root1*x_4) + x7;
-    const float x8 = blend_f32(mask_f32(s_alpha_2 < 0.0f), -1.0f, 1.0f);
-    const float sine_2_1 = blend_f32(mask_f32(fabsf(s_alpha_2) <= x14), 0.0f, x8*x_41_1);
-    const float cosine_2_1 = blend_f32(mask_f32(fabsf(s_alpha_2) <= x14), 1.0f, x8*y_41_1);
+    const int32_t good = (finite) & (~(no_angle));
+    const float x_41_1 = c_1_1*x_4 - s_1_1*y_4;
+    const float x11 = -s_alpha_1*z_4;
+    const float y_41_1 = c_alpha_1*(c_1_1*y_4 + s_1_1*x_4) + x11;
+    const float x12 = blend_f32(mask_f32(s_alpha_2 < 0.0f), -1.0f, 1.0f);
+    const float sine_2_1 = blend_f32(mask_f32(fabsf(s_alpha_2) <= x5), 0.0f, x12*x_41_1);
+    const float cosine_2_1 = blend_f32(mask_f32(fabsf(s_alpha_2) <= x5), 1.0f, x12*y_41_1);
     const float length_2_1 = sqrtf((cosine_2_1*cosine_2_1) + (sine_2_1*sine_2_1));
     const float divisor_2_1 = blend_f32(mask_f32(length_2_1 > 0.0f), length_2_1, 1.0f);
-    const float x9 = 1.0f/divisor_2_1;
-    const float c_2_1 = cosine_2_1*x9;
-    const float s_2_1 = sine_2_1*x9;
+    const float x13 = 1.0f/divisor_2_1;
+    const float c_2_1 = cosine_2_1*x13;
+    const float s_2_1 = sine_2_1*x13;
     const float row_11_1 = c_theta_1;
-    const float x10 = -c_alpha_4*s_theta_1;
-    const float row_11_2 = x10;
-    const float x11 = s_alpha_4*s_theta_1;
-    const float row_11_3 = x11;
-    const float row_12_1 = c_root1*row_11_1 + row_11_2*s_root1;
-    const float row_12_2 = c_root1*row_11_2 - row_11_1*s_root1;
+    const float x14 = -c_alpha_4*s_theta_1;
+    const float row_11_2 = x14;
+    const float x15 = s_alpha_4*s_theta_1;
+    const float row_11_3 = x15;
+    const float row_12_1 = c_1_1*row_11_1 + row_11_2*s_1_1;
+    const float row_12_2 = c_1_1*row_11_2 - row_11_1*s_1_1;
     const float row_12_3 = row_11_3;
     const float row_13_1 = row_12_1;
     const float row_13_2 = c_alpha_1*row_12_2 + row_12_3*s_alpha_1;
@@ -3405,20 +3459,20 @@ static inline void polygon_quadrilateral_f32(float (*restrict input)[BLOCK], flo
     const float row_14_1 = c_2_1*row_13_1 + row_13_2*s_2_1;
     const float row_14_2 = c_2_1*row_13_2 - row_13_1*s_2_1;
     const float row_14_3 = row_13_3;
-    const float x_41_2 = c_root2*x_4 - s_root2*y_4;
-    const float y_41_2 = c_alpha_1*(c_root2*y_4 + s_root2*x_4) + x7;
-    const float sine_2_2 = blend_f32(mask_f32(fabsf(s_alpha_2) <= x14), 0.0f, x8*x_41_2);
-    const float cosine_2_2 = blend_f32(mask_f32(fabsf(s_alpha_2) <= x14), 1.0f, x8*y_41_2);
+    const float x_41_2 = c_1_2*x_4 - s_1_2*y_4;
+    const float y_41_2 = c_alpha_1*(c_1_2*y_4 + s_1_2*x_4) + x11;
+    const float sine_2_2 = blend_f32(mask_f32(fabsf(s_alpha_2) <= x5), 0.0f, x12*x_41_2);
+    const float cosine_2_2 = blend_f32(mask_f32(fabsf(s_alpha_2) <= x5), 1.0f, x12*y_41_2);
     const float length_2_2 = sqrtf((cosine_2_2*cosine_2_2) + (sine_2_2*sine_2_2));
     const float divisor_2_2 = blend_f32(mask_f32(length_2_2 > 0.0f), length_2_2, 1.0f);
-    const float x12 = 1.0f/divisor_2_2;
-    const float c_2_2 = cosine_2_2*x12;
-    const float s_2_2 = sine_2_2*x12;
+    const float x16 = 1.0f/divisor_2_2;
+    const float c_2_2 = cosine_2_2*x16;
+    const float s_2_2 = sine_2_2*x16;
     const float row_21_1 = c_theta_1;
-    const float row_21_2 = x10;
-    const float row_21_3 = x11;
-    const float row_22_1 = c_root2*row_21_1 + row_21_2*s_root2;
-    const float row_22_2 = c_root2*row_21_2 - row_21_1*s_root2;
+    const float row_21_2 = x14;
+    const float row_21_3 = x15;
+    const float row_22_1 = c_1_2*row_21_1 + row_21_2*s_1_2;
+    const float row_22_2 = c_1_2*row_21_2 - row_21_1*s_1_2;
     const float row_22_3 = row_21_3;
     const float row_23_1 = row_22_1;
     const float row_23_2 = c_alpha_1*row_22_2 + row_22_3*s_alpha_1;
@@ -3426,16 +3480,16 @@ static inline void polygon_quadrilateral_f32(float (*restrict input)[BLOCK], flo
     const float row_24_1 = c_2_2*row_23_1 + row_23_2*s_2_2;
     const float row_24_2 = c_2_2*row_23_2 - row_23_1*s_2_2;
     const float row_24_3 = row_23_3;
-    const float theta_1_1 = blend_f32(good, vector_atan2_f32(s_root1, c_root1), (float)NAN);
+    const float theta_1_1 = blend_f32(good, vector_atan2_f32(s_1_1, c_1_1), (float)NAN);
     const float theta_1_2 = blend_f32(good, vector_atan2_f32(sine_2_1, cosine_2_1), (float)NAN);
     const float theta_1_3 = blend_f32(good, vector_atan2_f32(c_alpha_2*row_14_2 + row_14_3*s_alpha_2, row_14_1), (float)NAN);
-    const float x13 = blend_f32(good, theta_4, (float)NAN);
-    const float theta_1_4 = x13;
-    const float theta_2_1 = blend_f32(good, vector_atan2_f32(s_root2, c_root2), (float)NAN);
+    const float x17 = blend_f32(good, theta_4, (float)NAN);
+    const float theta_1_4 = x17;
+    const float theta_2_1 = blend_f32(good, vector_atan2_f32(s_1_2, c_1_2), (float)NAN);
     const float theta_2_2 = blend_f32(good, vector_atan2_f32(sine_2_2, cosine_2_2), (float)NAN);
     const float theta_2_3 = blend_f32(good, vector_atan2_f32(c_alpha_2*row_24_2 + row_24_3*s_alpha_2, row_24_1), (float)NAN);
-    const float theta_2_4 = x13;
-    const float status = blend_f32(~(finite), 4.0f, blend_f32(no_root, 3.0f, blend_f32(family, 2.0f, blend_f32(one_root, 1.0f, 0.0f))));
+    const float theta_2_4 = x17;
+    const float status = blend_f32(~(finite), 4.0f, blend_f32(no_angle, 3.0f, blend_f32(family, 2.0f, blend_f32(one_angle, 1.0f, 0.0f))));
     output[0][i] = theta_1_1;
     output[1][i] = theta_1_2;
     output[2][i] = theta_1_3;
@@ -3449,14 +3503,18 @@ static inline void polygon_quadrilateral_f32(float (*restrict input)[BLOCK], flo
     output[10][i] = fabsf(alpha_2);
     output[11][i] = fabsf(alpha_3);
     output[12][i] = fabsf(alpha_4);
-    output[13][i] = fabsf(theta_4);
+    output[13][i] = fabsf(half_sums_1);
+    output[14][i] = fabsf(half_sums_2);
+    output[15][i] = fabsf(half_sums_3);
+    output[16][i] = fabsf(half_sums_4);
+    output[17][i] = fabsf(theta_4);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
 static void polygon_quadrilateral_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[9][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[9][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
     const float alpha[4] = {input[0][i], input[1][i], input[2][i], input[3][i]};
     const float theta_4 = input[4][i];
@@ -3474,7 +3532,7 @@ static inline void polygon_quadrilateral_block_f32(float (*restrict input)[BLOCK
   polygon_quadrilateral_f32(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[9][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[9][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[15][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
     polygon_quadrilateral_beyond_f32(input, output);
 }
@@ -3492,7 +3550,7 @@ void LOOP(spherical_polygons_polygon_quadrilateral_loop_f32)(char **args, const 
   ptrdiff_t offsets_2[8];
   for (int k = 0; k < 8; ++k)
     offsets_2[k] = (k / 4) % 2 * core[1] + (k / 1) % 4 * core[2];
-  float input[5][BLOCK], output[14][BLOCK];
+  float input[5][BLOCK], output[18][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -3540,8 +3598,8 @@ void LOOP(spherical_polygons_polygon_quadrilateral_loop_f32)(char **args, const 
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* polygon_pentagon: 53 add, 101 mul, 3 div, 6 sqrt, 26 select, 10 compare, 10 abs, 6 atan2, 7 cos, 7 sin */
-/* 53 add, 101 mul, 3 div, 6 sqrt, 26 select, 10 compare, 10 abs, 6 atan2, 7 cos, 7 sin */
+/* polygon_pentagon: 55 add, 101 mul, 3 div, 6 sqrt, 24 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin */
+/* 55 add, 101 mul, 3 div, 6 sqrt, 24 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin */
 static inline void polygon_pentagon_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -3574,35 +3632,47 @@ static inline void polygon_pentagon_f64(double (*restrict input)[BLOCK], double 
     const double x4 = c_theta_2*x2 + s_theta_2*x0;
     const double y_45 = c_alpha_5*x4 - s_alpha_5*x3;
     const double z_45 = c_alpha_5*x3 + s_alpha_5*x4;
-    const double A = s_alpha_1*s_alpha_2;
-    const double B = 0.0;
-    const double D = z_45 - c_alpha_1*c_alpha_2;
-    const double r = sqrt((A*A) + (B*B));
-    const double x19 = 16.0*DBL_EPSILON;
-    const int64_t any_root = mask_f64(r <= x19);
-    const double off = fabs(D) - r;
-    const int64_t no_root = mask_f64(off > x19);
-    const int64_t one_root = mask_f64(fabs(off) <= x19);
-    const double root = blend_f64(mask_f64(off < -x19), sqrt(fabs((D - r)*(D + r))), 0.0);
-    const double bound = blend_f64(one_root, blend_f64(mask_f64(D < 0.0), -r, r), D);
-    const double square = blend_f64(any_root, 1.0, (r*r));
-    const double x6 = 1.0/square;
-    const double x7 = A*bound;
-    const double x8 = B*root;
-    const double c_root1 = blend_f64(any_root, 1.0, x6*(-x7 - x8));
-    const double x9 = A*root;
-    const double x10 = B*bound;
-    const double s_root1 = blend_f64(any_root, 0.0, x6*(x9 - x10));
-    const double c_root2 = blend_f64(any_root, 1.0, x6*(x8 - x7));
-    const double s_root2 = blend_f64(any_root, 0.0, x6*(-x10 - x9));
+    const double x5 = 0.5*alpha_2;
+    const double x6 = 0.5*alpha_1;
+    const double x7 = 0.5*vector_atan2_f64(sqrt((x_45*x_45) + (y_45*y_45)), z_45);
+    const double x8 = x6 + x7;
+    const double half_sums_1 = x8 - x5;
+    const double half_sums_2 = x5 + x7 - x6;
+    const double half_sums_3 = x5 + x8;
+    const double half_sums_4 = x5 + x6 - x7;
+    const double factors_1 = vector_sin_f64(half_sums_1);
+    const double factors_2 = vector_sin_f64(half_sums_2);
+    const double factors_3 = vector_sin_f64(half_sums_3);
+    const double factors_4 = vector_sin_f64(half_sums_4);
+    const double x19 = s_alpha_1*s_alpha_2;
+    const double side = blend_f64(mask_f64(x19 < 0.0), -1.0, 1.0);
+    const double p_side = factors_1*factors_2*side;
+    const double x9 = 16.0*DBL_EPSILON;
+    const double p_near = x9*(fabs(factors_1) + fabs(factors_2));
+    const int64_t p_short = mask_f64(p_side < -p_near);
+    const int64_t p_zero = mask_f64(fabs(p_side) <= p_near);
+    const double p = blend_f64(p_zero, 0.0, p_side);
+    const double q_side = factors_3*factors_4*side;
+    const double q_near = x9*(fabs(factors_3) + fabs(factors_4));
+    const int64_t q_short = mask_f64(q_side < -q_near);
+    const int64_t q_zero = mask_f64(fabs(q_side) <= q_near);
+    const double q = blend_f64(q_zero, 0.0, q_side);
+    const int64_t flat = mask_f64(fabs(x19) <= x9);
+    const int64_t no_angle = (p_short) | (q_short) | ((flat) & (~((p_zero) & (q_zero))));
+    const int64_t one_angle = (p_zero) | (q_zero);
+    const int64_t any_angle = (flat) | ((p_zero) & (q_zero));
+    const double p_and_q = blend_f64(any_angle, 1.0, p + q);
+    const double x10 = 1.0/p_and_q;
+    const double cosine = blend_f64(any_angle, 1.0, x10*(p - q));
+    const double sine = blend_f64(any_angle, 0.0, 2.0*x10*sqrt(fabs(p*q)));
     const int64_t finite = mask_f64(fabs(alpha_1) + fabs(alpha_2) + fabs(alpha_3) + fabs(alpha_4) + fabs(alpha_5) + fabs(theta_45_1) + fabs(theta_45_2) <= DBL_MAX);
-    const int64_t good = (finite) & (~(no_root));
-    const double xb_2_1 = s_alpha_2*s_root1;
-    const double x11 = c_alpha_2*s_alpha_1;
-    const double x12 = c_alpha_1*s_alpha_2;
-    const double yb_2_1 = -c_root1*x12 - x11;
+    const int64_t good = (finite) & (~(no_angle));
+    const double x11 = s_alpha_2*sine;
+    const double xb_2_1 = x11;
+    const double x12 = -c_alpha_1*cosine*s_alpha_2 - c_alpha_2*s_alpha_1;
+    const double yb_2_1 = x12;
     const double length_1_1 = sqrt((xb_2_1*xb_2_1) + (yb_2_1*yb_2_1));
-    const int64_t flat_1_1 = mask_f64(length_1_1 <= x19);
+    const int64_t flat_1_1 = mask_f64(length_1_1 <= x9);
     const double cosine_1_1 = blend_f64(flat_1_1, 1.0, x_45*xb_2_1 - y_45*yb_2_1);
     const double sine_1_1 = blend_f64(flat_1_1, 0.0, -x_45*yb_2_1 - xb_2_1*y_45);
     const double size_1_1 = sqrt((cosine_1_1*cosine_1_1) + (sine_1_1*sine_1_1));
@@ -3627,13 +3697,13 @@ static inline void polygon_pentagon_f64(double (*restrict input)[BLOCK], double 
     const double row_15_1 = row_14_1;
     const double row_15_2 = c_alpha_1*row_14_2 + row_14_3*s_alpha_1;
     const double row_15_3 = c_alpha_1*row_14_3 - row_14_2*s_alpha_1;
-    const double row_16_1 = c_root1*row_15_1 + row_15_2*s_root1;
-    const double row_16_2 = c_root1*row_15_2 - row_15_1*s_root1;
+    const double row_16_1 = cosine*row_15_1 + row_15_2*sine;
+    const double row_16_2 = cosine*row_15_2 - row_15_1*sine;
     const double row_16_3 = row_15_3;
-    const double xb_2_2 = s_alpha_2*s_root2;
-    const double yb_2_2 = -c_root2*x12 - x11;
+    const double xb_2_2 = -x11;
+    const double yb_2_2 = x12;
     const double length_1_2 = sqrt((xb_2_2*xb_2_2) + (yb_2_2*yb_2_2));
-    const int64_t flat_1_2 = mask_f64(length_1_2 <= x19);
+    const int64_t flat_1_2 = mask_f64(length_1_2 <= x9);
     const double cosine_1_2 = blend_f64(flat_1_2, 1.0, x_45*xb_2_2 - y_45*yb_2_2);
     const double sine_1_2 = blend_f64(flat_1_2, 0.0, -x_45*yb_2_2 - xb_2_2*y_45);
     const double size_1_2 = sqrt((cosine_1_2*cosine_1_2) + (sine_1_2*sine_1_2));
@@ -3656,23 +3726,23 @@ static inline void polygon_pentagon_f64(double (*restrict input)[BLOCK], double 
     const double row_25_1 = row_24_1;
     const double row_25_2 = c_alpha_1*row_24_2 + row_24_3*s_alpha_1;
     const double row_25_3 = c_alpha_1*row_24_3 - row_24_2*s_alpha_1;
-    const double row_26_1 = c_root2*row_25_1 + row_25_2*s_root2;
-    const double row_26_2 = c_root2*row_25_2 - row_25_1*s_root2;
+    const double row_26_1 = cosine*row_25_1 - row_25_2*sine;
+    const double row_26_2 = cosine*row_25_2 + row_25_1*sine;
     const double row_26_3 = row_25_3;
-    const int64_t family = (any_root) | (flat_1_1) | (flat_1_2);
+    const int64_t family = (any_angle) | (flat_1_1) | (flat_1_2);
     const double theta_1_1 = blend_f64(good, vector_atan2_f64(sine_1_1, cosine_1_1), (double)NAN);
-    const double theta_1_2 = blend_f64(good, vector_atan2_f64(s_root1, c_root1), (double)NAN);
+    const double theta_1_2 = blend_f64(good, vector_atan2_f64(sine, cosine), (double)NAN);
     const double theta_1_3 = blend_f64(good, vector_atan2_f64(c_alpha_2*row_16_2 + row_16_3*s_alpha_2, row_16_1), (double)NAN);
     const double x17 = blend_f64(good, theta_45_1, (double)NAN);
     const double theta_1_4 = x17;
     const double x18 = blend_f64(good, theta_45_2, (double)NAN);
     const double theta_1_5 = x18;
     const double theta_2_1 = blend_f64(good, vector_atan2_f64(sine_1_2, cosine_1_2), (double)NAN);
-    const double theta_2_2 = blend_f64(good, vector_atan2_f64(s_root2, c_root2), (double)NAN);
+    const double theta_2_2 = blend_f64(good, vector_atan2_f64(-sine, cosine), (double)NAN);
     const double theta_2_3 = blend_f64(good, vector_atan2_f64(c_alpha_2*row_26_2 + row_26_3*s_alpha_2, row_26_1), (double)NAN);
     const double theta_2_4 = x17;
     const double theta_2_5 = x18;
-    const double status = blend_f64(~(finite), 4.0, blend_f64(no_root, 3.0, blend_f64(family, 2.0, blend_f64(one_root, 1.0, 0.0))));
+    const double status = blend_f64(~(finite), 4.0, blend_f64(no_angle, 3.0, blend_f64(family, 2.0, blend_f64(one_angle, 1.0, 0.0))));
     output[0][i] = theta_1_1;
     output[1][i] = theta_1_2;
     output[2][i] = theta_1_3;
@@ -3689,15 +3759,19 @@ static inline void polygon_pentagon_f64(double (*restrict input)[BLOCK], double 
     output[13][i] = fabs(alpha_3);
     output[14][i] = fabs(alpha_4);
     output[15][i] = fabs(alpha_5);
-    output[16][i] = fabs(theta_45_1);
-    output[17][i] = fabs(theta_45_2);
+    output[16][i] = fabs(half_sums_1);
+    output[17][i] = fabs(half_sums_2);
+    output[18][i] = fabs(half_sums_3);
+    output[19][i] = fabs(half_sums_4);
+    output[20][i] = fabs(theta_45_1);
+    output[21][i] = fabs(theta_45_2);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
 static void polygon_pentagon_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[11][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[11][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[18][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[20][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[21][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
     const double alpha[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
     const double theta_45[2] = {input[5][i], input[6][i]};
@@ -3715,7 +3789,7 @@ static inline void polygon_pentagon_block_f64(double (*restrict input)[BLOCK], d
   polygon_pentagon_f64(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[11][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[15][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[11][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[15][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[18][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[19][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[20][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[21][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
     polygon_pentagon_beyond_f64(input, output);
 }
@@ -3733,7 +3807,7 @@ void LOOP(spherical_polygons_polygon_pentagon_loop_f64)(char **args, const ptrdi
   ptrdiff_t offsets_2[10];
   for (int k = 0; k < 10; ++k)
     offsets_2[k] = (k / 5) % 2 * core[2] + (k / 1) % 5 * core[3];
-  double input[7][BLOCK], output[18][BLOCK];
+  double input[7][BLOCK], output[22][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -3782,8 +3856,8 @@ void LOOP(spherical_polygons_polygon_pentagon_loop_f64)(char **args, const ptrdi
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* polygon_pentagon: 53 add, 101 mul, 3 div, 6 sqrt, 26 select, 10 compare, 10 abs, 6 atan2, 7 cos, 7 sin */
-/* 53 add, 101 mul, 3 div, 6 sqrt, 26 select, 10 compare, 10 abs, 6 atan2, 7 cos, 7 sin */
+/* polygon_pentagon: 55 add, 101 mul, 3 div, 6 sqrt, 24 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin */
+/* 55 add, 101 mul, 3 div, 6 sqrt, 24 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin */
 static inline void polygon_pentagon_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -3816,35 +3890,47 @@ static inline void polygon_pentagon_f32(float (*restrict input)[BLOCK], float (*
     const float x4 = c_theta_2*x2 + s_theta_2*x0;
     const float y_45 = c_alpha_5*x4 - s_alpha_5*x3;
     const float z_45 = c_alpha_5*x3 + s_alpha_5*x4;
-    const float A = s_alpha_1*s_alpha_2;
-    const float B = 0.0f;
-    const float D = z_45 - c_alpha_1*c_alpha_2;
-    const float r = sqrtf((A*A) + (B*B));
-    const float x19 = 16.0f*FLT_EPSILON;
-    const int32_t any_root = mask_f32(r <= x19);
-    const float off = fabsf(D) - r;
-    const int32_t no_root = mask_f32(off > x19);
-    const int32_t one_root = mask_f32(fabsf(off) <= x19);
-    const float root = blend_f32(mask_f32(off < -x19), sqrtf(fabsf((D - r)*(D + r))), 0.0f);
-    const float bound = blend_f32(one_root, blend_f32(mask_f32(D < 0.0f), -r, r), D);
-    const float square = blend_f32(any_root, 1.0f, (r*r));
-    const float x6 = 1.0f/square;
-    const float x7 = A*bound;
-    const float x8 = B*root;
-    const float c_root1 = blend_f32(any_root, 1.0f, x6*(-x7 - x8));
-    const float x9 = A*root;
-    const float x10 = B*bound;
-    const float s_root1 = blend_f32(any_root, 0.0f, x6*(x9 - x10));
-    const float c_root2 = blend_f32(any_root, 1.0f, x6*(x8 - x7));
-    const float s_root2 = blend_f32(any_root, 0.0f, x6*(-x10 - x9));
+    const float x5 = 0.5f*alpha_2;
+    const float x6 = 0.5f*alpha_1;
+    const float x7 = 0.5f*vector_atan2_f32(sqrtf((x_45*x_45) + (y_45*y_45)), z_45);
+    const float x8 = x6 + x7;
+    const float half_sums_1 = x8 - x5;
+    const float half_sums_2 = x5 + x7 - x6;
+    const float half_sums_3 = x5 + x8;
+    const float half_sums_4 = x5 + x6 - x7;
+    const float factors_1 = vector_sin_f32(half_sums_1);
+    const float factors_2 = vector_sin_f32(half_sums_2);
+    const float factors_3 = vector_sin_f32(half_sums_3);
+    const float factors_4 = vector_sin_f32(half_sums_4);
+    const float x19 = s_alpha_1*s_alpha_2;
+    const float side = blend_f32(mask_f32(x19 < 0.0f), -1.0f, 1.0f);
+    const float p_side = factors_1*factors_2*side;
+    const float x9 = 16.0f*FLT_EPSILON;
+    const float p_near = x9*(fabsf(factors_1) + fabsf(factors_2));
+    const int32_t p_short = mask_f32(p_side < -p_near);
+    const int32_t p_zero = mask_f32(fabsf(p_side) <= p_near);
+    const float p = blend_f32(p_zero, 0.0f, p_side);
+    const float q_side = factors_3*factors_4*side;
+    const float q_near = x9*(fabsf(factors_3) + fabsf(factors_4));
+    const int32_t q_short = mask_f32(q_side < -q_near);
+    const int32_t q_zero = mask_f32(fabsf(q_side) <= q_near);
+    const float q = blend_f32(q_zero, 0.0f, q_side);
+    const int32_t flat = mask_f32(fabsf(x19) <= x9);
+    const int32_t no_angle = (p_short) | (q_short) | ((flat) & (~((p_zero) & (q_zero))));
+    const int32_t one_angle = (p_zero) | (q_zero);
+    const int32_t any_angle = (flat) | ((p_zero) & (q_zero));
+    const float p_and_q = blend_f32(any_angle, 1.0f, p + q);
+    const float x10 = 1.0f/p_and_q;
+    const float cosine = blend_f32(any_angle, 1.0f, x10*(p - q));
+    const float sine = blend_f32(any_angle, 0.0f, 2.0f*x10*sqrtf(fabsf(p*q)));
     const int32_t finite = mask_f32(fabsf(alpha_1) + fabsf(alpha_2) + fabsf(alpha_3) + fabsf(alpha_4) + fabsf(alpha_5) + fabsf(theta_45_1) + fabsf(theta_45_2) <= FLT_MAX);
-    const int32_t good = (finite) & (~(no_root));
-    const float xb_2_1 = s_alpha_2*s_root1;
-    const float x11 = c_alpha_2*s_alpha_1;
-    const float x12 = c_alpha_1*s_alpha_2;
-    const float yb_2_1 = -c_root1*x12 - x11;
+    const int32_t good = (finite) & (~(no_angle));
+    const float x11 = s_alpha_2*sine;
+    const float xb_2_1 = x11;
+    const float x12 = -c_alpha_1*cosine*s_alpha_2 - c_alpha_2*s_alpha_1;
+    const float yb_2_1 = x12;
     const float length_1_1 = sqrtf((xb_2_1*xb_2_1) + (yb_2_1*yb_2_1));
-    const int32_t flat_1_1 = mask_f32(length_1_1 <= x19);
+    const int32_t flat_1_1 = mask_f32(length_1_1 <= x9);
     const float cosine_1_1 = blend_f32(flat_1_1, 1.0f, x_45*xb_2_1 - y_45*yb_2_1);
     const float sine_1_1 = blend_f32(flat_1_1, 0.0f, -x_45*yb_2_1 - xb_2_1*y_45);
     const float size_1_1 = sqrtf((cosine_1_1*cosine_1_1) + (sine_1_1*sine_1_1));
@@ -3869,13 +3955,13 @@ static inline void polygon_pentagon_f32(float (*restrict input)[BLOCK], float (*
     const float row_15_1 = row_14_1;
     const float row_15_2 = c_alpha_1*row_14_2 + row_14_3*s_alpha_1;
     const float row_15_3 = c_alpha_1*row_14_3 - row_14_2*s_alpha_1;
-    const float row_16_1 = c_root1*row_15_1 + row_15_2*s_root1;
-    const float row_16_2 = c_root1*row_15_2 - row_15_1*s_root1;
+    const float row_16_1 = cosine*row_15_1 + row_15_2*sine;
+    const float row_16_2 = cosine*row_15_2 - row_15_1*sine;
     const float row_16_3 = row_15_3;
-    const float xb_2_2 = s_alpha_2*s_root2;
-    const float yb_2_2 = -c_root2*x12 - x11;
+    const float xb_2_2 = -x11;
+    const float yb_2_2 = x12;
     const float length_1_2 = sqrtf((xb_2_2*xb_2_2) + (yb_2_2*yb_2_2));
-    const int32_t flat_1_2 = mask_f32(length_1_2 <= x19);
+    const int32_t flat_1_2 = mask_f32(length_1_2 <= x9);
     const float cosine_1_2 = blend_f32(flat_1_2, 1.0f, x_45*xb_2_2 - y_45*yb_2_2);
     const float sine_1_2 = blend_f32(flat_1_2, 0.0f, -x_45*yb_2_2 - xb_2_2*y_45);
     const float size_1_2 = sqrtf((cosine_1_2*cosine_1_2) + (sine_1_2*sine_1_2));
@@ -3898,23 +3984,23 @@ static inline void polygon_pentagon_f32(float (*restrict input)[BLOCK], float (*
     const float row_25_1 = row_24_1;
     const float row_25_2 = c_alpha_1*row_24_2 + row_24_3*s_alpha_1;
     const float row_25_3 = c_alpha_1*row_24_3 - row_24_2*s_alpha_1;
-    const float row_26_1 = c_root2*row_25_1 + row_25_2*s_root2;
-    const float row_26_2 = c_root2*row_25_2 - row_25_1*s_root2;
+    const float row_26_1 = cosine*row_25_1 - row_25_2*sine;
+    const float row_26_2 = cosine*row_25_2 + row_25_1*sine;
     const float row_26_3 = row_25_3;
-    const int32_t family = (any_root) | (flat_1_1) | (flat_1_2);
+    const int32_t family = (any_angle) | (flat_1_1) | (flat_1_2);
     const float theta_1_1 = blend_f32(good, vector_atan2_f32(sine_1_1, cosine_1_1), (float)NAN);
-    const float theta_1_2 = blend_f32(good, vector_atan2_f32(s_root1, c_root1), (float)NAN);
+    const float theta_1_2 = blend_f32(good, vector_atan2_f32(sine, cosine), (float)NAN);
     const float theta_1_3 = blend_f32(good, vector_atan2_f32(c_alpha_2*row_16_2 + row_16_3*s_alpha_2, row_16_1), (float)NAN);
     const float x17 = blend_f32(good, theta_45_1, (float)NAN);
     const float theta_1_4 = x17;
     const float x18 = blend_f32(good, theta_45_2, (float)NAN);
     const float theta_1_5 = x18;
     const float theta_2_1 = blend_f32(good, vector_atan2_f32(sine_1_2, cosine_1_2), (float)NAN);
-    const float theta_2_2 = blend_f32(good, vector_atan2_f32(s_root2, c_root2), (float)NAN);
+    const float theta_2_2 = blend_f32(good, vector_atan2_f32(-sine, cosine), (float)NAN);
     const float theta_2_3 = blend_f32(good, vector_atan2_f32(c_alpha_2*row_26_2 + row_26_3*s_alpha_2, row_26_1), (float)NAN);
     const float theta_2_4 = x17;
     const float theta_2_5 = x18;
-    const float status = blend_f32(~(finite), 4.0f, blend_f32(no_root, 3.0f, blend_f32(family, 2.0f, blend_f32(one_root, 1.0f, 0.0f))));
+    const float status = blend_f32(~(finite), 4.0f, blend_f32(no_angle, 3.0f, blend_f32(family, 2.0f, blend_f32(one_angle, 1.0f, 0.0f))));
     output[0][i] = theta_1_1;
     output[1][i] = theta_1_2;
     output[2][i] = theta_1_3;
@@ -3931,15 +4017,19 @@ static inline void polygon_pentagon_f32(float (*restrict input)[BLOCK], float (*
     output[13][i] = fabsf(alpha_3);
     output[14][i] = fabsf(alpha_4);
     output[15][i] = fabsf(alpha_5);
-    output[16][i] = fabsf(theta_45_1);
-    output[17][i] = fabsf(theta_45_2);
+    output[16][i] = fabsf(half_sums_1);
+    output[17][i] = fabsf(half_sums_2);
+    output[18][i] = fabsf(half_sums_3);
+    output[19][i] = fabsf(half_sums_4);
+    output[20][i] = fabsf(theta_45_1);
+    output[21][i] = fabsf(theta_45_2);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
 static void polygon_pentagon_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[11][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[11][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[18][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[20][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[21][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
     const float alpha[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
     const float theta_45[2] = {input[5][i], input[6][i]};
@@ -3957,7 +4047,7 @@ static inline void polygon_pentagon_block_f32(float (*restrict input)[BLOCK], fl
   polygon_pentagon_f32(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[11][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[15][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[11][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[15][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[18][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[19][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[20][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[21][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
     polygon_pentagon_beyond_f32(input, output);
 }
@@ -3975,7 +4065,7 @@ void LOOP(spherical_polygons_polygon_pentagon_loop_f32)(char **args, const ptrdi
   ptrdiff_t offsets_2[10];
   for (int k = 0; k < 10; ++k)
     offsets_2[k] = (k / 5) % 2 * core[2] + (k / 1) % 5 * core[3];
-  float input[7][BLOCK], output[18][BLOCK];
+  float input[7][BLOCK], output[22][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */

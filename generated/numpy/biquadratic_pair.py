@@ -1610,7 +1610,7 @@ pair_polish.types = ["ddd->dddd", "fff->ffff"]
 
 
 def _pair_polish(one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, one_3_2, one_3_3, two_1_1, two_1_2, two_1_3, two_2_1, two_2_2, two_2_3, two_3_1, two_3_2, two_3_3, angles_1, angles_2, eps, largest):
-    # 135 add, 162 mul, 7 div, 1 sqrt, 18 select, 14 compare, 31 abs, 6 cos, 6 sin
+    # 135 add, 161 mul, 7 div, 18 select, 14 compare, 31 abs, 6 cos, 6 sin
     size0 = np.abs(one_1_1) + np.abs(one_1_2) + np.abs(one_1_3) + np.abs(one_2_1) + np.abs(one_2_2) + np.abs(one_2_3) + np.abs(one_3_1) + np.abs(one_3_2) + np.abs(one_3_3)
     size1 = np.abs(two_1_1) + np.abs(two_1_2) + np.abs(two_1_3) + np.abs(two_2_1) + np.abs(two_2_2) + np.abs(two_2_3) + np.abs(two_3_1) + np.abs(two_3_2) + np.abs(two_3_3)
     cu0 = np.cos(angles_1)
@@ -1643,10 +1643,11 @@ def _pair_polish(one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, 
     x0 = (j0_0*j0_0) + (j1_0*j1_0)
     x1 = (i0_0*i0_0) + (i1_0*i1_0)
     trace0 = x0 + x1
-    x8 = 4.0*np.sqrt(eps)
-    regular0 = np.abs(det0) > trace0*x8
-    damping0 = eps*trace0
+    x2 = eps*trace0
     del trace0
+    regular0 = np.abs(det0) > 64.0*x2
+    damping0 = x2
+    del x2
     ab0 = i0_0*j0_0 + i1_0*j1_0
     aa0 = damping0 + x0
     del x0
@@ -1662,10 +1663,10 @@ def _pair_polish(one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, 
     del bb0, i0_0, i1_0
     step_b0 = by0*np.where(regular0, f1_0*j0_0 - f0_0*j1_0, aa0*rb0 - ab0*ra0)
     del aa0, ab0, by0, f0_0, f1_0, j0_0, j1_0, ra0, rb0, regular0
-    x2 = np.abs(step_a0)
-    x3 = np.abs(step_b0)
-    longest0 = np.where(x2 > x3, x2, x3)
-    del x2, x3
+    x3 = np.abs(step_a0)
+    x4 = np.abs(step_b0)
+    longest0 = np.where(x3 > x4, x3, x4)
+    del x3, x4
     short0 = np.where(longest0 > 0.5, 0.5*np.where(longest0 > 0.0, 1.0/longest0, 1.0), 1.0)
     del longest0
     first0 = angles_1 - short0*step_a0
@@ -1699,18 +1700,19 @@ def _pair_polish(one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, 
     i1_1 = cv1*row1_1_3 - row1_1_2*sv1
     del cv1, row1_1_2, row1_1_3, sv1
     det1 = i1_1*j0_1 - i0_1*j1_1
-    x4 = (j0_1*j0_1) + (j1_1*j1_1)
-    x5 = (i0_1*i0_1) + (i1_1*i1_1)
-    trace1 = x4 + x5
-    regular1 = np.abs(det1) > trace1*x8
-    del x8
-    damping1 = eps*trace1
+    x5 = (j0_1*j0_1) + (j1_1*j1_1)
+    x6 = (i0_1*i0_1) + (i1_1*i1_1)
+    trace1 = x5 + x6
+    x7 = eps*trace1
     del trace1
+    regular1 = np.abs(det1) > 64.0*x7
+    damping1 = x7
+    del x7
     ab1 = i0_1*j0_1 + i1_1*j1_1
-    aa1 = damping1 + x4
-    del x4
-    bb1 = damping1 + x5
-    del damping1, x5
+    aa1 = damping1 + x5
+    del x5
+    bb1 = damping1 + x6
+    del damping1, x6
     ra1 = f0_1*j0_1 + f1_1*j1_1
     rb1 = f0_1*i0_1 + f1_1*i1_1
     below1 = np.where(regular1, det1, aa1*bb1 - (ab1*ab1))
@@ -1721,10 +1723,10 @@ def _pair_polish(one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, 
     del bb1, i0_1, i1_1
     step_b1 = by1*np.where(regular1, f1_1*j0_1 - f0_1*j1_1, aa1*rb1 - ab1*ra1)
     del aa1, ab1, by1, f0_1, f1_1, j0_1, j1_1, ra1, rb1, regular1
-    x6 = np.abs(step_a1)
-    x7 = np.abs(step_b1)
-    longest1 = np.where(x6 > x7, x6, x7)
-    del x6, x7
+    x8 = np.abs(step_a1)
+    x9 = np.abs(step_b1)
+    longest1 = np.where(x8 > x9, x8, x9)
+    del x8, x9
     short1 = np.where(longest1 > 0.5, 0.5*np.where(longest1 > 0.0, 1.0/longest1, 1.0), 1.0)
     del longest1
     first1 = first0 - short1*step_a1

@@ -22,7 +22,7 @@ class RobotStatus(IntEnum):
 
     REGULAR: a solution that stands alone.
     DOUBLE: two solutions meet here; the slot of the other one is empty.
-    FAMILY: an angle is free; the representative has zero there.
+    FAMILY: an angle is free; the representative has zero there, where zero leaves a solution.
     NONE: no solution; the value is NaN.
     INVALID: the pose is not finite, or not a pose; the value is NaN.
     """
@@ -76,7 +76,7 @@ robot_wrist_reverse.types = ["ddddd->db", "fffff->fb"]
 
 
 def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
-    # 298 add, 483 mul, 23 div, 33 sqrt, 324 select, 166 compare, 46 abs, 34 atan2
+    # 418 add, 695 mul, 31 div, 49 sqrt, 388 select, 220 compare, 51 abs, 36 atan2
     rough = np.abs(pose_4_1) + np.abs(pose_4_2) + np.abs(pose_4_3) + np.abs(pose_4_4 - 1.0) + 2.0*np.abs(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + 2.0*np.abs(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + 2.0*np.abs(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3) + np.abs((pose_1_1*pose_1_1) + (pose_2_1*pose_2_1) + (pose_3_1*pose_3_1) - 1.0) + np.abs((pose_1_2*pose_1_2) + (pose_2_2*pose_2_2) + (pose_3_2*pose_3_2) - 1.0) + np.abs((pose_1_3*pose_1_3) + (pose_2_3*pose_2_3) + (pose_3_3*pose_3_3) - 1.0)
     handed = pose_1_1*(pose_2_2*pose_3_3 - pose_2_3*pose_3_2) + pose_2_1*(pose_1_3*pose_3_2 - pose_1_2*pose_3_3) + pose_3_1*(pose_1_2*pose_2_3 - pose_1_3*pose_2_2)
     spare = np.abs(a_1) + np.abs(a_2) + np.abs(a_3) + np.abs(a_4) + np.abs(a_5) + np.abs(offset_1) + np.abs(offset_2) + np.abs(offset_3) + np.abs(offset_4) + np.abs(offset_5) + np.abs(offset_6) + np.abs(pose_1_4) + np.abs(pose_2_4) + np.abs(pose_3_4)
@@ -93,188 +93,278 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     x1 = (forearm_1*forearm_1)
     x2 = (forearm_2*forearm_2)
     square = x0 + x1 + x2
-    x3 = (sine_1*sine_1)
-    first_r = np.sqrt((centre_1*centre_1)*x3 + (centre_2*centre_2)*x3)
-    del x3
-    x4 = centre_3*cosine_1 - height
+    x3 = cosine_4*cosine_5
+    bends_1 = x3
+    x4 = sine_4*sine_5
+    bends_2 = np.abs(x4)
+    x5 = (sine_1*sine_1)
+    first_r = np.sqrt((centre_1*centre_1)*x5 + (centre_2*centre_2)*x5)
+    del x5
+    x6 = centre_3*cosine_1 - height
     del height
-    x5 = np.abs(x4)
-    first_room = first_r - x5
-    x184 = 4096.0*eps
-    x185 = spare*x184
-    first_free = (first_r <= x185) & (x5 <= x185)
-    x20 = 64.0*eps
-    x183 = spare*x20
-    first_double = (np.abs(first_room) <= x183) & (~(first_free))
-    first_exists = (first_free) | ((first_room >= -x183) & (first_r > 0.0))
-    del x183
-    first_q = np.where((~(first_double)) & (first_room > 0.0), np.sqrt(first_room*(first_r + x5)), 0.0)
-    del first_room, x5
-    first_size = first_r*np.sqrt((first_q*first_q) + (x4*x4))
+    x7 = np.abs(x6)
+    first_room = first_r - x7
+    x260 = 4096.0*eps
+    x261 = spare*x260
+    first_free = (first_r <= x261) & (x7 <= x261)
+    x19 = 64.0*eps
+    x259 = spare*x19
+    first_double = (np.abs(first_room) <= x259) & (~(first_free))
+    first_exists = (first_free) | ((first_room >= -x259) & (first_r > 0.0))
+    del x259
+    first_q = np.where((~(first_double)) & (first_room > 0.0), np.sqrt(first_room*(first_r + x7)), 0.0)
+    del first_room, x7
+    first_size = first_r*np.sqrt((first_q*first_q) + (x6*x6))
     del first_r
     first_scale = np.where(first_size > 0.0, 1.0/first_size, 1.0)
     del first_size
-    x6 = first_q*sine_1
+    x8 = first_q*sine_1
     del first_q
-    x7 = centre_1*x6
-    first_c_a = np.where(first_free, 1.0, first_scale*(centre_2*sine_1*x4 - x7))
-    x8 = centre_2*x6
+    x9 = centre_1*x8
+    first_c_a = np.where(first_free, 1.0, first_scale*(centre_2*sine_1*x6 - x9))
+    x10 = centre_2*x8
+    del x8
+    x11 = sine_1*x6
     del x6
-    x9 = sine_1*x4
-    del x4
-    x10 = centre_1*x9
-    first_s_a = np.where(first_free, 0.0, first_scale*(-x10 - x8))
-    first_c_b = np.where(first_free, 1.0, first_scale*(centre_2*x9 + x7))
-    del x7, x9
-    first_s_b = np.where(first_free, 0.0, first_scale*(x8 - x10))
-    del first_scale, x10, x8
+    x12 = centre_1*x11
+    first_s_a = np.where(first_free, 0.0, first_scale*(-x10 - x12))
+    first_c_b = np.where(first_free, 1.0, first_scale*(centre_2*x11 + x9))
+    del x11, x9
+    first_s_b = np.where(first_free, 0.0, first_scale*(x10 - x12))
+    del first_scale, x10, x12
     first_two = (first_exists) & (~((first_double) | (first_free)))
     side_a = centre_2*first_c_a - centre_1*first_s_a
     end_a_1 = centre_1*first_c_a + centre_2*first_s_a - a_1
-    x12 = centre_3*sine_1
+    x14 = centre_3*sine_1
     del centre_3
-    end_a_2 = cosine_1*side_a + x12
+    end_a_2 = cosine_1*side_a + x14
     del side_a
-    axes_a_1_1 = first_c_a*pose_1_1 + first_s_a*pose_2_1
     axes_a_1_3 = first_c_a*pose_1_3 + first_s_a*pose_2_3
-    x13 = pose_3_1*sine_1
-    x14 = first_c_a*pose_2_1 - first_s_a*pose_1_1
-    axes_a_2_1 = cosine_1*x14 + x13
     x15 = pose_3_3*sine_1
     x16 = first_c_a*pose_2_3 - first_s_a*pose_1_3
     axes_a_2_3 = cosine_1*x16 + x15
-    x17 = cosine_1*pose_3_1
-    axes_a_3_1 = x17 - sine_1*x14
-    del x14
-    x18 = cosine_1*pose_3_3
-    axes_a_3_3 = x18 - sine_1*x16
+    x17 = cosine_1*pose_3_3
+    axes_a_3_3 = x17 - sine_1*x16
     del x16
-    x19 = (spare*spare)
+    x18 = (spare*spare)
     del spare
-    x21 = x19*x20
-    triangle_a_area = x21
-    x22 = 4.0*x0
+    x20 = x18*x19
+    triangle_a_area = x20
+    x21 = 4.0*x0
     del x0
-    x23 = np.sqrt(x1*x22 + x2*x22)
-    del x1, x2, x22
-    triangle_a_3_r = x23
-    x25 = (end_a_1*end_a_1) + (end_a_2*end_a_2) - square
-    x26 = np.abs(x25)
-    triangle_a_3_room = triangle_a_3_r - x26
-    x186 = x184*x19
-    del x19
-    triangle_a_3_free = (triangle_a_3_r <= x186) & (x26 <= x186)
+    x22 = np.sqrt(x1*x21 + x2*x21)
+    del x1, x2, x21
+    triangle_a_3_r = x22
+    x24 = (end_a_1*end_a_1) + (end_a_2*end_a_2) - square
+    x25 = np.abs(x24)
+    triangle_a_3_room = triangle_a_3_r - x25
+    x262 = x18*x260
+    del x18
+    triangle_a_3_free = (triangle_a_3_r <= x262) & (x25 <= x262)
     triangle_a_3_double = (np.abs(triangle_a_3_room) <= triangle_a_area) & (~(triangle_a_3_free))
     triangle_a_3_exists = (triangle_a_3_free) | ((triangle_a_3_room >= -triangle_a_area) & (triangle_a_3_r > 0.0))
     del triangle_a_area
-    triangle_a_3_q = np.where((~(triangle_a_3_double)) & (triangle_a_3_room > 0.0), np.sqrt(triangle_a_3_room*(triangle_a_3_r + x26)), 0.0)
-    del triangle_a_3_room, x26
-    triangle_a_3_size = triangle_a_3_r*np.sqrt((triangle_a_3_q*triangle_a_3_q) + (x25*x25))
+    triangle_a_3_q = np.where((~(triangle_a_3_double)) & (triangle_a_3_room > 0.0), np.sqrt(triangle_a_3_room*(triangle_a_3_r + x25)), 0.0)
+    del triangle_a_3_room, x25
+    triangle_a_3_size = triangle_a_3_r*np.sqrt((triangle_a_3_q*triangle_a_3_q) + (x24*x24))
     del triangle_a_3_r
     triangle_a_3_scale = np.where(triangle_a_3_size > 0.0, 1.0/triangle_a_3_size, 1.0)
     del triangle_a_3_size
-    x28 = 2.0*a_2
-    x29 = forearm_2*x28
-    x30 = triangle_a_3_q*x29
-    x31 = forearm_1*x28
-    del x28
-    x32 = -x25*x31
-    triangle_a_3_c_a = np.where(triangle_a_3_free, 1.0, triangle_a_3_scale*(x30 - x32))
-    x33 = triangle_a_3_q*x31
+    x27 = 2.0*a_2
+    x28 = forearm_2*x27
+    x29 = triangle_a_3_q*x28
+    x30 = forearm_1*x27
+    del x27
+    x31 = -x24*x30
+    triangle_a_3_c_a = np.where(triangle_a_3_free, 1.0, triangle_a_3_scale*(x29 - x31))
+    x32 = triangle_a_3_q*x30
     del triangle_a_3_q
-    triangle_a_3_s_a = np.where(triangle_a_3_free, 0.0, triangle_a_3_scale*(x33 - x25*x29))
-    triangle_a_3_c_b = np.where(triangle_a_3_free, 1.0, triangle_a_3_scale*(-x30 - x32))
-    del x30, x32
-    triangle_a_3_s_b = np.where(triangle_a_3_free, 0.0, triangle_a_3_scale*(-2.0*a_2*forearm_2*x25 - x33))
-    del triangle_a_3_scale, x25, x33
+    triangle_a_3_s_a = np.where(triangle_a_3_free, 0.0, triangle_a_3_scale*(x32 - x24*x28))
+    triangle_a_3_c_b = np.where(triangle_a_3_free, 1.0, triangle_a_3_scale*(-x29 - x31))
+    del x29, x31
+    triangle_a_3_s_b = np.where(triangle_a_3_free, 0.0, triangle_a_3_scale*(-2.0*a_2*forearm_2*x24 - x32))
+    del triangle_a_3_scale, x24, x32
     triangle_a_3_two = (triangle_a_3_exists) & (~((triangle_a_3_double) | (triangle_a_3_free)))
+    triangle_a_any = np.abs(end_a_1) + np.abs(end_a_2) <= x261
     triangle_a_arm_a_1 = a_2 + forearm_1*triangle_a_3_c_a - forearm_2*triangle_a_3_s_a
     triangle_a_arm_a_2 = forearm_1*triangle_a_3_s_a + forearm_2*triangle_a_3_c_a
-    triangle_a_any_a = np.abs(end_a_1) + np.abs(end_a_2) <= x185
     triangle_a_2_a_dot = end_a_1*triangle_a_arm_a_1 + end_a_2*triangle_a_arm_a_2
     triangle_a_2_a_cross = end_a_2*triangle_a_arm_a_1 - end_a_1*triangle_a_arm_a_2
     del triangle_a_arm_a_1, triangle_a_arm_a_2
     triangle_a_2_a_size = np.sqrt((triangle_a_2_a_cross*triangle_a_2_a_cross) + (triangle_a_2_a_dot*triangle_a_2_a_dot))
     triangle_a_2_a_scale = np.where(triangle_a_2_a_size > 0.0, 1.0/triangle_a_2_a_size, 1.0)
     del triangle_a_2_a_size
-    triangle_a_2_a_c = np.where(triangle_a_any_a, 1.0, triangle_a_2_a_dot*triangle_a_2_a_scale)
+    triangle_a_2_a_c = np.where(triangle_a_any, 1.0, triangle_a_2_a_dot*triangle_a_2_a_scale)
     del triangle_a_2_a_dot
-    triangle_a_2_a_s = np.where(triangle_a_any_a, 0.0, triangle_a_2_a_cross*triangle_a_2_a_scale)
+    triangle_a_2_a_s = np.where(triangle_a_any, 0.0, triangle_a_2_a_cross*triangle_a_2_a_scale)
     del triangle_a_2_a_cross, triangle_a_2_a_scale
+    x33 = axes_a_1_3*sine_3
+    del axes_a_1_3
+    x34 = axes_a_2_3*sine_3
+    del axes_a_2_3
+    x35 = triangle_a_3_c_a*x33 + triangle_a_3_s_a*x34
+    x36 = triangle_a_3_s_a*x33 - triangle_a_3_c_a*x34
+    triangle_a_free_a_square = (x35*x35) + (x36*x36)
+    triangle_a_free_a_amplitude = np.sqrt(triangle_a_free_a_square)
+    triangle_a_free_a_per_square = np.where(triangle_a_free_a_square > 0.0, 1.0/triangle_a_free_a_square, 1.0)
+    x38 = axes_a_3_3*cosine_3
+    del axes_a_3_3
+    x39 = x38 - bends_1
+    triangle_a_free_a_serves = (triangle_a_free_a_square <= 0.0) | (np.abs(x36 + x39) <= bends_2)
+    triangle_a_free_a_at = np.where(triangle_a_free_a_amplitude < -x39, triangle_a_free_a_amplitude, np.where(triangle_a_free_a_amplitude < x39, -triangle_a_free_a_amplitude, -x39))
+    del triangle_a_free_a_amplitude
+    x41 = (triangle_a_free_a_at*triangle_a_free_a_at)
+    triangle_a_free_a_rest = np.where(triangle_a_free_a_square > x41, np.sqrt(triangle_a_free_a_square - x41), 0.0)
+    del triangle_a_free_a_square, x41
+    triangle_a_free_a_c_first = np.where(triangle_a_free_a_serves, 1.0, triangle_a_free_a_per_square*(triangle_a_free_a_at*x36 - triangle_a_free_a_rest*x35))
+    triangle_a_free_a_s_first = np.where(triangle_a_free_a_serves, 0.0, triangle_a_free_a_per_square*(triangle_a_free_a_at*x35 + triangle_a_free_a_rest*x36))
+    del triangle_a_free_a_at, triangle_a_free_a_per_square, triangle_a_free_a_rest, triangle_a_free_a_serves, x35, x36
+    triangle_a_chosen_c_a = np.where(triangle_a_any, triangle_a_free_a_c_first, triangle_a_2_a_c)
+    del triangle_a_2_a_c, triangle_a_free_a_c_first
+    triangle_a_chosen_s_a = np.where(triangle_a_any, triangle_a_free_a_s_first, triangle_a_2_a_s)
+    del triangle_a_2_a_s, triangle_a_free_a_s_first
     triangle_a_arm_b_1 = a_2 + forearm_1*triangle_a_3_c_b - forearm_2*triangle_a_3_s_b
     triangle_a_arm_b_2 = forearm_1*triangle_a_3_s_b + forearm_2*triangle_a_3_c_b
-    triangle_a_any_b = np.abs(end_a_1) + np.abs(end_a_2) <= x185
     triangle_a_2_b_dot = end_a_1*triangle_a_arm_b_1 + end_a_2*triangle_a_arm_b_2
     triangle_a_2_b_cross = end_a_2*triangle_a_arm_b_1 - end_a_1*triangle_a_arm_b_2
     del end_a_1, end_a_2, triangle_a_arm_b_1, triangle_a_arm_b_2
     triangle_a_2_b_size = np.sqrt((triangle_a_2_b_cross*triangle_a_2_b_cross) + (triangle_a_2_b_dot*triangle_a_2_b_dot))
     triangle_a_2_b_scale = np.where(triangle_a_2_b_size > 0.0, 1.0/triangle_a_2_b_size, 1.0)
     del triangle_a_2_b_size
-    triangle_a_2_b_c = np.where(triangle_a_any_b, 1.0, triangle_a_2_b_dot*triangle_a_2_b_scale)
+    triangle_a_2_b_c = np.where(triangle_a_any, 1.0, triangle_a_2_b_dot*triangle_a_2_b_scale)
     del triangle_a_2_b_dot
-    triangle_a_2_b_s = np.where(triangle_a_any_b, 0.0, triangle_a_2_b_cross*triangle_a_2_b_scale)
+    triangle_a_2_b_s = np.where(triangle_a_any, 0.0, triangle_a_2_b_cross*triangle_a_2_b_scale)
     del triangle_a_2_b_cross, triangle_a_2_b_scale
-    c_23_aa = triangle_a_2_a_c*triangle_a_3_c_a - triangle_a_2_a_s*triangle_a_3_s_a
-    s_23_aa = triangle_a_2_a_c*triangle_a_3_s_a + triangle_a_2_a_s*triangle_a_3_c_a
-    N_aa_1_1 = axes_a_1_1*c_23_aa + axes_a_2_1*s_23_aa
-    N_aa_1_3 = axes_a_1_3*c_23_aa + axes_a_2_3*s_23_aa
-    x34 = axes_a_3_1*sine_3
-    x35 = axes_a_2_1*c_23_aa - axes_a_1_1*s_23_aa
-    N_aa_2_1 = cosine_3*x35 + x34
-    x36 = axes_a_3_3*sine_3
-    x37 = axes_a_2_3*c_23_aa - axes_a_1_3*s_23_aa
-    del c_23_aa, s_23_aa
-    N_aa_2_3 = cosine_3*x37 + x36
-    x38 = axes_a_3_1*cosine_3
-    del axes_a_3_1
-    N_aa_3_1 = x38 - sine_3*x35
-    del x35
-    x39 = axes_a_3_3*cosine_3
-    del axes_a_3_3
-    N_aa_3_3 = x39 - sine_3*x37
-    del x37
+    x42 = triangle_a_3_c_b*x33 + triangle_a_3_s_b*x34
+    x43 = (x42*x42)
+    x44 = triangle_a_3_s_b*x33
+    del x33
+    x45 = triangle_a_3_c_b*x34
+    del x34
+    x46 = x44 - x45
+    x47 = (x46*x46)
+    triangle_a_free_b_square = x43 + x47
+    triangle_a_free_b_amplitude = np.sqrt(triangle_a_free_b_square)
+    triangle_a_free_b_per_square = np.where(triangle_a_free_b_square > 0.0, 1.0/triangle_a_free_b_square, 1.0)
+    triangle_a_free_b_serves = (triangle_a_free_b_square <= 0.0) | (np.abs(x39 + x46) <= bends_2)
+    triangle_a_free_b_at = np.where(triangle_a_free_b_amplitude < -x39, triangle_a_free_b_amplitude, np.where(triangle_a_free_b_amplitude < x39, -triangle_a_free_b_amplitude, -x39))
+    x48 = (triangle_a_free_b_at*triangle_a_free_b_at)
+    triangle_a_free_b_rest = np.where(triangle_a_free_b_square > x48, np.sqrt(triangle_a_free_b_square - x48), 0.0)
+    del triangle_a_free_b_square, x48
+    triangle_a_free_b_c_first = np.where(triangle_a_free_b_serves, 1.0, triangle_a_free_b_per_square*(triangle_a_free_b_at*x46 - triangle_a_free_b_rest*x42))
+    triangle_a_free_b_s_first = np.where(triangle_a_free_b_serves, 0.0, triangle_a_free_b_per_square*(triangle_a_free_b_at*x42 + triangle_a_free_b_rest*x46))
+    del triangle_a_free_b_at, triangle_a_free_b_rest, triangle_a_free_b_serves, x46
+    x49 = triangle_a_free_b_per_square*x42*(2.0*x44 - 2.0*x45)
+    del x42, x44, x45
+    x50 = triangle_a_free_b_per_square*(x47 - x43)
+    del triangle_a_free_b_per_square, x43, x47
+    triangle_a_free_b_c_second = triangle_a_free_b_c_first*x50 + triangle_a_free_b_s_first*x49
+    triangle_a_free_b_s_second = triangle_a_free_b_c_first*x49 - triangle_a_free_b_s_first*x50
+    del triangle_a_free_b_c_first, triangle_a_free_b_s_first, x49, x50
+    triangle_a_free_b_split = (triangle_a_free_b_amplitude + x39 > bends_2) & (bends_1 + triangle_a_free_b_amplitude - x38 > bends_2)
+    del triangle_a_free_b_amplitude, x38, x39
+    triangle_a_chosen_c_b = np.where(triangle_a_any, triangle_a_free_b_c_second, triangle_a_2_b_c)
+    del triangle_a_2_b_c, triangle_a_free_b_c_second
+    triangle_a_chosen_s_b = np.where(triangle_a_any, triangle_a_free_b_s_second, triangle_a_2_b_s)
+    del triangle_a_2_b_s, triangle_a_free_b_s_second
+    triangle_a_more = (triangle_a_3_two) | ((triangle_a_3_exists) & (triangle_a_any) & (triangle_a_free_b_split))
+    del triangle_a_3_two, triangle_a_free_b_split
+    c_23_aa = triangle_a_3_c_a*triangle_a_chosen_c_a - triangle_a_3_s_a*triangle_a_chosen_s_a
+    s_23_aa = triangle_a_3_c_a*triangle_a_chosen_s_a + triangle_a_3_s_a*triangle_a_chosen_c_a
+    axis_4_aa_1 = s_23_aa*sine_3
+    x51 = cosine_3*sine_1
+    x52 = c_23_aa*sine_3
+    axis_4_aa_2 = -cosine_1*x52 - x51
+    x53 = -cosine_1*cosine_3
+    axis_4_aa_3 = -sine_1*x52 - x53
+    del x52
+    x54 = axis_4_aa_1*pose_1_3 + axis_4_aa_2*pose_2_3
+    x55 = axis_4_aa_1*pose_2_3 - axis_4_aa_2*pose_1_3
+    del axis_4_aa_1, axis_4_aa_2
+    first_aa_square = (x54*x54) + (x55*x55)
+    first_aa_amplitude = np.sqrt(first_aa_square)
+    first_aa_per_square = np.where(first_aa_square > 0.0, 1.0/first_aa_square, 1.0)
+    x56 = axis_4_aa_3*pose_3_3 - bends_1
+    del axis_4_aa_3
+    first_aa_serves = (first_aa_square <= 0.0) | (np.abs(x54 + x56) <= bends_2)
+    first_aa_at = np.where(first_aa_amplitude < -x56, first_aa_amplitude, np.where(first_aa_amplitude < x56, -first_aa_amplitude, -x56))
+    del first_aa_amplitude, x56
+    x58 = (first_aa_at*first_aa_at)
+    first_aa_rest = np.where(first_aa_square > x58, np.sqrt(first_aa_square - x58), 0.0)
+    del first_aa_square, x58
+    first_aa_c_first = np.where(first_aa_serves, 1.0, first_aa_per_square*(first_aa_at*x54 - first_aa_rest*x55))
+    first_aa_s_first = np.where(first_aa_serves, 0.0, first_aa_per_square*(first_aa_at*x55 + first_aa_rest*x54))
+    del first_aa_at, first_aa_per_square, first_aa_rest, first_aa_serves, x54, x55
+    c_1_aa = np.where(first_free, first_aa_c_first, first_c_a)
+    del first_aa_c_first
+    s_1_aa = np.where(first_free, first_aa_s_first, first_s_a)
+    del first_aa_s_first
+    axes_aa_1_1 = c_1_aa*pose_1_1 + pose_2_1*s_1_aa
+    axes_aa_1_3 = c_1_aa*pose_1_3 + pose_2_3*s_1_aa
+    x59 = pose_3_1*sine_1
+    x60 = c_1_aa*pose_2_1 - pose_1_1*s_1_aa
+    axes_aa_2_1 = cosine_1*x60 + x59
+    x61 = c_1_aa*pose_2_3 - pose_1_3*s_1_aa
+    axes_aa_2_3 = cosine_1*x61 + x15
+    x62 = cosine_1*pose_3_1
+    axes_aa_3_1 = x62 - sine_1*x60
+    del x60
+    axes_aa_3_3 = x17 - sine_1*x61
+    del x61
+    N_aa_1_1 = axes_aa_1_1*c_23_aa + axes_aa_2_1*s_23_aa
+    N_aa_1_3 = axes_aa_1_3*c_23_aa + axes_aa_2_3*s_23_aa
+    x63 = axes_aa_2_1*c_23_aa - axes_aa_1_1*s_23_aa
+    del axes_aa_1_1, axes_aa_2_1
+    N_aa_2_1 = axes_aa_3_1*sine_3 + cosine_3*x63
+    x64 = axes_aa_2_3*c_23_aa - axes_aa_1_3*s_23_aa
+    del axes_aa_1_3, axes_aa_2_3, c_23_aa, s_23_aa
+    N_aa_2_3 = axes_aa_3_3*sine_3 + cosine_3*x64
+    N_aa_3_1 = axes_aa_3_1*cosine_3 - sine_3*x63
+    del axes_aa_3_1, x63
+    N_aa_3_3 = axes_aa_3_3*cosine_3 - sine_3*x64
+    del axes_aa_3_3, x64
     h_aa = np.sqrt((N_aa_1_3*N_aa_1_3) + (N_aa_2_3*N_aa_2_3))
     bend_aa_denominator = np.abs(N_aa_3_3) + 1.0
-    x40 = cosine_4 - cosine_5
-    x41 = cosine_4 + cosine_5
-    bend_aa_apart = np.where(N_aa_3_3 >= 0.0, x40, x41)
-    x42 = cosine_4*cosine_5
-    bend_aa_product = np.where(N_aa_3_3 >= 0.0, x42, -x42)
-    x44 = (bend_aa_apart*bend_aa_apart)
+    x65 = cosine_4 - cosine_5
+    x66 = cosine_4 + cosine_5
+    bend_aa_apart = np.where(N_aa_3_3 >= 0.0, x65, x66)
+    bend_aa_product = np.where(N_aa_3_3 >= 0.0, x3, -x3)
+    x68 = (bend_aa_apart*bend_aa_apart)
     del bend_aa_apart
-    bend_aa_gram = (h_aa*h_aa)*(1.0 - 2.0*bend_aa_product/bend_aa_denominator) - x44
+    bend_aa_gram = (h_aa*h_aa)*(1.0 - 2.0*bend_aa_product/bend_aa_denominator) - x68
     del bend_aa_denominator, bend_aa_product
-    bend_aa_tolerance = x20*(h_aa + x44)
-    del x44
-    bend_aa_free = (bend_aa_gram >= -bend_aa_tolerance) & (h_aa <= x184)
+    bend_aa_tolerance = x19*(h_aa + x68)
+    del x68
+    bend_aa_free = (bend_aa_gram >= -bend_aa_tolerance) & (h_aa <= x260)
     del h_aa
     bend_aa_double = (np.abs(bend_aa_gram) <= bend_aa_tolerance) & (~(bend_aa_free))
     bend_aa_exists = bend_aa_gram >= -bend_aa_tolerance
     del bend_aa_tolerance
     bend_aa_q = np.where((~(bend_aa_double)) & (bend_aa_gram > 0.0), np.sqrt(bend_aa_gram), 0.0)
     del bend_aa_gram
-    bend_aa_along = x42 - N_aa_3_3
+    bend_aa_along = x3 - N_aa_3_3
     del N_aa_3_3
     bend_aa_size = np.sqrt((bend_aa_along*bend_aa_along) + (bend_aa_q*bend_aa_q))
-    x45 = np.where(sine_4*sine_5 < 0.0, -1.0, 1.0)
-    bend_aa_scale = x45*np.where(bend_aa_size > 0.0, 1.0/bend_aa_size, 1.0)
+    x69 = np.where(x4 < 0.0, -1.0, 1.0)
+    del x4
+    bend_aa_scale = x69*np.where(bend_aa_size > 0.0, 1.0/bend_aa_size, 1.0)
     del bend_aa_size
     bend_aa_c = bend_aa_along*bend_aa_scale
     del bend_aa_along
     bend_aa_s = bend_aa_q*bend_aa_scale
     del bend_aa_q, bend_aa_scale
     bend_aa_two = (bend_aa_exists) & (~((bend_aa_double) | (bend_aa_free)))
-    x46 = bend_aa_s*sine_5
-    x47 = N_aa_1_3*x46
-    x48 = cosine_5*sine_4
-    x49 = cosine_4*sine_5
-    x50 = -bend_aa_c*x49 - x48
-    fourth_aaa_dot = N_aa_2_3*x50 + x47
-    x51 = N_aa_2_3*x46
-    del x46
-    x52 = N_aa_1_3*x50
+    x70 = bend_aa_s*sine_5
+    x71 = N_aa_1_3*x70
+    x72 = cosine_5*sine_4
+    x73 = cosine_4*sine_5
+    x74 = -bend_aa_c*x73 - x72
+    fourth_aaa_dot = N_aa_2_3*x74 + x71
+    x75 = N_aa_2_3*x70
+    del x70
+    x76 = N_aa_1_3*x74
     del N_aa_1_3
-    fourth_aaa_cross = x51 - x52
+    fourth_aaa_cross = x75 - x76
     fourth_aaa_size = np.sqrt((fourth_aaa_cross*fourth_aaa_cross) + (fourth_aaa_dot*fourth_aaa_dot))
     fourth_aaa_scale = np.where(fourth_aaa_size > 0.0, 1.0/fourth_aaa_size, 1.0)
     del fourth_aaa_size
@@ -282,19 +372,19 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del fourth_aaa_dot
     fourth_aaa_s = np.where(bend_aa_free, 0.0, fourth_aaa_cross*fourth_aaa_scale)
     del fourth_aaa_cross, fourth_aaa_scale
-    x53 = N_aa_1_1*fourth_aaa_c + N_aa_2_1*fourth_aaa_s
-    x54 = N_aa_3_1*sine_4
-    x55 = N_aa_2_1*fourth_aaa_c - N_aa_1_1*fourth_aaa_s
-    x56 = cosine_4*x55 + x54
-    c_6_aaa = bend_aa_c*x53 + bend_aa_s*x56
-    x57 = N_aa_3_1*cosine_4
+    x77 = N_aa_1_1*fourth_aaa_c + N_aa_2_1*fourth_aaa_s
+    x78 = N_aa_3_1*sine_4
+    x79 = N_aa_2_1*fourth_aaa_c - N_aa_1_1*fourth_aaa_s
+    x80 = cosine_4*x79 + x78
+    c_6_aaa = bend_aa_c*x77 + bend_aa_s*x80
+    x81 = N_aa_3_1*cosine_4
     del N_aa_3_1
-    s_6_aaa = cosine_5*(bend_aa_c*x56 - bend_aa_s*x53) + sine_5*(x57 - sine_4*x55)
-    del x53, x55, x56
-    fourth_aab_dot = N_aa_2_3*x50 - x47
-    del N_aa_2_3, x47, x50
-    fourth_aab_cross = -x51 - x52
-    del x51, x52
+    s_6_aaa = cosine_5*(bend_aa_c*x80 - bend_aa_s*x77) + sine_5*(x81 - sine_4*x79)
+    del x77, x79, x80
+    fourth_aab_dot = N_aa_2_3*x74 - x71
+    del N_aa_2_3, x71, x74
+    fourth_aab_cross = -x75 - x76
+    del x75, x76
     fourth_aab_size = np.sqrt((fourth_aab_cross*fourth_aab_cross) + (fourth_aab_dot*fourth_aab_dot))
     fourth_aab_scale = np.where(fourth_aab_size > 0.0, 1.0/fourth_aab_size, 1.0)
     del fourth_aab_size
@@ -302,66 +392,100 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del fourth_aab_dot
     fourth_aab_s = np.where(bend_aa_free, 0.0, fourth_aab_cross*fourth_aab_scale)
     del fourth_aab_cross, fourth_aab_scale
-    x58 = N_aa_1_1*fourth_aab_c + N_aa_2_1*fourth_aab_s
-    x59 = N_aa_2_1*fourth_aab_c - N_aa_1_1*fourth_aab_s
+    x82 = N_aa_1_1*fourth_aab_c + N_aa_2_1*fourth_aab_s
+    x83 = N_aa_2_1*fourth_aab_c - N_aa_1_1*fourth_aab_s
     del N_aa_1_1, N_aa_2_1
-    x60 = cosine_4*x59 + x54
-    del x54
-    c_6_aab = bend_aa_c*x58 - bend_aa_s*x60
-    s_6_aab = cosine_5*(bend_aa_c*x60 + bend_aa_s*x58) + sine_5*(x57 - sine_4*x59)
-    del x57, x58, x59, x60
-    c_23_ab = triangle_a_2_b_c*triangle_a_3_c_b - triangle_a_2_b_s*triangle_a_3_s_b
-    s_23_ab = triangle_a_2_b_c*triangle_a_3_s_b + triangle_a_2_b_s*triangle_a_3_c_b
-    N_ab_1_1 = axes_a_1_1*c_23_ab + axes_a_2_1*s_23_ab
-    N_ab_1_3 = axes_a_1_3*c_23_ab + axes_a_2_3*s_23_ab
-    x61 = axes_a_2_1*c_23_ab - axes_a_1_1*s_23_ab
-    del axes_a_1_1, axes_a_2_1
-    N_ab_2_1 = cosine_3*x61 + x34
-    del x34
-    x62 = axes_a_2_3*c_23_ab - axes_a_1_3*s_23_ab
-    del axes_a_1_3, axes_a_2_3, c_23_ab, s_23_ab
-    N_ab_2_3 = cosine_3*x62 + x36
-    del x36
-    N_ab_3_1 = x38 - sine_3*x61
-    del x38, x61
-    N_ab_3_3 = x39 - sine_3*x62
-    del x39, x62
+    x84 = cosine_4*x83 + x78
+    del x78
+    c_6_aab = bend_aa_c*x82 - bend_aa_s*x84
+    s_6_aab = cosine_5*(bend_aa_c*x84 + bend_aa_s*x82) + sine_5*(x81 - sine_4*x83)
+    del x81, x82, x83, x84
+    c_23_ab = triangle_a_3_c_b*triangle_a_chosen_c_b - triangle_a_3_s_b*triangle_a_chosen_s_b
+    s_23_ab = triangle_a_3_c_b*triangle_a_chosen_s_b + triangle_a_3_s_b*triangle_a_chosen_c_b
+    axis_4_ab_1 = s_23_ab*sine_3
+    x85 = c_23_ab*sine_3
+    axis_4_ab_2 = -cosine_1*x85 - x51
+    axis_4_ab_3 = -sine_1*x85 - x53
+    del x85
+    x86 = axis_4_ab_1*pose_1_3 + axis_4_ab_2*pose_2_3
+    x87 = axis_4_ab_1*pose_2_3 - axis_4_ab_2*pose_1_3
+    del axis_4_ab_1, axis_4_ab_2
+    first_ab_square = (x86*x86) + (x87*x87)
+    first_ab_amplitude = np.sqrt(first_ab_square)
+    first_ab_per_square = np.where(first_ab_square > 0.0, 1.0/first_ab_square, 1.0)
+    x88 = axis_4_ab_3*pose_3_3 - bends_1
+    del axis_4_ab_3
+    first_ab_serves = (first_ab_square <= 0.0) | (np.abs(x86 + x88) <= bends_2)
+    first_ab_at = np.where(first_ab_amplitude < -x88, first_ab_amplitude, np.where(first_ab_amplitude < x88, -first_ab_amplitude, -x88))
+    del first_ab_amplitude, x88
+    x90 = (first_ab_at*first_ab_at)
+    first_ab_rest = np.where(first_ab_square > x90, np.sqrt(first_ab_square - x90), 0.0)
+    del first_ab_square, x90
+    first_ab_c_first = np.where(first_ab_serves, 1.0, first_ab_per_square*(first_ab_at*x86 - first_ab_rest*x87))
+    first_ab_s_first = np.where(first_ab_serves, 0.0, first_ab_per_square*(first_ab_at*x87 + first_ab_rest*x86))
+    del first_ab_at, first_ab_per_square, first_ab_rest, first_ab_serves, x86, x87
+    c_1_ab = np.where(first_free, first_ab_c_first, first_c_a)
+    del first_ab_c_first, first_c_a
+    s_1_ab = np.where(first_free, first_ab_s_first, first_s_a)
+    del first_ab_s_first, first_s_a
+    axes_ab_1_1 = c_1_ab*pose_1_1 + pose_2_1*s_1_ab
+    axes_ab_1_3 = c_1_ab*pose_1_3 + pose_2_3*s_1_ab
+    x91 = c_1_ab*pose_2_1 - pose_1_1*s_1_ab
+    axes_ab_2_1 = cosine_1*x91 + x59
+    x92 = c_1_ab*pose_2_3 - pose_1_3*s_1_ab
+    axes_ab_2_3 = cosine_1*x92 + x15
+    axes_ab_3_1 = x62 - sine_1*x91
+    del x91
+    axes_ab_3_3 = x17 - sine_1*x92
+    del x92
+    N_ab_1_1 = axes_ab_1_1*c_23_ab + axes_ab_2_1*s_23_ab
+    N_ab_1_3 = axes_ab_1_3*c_23_ab + axes_ab_2_3*s_23_ab
+    x93 = axes_ab_2_1*c_23_ab - axes_ab_1_1*s_23_ab
+    del axes_ab_1_1, axes_ab_2_1
+    N_ab_2_1 = axes_ab_3_1*sine_3 + cosine_3*x93
+    x94 = axes_ab_2_3*c_23_ab - axes_ab_1_3*s_23_ab
+    del axes_ab_1_3, axes_ab_2_3, c_23_ab, s_23_ab
+    N_ab_2_3 = axes_ab_3_3*sine_3 + cosine_3*x94
+    N_ab_3_1 = axes_ab_3_1*cosine_3 - sine_3*x93
+    del axes_ab_3_1, x93
+    N_ab_3_3 = axes_ab_3_3*cosine_3 - sine_3*x94
+    del axes_ab_3_3, x94
     h_ab = np.sqrt((N_ab_1_3*N_ab_1_3) + (N_ab_2_3*N_ab_2_3))
     bend_ab_denominator = np.abs(N_ab_3_3) + 1.0
-    bend_ab_apart = np.where(N_ab_3_3 >= 0.0, x40, x41)
-    bend_ab_product = np.where(N_ab_3_3 >= 0.0, x42, -x42)
-    x63 = (bend_ab_apart*bend_ab_apart)
+    bend_ab_apart = np.where(N_ab_3_3 >= 0.0, x65, x66)
+    bend_ab_product = np.where(N_ab_3_3 >= 0.0, x3, -x3)
+    x95 = (bend_ab_apart*bend_ab_apart)
     del bend_ab_apart
-    bend_ab_gram = (h_ab*h_ab)*(1.0 - 2.0*bend_ab_product/bend_ab_denominator) - x63
+    bend_ab_gram = (h_ab*h_ab)*(1.0 - 2.0*bend_ab_product/bend_ab_denominator) - x95
     del bend_ab_denominator, bend_ab_product
-    bend_ab_tolerance = x20*(h_ab + x63)
-    del x63
-    bend_ab_free = (bend_ab_gram >= -bend_ab_tolerance) & (h_ab <= x184)
+    bend_ab_tolerance = x19*(h_ab + x95)
+    del x95
+    bend_ab_free = (bend_ab_gram >= -bend_ab_tolerance) & (h_ab <= x260)
     del h_ab
     bend_ab_double = (np.abs(bend_ab_gram) <= bend_ab_tolerance) & (~(bend_ab_free))
     bend_ab_exists = bend_ab_gram >= -bend_ab_tolerance
     del bend_ab_tolerance
     bend_ab_q = np.where((~(bend_ab_double)) & (bend_ab_gram > 0.0), np.sqrt(bend_ab_gram), 0.0)
     del bend_ab_gram
-    bend_ab_along = x42 - N_ab_3_3
+    bend_ab_along = x3 - N_ab_3_3
     del N_ab_3_3
     bend_ab_size = np.sqrt((bend_ab_along*bend_ab_along) + (bend_ab_q*bend_ab_q))
-    bend_ab_scale = x45*np.where(bend_ab_size > 0.0, 1.0/bend_ab_size, 1.0)
+    bend_ab_scale = x69*np.where(bend_ab_size > 0.0, 1.0/bend_ab_size, 1.0)
     del bend_ab_size
     bend_ab_c = bend_ab_along*bend_ab_scale
     del bend_ab_along
     bend_ab_s = bend_ab_q*bend_ab_scale
     del bend_ab_q, bend_ab_scale
     bend_ab_two = (bend_ab_exists) & (~((bend_ab_double) | (bend_ab_free)))
-    x64 = bend_ab_s*sine_5
-    x65 = N_ab_1_3*x64
-    x66 = -bend_ab_c*x49 - x48
-    fourth_aba_dot = N_ab_2_3*x66 + x65
-    x67 = N_ab_2_3*x64
-    del x64
-    x68 = N_ab_1_3*x66
+    x96 = bend_ab_s*sine_5
+    x97 = N_ab_1_3*x96
+    x98 = -bend_ab_c*x73 - x72
+    fourth_aba_dot = N_ab_2_3*x98 + x97
+    x99 = N_ab_2_3*x96
+    del x96
+    x100 = N_ab_1_3*x98
     del N_ab_1_3
-    fourth_aba_cross = x67 - x68
+    fourth_aba_cross = x99 - x100
     fourth_aba_size = np.sqrt((fourth_aba_cross*fourth_aba_cross) + (fourth_aba_dot*fourth_aba_dot))
     fourth_aba_scale = np.where(fourth_aba_size > 0.0, 1.0/fourth_aba_size, 1.0)
     del fourth_aba_size
@@ -369,19 +493,19 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del fourth_aba_dot
     fourth_aba_s = np.where(bend_ab_free, 0.0, fourth_aba_cross*fourth_aba_scale)
     del fourth_aba_cross, fourth_aba_scale
-    x69 = N_ab_1_1*fourth_aba_c + N_ab_2_1*fourth_aba_s
-    x70 = N_ab_3_1*sine_4
-    x71 = N_ab_2_1*fourth_aba_c - N_ab_1_1*fourth_aba_s
-    x72 = cosine_4*x71 + x70
-    c_6_aba = bend_ab_c*x69 + bend_ab_s*x72
-    x73 = N_ab_3_1*cosine_4
+    x101 = N_ab_1_1*fourth_aba_c + N_ab_2_1*fourth_aba_s
+    x102 = N_ab_3_1*sine_4
+    x103 = N_ab_2_1*fourth_aba_c - N_ab_1_1*fourth_aba_s
+    x104 = cosine_4*x103 + x102
+    c_6_aba = bend_ab_c*x101 + bend_ab_s*x104
+    x105 = N_ab_3_1*cosine_4
     del N_ab_3_1
-    s_6_aba = cosine_5*(bend_ab_c*x72 - bend_ab_s*x69) + sine_5*(x73 - sine_4*x71)
-    del x69, x71, x72
-    fourth_abb_dot = N_ab_2_3*x66 - x65
-    del N_ab_2_3, x65, x66
-    fourth_abb_cross = -x67 - x68
-    del x67, x68
+    s_6_aba = cosine_5*(bend_ab_c*x104 - bend_ab_s*x101) + sine_5*(x105 - sine_4*x103)
+    del x101, x103, x104
+    fourth_abb_dot = N_ab_2_3*x98 - x97
+    del N_ab_2_3, x97, x98
+    fourth_abb_cross = -x100 - x99
+    del x100, x99
     fourth_abb_size = np.sqrt((fourth_abb_cross*fourth_abb_cross) + (fourth_abb_dot*fourth_abb_dot))
     fourth_abb_scale = np.where(fourth_abb_size > 0.0, 1.0/fourth_abb_size, 1.0)
     del fourth_abb_size
@@ -389,145 +513,242 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del fourth_abb_dot
     fourth_abb_s = np.where(bend_ab_free, 0.0, fourth_abb_cross*fourth_abb_scale)
     del fourth_abb_cross, fourth_abb_scale
-    x74 = N_ab_1_1*fourth_abb_c + N_ab_2_1*fourth_abb_s
-    x75 = N_ab_2_1*fourth_abb_c - N_ab_1_1*fourth_abb_s
+    x106 = N_ab_1_1*fourth_abb_c + N_ab_2_1*fourth_abb_s
+    x107 = N_ab_2_1*fourth_abb_c - N_ab_1_1*fourth_abb_s
     del N_ab_1_1, N_ab_2_1
-    x76 = cosine_4*x75 + x70
-    del x70
-    c_6_abb = bend_ab_c*x74 - bend_ab_s*x76
-    s_6_abb = cosine_5*(bend_ab_c*x76 + bend_ab_s*x74) + sine_5*(x73 - sine_4*x75)
-    del x73, x74, x75, x76
+    x108 = cosine_4*x107 + x102
+    del x102
+    c_6_abb = bend_ab_c*x106 - bend_ab_s*x108
+    s_6_abb = cosine_5*(bend_ab_c*x108 + bend_ab_s*x106) + sine_5*(x105 - sine_4*x107)
+    del x105, x106, x107, x108
     side_b = centre_2*first_c_b - centre_1*first_s_b
     end_b_1 = centre_1*first_c_b + centre_2*first_s_b - a_1
     del centre_1, centre_2
-    end_b_2 = cosine_1*side_b + x12
-    del side_b, x12
-    axes_b_1_1 = first_c_b*pose_1_1 + first_s_b*pose_2_1
+    end_b_2 = cosine_1*side_b + x14
+    del side_b, x14
     axes_b_1_3 = first_c_b*pose_1_3 + first_s_b*pose_2_3
-    x77 = first_c_b*pose_2_1 - first_s_b*pose_1_1
-    axes_b_2_1 = cosine_1*x77 + x13
-    del x13
-    x78 = first_c_b*pose_2_3 - first_s_b*pose_1_3
-    axes_b_2_3 = cosine_1*x78 + x15
-    del x15
-    axes_b_3_1 = x17 - sine_1*x77
-    del x17, x77
-    axes_b_3_3 = x18 - sine_1*x78
-    del x18, x78
-    triangle_b_area = x21
-    del x21
-    triangle_b_3_r = x23
-    del x23
-    x79 = (end_b_1*end_b_1) + (end_b_2*end_b_2) - square
+    x109 = first_c_b*pose_2_3 - first_s_b*pose_1_3
+    axes_b_2_3 = cosine_1*x109 + x15
+    axes_b_3_3 = x17 - sine_1*x109
+    del x109
+    triangle_b_area = x20
+    del x20
+    triangle_b_3_r = x22
+    del x22
+    x110 = (end_b_1*end_b_1) + (end_b_2*end_b_2) - square
     del square
-    x80 = np.abs(x79)
-    triangle_b_3_room = triangle_b_3_r - x80
-    triangle_b_3_free = (triangle_b_3_r <= x186) & (x80 <= x186)
-    del x186
+    x111 = np.abs(x110)
+    triangle_b_3_room = triangle_b_3_r - x111
+    triangle_b_3_free = (triangle_b_3_r <= x262) & (x111 <= x262)
+    del x262
     triangle_b_3_double = (np.abs(triangle_b_3_room) <= triangle_b_area) & (~(triangle_b_3_free))
     triangle_b_3_exists = (triangle_b_3_free) | ((triangle_b_3_room >= -triangle_b_area) & (triangle_b_3_r > 0.0))
     del triangle_b_area
-    triangle_b_3_q = np.where((~(triangle_b_3_double)) & (triangle_b_3_room > 0.0), np.sqrt(triangle_b_3_room*(triangle_b_3_r + x80)), 0.0)
-    del triangle_b_3_room, x80
-    triangle_b_3_size = triangle_b_3_r*np.sqrt((triangle_b_3_q*triangle_b_3_q) + (x79*x79))
+    triangle_b_3_q = np.where((~(triangle_b_3_double)) & (triangle_b_3_room > 0.0), np.sqrt(triangle_b_3_room*(triangle_b_3_r + x111)), 0.0)
+    del triangle_b_3_room, x111
+    triangle_b_3_size = triangle_b_3_r*np.sqrt((triangle_b_3_q*triangle_b_3_q) + (x110*x110))
     del triangle_b_3_r
     triangle_b_3_scale = np.where(triangle_b_3_size > 0.0, 1.0/triangle_b_3_size, 1.0)
     del triangle_b_3_size
-    x82 = triangle_b_3_q*x29
-    x83 = -x31*x79
-    triangle_b_3_c_a = np.where(triangle_b_3_free, 1.0, triangle_b_3_scale*(x82 - x83))
-    x84 = triangle_b_3_q*x31
-    del triangle_b_3_q, x31
-    triangle_b_3_s_a = np.where(triangle_b_3_free, 0.0, triangle_b_3_scale*(x84 - x29*x79))
-    del x29
-    triangle_b_3_c_b = np.where(triangle_b_3_free, 1.0, triangle_b_3_scale*(-x82 - x83))
-    del x82, x83
-    triangle_b_3_s_b = np.where(triangle_b_3_free, 0.0, triangle_b_3_scale*(-2.0*a_2*forearm_2*x79 - x84))
-    del triangle_b_3_scale, x79, x84
+    x113 = triangle_b_3_q*x28
+    x114 = -x110*x30
+    triangle_b_3_c_a = np.where(triangle_b_3_free, 1.0, triangle_b_3_scale*(x113 - x114))
+    x115 = triangle_b_3_q*x30
+    del triangle_b_3_q, x30
+    triangle_b_3_s_a = np.where(triangle_b_3_free, 0.0, triangle_b_3_scale*(x115 - x110*x28))
+    del x28
+    triangle_b_3_c_b = np.where(triangle_b_3_free, 1.0, triangle_b_3_scale*(-x113 - x114))
+    del x113, x114
+    triangle_b_3_s_b = np.where(triangle_b_3_free, 0.0, triangle_b_3_scale*(-2.0*a_2*forearm_2*x110 - x115))
+    del triangle_b_3_scale, x110, x115
     triangle_b_3_two = (triangle_b_3_exists) & (~((triangle_b_3_double) | (triangle_b_3_free)))
+    triangle_b_any = np.abs(end_b_1) + np.abs(end_b_2) <= x261
+    del x261
     triangle_b_arm_a_1 = a_2 + forearm_1*triangle_b_3_c_a - forearm_2*triangle_b_3_s_a
     triangle_b_arm_a_2 = forearm_1*triangle_b_3_s_a + forearm_2*triangle_b_3_c_a
-    triangle_b_any_a = np.abs(end_b_1) + np.abs(end_b_2) <= x185
     triangle_b_2_a_dot = end_b_1*triangle_b_arm_a_1 + end_b_2*triangle_b_arm_a_2
     triangle_b_2_a_cross = end_b_2*triangle_b_arm_a_1 - end_b_1*triangle_b_arm_a_2
     del triangle_b_arm_a_1, triangle_b_arm_a_2
     triangle_b_2_a_size = np.sqrt((triangle_b_2_a_cross*triangle_b_2_a_cross) + (triangle_b_2_a_dot*triangle_b_2_a_dot))
     triangle_b_2_a_scale = np.where(triangle_b_2_a_size > 0.0, 1.0/triangle_b_2_a_size, 1.0)
     del triangle_b_2_a_size
-    triangle_b_2_a_c = np.where(triangle_b_any_a, 1.0, triangle_b_2_a_dot*triangle_b_2_a_scale)
+    triangle_b_2_a_c = np.where(triangle_b_any, 1.0, triangle_b_2_a_dot*triangle_b_2_a_scale)
     del triangle_b_2_a_dot
-    triangle_b_2_a_s = np.where(triangle_b_any_a, 0.0, triangle_b_2_a_cross*triangle_b_2_a_scale)
+    triangle_b_2_a_s = np.where(triangle_b_any, 0.0, triangle_b_2_a_cross*triangle_b_2_a_scale)
     del triangle_b_2_a_cross, triangle_b_2_a_scale
+    x116 = axes_b_1_3*sine_3
+    del axes_b_1_3
+    x117 = axes_b_2_3*sine_3
+    del axes_b_2_3
+    x118 = triangle_b_3_c_a*x116 + triangle_b_3_s_a*x117
+    x119 = triangle_b_3_s_a*x116 - triangle_b_3_c_a*x117
+    triangle_b_free_a_square = (x118*x118) + (x119*x119)
+    triangle_b_free_a_amplitude = np.sqrt(triangle_b_free_a_square)
+    triangle_b_free_a_per_square = np.where(triangle_b_free_a_square > 0.0, 1.0/triangle_b_free_a_square, 1.0)
+    x120 = axes_b_3_3*cosine_3
+    del axes_b_3_3
+    x121 = x120 - bends_1
+    triangle_b_free_a_serves = (triangle_b_free_a_square <= 0.0) | (np.abs(x119 + x121) <= bends_2)
+    triangle_b_free_a_at = np.where(triangle_b_free_a_amplitude < -x121, triangle_b_free_a_amplitude, np.where(triangle_b_free_a_amplitude < x121, -triangle_b_free_a_amplitude, -x121))
+    del triangle_b_free_a_amplitude
+    x123 = (triangle_b_free_a_at*triangle_b_free_a_at)
+    triangle_b_free_a_rest = np.where(triangle_b_free_a_square > x123, np.sqrt(triangle_b_free_a_square - x123), 0.0)
+    del triangle_b_free_a_square, x123
+    triangle_b_free_a_c_first = np.where(triangle_b_free_a_serves, 1.0, triangle_b_free_a_per_square*(triangle_b_free_a_at*x119 - triangle_b_free_a_rest*x118))
+    triangle_b_free_a_s_first = np.where(triangle_b_free_a_serves, 0.0, triangle_b_free_a_per_square*(triangle_b_free_a_at*x118 + triangle_b_free_a_rest*x119))
+    del triangle_b_free_a_at, triangle_b_free_a_per_square, triangle_b_free_a_rest, triangle_b_free_a_serves, x118, x119
+    triangle_b_chosen_c_a = np.where(triangle_b_any, triangle_b_free_a_c_first, triangle_b_2_a_c)
+    del triangle_b_2_a_c, triangle_b_free_a_c_first
+    triangle_b_chosen_s_a = np.where(triangle_b_any, triangle_b_free_a_s_first, triangle_b_2_a_s)
+    del triangle_b_2_a_s, triangle_b_free_a_s_first
     triangle_b_arm_b_1 = a_2 + forearm_1*triangle_b_3_c_b - forearm_2*triangle_b_3_s_b
     triangle_b_arm_b_2 = forearm_1*triangle_b_3_s_b + forearm_2*triangle_b_3_c_b
     del forearm_1, forearm_2
-    triangle_b_any_b = np.abs(end_b_1) + np.abs(end_b_2) <= x185
-    del x185
     triangle_b_2_b_dot = end_b_1*triangle_b_arm_b_1 + end_b_2*triangle_b_arm_b_2
     triangle_b_2_b_cross = end_b_2*triangle_b_arm_b_1 - end_b_1*triangle_b_arm_b_2
     del end_b_1, end_b_2, triangle_b_arm_b_1, triangle_b_arm_b_2
     triangle_b_2_b_size = np.sqrt((triangle_b_2_b_cross*triangle_b_2_b_cross) + (triangle_b_2_b_dot*triangle_b_2_b_dot))
     triangle_b_2_b_scale = np.where(triangle_b_2_b_size > 0.0, 1.0/triangle_b_2_b_size, 1.0)
     del triangle_b_2_b_size
-    triangle_b_2_b_c = np.where(triangle_b_any_b, 1.0, triangle_b_2_b_dot*triangle_b_2_b_scale)
+    triangle_b_2_b_c = np.where(triangle_b_any, 1.0, triangle_b_2_b_dot*triangle_b_2_b_scale)
     del triangle_b_2_b_dot
-    triangle_b_2_b_s = np.where(triangle_b_any_b, 0.0, triangle_b_2_b_cross*triangle_b_2_b_scale)
+    triangle_b_2_b_s = np.where(triangle_b_any, 0.0, triangle_b_2_b_cross*triangle_b_2_b_scale)
     del triangle_b_2_b_cross, triangle_b_2_b_scale
-    c_23_ba = triangle_b_2_a_c*triangle_b_3_c_a - triangle_b_2_a_s*triangle_b_3_s_a
-    s_23_ba = triangle_b_2_a_c*triangle_b_3_s_a + triangle_b_2_a_s*triangle_b_3_c_a
-    N_ba_1_1 = axes_b_1_1*c_23_ba + axes_b_2_1*s_23_ba
-    N_ba_1_3 = axes_b_1_3*c_23_ba + axes_b_2_3*s_23_ba
-    x85 = axes_b_3_1*sine_3
-    x86 = axes_b_2_1*c_23_ba - axes_b_1_1*s_23_ba
-    N_ba_2_1 = cosine_3*x86 + x85
-    x87 = axes_b_3_3*sine_3
-    x88 = axes_b_2_3*c_23_ba - axes_b_1_3*s_23_ba
-    del c_23_ba, s_23_ba
-    N_ba_2_3 = cosine_3*x88 + x87
-    x89 = axes_b_3_1*cosine_3
-    del axes_b_3_1
-    N_ba_3_1 = x89 - sine_3*x86
-    del x86
-    x90 = axes_b_3_3*cosine_3
-    del axes_b_3_3
-    N_ba_3_3 = x90 - sine_3*x88
-    del x88
+    x124 = triangle_b_3_c_b*x116 + triangle_b_3_s_b*x117
+    x125 = (x124*x124)
+    x126 = triangle_b_3_s_b*x116
+    del x116
+    x127 = triangle_b_3_c_b*x117
+    del x117
+    x128 = x126 - x127
+    x129 = (x128*x128)
+    triangle_b_free_b_square = x125 + x129
+    triangle_b_free_b_amplitude = np.sqrt(triangle_b_free_b_square)
+    triangle_b_free_b_per_square = np.where(triangle_b_free_b_square > 0.0, 1.0/triangle_b_free_b_square, 1.0)
+    triangle_b_free_b_serves = (triangle_b_free_b_square <= 0.0) | (np.abs(x121 + x128) <= bends_2)
+    triangle_b_free_b_at = np.where(triangle_b_free_b_amplitude < -x121, triangle_b_free_b_amplitude, np.where(triangle_b_free_b_amplitude < x121, -triangle_b_free_b_amplitude, -x121))
+    x130 = (triangle_b_free_b_at*triangle_b_free_b_at)
+    triangle_b_free_b_rest = np.where(triangle_b_free_b_square > x130, np.sqrt(triangle_b_free_b_square - x130), 0.0)
+    del triangle_b_free_b_square, x130
+    triangle_b_free_b_c_first = np.where(triangle_b_free_b_serves, 1.0, triangle_b_free_b_per_square*(triangle_b_free_b_at*x128 - triangle_b_free_b_rest*x124))
+    triangle_b_free_b_s_first = np.where(triangle_b_free_b_serves, 0.0, triangle_b_free_b_per_square*(triangle_b_free_b_at*x124 + triangle_b_free_b_rest*x128))
+    del triangle_b_free_b_at, triangle_b_free_b_rest, triangle_b_free_b_serves, x128
+    x131 = triangle_b_free_b_per_square*x124*(2.0*x126 - 2.0*x127)
+    del x124, x126, x127
+    x132 = triangle_b_free_b_per_square*(x129 - x125)
+    del triangle_b_free_b_per_square, x125, x129
+    triangle_b_free_b_c_second = triangle_b_free_b_c_first*x132 + triangle_b_free_b_s_first*x131
+    triangle_b_free_b_s_second = triangle_b_free_b_c_first*x131 - triangle_b_free_b_s_first*x132
+    del triangle_b_free_b_c_first, triangle_b_free_b_s_first, x131, x132
+    triangle_b_free_b_split = (triangle_b_free_b_amplitude + x121 > bends_2) & (bends_1 + triangle_b_free_b_amplitude - x120 > bends_2)
+    del triangle_b_free_b_amplitude, x120, x121
+    triangle_b_chosen_c_b = np.where(triangle_b_any, triangle_b_free_b_c_second, triangle_b_2_b_c)
+    del triangle_b_2_b_c, triangle_b_free_b_c_second
+    triangle_b_chosen_s_b = np.where(triangle_b_any, triangle_b_free_b_s_second, triangle_b_2_b_s)
+    del triangle_b_2_b_s, triangle_b_free_b_s_second
+    triangle_b_more = (triangle_b_3_two) | ((triangle_b_3_exists) & (triangle_b_any) & (triangle_b_free_b_split))
+    del triangle_b_3_two, triangle_b_free_b_split
+    c_23_ba = triangle_b_3_c_a*triangle_b_chosen_c_a - triangle_b_3_s_a*triangle_b_chosen_s_a
+    s_23_ba = triangle_b_3_c_a*triangle_b_chosen_s_a + triangle_b_3_s_a*triangle_b_chosen_c_a
+    axis_4_ba_1 = s_23_ba*sine_3
+    x133 = c_23_ba*sine_3
+    axis_4_ba_2 = -cosine_1*x133 - x51
+    axis_4_ba_3 = -sine_1*x133 - x53
+    del x133
+    x134 = axis_4_ba_1*pose_1_3
+    x135 = axis_4_ba_2*pose_2_3
+    x136 = x134 + x135
+    x137 = (x136*x136)
+    x138 = axis_4_ba_1*pose_2_3 - axis_4_ba_2*pose_1_3
+    del axis_4_ba_1, axis_4_ba_2
+    x139 = (x138*x138)
+    first_ba_square = x137 + x139
+    first_ba_amplitude = np.sqrt(first_ba_square)
+    first_ba_per_square = np.where(first_ba_square > 0.0, 1.0/first_ba_square, 1.0)
+    x140 = axis_4_ba_3*pose_3_3
+    del axis_4_ba_3
+    x141 = x140 - bends_1
+    first_ba_serves = (first_ba_square <= 0.0) | (np.abs(x136 + x141) <= bends_2)
+    first_ba_at = np.where(first_ba_amplitude < -x141, first_ba_amplitude, np.where(first_ba_amplitude < x141, -first_ba_amplitude, -x141))
+    x143 = (first_ba_at*first_ba_at)
+    first_ba_rest = np.where(first_ba_square > x143, np.sqrt(first_ba_square - x143), 0.0)
+    del first_ba_square, x143
+    first_ba_c_first = np.where(first_ba_serves, 1.0, first_ba_per_square*(first_ba_at*x136 - first_ba_rest*x138))
+    first_ba_s_first = np.where(first_ba_serves, 0.0, first_ba_per_square*(first_ba_at*x138 + first_ba_rest*x136))
+    del first_ba_at, first_ba_rest, first_ba_serves, x136
+    x144 = first_ba_per_square*x138*(2.0*x134 + 2.0*x135)
+    del x134, x135, x138
+    x145 = first_ba_per_square*(x137 - x139)
+    del first_ba_per_square, x137, x139
+    first_ba_c_second = first_ba_c_first*x145 + first_ba_s_first*x144
+    first_ba_s_second = first_ba_c_first*x144 - first_ba_s_first*x145
+    del first_ba_c_first, first_ba_s_first, x144, x145
+    first_ba_split = (first_ba_amplitude + x141 > bends_2) & (bends_1 + first_ba_amplitude - x140 > bends_2)
+    del first_ba_amplitude, x140, x141
+    c_1_ba = np.where(first_free, first_ba_c_second, first_c_b)
+    del first_ba_c_second
+    s_1_ba = np.where(first_free, first_ba_s_second, first_s_b)
+    del first_ba_s_second
+    more_ba = (first_two) | ((first_ba_split) & (first_free))
+    del first_ba_split
+    axes_ba_1_1 = c_1_ba*pose_1_1 + pose_2_1*s_1_ba
+    axes_ba_1_3 = c_1_ba*pose_1_3 + pose_2_3*s_1_ba
+    x146 = c_1_ba*pose_2_1 - pose_1_1*s_1_ba
+    axes_ba_2_1 = cosine_1*x146 + x59
+    x147 = c_1_ba*pose_2_3 - pose_1_3*s_1_ba
+    axes_ba_2_3 = cosine_1*x147 + x15
+    axes_ba_3_1 = x62 - sine_1*x146
+    del x146
+    axes_ba_3_3 = x17 - sine_1*x147
+    del x147
+    N_ba_1_1 = axes_ba_1_1*c_23_ba + axes_ba_2_1*s_23_ba
+    N_ba_1_3 = axes_ba_1_3*c_23_ba + axes_ba_2_3*s_23_ba
+    x148 = axes_ba_2_1*c_23_ba - axes_ba_1_1*s_23_ba
+    del axes_ba_1_1, axes_ba_2_1
+    N_ba_2_1 = axes_ba_3_1*sine_3 + cosine_3*x148
+    x149 = axes_ba_2_3*c_23_ba - axes_ba_1_3*s_23_ba
+    del axes_ba_1_3, axes_ba_2_3, c_23_ba, s_23_ba
+    N_ba_2_3 = axes_ba_3_3*sine_3 + cosine_3*x149
+    N_ba_3_1 = axes_ba_3_1*cosine_3 - sine_3*x148
+    del axes_ba_3_1, x148
+    N_ba_3_3 = axes_ba_3_3*cosine_3 - sine_3*x149
+    del axes_ba_3_3, x149
     h_ba = np.sqrt((N_ba_1_3*N_ba_1_3) + (N_ba_2_3*N_ba_2_3))
     bend_ba_denominator = np.abs(N_ba_3_3) + 1.0
-    bend_ba_apart = np.where(N_ba_3_3 >= 0.0, x40, x41)
-    bend_ba_product = np.where(N_ba_3_3 >= 0.0, x42, -x42)
-    x91 = (bend_ba_apart*bend_ba_apart)
+    bend_ba_apart = np.where(N_ba_3_3 >= 0.0, x65, x66)
+    bend_ba_product = np.where(N_ba_3_3 >= 0.0, x3, -x3)
+    x150 = (bend_ba_apart*bend_ba_apart)
     del bend_ba_apart
-    bend_ba_gram = (h_ba*h_ba)*(1.0 - 2.0*bend_ba_product/bend_ba_denominator) - x91
+    bend_ba_gram = (h_ba*h_ba)*(1.0 - 2.0*bend_ba_product/bend_ba_denominator) - x150
     del bend_ba_denominator, bend_ba_product
-    bend_ba_tolerance = x20*(h_ba + x91)
-    del x91
-    bend_ba_free = (bend_ba_gram >= -bend_ba_tolerance) & (h_ba <= x184)
+    bend_ba_tolerance = x19*(h_ba + x150)
+    del x150
+    bend_ba_free = (bend_ba_gram >= -bend_ba_tolerance) & (h_ba <= x260)
     del h_ba
     bend_ba_double = (np.abs(bend_ba_gram) <= bend_ba_tolerance) & (~(bend_ba_free))
     bend_ba_exists = bend_ba_gram >= -bend_ba_tolerance
     del bend_ba_tolerance
     bend_ba_q = np.where((~(bend_ba_double)) & (bend_ba_gram > 0.0), np.sqrt(bend_ba_gram), 0.0)
     del bend_ba_gram
-    bend_ba_along = x42 - N_ba_3_3
+    bend_ba_along = x3 - N_ba_3_3
     del N_ba_3_3
     bend_ba_size = np.sqrt((bend_ba_along*bend_ba_along) + (bend_ba_q*bend_ba_q))
-    bend_ba_scale = x45*np.where(bend_ba_size > 0.0, 1.0/bend_ba_size, 1.0)
+    bend_ba_scale = x69*np.where(bend_ba_size > 0.0, 1.0/bend_ba_size, 1.0)
     del bend_ba_size
     bend_ba_c = bend_ba_along*bend_ba_scale
     del bend_ba_along
     bend_ba_s = bend_ba_q*bend_ba_scale
     del bend_ba_q, bend_ba_scale
     bend_ba_two = (bend_ba_exists) & (~((bend_ba_double) | (bend_ba_free)))
-    x92 = bend_ba_s*sine_5
-    x93 = N_ba_1_3*x92
-    x94 = -bend_ba_c*x49 - x48
-    fourth_baa_dot = N_ba_2_3*x94 + x93
-    x95 = N_ba_2_3*x92
-    del x92
-    x96 = N_ba_1_3*x94
+    x151 = bend_ba_s*sine_5
+    x152 = N_ba_1_3*x151
+    x153 = -bend_ba_c*x73 - x72
+    fourth_baa_dot = N_ba_2_3*x153 + x152
+    x154 = N_ba_2_3*x151
+    del x151
+    x155 = N_ba_1_3*x153
     del N_ba_1_3
-    fourth_baa_cross = x95 - x96
+    fourth_baa_cross = x154 - x155
     fourth_baa_size = np.sqrt((fourth_baa_cross*fourth_baa_cross) + (fourth_baa_dot*fourth_baa_dot))
     fourth_baa_scale = np.where(fourth_baa_size > 0.0, 1.0/fourth_baa_size, 1.0)
     del fourth_baa_size
@@ -535,19 +756,19 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del fourth_baa_dot
     fourth_baa_s = np.where(bend_ba_free, 0.0, fourth_baa_cross*fourth_baa_scale)
     del fourth_baa_cross, fourth_baa_scale
-    x97 = N_ba_1_1*fourth_baa_c + N_ba_2_1*fourth_baa_s
-    x98 = N_ba_3_1*sine_4
-    x99 = N_ba_2_1*fourth_baa_c - N_ba_1_1*fourth_baa_s
-    x100 = cosine_4*x99 + x98
-    c_6_baa = bend_ba_c*x97 + bend_ba_s*x100
-    x101 = N_ba_3_1*cosine_4
+    x156 = N_ba_1_1*fourth_baa_c + N_ba_2_1*fourth_baa_s
+    x157 = N_ba_3_1*sine_4
+    x158 = N_ba_2_1*fourth_baa_c - N_ba_1_1*fourth_baa_s
+    x159 = cosine_4*x158 + x157
+    c_6_baa = bend_ba_c*x156 + bend_ba_s*x159
+    x160 = N_ba_3_1*cosine_4
     del N_ba_3_1
-    s_6_baa = cosine_5*(bend_ba_c*x100 - bend_ba_s*x97) + sine_5*(x101 - sine_4*x99)
-    del x100, x97, x99
-    fourth_bab_dot = N_ba_2_3*x94 - x93
-    del N_ba_2_3, x93, x94
-    fourth_bab_cross = -x95 - x96
-    del x95, x96
+    s_6_baa = cosine_5*(bend_ba_c*x159 - bend_ba_s*x156) + sine_5*(x160 - sine_4*x158)
+    del x156, x158, x159
+    fourth_bab_dot = N_ba_2_3*x153 - x152
+    del N_ba_2_3, x152, x153
+    fourth_bab_cross = -x154 - x155
+    del x154, x155
     fourth_bab_size = np.sqrt((fourth_bab_cross*fourth_bab_cross) + (fourth_bab_dot*fourth_bab_dot))
     fourth_bab_scale = np.where(fourth_bab_size > 0.0, 1.0/fourth_bab_size, 1.0)
     del fourth_bab_size
@@ -555,68 +776,120 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del fourth_bab_dot
     fourth_bab_s = np.where(bend_ba_free, 0.0, fourth_bab_cross*fourth_bab_scale)
     del fourth_bab_cross, fourth_bab_scale
-    x102 = N_ba_1_1*fourth_bab_c + N_ba_2_1*fourth_bab_s
-    x103 = N_ba_2_1*fourth_bab_c - N_ba_1_1*fourth_bab_s
+    x161 = N_ba_1_1*fourth_bab_c + N_ba_2_1*fourth_bab_s
+    x162 = N_ba_2_1*fourth_bab_c - N_ba_1_1*fourth_bab_s
     del N_ba_1_1, N_ba_2_1
-    x104 = cosine_4*x103 + x98
-    del x98
-    c_6_bab = bend_ba_c*x102 - bend_ba_s*x104
-    s_6_bab = cosine_5*(bend_ba_c*x104 + bend_ba_s*x102) + sine_5*(x101 - sine_4*x103)
-    del x101, x102, x103, x104
-    c_23_bb = triangle_b_2_b_c*triangle_b_3_c_b - triangle_b_2_b_s*triangle_b_3_s_b
-    s_23_bb = triangle_b_2_b_c*triangle_b_3_s_b + triangle_b_2_b_s*triangle_b_3_c_b
-    N_bb_1_1 = axes_b_1_1*c_23_bb + axes_b_2_1*s_23_bb
-    N_bb_1_3 = axes_b_1_3*c_23_bb + axes_b_2_3*s_23_bb
-    x105 = axes_b_2_1*c_23_bb - axes_b_1_1*s_23_bb
-    del axes_b_1_1, axes_b_2_1
-    N_bb_2_1 = cosine_3*x105 + x85
-    del x85
-    x106 = axes_b_2_3*c_23_bb - axes_b_1_3*s_23_bb
-    del axes_b_1_3, axes_b_2_3, c_23_bb, s_23_bb
-    N_bb_2_3 = cosine_3*x106 + x87
-    del x87
-    N_bb_3_1 = x89 - sine_3*x105
-    del x105, x89
-    N_bb_3_3 = x90 - sine_3*x106
-    del x106, x90
+    x163 = cosine_4*x162 + x157
+    del x157
+    c_6_bab = bend_ba_c*x161 - bend_ba_s*x163
+    s_6_bab = cosine_5*(bend_ba_c*x163 + bend_ba_s*x161) + sine_5*(x160 - sine_4*x162)
+    del x160, x161, x162, x163
+    c_23_bb = triangle_b_3_c_b*triangle_b_chosen_c_b - triangle_b_3_s_b*triangle_b_chosen_s_b
+    s_23_bb = triangle_b_3_c_b*triangle_b_chosen_s_b + triangle_b_3_s_b*triangle_b_chosen_c_b
+    axis_4_bb_1 = s_23_bb*sine_3
+    x164 = c_23_bb*sine_3
+    axis_4_bb_2 = -cosine_1*x164 - x51
+    del x51
+    axis_4_bb_3 = -sine_1*x164 - x53
+    del x164, x53
+    x165 = axis_4_bb_1*pose_1_3
+    x166 = axis_4_bb_2*pose_2_3
+    x167 = x165 + x166
+    x168 = (x167*x167)
+    x169 = axis_4_bb_1*pose_2_3 - axis_4_bb_2*pose_1_3
+    del axis_4_bb_1, axis_4_bb_2
+    x170 = (x169*x169)
+    first_bb_square = x168 + x170
+    first_bb_amplitude = np.sqrt(first_bb_square)
+    first_bb_per_square = np.where(first_bb_square > 0.0, 1.0/first_bb_square, 1.0)
+    x171 = axis_4_bb_3*pose_3_3
+    del axis_4_bb_3
+    x172 = x171 - bends_1
+    first_bb_serves = (first_bb_square <= 0.0) | (np.abs(x167 + x172) <= bends_2)
+    first_bb_at = np.where(first_bb_amplitude < -x172, first_bb_amplitude, np.where(first_bb_amplitude < x172, -first_bb_amplitude, -x172))
+    x174 = (first_bb_at*first_bb_at)
+    first_bb_rest = np.where(first_bb_square > x174, np.sqrt(first_bb_square - x174), 0.0)
+    del first_bb_square, x174
+    first_bb_c_first = np.where(first_bb_serves, 1.0, first_bb_per_square*(first_bb_at*x167 - first_bb_rest*x169))
+    first_bb_s_first = np.where(first_bb_serves, 0.0, first_bb_per_square*(first_bb_at*x169 + first_bb_rest*x167))
+    del first_bb_at, first_bb_rest, first_bb_serves, x167
+    x175 = first_bb_per_square*x169*(2.0*x165 + 2.0*x166)
+    del x165, x166, x169
+    x176 = first_bb_per_square*(x168 - x170)
+    del first_bb_per_square, x168, x170
+    first_bb_c_second = first_bb_c_first*x176 + first_bb_s_first*x175
+    first_bb_s_second = first_bb_c_first*x175 - first_bb_s_first*x176
+    del first_bb_c_first, first_bb_s_first, x175, x176
+    first_bb_split = (first_bb_amplitude + x172 > bends_2) & (bends_1 + first_bb_amplitude - x171 > bends_2)
+    del bends_1, bends_2, first_bb_amplitude, x171, x172
+    c_1_bb = np.where(first_free, first_bb_c_second, first_c_b)
+    del first_bb_c_second, first_c_b
+    s_1_bb = np.where(first_free, first_bb_s_second, first_s_b)
+    del first_bb_s_second, first_s_b
+    more_bb = (first_two) | ((first_bb_split) & (first_free))
+    del first_bb_split, first_two
+    axes_bb_1_1 = c_1_bb*pose_1_1 + pose_2_1*s_1_bb
+    axes_bb_1_3 = c_1_bb*pose_1_3 + pose_2_3*s_1_bb
+    x177 = c_1_bb*pose_2_1 - pose_1_1*s_1_bb
+    axes_bb_2_1 = cosine_1*x177 + x59
+    del x59
+    x178 = c_1_bb*pose_2_3 - pose_1_3*s_1_bb
+    axes_bb_2_3 = cosine_1*x178 + x15
+    del x15
+    axes_bb_3_1 = x62 - sine_1*x177
+    del x177, x62
+    axes_bb_3_3 = x17 - sine_1*x178
+    del x17, x178
+    N_bb_1_1 = axes_bb_1_1*c_23_bb + axes_bb_2_1*s_23_bb
+    N_bb_1_3 = axes_bb_1_3*c_23_bb + axes_bb_2_3*s_23_bb
+    x179 = axes_bb_2_1*c_23_bb - axes_bb_1_1*s_23_bb
+    del axes_bb_1_1, axes_bb_2_1
+    N_bb_2_1 = axes_bb_3_1*sine_3 + cosine_3*x179
+    x180 = axes_bb_2_3*c_23_bb - axes_bb_1_3*s_23_bb
+    del axes_bb_1_3, axes_bb_2_3, c_23_bb, s_23_bb
+    N_bb_2_3 = axes_bb_3_3*sine_3 + cosine_3*x180
+    N_bb_3_1 = axes_bb_3_1*cosine_3 - sine_3*x179
+    del axes_bb_3_1, x179
+    N_bb_3_3 = axes_bb_3_3*cosine_3 - sine_3*x180
+    del axes_bb_3_3, x180
     h_bb = np.sqrt((N_bb_1_3*N_bb_1_3) + (N_bb_2_3*N_bb_2_3))
     bend_bb_denominator = np.abs(N_bb_3_3) + 1.0
-    bend_bb_apart = np.where(N_bb_3_3 >= 0.0, x40, x41)
-    del x40, x41
-    bend_bb_product = np.where(N_bb_3_3 >= 0.0, x42, -x42)
-    x107 = (bend_bb_apart*bend_bb_apart)
+    bend_bb_apart = np.where(N_bb_3_3 >= 0.0, x65, x66)
+    del x65, x66
+    bend_bb_product = np.where(N_bb_3_3 >= 0.0, x3, -x3)
+    x181 = (bend_bb_apart*bend_bb_apart)
     del bend_bb_apart
-    bend_bb_gram = (h_bb*h_bb)*(1.0 - 2.0*bend_bb_product/bend_bb_denominator) - x107
+    bend_bb_gram = (h_bb*h_bb)*(1.0 - 2.0*bend_bb_product/bend_bb_denominator) - x181
     del bend_bb_denominator, bend_bb_product
-    bend_bb_tolerance = x20*(h_bb + x107)
-    del x107, x20
-    bend_bb_free = (bend_bb_gram >= -bend_bb_tolerance) & (h_bb <= x184)
-    del h_bb, x184
+    bend_bb_tolerance = x19*(h_bb + x181)
+    del x181, x19
+    bend_bb_free = (bend_bb_gram >= -bend_bb_tolerance) & (h_bb <= x260)
+    del h_bb, x260
     bend_bb_double = (np.abs(bend_bb_gram) <= bend_bb_tolerance) & (~(bend_bb_free))
     bend_bb_exists = bend_bb_gram >= -bend_bb_tolerance
     del bend_bb_tolerance
     bend_bb_q = np.where((~(bend_bb_double)) & (bend_bb_gram > 0.0), np.sqrt(bend_bb_gram), 0.0)
     del bend_bb_gram
-    bend_bb_along = x42 - N_bb_3_3
-    del N_bb_3_3, x42
+    bend_bb_along = x3 - N_bb_3_3
+    del N_bb_3_3, x3
     bend_bb_size = np.sqrt((bend_bb_along*bend_bb_along) + (bend_bb_q*bend_bb_q))
-    bend_bb_scale = x45*np.where(bend_bb_size > 0.0, 1.0/bend_bb_size, 1.0)
-    del bend_bb_size, x45
+    bend_bb_scale = x69*np.where(bend_bb_size > 0.0, 1.0/bend_bb_size, 1.0)
+    del bend_bb_size, x69
     bend_bb_c = bend_bb_along*bend_bb_scale
     del bend_bb_along
     bend_bb_s = bend_bb_q*bend_bb_scale
     del bend_bb_q, bend_bb_scale
     bend_bb_two = (bend_bb_exists) & (~((bend_bb_double) | (bend_bb_free)))
-    x108 = bend_bb_s*sine_5
-    x109 = N_bb_1_3*x108
-    x110 = -bend_bb_c*x49 - x48
-    del x48, x49
-    fourth_bba_dot = N_bb_2_3*x110 + x109
-    x111 = N_bb_2_3*x108
-    del x108
-    x112 = N_bb_1_3*x110
+    x182 = bend_bb_s*sine_5
+    x183 = N_bb_1_3*x182
+    x184 = -bend_bb_c*x73 - x72
+    del x72, x73
+    fourth_bba_dot = N_bb_2_3*x184 + x183
+    x185 = N_bb_2_3*x182
+    del x182
+    x186 = N_bb_1_3*x184
     del N_bb_1_3
-    fourth_bba_cross = x111 - x112
+    fourth_bba_cross = x185 - x186
     fourth_bba_size = np.sqrt((fourth_bba_cross*fourth_bba_cross) + (fourth_bba_dot*fourth_bba_dot))
     fourth_bba_scale = np.where(fourth_bba_size > 0.0, 1.0/fourth_bba_size, 1.0)
     del fourth_bba_size
@@ -624,19 +897,19 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del fourth_bba_dot
     fourth_bba_s = np.where(bend_bb_free, 0.0, fourth_bba_cross*fourth_bba_scale)
     del fourth_bba_cross, fourth_bba_scale
-    x113 = N_bb_1_1*fourth_bba_c + N_bb_2_1*fourth_bba_s
-    x114 = N_bb_3_1*sine_4
-    x115 = N_bb_2_1*fourth_bba_c - N_bb_1_1*fourth_bba_s
-    x116 = cosine_4*x115 + x114
-    c_6_bba = bend_bb_c*x113 + bend_bb_s*x116
-    x117 = N_bb_3_1*cosine_4
+    x187 = N_bb_1_1*fourth_bba_c + N_bb_2_1*fourth_bba_s
+    x188 = N_bb_3_1*sine_4
+    x189 = N_bb_2_1*fourth_bba_c - N_bb_1_1*fourth_bba_s
+    x190 = cosine_4*x189 + x188
+    c_6_bba = bend_bb_c*x187 + bend_bb_s*x190
+    x191 = N_bb_3_1*cosine_4
     del N_bb_3_1
-    s_6_bba = cosine_5*(bend_bb_c*x116 - bend_bb_s*x113) + sine_5*(x117 - sine_4*x115)
-    del x113, x115, x116
-    fourth_bbb_dot = N_bb_2_3*x110 - x109
-    del N_bb_2_3, x109, x110
-    fourth_bbb_cross = -x111 - x112
-    del x111, x112
+    s_6_bba = cosine_5*(bend_bb_c*x190 - bend_bb_s*x187) + sine_5*(x191 - sine_4*x189)
+    del x187, x189, x190
+    fourth_bbb_dot = N_bb_2_3*x184 - x183
+    del N_bb_2_3, x183, x184
+    fourth_bbb_cross = -x185 - x186
+    del x185, x186
     fourth_bbb_size = np.sqrt((fourth_bbb_cross*fourth_bbb_cross) + (fourth_bbb_dot*fourth_bbb_dot))
     fourth_bbb_scale = np.where(fourth_bbb_size > 0.0, 1.0/fourth_bbb_size, 1.0)
     del fourth_bbb_size
@@ -644,167 +917,173 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del fourth_bbb_dot
     fourth_bbb_s = np.where(bend_bb_free, 0.0, fourth_bbb_cross*fourth_bbb_scale)
     del fourth_bbb_cross, fourth_bbb_scale
-    x118 = N_bb_1_1*fourth_bbb_c + N_bb_2_1*fourth_bbb_s
-    x119 = N_bb_2_1*fourth_bbb_c - N_bb_1_1*fourth_bbb_s
+    x192 = N_bb_1_1*fourth_bbb_c + N_bb_2_1*fourth_bbb_s
+    x193 = N_bb_2_1*fourth_bbb_c - N_bb_1_1*fourth_bbb_s
     del N_bb_1_1, N_bb_2_1
-    x120 = cosine_4*x119 + x114
-    del x114
-    c_6_bbb = bend_bb_c*x118 - bend_bb_s*x120
-    s_6_bbb = cosine_5*(bend_bb_c*x120 + bend_bb_s*x118) + sine_5*(x117 - sine_4*x119)
-    del x117, x118, x119, x120
+    x194 = cosine_4*x193 + x188
+    del x188
+    c_6_bbb = bend_bb_c*x192 - bend_bb_s*x194
+    s_6_bbb = cosine_5*(bend_bb_c*x194 + bend_bb_s*x192) + sine_5*(x191 - sine_4*x193)
+    del x191, x192, x193, x194
     there_1 = (bend_aa_exists) & (first_exists) & (near) & (triangle_a_3_exists)
     del bend_aa_exists
-    x121 = np.arctan2(first_s_a, first_c_a)
-    del first_c_a, first_s_a
-    angle_1_1 = x121
-    x122 = np.arctan2(triangle_a_2_a_s, triangle_a_2_a_c)
-    del triangle_a_2_a_c, triangle_a_2_a_s
-    angle_1_2 = x122
-    x123 = np.arctan2(triangle_a_3_s_a, triangle_a_3_c_a)
+    x195 = np.arctan2(s_1_aa, c_1_aa)
+    del c_1_aa, s_1_aa
+    angle_1_1 = x195
+    x196 = np.arctan2(triangle_a_chosen_s_a, triangle_a_chosen_c_a)
+    del triangle_a_chosen_c_a, triangle_a_chosen_s_a
+    angle_1_2 = x196
+    x197 = np.arctan2(triangle_a_3_s_a, triangle_a_3_c_a)
     del triangle_a_3_c_a, triangle_a_3_s_a
-    angle_1_3 = x123
+    angle_1_3 = x197
     angle_1_4 = np.arctan2(fourth_aaa_s, fourth_aaa_c)
     del fourth_aaa_c, fourth_aaa_s
     angle_1_5 = np.arctan2(bend_aa_s, bend_aa_c)
     angle_1_6 = np.arctan2(s_6_aaa, c_6_aaa)
     del c_6_aaa, s_6_aaa
-    x124 = np.where((bend_aa_free) | (first_free) | (triangle_a_3_free) | (triangle_a_any_a), 2.0, np.where((bend_aa_double) | (first_double) | (triangle_a_3_double), 1.0, 0.0))
-    del bend_aa_double, bend_aa_free, triangle_a_any_a
-    code_1 = x124
+    x198 = np.where((bend_aa_free) | (first_free) | (triangle_a_3_free) | (triangle_a_any), 2.0, np.where((bend_aa_double) | (first_double) | (triangle_a_3_double), 1.0, 0.0))
+    del bend_aa_double, bend_aa_free
+    code_1 = x198
     there_2 = (bend_aa_two) & (first_exists) & (near) & (triangle_a_3_exists)
     del bend_aa_two, triangle_a_3_exists
-    angle_2_1 = x121
-    angle_2_2 = x122
-    del x122
-    angle_2_3 = x123
-    del x123
+    angle_2_1 = x195
+    del x195
+    angle_2_2 = x196
+    del x196
+    angle_2_3 = x197
+    del x197
     angle_2_4 = np.arctan2(fourth_aab_s, fourth_aab_c)
     del fourth_aab_c, fourth_aab_s
     angle_2_5 = np.arctan2(-bend_aa_s, bend_aa_c)
     del bend_aa_c, bend_aa_s
     angle_2_6 = np.arctan2(s_6_aab, c_6_aab)
     del c_6_aab, s_6_aab
-    code_2 = x124
-    del x124
-    there_3 = (bend_ab_exists) & (first_exists) & (near) & (triangle_a_3_two)
+    code_2 = x198
+    del x198
+    there_3 = (bend_ab_exists) & (first_exists) & (near) & (triangle_a_more)
     del bend_ab_exists
-    angle_3_1 = x121
-    x125 = np.arctan2(triangle_a_2_b_s, triangle_a_2_b_c)
-    del triangle_a_2_b_c, triangle_a_2_b_s
-    angle_3_2 = x125
-    x126 = np.arctan2(triangle_a_3_s_b, triangle_a_3_c_b)
+    x199 = np.arctan2(s_1_ab, c_1_ab)
+    del c_1_ab, s_1_ab
+    angle_3_1 = x199
+    x200 = np.arctan2(triangle_a_chosen_s_b, triangle_a_chosen_c_b)
+    del triangle_a_chosen_c_b, triangle_a_chosen_s_b
+    angle_3_2 = x200
+    x201 = np.arctan2(triangle_a_3_s_b, triangle_a_3_c_b)
     del triangle_a_3_c_b, triangle_a_3_s_b
-    angle_3_3 = x126
+    angle_3_3 = x201
     angle_3_4 = np.arctan2(fourth_aba_s, fourth_aba_c)
     del fourth_aba_c, fourth_aba_s
     angle_3_5 = np.arctan2(bend_ab_s, bend_ab_c)
     angle_3_6 = np.arctan2(s_6_aba, c_6_aba)
     del c_6_aba, s_6_aba
-    x127 = np.where((bend_ab_free) | (first_free) | (triangle_a_3_free) | (triangle_a_any_b), 2.0, np.where((bend_ab_double) | (first_double) | (triangle_a_3_double), 1.0, 0.0))
-    del bend_ab_double, bend_ab_free, triangle_a_3_double, triangle_a_3_free, triangle_a_any_b
-    code_3 = x127
-    there_4 = (bend_ab_two) & (first_exists) & (near) & (triangle_a_3_two)
-    del bend_ab_two, first_exists, triangle_a_3_two
-    angle_4_1 = x121
-    del x121
-    angle_4_2 = x125
-    del x125
-    angle_4_3 = x126
-    del x126
+    x202 = np.where((bend_ab_free) | (first_free) | (triangle_a_3_free) | (triangle_a_any), 2.0, np.where((bend_ab_double) | (first_double) | (triangle_a_3_double), 1.0, 0.0))
+    del bend_ab_double, bend_ab_free, triangle_a_3_double, triangle_a_3_free, triangle_a_any
+    code_3 = x202
+    there_4 = (bend_ab_two) & (first_exists) & (near) & (triangle_a_more)
+    del bend_ab_two, first_exists, triangle_a_more
+    angle_4_1 = x199
+    del x199
+    angle_4_2 = x200
+    del x200
+    angle_4_3 = x201
+    del x201
     angle_4_4 = np.arctan2(fourth_abb_s, fourth_abb_c)
     del fourth_abb_c, fourth_abb_s
     angle_4_5 = np.arctan2(-bend_ab_s, bend_ab_c)
     del bend_ab_c, bend_ab_s
     angle_4_6 = np.arctan2(s_6_abb, c_6_abb)
     del c_6_abb, s_6_abb
-    code_4 = x127
-    del x127
-    there_5 = (bend_ba_exists) & (first_two) & (near) & (triangle_b_3_exists)
+    code_4 = x202
+    del x202
+    there_5 = (bend_ba_exists) & (more_ba) & (near) & (triangle_b_3_exists)
     del bend_ba_exists
-    x128 = np.arctan2(first_s_b, first_c_b)
-    del first_c_b, first_s_b
-    angle_5_1 = x128
-    x129 = np.arctan2(triangle_b_2_a_s, triangle_b_2_a_c)
-    del triangle_b_2_a_c, triangle_b_2_a_s
-    angle_5_2 = x129
-    x130 = np.arctan2(triangle_b_3_s_a, triangle_b_3_c_a)
+    x203 = np.arctan2(s_1_ba, c_1_ba)
+    del c_1_ba, s_1_ba
+    angle_5_1 = x203
+    x204 = np.arctan2(triangle_b_chosen_s_a, triangle_b_chosen_c_a)
+    del triangle_b_chosen_c_a, triangle_b_chosen_s_a
+    angle_5_2 = x204
+    x205 = np.arctan2(triangle_b_3_s_a, triangle_b_3_c_a)
     del triangle_b_3_c_a, triangle_b_3_s_a
-    angle_5_3 = x130
+    angle_5_3 = x205
     angle_5_4 = np.arctan2(fourth_baa_s, fourth_baa_c)
     del fourth_baa_c, fourth_baa_s
     angle_5_5 = np.arctan2(bend_ba_s, bend_ba_c)
     angle_5_6 = np.arctan2(s_6_baa, c_6_baa)
     del c_6_baa, s_6_baa
-    x131 = np.where((bend_ba_free) | (first_free) | (triangle_b_3_free) | (triangle_b_any_a), 2.0, np.where((bend_ba_double) | (first_double) | (triangle_b_3_double), 1.0, 0.0))
-    del bend_ba_double, bend_ba_free, triangle_b_any_a
-    code_5 = x131
-    there_6 = (bend_ba_two) & (first_two) & (near) & (triangle_b_3_exists)
-    del bend_ba_two, triangle_b_3_exists
-    angle_6_1 = x128
-    angle_6_2 = x129
-    del x129
-    angle_6_3 = x130
-    del x130
+    x206 = np.where((bend_ba_free) | (first_free) | (triangle_b_3_free) | (triangle_b_any), 2.0, np.where((bend_ba_double) | (first_double) | (triangle_b_3_double), 1.0, 0.0))
+    del bend_ba_double, bend_ba_free
+    code_5 = x206
+    there_6 = (bend_ba_two) & (more_ba) & (near) & (triangle_b_3_exists)
+    del bend_ba_two, more_ba, triangle_b_3_exists
+    angle_6_1 = x203
+    del x203
+    angle_6_2 = x204
+    del x204
+    angle_6_3 = x205
+    del x205
     angle_6_4 = np.arctan2(fourth_bab_s, fourth_bab_c)
     del fourth_bab_c, fourth_bab_s
     angle_6_5 = np.arctan2(-bend_ba_s, bend_ba_c)
     del bend_ba_c, bend_ba_s
     angle_6_6 = np.arctan2(s_6_bab, c_6_bab)
     del c_6_bab, s_6_bab
-    code_6 = x131
-    del x131
-    there_7 = (bend_bb_exists) & (first_two) & (near) & (triangle_b_3_two)
+    code_6 = x206
+    del x206
+    there_7 = (bend_bb_exists) & (more_bb) & (near) & (triangle_b_more)
     del bend_bb_exists
-    angle_7_1 = x128
-    x132 = np.arctan2(triangle_b_2_b_s, triangle_b_2_b_c)
-    del triangle_b_2_b_c, triangle_b_2_b_s
-    angle_7_2 = x132
-    x133 = np.arctan2(triangle_b_3_s_b, triangle_b_3_c_b)
+    x207 = np.arctan2(s_1_bb, c_1_bb)
+    del c_1_bb, s_1_bb
+    angle_7_1 = x207
+    x208 = np.arctan2(triangle_b_chosen_s_b, triangle_b_chosen_c_b)
+    del triangle_b_chosen_c_b, triangle_b_chosen_s_b
+    angle_7_2 = x208
+    x209 = np.arctan2(triangle_b_3_s_b, triangle_b_3_c_b)
     del triangle_b_3_c_b, triangle_b_3_s_b
-    angle_7_3 = x133
+    angle_7_3 = x209
     angle_7_4 = np.arctan2(fourth_bba_s, fourth_bba_c)
     del fourth_bba_c, fourth_bba_s
     angle_7_5 = np.arctan2(bend_bb_s, bend_bb_c)
     angle_7_6 = np.arctan2(s_6_bba, c_6_bba)
     del c_6_bba, s_6_bba
-    x134 = np.where((bend_bb_free) | (first_free) | (triangle_b_3_free) | (triangle_b_any_b), 2.0, np.where((bend_bb_double) | (first_double) | (triangle_b_3_double), 1.0, 0.0))
-    del bend_bb_double, bend_bb_free, first_double, first_free, triangle_b_3_double, triangle_b_3_free, triangle_b_any_b
-    code_7 = x134
-    there_8 = (bend_bb_two) & (first_two) & (near) & (triangle_b_3_two)
-    del bend_bb_two, first_two, near, triangle_b_3_two
-    angle_8_1 = x128
-    del x128
-    angle_8_2 = x132
-    del x132
-    angle_8_3 = x133
-    del x133
+    x210 = np.where((bend_bb_free) | (first_free) | (triangle_b_3_free) | (triangle_b_any), 2.0, np.where((bend_bb_double) | (first_double) | (triangle_b_3_double), 1.0, 0.0))
+    del bend_bb_double, bend_bb_free, first_double, first_free, triangle_b_3_double, triangle_b_3_free, triangle_b_any
+    code_7 = x210
+    there_8 = (bend_bb_two) & (more_bb) & (near) & (triangle_b_more)
+    del bend_bb_two, more_bb, near, triangle_b_more
+    angle_8_1 = x207
+    del x207
+    angle_8_2 = x208
+    del x208
+    angle_8_3 = x209
+    del x209
     angle_8_4 = np.arctan2(fourth_bbb_s, fourth_bbb_c)
     del fourth_bbb_c, fourth_bbb_s
     angle_8_5 = np.arctan2(-bend_bb_s, bend_bb_c)
     del bend_bb_c, bend_bb_s
     angle_8_6 = np.arctan2(s_6_bbb, c_6_bbb)
     del c_6_bbb, s_6_bbb
-    code_8 = x134
-    del x134
-    x135 = np.where(there_1, 0.0, 1.0)
-    holes_1 = x135
-    x136 = x135 + np.where(there_2, 0.0, 1.0)
-    del x135
-    holes_2 = x136
-    x137 = x136 + np.where(there_3, 0.0, 1.0)
-    del x136
-    holes_3 = x137
-    x138 = x137 + np.where(there_4, 0.0, 1.0)
-    del x137
-    holes_4 = x138
-    x139 = x138 + np.where(there_5, 0.0, 1.0)
-    del x138
-    holes_5 = x139
-    x140 = x139 + np.where(there_6, 0.0, 1.0)
-    del x139
-    holes_6 = x140
-    holes_7 = x140 + np.where(there_7, 0.0, 1.0)
-    del x140
+    code_8 = x210
+    del x210
+    x211 = np.where(there_1, 0.0, 1.0)
+    holes_1 = x211
+    x212 = x211 + np.where(there_2, 0.0, 1.0)
+    del x211
+    holes_2 = x212
+    x213 = x212 + np.where(there_3, 0.0, 1.0)
+    del x212
+    holes_3 = x213
+    x214 = x213 + np.where(there_4, 0.0, 1.0)
+    del x213
+    holes_4 = x214
+    x215 = x214 + np.where(there_5, 0.0, 1.0)
+    del x214
+    holes_5 = x215
+    x216 = x215 + np.where(there_6, 0.0, 1.0)
+    del x215
+    holes_6 = x216
+    holes_7 = x216 + np.where(there_7, 0.0, 1.0)
+    del x216
     moves_1_1 = (there_2) & ((holes_1 == 1.0) | (holes_1 == 3.0) | (holes_1 == 5.0) | (holes_1 == 7.0))
     del holes_1
     moves_1_2 = (there_3) & ((holes_2 == 1.0) | (holes_2 == 3.0) | (holes_2 == 5.0) | (holes_2 == 7.0))
@@ -817,209 +1096,209 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del there_1
     row_1_0_1 = np.where(moves_1_1, code_2, code_1)
     del code_1
-    x187 = -3.141592653589793
-    x141 = np.where(angle_2_1 > x187, angle_2_1, 3.141592653589793)
+    x263 = -3.141592653589793
+    x217 = np.where(angle_2_1 > x263, angle_2_1, 3.141592653589793)
     del angle_2_1
-    row_1_0_2 = np.where(moves_1_1, x141, np.where(angle_1_1 > x187, angle_1_1, 3.141592653589793))
+    row_1_0_2 = np.where(moves_1_1, x217, np.where(angle_1_1 > x263, angle_1_1, 3.141592653589793))
     del angle_1_1
-    x142 = np.where(angle_2_2 > x187, angle_2_2, 3.141592653589793)
+    x218 = np.where(angle_2_2 > x263, angle_2_2, 3.141592653589793)
     del angle_2_2
-    row_1_0_3 = np.where(moves_1_1, x142, np.where(angle_1_2 > x187, angle_1_2, 3.141592653589793))
+    row_1_0_3 = np.where(moves_1_1, x218, np.where(angle_1_2 > x263, angle_1_2, 3.141592653589793))
     del angle_1_2
-    x143 = np.where(angle_2_3 > x187, angle_2_3, 3.141592653589793)
+    x219 = np.where(angle_2_3 > x263, angle_2_3, 3.141592653589793)
     del angle_2_3
-    row_1_0_4 = np.where(moves_1_1, x143, np.where(angle_1_3 > x187, angle_1_3, 3.141592653589793))
+    row_1_0_4 = np.where(moves_1_1, x219, np.where(angle_1_3 > x263, angle_1_3, 3.141592653589793))
     del angle_1_3
-    x144 = np.where(angle_2_4 > x187, angle_2_4, 3.141592653589793)
+    x220 = np.where(angle_2_4 > x263, angle_2_4, 3.141592653589793)
     del angle_2_4
-    row_1_0_5 = np.where(moves_1_1, x144, np.where(angle_1_4 > x187, angle_1_4, 3.141592653589793))
+    row_1_0_5 = np.where(moves_1_1, x220, np.where(angle_1_4 > x263, angle_1_4, 3.141592653589793))
     del angle_1_4
-    x145 = np.where(angle_2_5 > x187, angle_2_5, 3.141592653589793)
+    x221 = np.where(angle_2_5 > x263, angle_2_5, 3.141592653589793)
     del angle_2_5
-    row_1_0_6 = np.where(moves_1_1, x145, np.where(angle_1_5 > x187, angle_1_5, 3.141592653589793))
+    row_1_0_6 = np.where(moves_1_1, x221, np.where(angle_1_5 > x263, angle_1_5, 3.141592653589793))
     del angle_1_5
-    x146 = np.where(angle_2_6 > x187, angle_2_6, 3.141592653589793)
+    x222 = np.where(angle_2_6 > x263, angle_2_6, 3.141592653589793)
     del angle_2_6
-    row_1_0_7 = np.where(moves_1_1, x146, np.where(angle_1_6 > x187, angle_1_6, 3.141592653589793))
+    row_1_0_7 = np.where(moves_1_1, x222, np.where(angle_1_6 > x263, angle_1_6, 3.141592653589793))
     del angle_1_6
     there_1_1 = (moves_1_2) | ((there_2) & (~(moves_1_1)))
     del moves_1_1, there_2
     row_1_1_1 = np.where(moves_1_2, code_3, code_2)
     del code_2
-    x147 = np.where(angle_3_1 > x187, angle_3_1, 3.141592653589793)
+    x223 = np.where(angle_3_1 > x263, angle_3_1, 3.141592653589793)
     del angle_3_1
-    row_1_1_2 = np.where(moves_1_2, x147, x141)
-    del x141
-    x148 = np.where(angle_3_2 > x187, angle_3_2, 3.141592653589793)
+    row_1_1_2 = np.where(moves_1_2, x223, x217)
+    del x217
+    x224 = np.where(angle_3_2 > x263, angle_3_2, 3.141592653589793)
     del angle_3_2
-    row_1_1_3 = np.where(moves_1_2, x148, x142)
-    del x142
-    x149 = np.where(angle_3_3 > x187, angle_3_3, 3.141592653589793)
+    row_1_1_3 = np.where(moves_1_2, x224, x218)
+    del x218
+    x225 = np.where(angle_3_3 > x263, angle_3_3, 3.141592653589793)
     del angle_3_3
-    row_1_1_4 = np.where(moves_1_2, x149, x143)
-    del x143
-    x150 = np.where(angle_3_4 > x187, angle_3_4, 3.141592653589793)
+    row_1_1_4 = np.where(moves_1_2, x225, x219)
+    del x219
+    x226 = np.where(angle_3_4 > x263, angle_3_4, 3.141592653589793)
     del angle_3_4
-    row_1_1_5 = np.where(moves_1_2, x150, x144)
-    del x144
-    x151 = np.where(angle_3_5 > x187, angle_3_5, 3.141592653589793)
+    row_1_1_5 = np.where(moves_1_2, x226, x220)
+    del x220
+    x227 = np.where(angle_3_5 > x263, angle_3_5, 3.141592653589793)
     del angle_3_5
-    row_1_1_6 = np.where(moves_1_2, x151, x145)
-    del x145
-    x152 = np.where(angle_3_6 > x187, angle_3_6, 3.141592653589793)
+    row_1_1_6 = np.where(moves_1_2, x227, x221)
+    del x221
+    x228 = np.where(angle_3_6 > x263, angle_3_6, 3.141592653589793)
     del angle_3_6
-    row_1_1_7 = np.where(moves_1_2, x152, x146)
-    del x146
+    row_1_1_7 = np.where(moves_1_2, x228, x222)
+    del x222
     there_1_2 = (moves_1_3) | ((there_3) & (~(moves_1_2)))
     del moves_1_2, there_3
     row_1_2_0 = np.where(moves_1_3, holes_3 - 1.0, holes_2)
     del holes_2
     row_1_2_1 = np.where(moves_1_3, code_4, code_3)
     del code_3
-    x153 = np.where(angle_4_1 > x187, angle_4_1, 3.141592653589793)
+    x229 = np.where(angle_4_1 > x263, angle_4_1, 3.141592653589793)
     del angle_4_1
-    row_1_2_2 = np.where(moves_1_3, x153, x147)
-    del x147
-    x154 = np.where(angle_4_2 > x187, angle_4_2, 3.141592653589793)
+    row_1_2_2 = np.where(moves_1_3, x229, x223)
+    del x223
+    x230 = np.where(angle_4_2 > x263, angle_4_2, 3.141592653589793)
     del angle_4_2
-    row_1_2_3 = np.where(moves_1_3, x154, x148)
-    del x148
-    x155 = np.where(angle_4_3 > x187, angle_4_3, 3.141592653589793)
+    row_1_2_3 = np.where(moves_1_3, x230, x224)
+    del x224
+    x231 = np.where(angle_4_3 > x263, angle_4_3, 3.141592653589793)
     del angle_4_3
-    row_1_2_4 = np.where(moves_1_3, x155, x149)
-    del x149
-    x156 = np.where(angle_4_4 > x187, angle_4_4, 3.141592653589793)
+    row_1_2_4 = np.where(moves_1_3, x231, x225)
+    del x225
+    x232 = np.where(angle_4_4 > x263, angle_4_4, 3.141592653589793)
     del angle_4_4
-    row_1_2_5 = np.where(moves_1_3, x156, x150)
-    del x150
-    x157 = np.where(angle_4_5 > x187, angle_4_5, 3.141592653589793)
+    row_1_2_5 = np.where(moves_1_3, x232, x226)
+    del x226
+    x233 = np.where(angle_4_5 > x263, angle_4_5, 3.141592653589793)
     del angle_4_5
-    row_1_2_6 = np.where(moves_1_3, x157, x151)
-    del x151
-    x158 = np.where(angle_4_6 > x187, angle_4_6, 3.141592653589793)
+    row_1_2_6 = np.where(moves_1_3, x233, x227)
+    del x227
+    x234 = np.where(angle_4_6 > x263, angle_4_6, 3.141592653589793)
     del angle_4_6
-    row_1_2_7 = np.where(moves_1_3, x158, x152)
-    del x152
+    row_1_2_7 = np.where(moves_1_3, x234, x228)
+    del x228
     there_1_3 = (moves_1_4) | ((there_4) & (~(moves_1_3)))
     del moves_1_3, there_4
     row_1_3_0 = np.where(moves_1_4, holes_4 - 1.0, holes_3)
     del holes_3
     row_1_3_1 = np.where(moves_1_4, code_5, code_4)
     del code_4
-    x159 = np.where(angle_5_1 > x187, angle_5_1, 3.141592653589793)
+    x235 = np.where(angle_5_1 > x263, angle_5_1, 3.141592653589793)
     del angle_5_1
-    row_1_3_2 = np.where(moves_1_4, x159, x153)
-    del x153
-    x160 = np.where(angle_5_2 > x187, angle_5_2, 3.141592653589793)
+    row_1_3_2 = np.where(moves_1_4, x235, x229)
+    del x229
+    x236 = np.where(angle_5_2 > x263, angle_5_2, 3.141592653589793)
     del angle_5_2
-    row_1_3_3 = np.where(moves_1_4, x160, x154)
-    del x154
-    x161 = np.where(angle_5_3 > x187, angle_5_3, 3.141592653589793)
+    row_1_3_3 = np.where(moves_1_4, x236, x230)
+    del x230
+    x237 = np.where(angle_5_3 > x263, angle_5_3, 3.141592653589793)
     del angle_5_3
-    row_1_3_4 = np.where(moves_1_4, x161, x155)
-    del x155
-    x162 = np.where(angle_5_4 > x187, angle_5_4, 3.141592653589793)
+    row_1_3_4 = np.where(moves_1_4, x237, x231)
+    del x231
+    x238 = np.where(angle_5_4 > x263, angle_5_4, 3.141592653589793)
     del angle_5_4
-    row_1_3_5 = np.where(moves_1_4, x162, x156)
-    del x156
-    x163 = np.where(angle_5_5 > x187, angle_5_5, 3.141592653589793)
+    row_1_3_5 = np.where(moves_1_4, x238, x232)
+    del x232
+    x239 = np.where(angle_5_5 > x263, angle_5_5, 3.141592653589793)
     del angle_5_5
-    row_1_3_6 = np.where(moves_1_4, x163, x157)
-    del x157
-    x164 = np.where(angle_5_6 > x187, angle_5_6, 3.141592653589793)
+    row_1_3_6 = np.where(moves_1_4, x239, x233)
+    del x233
+    x240 = np.where(angle_5_6 > x263, angle_5_6, 3.141592653589793)
     del angle_5_6
-    row_1_3_7 = np.where(moves_1_4, x164, x158)
-    del x158
+    row_1_3_7 = np.where(moves_1_4, x240, x234)
+    del x234
     there_1_4 = (moves_1_5) | ((there_5) & (~(moves_1_4)))
     del moves_1_4, there_5
     row_1_4_0 = np.where(moves_1_5, holes_5 - 1.0, holes_4)
     del holes_4
     row_1_4_1 = np.where(moves_1_5, code_6, code_5)
     del code_5
-    x165 = np.where(angle_6_1 > x187, angle_6_1, 3.141592653589793)
+    x241 = np.where(angle_6_1 > x263, angle_6_1, 3.141592653589793)
     del angle_6_1
-    row_1_4_2 = np.where(moves_1_5, x165, x159)
-    del x159
-    x166 = np.where(angle_6_2 > x187, angle_6_2, 3.141592653589793)
+    row_1_4_2 = np.where(moves_1_5, x241, x235)
+    del x235
+    x242 = np.where(angle_6_2 > x263, angle_6_2, 3.141592653589793)
     del angle_6_2
-    row_1_4_3 = np.where(moves_1_5, x166, x160)
-    del x160
-    x167 = np.where(angle_6_3 > x187, angle_6_3, 3.141592653589793)
+    row_1_4_3 = np.where(moves_1_5, x242, x236)
+    del x236
+    x243 = np.where(angle_6_3 > x263, angle_6_3, 3.141592653589793)
     del angle_6_3
-    row_1_4_4 = np.where(moves_1_5, x167, x161)
-    del x161
-    x168 = np.where(angle_6_4 > x187, angle_6_4, 3.141592653589793)
+    row_1_4_4 = np.where(moves_1_5, x243, x237)
+    del x237
+    x244 = np.where(angle_6_4 > x263, angle_6_4, 3.141592653589793)
     del angle_6_4
-    row_1_4_5 = np.where(moves_1_5, x168, x162)
-    del x162
-    x169 = np.where(angle_6_5 > x187, angle_6_5, 3.141592653589793)
+    row_1_4_5 = np.where(moves_1_5, x244, x238)
+    del x238
+    x245 = np.where(angle_6_5 > x263, angle_6_5, 3.141592653589793)
     del angle_6_5
-    row_1_4_6 = np.where(moves_1_5, x169, x163)
-    del x163
-    x170 = np.where(angle_6_6 > x187, angle_6_6, 3.141592653589793)
+    row_1_4_6 = np.where(moves_1_5, x245, x239)
+    del x239
+    x246 = np.where(angle_6_6 > x263, angle_6_6, 3.141592653589793)
     del angle_6_6
-    row_1_4_7 = np.where(moves_1_5, x170, x164)
-    del x164
+    row_1_4_7 = np.where(moves_1_5, x246, x240)
+    del x240
     there_1_5 = (moves_1_6) | ((there_6) & (~(moves_1_5)))
     del moves_1_5, there_6
     row_1_5_0 = np.where(moves_1_6, holes_6 - 1.0, holes_5)
     del holes_5
     row_1_5_1 = np.where(moves_1_6, code_7, code_6)
     del code_6
-    x171 = np.where(angle_7_1 > x187, angle_7_1, 3.141592653589793)
+    x247 = np.where(angle_7_1 > x263, angle_7_1, 3.141592653589793)
     del angle_7_1
-    row_1_5_2 = np.where(moves_1_6, x171, x165)
-    del x165
-    x172 = np.where(angle_7_2 > x187, angle_7_2, 3.141592653589793)
+    row_1_5_2 = np.where(moves_1_6, x247, x241)
+    del x241
+    x248 = np.where(angle_7_2 > x263, angle_7_2, 3.141592653589793)
     del angle_7_2
-    row_1_5_3 = np.where(moves_1_6, x172, x166)
-    del x166
-    x173 = np.where(angle_7_3 > x187, angle_7_3, 3.141592653589793)
+    row_1_5_3 = np.where(moves_1_6, x248, x242)
+    del x242
+    x249 = np.where(angle_7_3 > x263, angle_7_3, 3.141592653589793)
     del angle_7_3
-    row_1_5_4 = np.where(moves_1_6, x173, x167)
-    del x167
-    x174 = np.where(angle_7_4 > x187, angle_7_4, 3.141592653589793)
+    row_1_5_4 = np.where(moves_1_6, x249, x243)
+    del x243
+    x250 = np.where(angle_7_4 > x263, angle_7_4, 3.141592653589793)
     del angle_7_4
-    row_1_5_5 = np.where(moves_1_6, x174, x168)
-    del x168
-    x175 = np.where(angle_7_5 > x187, angle_7_5, 3.141592653589793)
+    row_1_5_5 = np.where(moves_1_6, x250, x244)
+    del x244
+    x251 = np.where(angle_7_5 > x263, angle_7_5, 3.141592653589793)
     del angle_7_5
-    row_1_5_6 = np.where(moves_1_6, x175, x169)
-    del x169
-    x176 = np.where(angle_7_6 > x187, angle_7_6, 3.141592653589793)
+    row_1_5_6 = np.where(moves_1_6, x251, x245)
+    del x245
+    x252 = np.where(angle_7_6 > x263, angle_7_6, 3.141592653589793)
     del angle_7_6
-    row_1_5_7 = np.where(moves_1_6, x176, x170)
-    del x170
+    row_1_5_7 = np.where(moves_1_6, x252, x246)
+    del x246
     there_1_6 = (moves_1_7) | ((there_7) & (~(moves_1_6)))
     del moves_1_6, there_7
     row_1_6_0 = np.where(moves_1_7, holes_7 - 1.0, holes_6)
     del holes_6
     row_1_6_1 = np.where(moves_1_7, code_8, code_7)
     del code_7
-    x177 = np.where(angle_8_1 > x187, angle_8_1, 3.141592653589793)
+    x253 = np.where(angle_8_1 > x263, angle_8_1, 3.141592653589793)
     del angle_8_1
-    row_1_6_2 = np.where(moves_1_7, x177, x171)
-    del x171
-    x178 = np.where(angle_8_2 > x187, angle_8_2, 3.141592653589793)
+    row_1_6_2 = np.where(moves_1_7, x253, x247)
+    del x247
+    x254 = np.where(angle_8_2 > x263, angle_8_2, 3.141592653589793)
     del angle_8_2
-    row_1_6_3 = np.where(moves_1_7, x178, x172)
-    del x172
-    x179 = np.where(angle_8_3 > x187, angle_8_3, 3.141592653589793)
+    row_1_6_3 = np.where(moves_1_7, x254, x248)
+    del x248
+    x255 = np.where(angle_8_3 > x263, angle_8_3, 3.141592653589793)
     del angle_8_3
-    row_1_6_4 = np.where(moves_1_7, x179, x173)
-    del x173
-    x180 = np.where(angle_8_4 > x187, angle_8_4, 3.141592653589793)
+    row_1_6_4 = np.where(moves_1_7, x255, x249)
+    del x249
+    x256 = np.where(angle_8_4 > x263, angle_8_4, 3.141592653589793)
     del angle_8_4
-    row_1_6_5 = np.where(moves_1_7, x180, x174)
-    del x174
-    x181 = np.where(angle_8_5 > x187, angle_8_5, 3.141592653589793)
+    row_1_6_5 = np.where(moves_1_7, x256, x250)
+    del x250
+    x257 = np.where(angle_8_5 > x263, angle_8_5, 3.141592653589793)
     del angle_8_5
-    row_1_6_6 = np.where(moves_1_7, x181, x175)
-    del x175
-    x182 = np.where(angle_8_6 > x187, angle_8_6, 3.141592653589793)
-    del angle_8_6, x187
-    row_1_6_7 = np.where(moves_1_7, x182, x176)
-    del x176
+    row_1_6_6 = np.where(moves_1_7, x257, x251)
+    del x251
+    x258 = np.where(angle_8_6 > x263, angle_8_6, 3.141592653589793)
+    del angle_8_6, x263
+    row_1_6_7 = np.where(moves_1_7, x258, x252)
+    del x252
     there_1_7 = (there_8) & (~(moves_1_7))
     del moves_1_7, there_8
     moves_2_2 = (there_1_2) & ((row_1_2_0 == 2.0) | (row_1_2_0 == 6.0))
@@ -1118,17 +1397,17 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del row_1_5_0
     row_2_5_1 = np.where(moves_2_7, code_8, row_1_5_1)
     del row_1_5_1
-    row_2_5_2 = np.where(moves_2_7, x177, row_1_5_2)
+    row_2_5_2 = np.where(moves_2_7, x253, row_1_5_2)
     del row_1_5_2
-    row_2_5_3 = np.where(moves_2_7, x178, row_1_5_3)
+    row_2_5_3 = np.where(moves_2_7, x254, row_1_5_3)
     del row_1_5_3
-    row_2_5_4 = np.where(moves_2_7, x179, row_1_5_4)
+    row_2_5_4 = np.where(moves_2_7, x255, row_1_5_4)
     del row_1_5_4
-    row_2_5_5 = np.where(moves_2_7, x180, row_1_5_5)
+    row_2_5_5 = np.where(moves_2_7, x256, row_1_5_5)
     del row_1_5_5
-    row_2_5_6 = np.where(moves_2_7, x181, row_1_5_6)
+    row_2_5_6 = np.where(moves_2_7, x257, row_1_5_6)
     del row_1_5_6
-    row_2_5_7 = np.where(moves_2_7, x182, row_1_5_7)
+    row_2_5_7 = np.where(moves_2_7, x258, row_1_5_7)
     del row_1_5_7
     there_2_6 = (there_1_6) & (~(moves_2_6))
     del moves_2_6, there_1_6
@@ -1194,17 +1473,17 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del there_2_3
     row_4_3_1 = np.where(moves_4_7, code_8, row_2_3_1)
     del row_2_3_1
-    row_4_3_2 = np.where(moves_4_7, x177, row_2_3_2)
+    row_4_3_2 = np.where(moves_4_7, x253, row_2_3_2)
     del row_2_3_2
-    row_4_3_3 = np.where(moves_4_7, x178, row_2_3_3)
+    row_4_3_3 = np.where(moves_4_7, x254, row_2_3_3)
     del row_2_3_3
-    row_4_3_4 = np.where(moves_4_7, x179, row_2_3_4)
+    row_4_3_4 = np.where(moves_4_7, x255, row_2_3_4)
     del row_2_3_4
-    row_4_3_5 = np.where(moves_4_7, x180, row_2_3_5)
+    row_4_3_5 = np.where(moves_4_7, x256, row_2_3_5)
     del row_2_3_5
-    row_4_3_6 = np.where(moves_4_7, x181, row_2_3_6)
+    row_4_3_6 = np.where(moves_4_7, x257, row_2_3_6)
     del row_2_3_6
-    row_4_3_7 = np.where(moves_4_7, x182, row_2_3_7)
+    row_4_3_7 = np.where(moves_4_7, x258, row_2_3_7)
     del row_2_3_7
     there_4_4 = (there_2_4) & (~(moves_4_4))
     del moves_4_4, there_2_4
@@ -1298,18 +1577,18 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del row_1_6_6
     angles_7_6 = np.where(there_4_6, row_1_6_7, np.nan)
     del row_1_6_7
-    angles_8_1 = np.where(there_4_7, x177, np.nan)
-    del x177
-    angles_8_2 = np.where(there_4_7, x178, np.nan)
-    del x178
-    angles_8_3 = np.where(there_4_7, x179, np.nan)
-    del x179
-    angles_8_4 = np.where(there_4_7, x180, np.nan)
-    del x180
-    angles_8_5 = np.where(there_4_7, x181, np.nan)
-    del x181
-    angles_8_6 = np.where(there_4_7, x182, np.nan)
-    del x182
+    angles_8_1 = np.where(there_4_7, x253, np.nan)
+    del x253
+    angles_8_2 = np.where(there_4_7, x254, np.nan)
+    del x254
+    angles_8_3 = np.where(there_4_7, x255, np.nan)
+    del x255
+    angles_8_4 = np.where(there_4_7, x256, np.nan)
+    del x256
+    angles_8_5 = np.where(there_4_7, x257, np.nan)
+    del x257
+    angles_8_6 = np.where(there_4_7, x258, np.nan)
+    del x258
     status_1 = np.where(~(good), 5.0, np.where(~(there_4_0), 3.0, row_4_0_1))
     del row_4_0_1, there_4_0
     status_2 = np.where(~(good), 5.0, np.where(~(there_4_1), 3.0, row_4_1_1))
@@ -1371,12 +1650,14 @@ robot_parallel_reverse.types = ["ddddd->db", "fffff->fb"]
 
 
 def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
-    # 267 add, 420 mul, 21 div, 30 sqrt, 328 select, 168 compare, 54 abs, 34 atan2
-    rough = np.abs(pose_4_1) + np.abs(pose_4_2) + np.abs(pose_4_3) + np.abs(pose_4_4 - 1.0) + 2.0*np.abs(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + 2.0*np.abs(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + 2.0*np.abs(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3) + np.abs((pose_1_1*pose_1_1) + (pose_2_1*pose_2_1) + (pose_3_1*pose_3_1) - 1.0) + np.abs((pose_1_2*pose_1_2) + (pose_2_2*pose_2_2) + (pose_3_2*pose_3_2) - 1.0) + np.abs((pose_1_3*pose_1_3) + (pose_2_3*pose_2_3) + (pose_3_3*pose_3_3) - 1.0)
+    # 347 add, 568 mul, 26 div, 40 sqrt, 378 select, 204 compare, 53 abs, 34 atan2
+    x0 = (pose_1_3*pose_1_3)
+    x1 = (pose_2_3*pose_2_3)
+    rough = np.abs(pose_4_1) + np.abs(pose_4_2) + np.abs(pose_4_3) + np.abs(pose_4_4 - 1.0) + 2.0*np.abs(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + 2.0*np.abs(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + 2.0*np.abs(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3) + np.abs((pose_1_1*pose_1_1) + (pose_2_1*pose_2_1) + (pose_3_1*pose_3_1) - 1.0) + np.abs((pose_1_2*pose_1_2) + (pose_2_2*pose_2_2) + (pose_3_2*pose_3_2) - 1.0) + np.abs((pose_3_3*pose_3_3) + x0 + x1 - 1.0)
     handed = pose_1_1*(pose_2_2*pose_3_3 - pose_2_3*pose_3_2) + pose_2_1*(pose_1_3*pose_3_2 - pose_1_2*pose_3_3) + pose_3_1*(pose_1_2*pose_2_3 - pose_1_3*pose_2_2)
-    x0 = np.abs(a_2)
-    x1 = np.abs(a_3)
-    spare = x0 + x1 + np.abs(a_1) + np.abs(a_4) + np.abs(a_5) + np.abs(offset_1) + np.abs(offset_2) + np.abs(offset_3) + np.abs(offset_4) + np.abs(offset_5) + np.abs(offset_6) + np.abs(pose_1_4) + np.abs(pose_2_4) + np.abs(pose_3_4)
+    x2 = np.abs(a_2)
+    x3 = np.abs(a_3)
+    spare = x2 + x3 + np.abs(a_1) + np.abs(a_4) + np.abs(a_5) + np.abs(offset_1) + np.abs(offset_2) + np.abs(offset_3) + np.abs(offset_4) + np.abs(offset_5) + np.abs(offset_6) + np.abs(pose_1_4) + np.abs(pose_2_4) + np.abs(pose_3_4)
     good = (rough <= 1.0/1000000.0) & (spare <= largest) & (handed > 0.0)
     del handed, rough
     near = (good) & (spare <= eps*np.sqrt(largest))
@@ -1385,111 +1666,144 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     centre_3 = pose_3_4 - offset_1 - offset_6*pose_3_3
     height = cosine_4*offset_5 + offset_2 + offset_3 + offset_4
     square = (a_2*a_2) + (a_3*a_3)
-    x2 = (sine_1*sine_1)
-    first_r = np.sqrt((centre_1*centre_1)*x2 + (centre_2*centre_2)*x2)
-    del x2
-    x3 = centre_3*cosine_1 - height
+    x4 = a_2*a_3
+    width = 2.0*np.abs(x4)
+    x5 = (sine_1*sine_1)
+    x6 = x0*x5
+    del x0
+    first_free_square = x1*x5 + x6
+    first_free_amplitude = np.sqrt(first_free_square)
+    first_free_per_square = np.where(first_free_square > 0.0, 1.0/first_free_square, 1.0)
+    x13 = pose_2_3*sine_1
+    x7 = cosine_1*pose_3_3
+    x8 = cosine_4*cosine_5
+    x217 = x8 - x7
+    x218 = sine_4*sine_5
+    x219 = np.abs(x218)
+    first_free_serves = (first_free_square <= 0.0) | (np.abs(x13 + x217) <= x219)
+    x10 = x7 - x8
+    first_free_at = np.where(first_free_amplitude < -x10, first_free_amplitude, np.where(first_free_amplitude < x10, -first_free_amplitude, -x10))
+    x12 = (first_free_at*first_free_at)
+    first_free_rest = np.where(first_free_square > x12, np.sqrt(first_free_square - x12), 0.0)
+    del first_free_square, x12
+    x14 = pose_1_3*sine_1
+    first_free_c_first = np.where(first_free_serves, 1.0, first_free_per_square*(-first_free_at*x13 - first_free_rest*x14))
+    first_free_s_first = np.where(first_free_serves, 0.0, first_free_per_square*(first_free_at*x14 - first_free_rest*x13))
+    del first_free_at, first_free_rest, first_free_serves, x13, x14
+    x15 = 2.0*first_free_per_square*pose_1_3*pose_2_3*x5
+    x16 = first_free_per_square*(x1*x5 - x6)
+    del first_free_per_square, x1, x6
+    first_free_c_second = first_free_c_first*x16 - first_free_s_first*x15
+    first_free_s_second = -first_free_c_first*x15 - first_free_s_first*x16
+    del x15, x16
+    first_free_split = (first_free_amplitude + x10 > x219) & (first_free_amplitude + x217 > x219)
+    del first_free_amplitude, x10, x217, x219
+    first_r = np.sqrt((centre_1*centre_1)*x5 + (centre_2*centre_2)*x5)
+    del x5
+    x17 = centre_3*cosine_1 - height
     del height
-    x4 = np.abs(x3)
-    first_room = first_r - x4
-    x155 = 4096.0*eps
-    x156 = spare*x155
-    first_free = (first_r <= x156) & (x4 <= x156)
-    x26 = 64.0*eps
-    x154 = spare*x26
-    first_double = (np.abs(first_room) <= x154) & (~(first_free))
-    first_exists = (first_free) | ((first_room >= -x154) & (first_r > 0.0))
-    del x154
-    first_q = np.where((~(first_double)) & (first_room > 0.0), np.sqrt(first_room*(first_r + x4)), 0.0)
-    del first_room, x4
-    first_size = first_r*np.sqrt((first_q*first_q) + (x3*x3))
+    x18 = np.abs(x17)
+    first_room = first_r - x18
+    x214 = 4096.0*eps
+    x215 = spare*x214
+    first_free = (first_r <= x215) & (x18 <= x215)
+    x37 = 64.0*eps
+    x213 = spare*x37
+    first_double = (np.abs(first_room) <= x213) & (~(first_free))
+    first_exists = (first_free) | ((first_room >= -x213) & (first_r > 0.0))
+    del x213
+    first_q = np.where((~(first_double)) & (first_room > 0.0), np.sqrt(first_room*(first_r + x18)), 0.0)
+    del first_room, x18
+    first_size = first_r*np.sqrt((first_q*first_q) + (x17*x17))
     del first_r
     first_scale = np.where(first_size > 0.0, 1.0/first_size, 1.0)
     del first_size
-    x5 = first_q*sine_1
+    x19 = first_q*sine_1
     del first_q
-    x6 = centre_1*x5
-    first_c_a = np.where(first_free, 1.0, first_scale*(centre_2*sine_1*x3 - x6))
-    x7 = centre_2*x5
-    del x5
-    x8 = sine_1*x3
-    del x3
-    x9 = centre_1*x8
-    first_s_a = np.where(first_free, 0.0, first_scale*(-x7 - x9))
-    first_c_b = np.where(first_free, 1.0, first_scale*(centre_2*x8 + x6))
-    del x6, x8
-    first_s_b = np.where(first_free, 0.0, first_scale*(x7 - x9))
-    del first_scale, x7, x9
-    first_two = (first_exists) & (~((first_double) | (first_free)))
-    side_a = centre_2*first_c_a - centre_1*first_s_a
-    end_a_1 = centre_1*first_c_a + centre_2*first_s_a - a_1
-    x11 = centre_3*sine_1
-    del centre_3
-    end_a_2 = cosine_1*side_a + x11
-    del side_a
-    axes_a_1_1 = first_c_a*pose_1_1 + first_s_a*pose_2_1
-    axes_a_1_2 = first_c_a*pose_1_2 + first_s_a*pose_2_2
-    axes_a_1_3 = first_c_a*pose_1_3 + first_s_a*pose_2_3
-    x12 = pose_3_1*sine_1
-    x13 = first_c_a*pose_2_1 - first_s_a*pose_1_1
-    axes_a_2_1 = cosine_1*x13 + x12
-    x14 = pose_3_2*sine_1
-    x15 = first_c_a*pose_2_2 - first_s_a*pose_1_2
-    axes_a_2_2 = cosine_1*x15 + x14
-    x16 = pose_3_3*sine_1
-    x17 = first_c_a*pose_2_3 - first_s_a*pose_1_3
-    axes_a_2_3 = cosine_1*x17 + x16
-    x18 = cosine_1*pose_3_1
-    axes_a_3_1 = x18 - sine_1*x13
-    del x13
-    x19 = cosine_1*pose_3_2
-    axes_a_3_2 = x19 - sine_1*x15
-    del x15
-    x20 = cosine_1*pose_3_3
-    axes_a_3_3 = x20 - sine_1*x17
+    x20 = centre_1*x19
+    first_c_a = np.where(first_free, 1.0, first_scale*(centre_2*sine_1*x17 - x20))
+    x21 = centre_2*x19
+    del x19
+    x22 = sine_1*x17
     del x17
+    x23 = centre_1*x22
+    first_s_a = np.where(first_free, 0.0, first_scale*(-x21 - x23))
+    first_c_b = np.where(first_free, 1.0, first_scale*(centre_2*x22 + x20))
+    del x20, x22
+    first_s_b = np.where(first_free, 0.0, first_scale*(x21 - x23))
+    del first_scale, x21, x23
+    first_two = (first_exists) & (~((first_double) | (first_free)))
+    c_1_a = np.where(first_free, first_free_c_first, first_c_a)
+    del first_c_a, first_free_c_first
+    s_1_a = np.where(first_free, first_free_s_first, first_s_a)
+    del first_free_s_first, first_s_a
+    side_a = c_1_a*centre_2 - centre_1*s_1_a
+    end_a_1 = c_1_a*centre_1 + centre_2*s_1_a - a_1
+    x25 = centre_3*sine_1
+    del centre_3
+    end_a_2 = cosine_1*side_a + x25
+    del side_a
+    axes_a_1_1 = c_1_a*pose_1_1 + pose_2_1*s_1_a
+    axes_a_1_2 = c_1_a*pose_1_2 + pose_2_2*s_1_a
+    axes_a_1_3 = c_1_a*pose_1_3 + pose_2_3*s_1_a
+    x26 = pose_3_1*sine_1
+    x27 = c_1_a*pose_2_1 - pose_1_1*s_1_a
+    axes_a_2_1 = cosine_1*x27 + x26
+    x28 = pose_3_2*sine_1
+    x29 = c_1_a*pose_2_2 - pose_1_2*s_1_a
+    axes_a_2_2 = cosine_1*x29 + x28
+    x30 = pose_3_3*sine_1
+    x31 = c_1_a*pose_2_3 - pose_1_3*s_1_a
+    axes_a_2_3 = cosine_1*x31 + x30
+    x32 = cosine_1*pose_3_1
+    axes_a_3_1 = x32 - sine_1*x27
+    del x27
+    x33 = cosine_1*pose_3_2
+    axes_a_3_2 = x33 - sine_1*x29
+    del x29
+    axes_a_3_3 = x7 - sine_1*x31
+    del x31
     h_a = np.sqrt((axes_a_3_1*axes_a_3_1) + (axes_a_3_2*axes_a_3_2))
     bend_a_denominator = np.abs(axes_a_3_3) + 1.0
-    x21 = cosine_4 - cosine_5
-    x22 = cosine_4 + cosine_5
-    bend_a_apart = np.where(axes_a_3_3 >= 0.0, x21, x22)
-    x23 = cosine_4*cosine_5
-    bend_a_product = np.where(axes_a_3_3 >= 0.0, x23, -x23)
-    x25 = (bend_a_apart*bend_a_apart)
+    x34 = cosine_4 - cosine_5
+    x35 = cosine_4 + cosine_5
+    bend_a_apart = np.where(axes_a_3_3 >= 0.0, x34, x35)
+    bend_a_product = np.where(axes_a_3_3 >= 0.0, x8, -x8)
+    x36 = (bend_a_apart*bend_a_apart)
     del bend_a_apart
-    bend_a_gram = (h_a*h_a)*(1.0 - 2.0*bend_a_product/bend_a_denominator) - x25
+    bend_a_gram = (h_a*h_a)*(1.0 - 2.0*bend_a_product/bend_a_denominator) - x36
     del bend_a_denominator, bend_a_product
-    bend_a_tolerance = x26*(h_a + x25)
-    del x25
-    bend_a_free = (bend_a_gram >= -bend_a_tolerance) & (h_a <= x155)
+    bend_a_tolerance = x37*(h_a + x36)
+    del x36
+    bend_a_free = (bend_a_gram >= -bend_a_tolerance) & (h_a <= x214)
     del h_a
     bend_a_double = (np.abs(bend_a_gram) <= bend_a_tolerance) & (~(bend_a_free))
     bend_a_exists = bend_a_gram >= -bend_a_tolerance
     del bend_a_tolerance
     bend_a_q = np.where((~(bend_a_double)) & (bend_a_gram > 0.0), np.sqrt(bend_a_gram), 0.0)
     del bend_a_gram
-    bend_a_along = x23 - axes_a_3_3
-    del axes_a_3_3
+    bend_a_along = x8 - axes_a_3_3
     bend_a_size = np.sqrt((bend_a_along*bend_a_along) + (bend_a_q*bend_a_q))
-    x27 = np.where(sine_4*sine_5 < 0.0, -1.0, 1.0)
-    bend_a_scale = x27*np.where(bend_a_size > 0.0, 1.0/bend_a_size, 1.0)
+    x38 = np.where(x218 < 0.0, -1.0, 1.0)
+    del x218
+    bend_a_scale = x38*np.where(bend_a_size > 0.0, 1.0/bend_a_size, 1.0)
     del bend_a_size
     bend_a_c = bend_a_along*bend_a_scale
     del bend_a_along
     bend_a_s = bend_a_q*bend_a_scale
     del bend_a_q, bend_a_scale
     bend_a_two = (bend_a_exists) & (~((bend_a_double) | (bend_a_free)))
-    x28 = bend_a_s*sine_4
-    x29 = axes_a_3_1*x28
-    x30 = cosine_4*sine_5
-    x31 = cosine_5*sine_4
-    x32 = bend_a_c*x31 + x30
-    sixth_aa_dot = axes_a_3_2*x32 + x29
-    x33 = axes_a_3_2*x28
-    del x28
-    x34 = axes_a_3_1*x32
+    x39 = bend_a_s*sine_4
+    x40 = axes_a_3_1*x39
+    x41 = cosine_4*sine_5
+    x42 = cosine_5*sine_4
+    x43 = bend_a_c*x42 + x41
+    sixth_aa_dot = axes_a_3_2*x43 + x40
+    x44 = axes_a_3_2*x39
+    del x39
+    x45 = axes_a_3_1*x43
     del axes_a_3_1
-    sixth_aa_cross = x34 - x33
+    sixth_aa_cross = x45 - x44
     sixth_aa_size = np.sqrt((sixth_aa_cross*sixth_aa_cross) + (sixth_aa_dot*sixth_aa_dot))
     sixth_aa_scale = np.where(sixth_aa_size > 0.0, 1.0/sixth_aa_size, 1.0)
     del sixth_aa_size
@@ -1497,81 +1811,117 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del sixth_aa_dot
     sixth_aa_s = np.where(bend_a_free, 0.0, sixth_aa_cross*sixth_aa_scale)
     del sixth_aa_cross, sixth_aa_scale
-    x35 = bend_a_s*sine_5
-    x36 = axes_a_1_3*x35
+    x46 = bend_a_s*sine_5
+    x47 = axes_a_1_3*x46
     del axes_a_1_3
-    x37 = bend_a_s*cosine_5
-    x38 = bend_a_c*sixth_aa_c - sixth_aa_s*x37
-    x39 = -bend_a_c*sixth_aa_s - sixth_aa_c*x37
-    c_234_aa = axes_a_1_1*x38 + axes_a_1_2*x39 + x36
-    x40 = axes_a_2_3*x35
-    del axes_a_2_3, x35
-    s_234_aa = axes_a_2_1*x38 + axes_a_2_2*x39 + x40
-    del x38, x39
-    x42 = offset_5*sine_4
-    corner_aa_1 = end_a_1 - a_4*c_234_aa - s_234_aa*x42
-    corner_aa_2 = c_234_aa*x42 + end_a_2 - a_4*s_234_aa
-    x43 = (spare*spare)
+    x48 = bend_a_s*cosine_5
+    x49 = bend_a_c*sixth_aa_c - sixth_aa_s*x48
+    x50 = -bend_a_c*sixth_aa_s - sixth_aa_c*x48
+    c_zero_aa = axes_a_1_1*x49 + axes_a_1_2*x50 + x47
+    x51 = axes_a_2_3*x46
+    del axes_a_2_3, x46
+    s_zero_aa = axes_a_2_1*x49 + axes_a_2_2*x50 + x51
+    del x49, x50
+    x52 = offset_5*sine_4
+    hand_aa_1 = a_4*c_zero_aa + s_zero_aa*x52
+    hand_aa_2 = a_4*s_zero_aa - c_zero_aa*x52
+    x53 = 2.0*hand_aa_1
+    x54 = end_a_1*x53
+    x55 = 2.0*hand_aa_2
+    x56 = end_a_2*x55
+    x57 = -x54 - x56
+    x58 = end_a_1*x55 - end_a_2*x53
+    del x53, x55
+    turn_aa_square = (x57*x57) + (x58*x58)
+    turn_aa_amplitude = np.sqrt(turn_aa_square)
+    turn_aa_per_square = np.where(turn_aa_square > 0.0, 1.0/turn_aa_square, 1.0)
+    x60 = (end_a_1*end_a_1) + (end_a_2*end_a_2) - square
+    x61 = (hand_aa_1*hand_aa_1) + (hand_aa_2*hand_aa_2) + x60
+    turn_aa_serves = (turn_aa_square <= 0.0) | (np.abs(x54 + x56 - x61) <= width)
+    del x54, x56
+    turn_aa_at = np.where(turn_aa_amplitude < -x61, turn_aa_amplitude, np.where(turn_aa_amplitude < x61, -turn_aa_amplitude, -x61))
+    del turn_aa_amplitude, x61
+    x63 = (turn_aa_at*turn_aa_at)
+    turn_aa_rest = np.where(turn_aa_square > x63, np.sqrt(turn_aa_square - x63), 0.0)
+    del turn_aa_square, x63
+    turn_aa_c_first = np.where(turn_aa_serves, 1.0, turn_aa_per_square*(turn_aa_at*x57 - turn_aa_rest*x58))
+    turn_aa_s_first = np.where(turn_aa_serves, 0.0, turn_aa_per_square*(turn_aa_at*x58 + turn_aa_rest*x57))
+    del turn_aa_at, turn_aa_per_square, turn_aa_rest, turn_aa_serves, x57, x58
+    c_turn_aa = np.where(bend_a_free, turn_aa_c_first, 1.0)
+    del turn_aa_c_first
+    s_turn_aa = np.where(bend_a_free, turn_aa_s_first, 0.0)
+    del turn_aa_s_first
+    c_6_aa = np.where(bend_a_free, c_turn_aa, sixth_aa_c)
+    del sixth_aa_c
+    s_6_aa = np.where(bend_a_free, np.where(axes_a_3_3 > 0.0, -s_turn_aa, s_turn_aa), sixth_aa_s)
+    del sixth_aa_s
+    c_234_aa = c_turn_aa*c_zero_aa - s_turn_aa*s_zero_aa
+    s_234_aa = c_turn_aa*s_zero_aa + c_zero_aa*s_turn_aa
+    del c_zero_aa, s_zero_aa
+    corner_aa_1 = end_a_1 + hand_aa_2*s_turn_aa - c_turn_aa*hand_aa_1
+    corner_aa_2 = end_a_2 - c_turn_aa*hand_aa_2 - hand_aa_1*s_turn_aa
+    del c_turn_aa, hand_aa_1, hand_aa_2, s_turn_aa
+    x65 = (spare*spare)
     del spare
-    x44 = x26*x43
-    triangle_aa_area = x44
-    x45 = 2.0*x0*x1
-    del x0, x1
-    triangle_aa_3_r = x45
-    x47 = (corner_aa_1*corner_aa_1) + (corner_aa_2*corner_aa_2) - square
-    x48 = np.abs(x47)
-    triangle_aa_3_room = triangle_aa_3_r - x48
-    x157 = x155*x43
-    del x43
-    triangle_aa_3_free = (triangle_aa_3_r <= x157) & (x48 <= x157)
+    x66 = x37*x65
+    triangle_aa_area = x66
+    x67 = 2.0*x2*x3
+    del x2, x3
+    triangle_aa_3_r = x67
+    x68 = (corner_aa_1*corner_aa_1) + (corner_aa_2*corner_aa_2) - square
+    x69 = np.abs(x68)
+    triangle_aa_3_room = triangle_aa_3_r - x69
+    x216 = x214*x65
+    del x65
+    triangle_aa_3_free = (triangle_aa_3_r <= x216) & (x69 <= x216)
     triangle_aa_3_double = (np.abs(triangle_aa_3_room) <= triangle_aa_area) & (~(triangle_aa_3_free))
     triangle_aa_3_exists = (triangle_aa_3_free) | ((triangle_aa_3_room >= -triangle_aa_area) & (triangle_aa_3_r > 0.0))
     del triangle_aa_area
-    triangle_aa_3_q = np.where((~(triangle_aa_3_double)) & (triangle_aa_3_room > 0.0), np.sqrt(triangle_aa_3_room*(triangle_aa_3_r + x48)), 0.0)
-    del triangle_aa_3_room, x48
-    triangle_aa_3_size = triangle_aa_3_r*np.sqrt((triangle_aa_3_q*triangle_aa_3_q) + (x47*x47))
+    triangle_aa_3_q = np.where((~(triangle_aa_3_double)) & (triangle_aa_3_room > 0.0), np.sqrt(triangle_aa_3_room*(triangle_aa_3_r + x69)), 0.0)
+    del triangle_aa_3_room, x69
+    triangle_aa_3_size = triangle_aa_3_r*np.sqrt((triangle_aa_3_q*triangle_aa_3_q) + (x68*x68))
     del triangle_aa_3_r
     triangle_aa_3_scale = np.where(triangle_aa_3_size > 0.0, 1.0/triangle_aa_3_size, 1.0)
     del triangle_aa_3_size
-    x50 = 2.0*a_2*a_3
-    x51 = triangle_aa_3_scale*x50
+    x71 = 2.0*x4
+    del x4
+    x72 = triangle_aa_3_scale*x71
     del triangle_aa_3_scale
-    x52 = np.where(triangle_aa_3_free, 1.0, x47*x51)
-    del x47
-    triangle_aa_3_c_a = x52
-    x53 = triangle_aa_3_q*x51
-    del triangle_aa_3_q, x51
-    triangle_aa_3_s_a = np.where(triangle_aa_3_free, 0.0, x53)
-    triangle_aa_3_c_b = x52
-    del x52
-    triangle_aa_3_s_b = np.where(triangle_aa_3_free, 0.0, -x53)
-    del x53
+    x73 = np.where(triangle_aa_3_free, 1.0, x68*x72)
+    del x68
+    triangle_aa_3_c_a = x73
+    x74 = triangle_aa_3_q*x72
+    del triangle_aa_3_q, x72
+    triangle_aa_3_s_a = np.where(triangle_aa_3_free, 0.0, x74)
+    triangle_aa_3_c_b = x73
+    del x73
+    triangle_aa_3_s_b = np.where(triangle_aa_3_free, 0.0, -x74)
+    del x74
     triangle_aa_3_two = (triangle_aa_3_exists) & (~((triangle_aa_3_double) | (triangle_aa_3_free)))
+    triangle_aa_any = np.abs(corner_aa_1) + np.abs(corner_aa_2) <= x215
     triangle_aa_arm_a_1 = a_2 + a_3*triangle_aa_3_c_a
     triangle_aa_arm_a_2 = a_3*triangle_aa_3_s_a
-    triangle_aa_any_a = np.abs(corner_aa_1) + np.abs(corner_aa_2) <= x156
     triangle_aa_2_a_dot = corner_aa_1*triangle_aa_arm_a_1 + corner_aa_2*triangle_aa_arm_a_2
     triangle_aa_2_a_cross = corner_aa_2*triangle_aa_arm_a_1 - corner_aa_1*triangle_aa_arm_a_2
     del triangle_aa_arm_a_1, triangle_aa_arm_a_2
     triangle_aa_2_a_size = np.sqrt((triangle_aa_2_a_cross*triangle_aa_2_a_cross) + (triangle_aa_2_a_dot*triangle_aa_2_a_dot))
     triangle_aa_2_a_scale = np.where(triangle_aa_2_a_size > 0.0, 1.0/triangle_aa_2_a_size, 1.0)
     del triangle_aa_2_a_size
-    triangle_aa_2_a_c = np.where(triangle_aa_any_a, 1.0, triangle_aa_2_a_dot*triangle_aa_2_a_scale)
+    triangle_aa_2_a_c = np.where(triangle_aa_any, 1.0, triangle_aa_2_a_dot*triangle_aa_2_a_scale)
     del triangle_aa_2_a_dot
-    triangle_aa_2_a_s = np.where(triangle_aa_any_a, 0.0, triangle_aa_2_a_cross*triangle_aa_2_a_scale)
+    triangle_aa_2_a_s = np.where(triangle_aa_any, 0.0, triangle_aa_2_a_cross*triangle_aa_2_a_scale)
     del triangle_aa_2_a_cross, triangle_aa_2_a_scale
     triangle_aa_arm_b_1 = a_2 + a_3*triangle_aa_3_c_b
     triangle_aa_arm_b_2 = a_3*triangle_aa_3_s_b
-    triangle_aa_any_b = np.abs(corner_aa_1) + np.abs(corner_aa_2) <= x156
     triangle_aa_2_b_dot = corner_aa_1*triangle_aa_arm_b_1 + corner_aa_2*triangle_aa_arm_b_2
     triangle_aa_2_b_cross = corner_aa_2*triangle_aa_arm_b_1 - corner_aa_1*triangle_aa_arm_b_2
     del corner_aa_1, corner_aa_2, triangle_aa_arm_b_1, triangle_aa_arm_b_2
     triangle_aa_2_b_size = np.sqrt((triangle_aa_2_b_cross*triangle_aa_2_b_cross) + (triangle_aa_2_b_dot*triangle_aa_2_b_dot))
     triangle_aa_2_b_scale = np.where(triangle_aa_2_b_size > 0.0, 1.0/triangle_aa_2_b_size, 1.0)
     del triangle_aa_2_b_size
-    triangle_aa_2_b_c = np.where(triangle_aa_any_b, 1.0, triangle_aa_2_b_dot*triangle_aa_2_b_scale)
+    triangle_aa_2_b_c = np.where(triangle_aa_any, 1.0, triangle_aa_2_b_dot*triangle_aa_2_b_scale)
     del triangle_aa_2_b_dot
-    triangle_aa_2_b_s = np.where(triangle_aa_any_b, 0.0, triangle_aa_2_b_cross*triangle_aa_2_b_scale)
+    triangle_aa_2_b_s = np.where(triangle_aa_any, 0.0, triangle_aa_2_b_cross*triangle_aa_2_b_scale)
     del triangle_aa_2_b_cross, triangle_aa_2_b_scale
     c_23_aaa = triangle_aa_2_a_c*triangle_aa_3_c_a - triangle_aa_2_a_s*triangle_aa_3_s_a
     s_23_aaa = triangle_aa_2_a_c*triangle_aa_3_s_a + triangle_aa_2_a_s*triangle_aa_3_c_a
@@ -1583,10 +1933,10 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     c_4_aab = c_234_aa*c_23_aab + s_234_aa*s_23_aab
     s_4_aab = c_23_aab*s_234_aa - c_234_aa*s_23_aab
     del c_234_aa, c_23_aab, s_234_aa, s_23_aab
-    sixth_ab_dot = axes_a_3_2*x32 - x29
-    del axes_a_3_2, x29, x32
-    sixth_ab_cross = x33 + x34
-    del x33, x34
+    sixth_ab_dot = axes_a_3_2*x43 - x40
+    del axes_a_3_2, x40, x43
+    sixth_ab_cross = x44 + x45
+    del x44, x45
     sixth_ab_size = np.sqrt((sixth_ab_cross*sixth_ab_cross) + (sixth_ab_dot*sixth_ab_dot))
     sixth_ab_scale = np.where(sixth_ab_size > 0.0, 1.0/sixth_ab_size, 1.0)
     del sixth_ab_size
@@ -1594,70 +1944,116 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del sixth_ab_dot
     sixth_ab_s = np.where(bend_a_free, 0.0, sixth_ab_cross*sixth_ab_scale)
     del sixth_ab_cross, sixth_ab_scale
-    x54 = bend_a_c*sixth_ab_c + sixth_ab_s*x37
-    del x37
-    x55 = bend_a_s*cosine_5*sixth_ab_c - bend_a_c*sixth_ab_s
-    c_234_ab = axes_a_1_1*x54 + axes_a_1_2*x55 - x36
-    del axes_a_1_1, axes_a_1_2, x36
-    s_234_ab = axes_a_2_1*x54 + axes_a_2_2*x55 - x40
-    del axes_a_2_1, axes_a_2_2, x40, x54, x55
-    corner_ab_1 = end_a_1 - a_4*c_234_ab - s_234_ab*x42
+    x75 = bend_a_c*sixth_ab_c + sixth_ab_s*x48
+    del x48
+    x76 = bend_a_s*cosine_5*sixth_ab_c - bend_a_c*sixth_ab_s
+    c_zero_ab = axes_a_1_1*x75 + axes_a_1_2*x76 - x47
+    del axes_a_1_1, axes_a_1_2, x47
+    s_zero_ab = axes_a_2_1*x75 + axes_a_2_2*x76 - x51
+    del axes_a_2_1, axes_a_2_2, x51, x75, x76
+    hand_ab_1 = a_4*c_zero_ab + s_zero_ab*x52
+    hand_ab_2 = a_4*s_zero_ab - c_zero_ab*x52
+    x77 = 2.0*hand_ab_1
+    x78 = end_a_1*x77
+    x79 = 2.0*hand_ab_2
+    x80 = end_a_2*x79
+    x81 = -x78 - x80
+    x82 = (x81*x81)
+    x83 = end_a_1*x79 - end_a_2*x77
+    del x77, x79
+    x84 = (x83*x83)
+    turn_ab_square = x82 + x84
+    turn_ab_amplitude = np.sqrt(turn_ab_square)
+    turn_ab_per_square = np.where(turn_ab_square > 0.0, 1.0/turn_ab_square, 1.0)
+    x86 = (hand_ab_1*hand_ab_1) + (hand_ab_2*hand_ab_2) + x60
+    del x60
+    turn_ab_serves = (turn_ab_square <= 0.0) | (np.abs(x78 + x80 - x86) <= width)
+    del x78, x80
+    turn_ab_at = np.where(turn_ab_amplitude < -x86, turn_ab_amplitude, np.where(turn_ab_amplitude < x86, -turn_ab_amplitude, -x86))
+    x88 = (turn_ab_at*turn_ab_at)
+    turn_ab_rest = np.where(turn_ab_square > x88, np.sqrt(turn_ab_square - x88), 0.0)
+    del turn_ab_square, x88
+    turn_ab_c_first = np.where(turn_ab_serves, 1.0, turn_ab_per_square*(turn_ab_at*x81 - turn_ab_rest*x83))
+    turn_ab_s_first = np.where(turn_ab_serves, 0.0, turn_ab_per_square*(turn_ab_at*x83 + turn_ab_rest*x81))
+    del turn_ab_at, turn_ab_rest, turn_ab_serves, x81
+    x89 = turn_ab_per_square*x83*(-4.0*end_a_1*hand_ab_1 - 4.0*end_a_2*hand_ab_2)
+    del x83
+    x90 = turn_ab_per_square*(x82 - x84)
+    del turn_ab_per_square, x82, x84
+    turn_ab_c_second = turn_ab_c_first*x90 + turn_ab_s_first*x89
+    turn_ab_s_second = turn_ab_c_first*x89 - turn_ab_s_first*x90
+    del turn_ab_c_first, turn_ab_s_first, x89, x90
+    turn_ab_split = (turn_ab_amplitude - x86 > width) & (turn_ab_amplitude + x86 > width)
+    del turn_ab_amplitude, x86
+    c_turn_ab = np.where(bend_a_free, turn_ab_c_second, 1.0)
+    del turn_ab_c_second
+    s_turn_ab = np.where(bend_a_free, turn_ab_s_second, 0.0)
+    del turn_ab_s_second
+    c_6_ab = np.where(bend_a_free, c_turn_ab, sixth_ab_c)
+    del sixth_ab_c
+    s_6_ab = np.where(bend_a_free, np.where(axes_a_3_3 > 0.0, -s_turn_ab, s_turn_ab), sixth_ab_s)
+    del axes_a_3_3, sixth_ab_s
+    bend_more_ab = (bend_a_two) | ((bend_a_free) & (turn_ab_split))
+    del bend_a_two, turn_ab_split
+    c_234_ab = c_turn_ab*c_zero_ab - s_turn_ab*s_zero_ab
+    s_234_ab = c_turn_ab*s_zero_ab + c_zero_ab*s_turn_ab
+    del c_zero_ab, s_zero_ab
+    corner_ab_1 = end_a_1 + hand_ab_2*s_turn_ab - c_turn_ab*hand_ab_1
     del end_a_1
-    corner_ab_2 = c_234_ab*x42 + end_a_2 - a_4*s_234_ab
-    del end_a_2
-    triangle_ab_area = x44
-    triangle_ab_3_r = x45
-    x56 = (corner_ab_1*corner_ab_1) + (corner_ab_2*corner_ab_2) - square
-    x57 = np.abs(x56)
-    triangle_ab_3_room = triangle_ab_3_r - x57
-    triangle_ab_3_free = (triangle_ab_3_r <= x157) & (x57 <= x157)
+    corner_ab_2 = end_a_2 - c_turn_ab*hand_ab_2 - hand_ab_1*s_turn_ab
+    del c_turn_ab, end_a_2, hand_ab_1, hand_ab_2, s_turn_ab
+    triangle_ab_area = x66
+    triangle_ab_3_r = x67
+    x91 = (corner_ab_1*corner_ab_1) + (corner_ab_2*corner_ab_2) - square
+    x92 = np.abs(x91)
+    triangle_ab_3_room = triangle_ab_3_r - x92
+    triangle_ab_3_free = (triangle_ab_3_r <= x216) & (x92 <= x216)
     triangle_ab_3_double = (np.abs(triangle_ab_3_room) <= triangle_ab_area) & (~(triangle_ab_3_free))
     triangle_ab_3_exists = (triangle_ab_3_free) | ((triangle_ab_3_room >= -triangle_ab_area) & (triangle_ab_3_r > 0.0))
     del triangle_ab_area
-    triangle_ab_3_q = np.where((~(triangle_ab_3_double)) & (triangle_ab_3_room > 0.0), np.sqrt(triangle_ab_3_room*(triangle_ab_3_r + x57)), 0.0)
-    del triangle_ab_3_room, x57
-    triangle_ab_3_size = triangle_ab_3_r*np.sqrt((triangle_ab_3_q*triangle_ab_3_q) + (x56*x56))
+    triangle_ab_3_q = np.where((~(triangle_ab_3_double)) & (triangle_ab_3_room > 0.0), np.sqrt(triangle_ab_3_room*(triangle_ab_3_r + x92)), 0.0)
+    del triangle_ab_3_room, x92
+    triangle_ab_3_size = triangle_ab_3_r*np.sqrt((triangle_ab_3_q*triangle_ab_3_q) + (x91*x91))
     del triangle_ab_3_r
     triangle_ab_3_scale = np.where(triangle_ab_3_size > 0.0, 1.0/triangle_ab_3_size, 1.0)
     del triangle_ab_3_size
-    x59 = triangle_ab_3_scale*x50
+    x94 = triangle_ab_3_scale*x71
     del triangle_ab_3_scale
-    x60 = np.where(triangle_ab_3_free, 1.0, x56*x59)
-    del x56
-    triangle_ab_3_c_a = x60
-    x61 = triangle_ab_3_q*x59
-    del triangle_ab_3_q, x59
-    triangle_ab_3_s_a = np.where(triangle_ab_3_free, 0.0, x61)
-    triangle_ab_3_c_b = x60
-    del x60
-    triangle_ab_3_s_b = np.where(triangle_ab_3_free, 0.0, -x61)
-    del x61
+    x95 = np.where(triangle_ab_3_free, 1.0, x91*x94)
+    del x91
+    triangle_ab_3_c_a = x95
+    x96 = triangle_ab_3_q*x94
+    del triangle_ab_3_q, x94
+    triangle_ab_3_s_a = np.where(triangle_ab_3_free, 0.0, x96)
+    triangle_ab_3_c_b = x95
+    del x95
+    triangle_ab_3_s_b = np.where(triangle_ab_3_free, 0.0, -x96)
+    del x96
     triangle_ab_3_two = (triangle_ab_3_exists) & (~((triangle_ab_3_double) | (triangle_ab_3_free)))
+    triangle_ab_any = np.abs(corner_ab_1) + np.abs(corner_ab_2) <= x215
     triangle_ab_arm_a_1 = a_2 + a_3*triangle_ab_3_c_a
     triangle_ab_arm_a_2 = a_3*triangle_ab_3_s_a
-    triangle_ab_any_a = np.abs(corner_ab_1) + np.abs(corner_ab_2) <= x156
     triangle_ab_2_a_dot = corner_ab_1*triangle_ab_arm_a_1 + corner_ab_2*triangle_ab_arm_a_2
     triangle_ab_2_a_cross = corner_ab_2*triangle_ab_arm_a_1 - corner_ab_1*triangle_ab_arm_a_2
     del triangle_ab_arm_a_1, triangle_ab_arm_a_2
     triangle_ab_2_a_size = np.sqrt((triangle_ab_2_a_cross*triangle_ab_2_a_cross) + (triangle_ab_2_a_dot*triangle_ab_2_a_dot))
     triangle_ab_2_a_scale = np.where(triangle_ab_2_a_size > 0.0, 1.0/triangle_ab_2_a_size, 1.0)
     del triangle_ab_2_a_size
-    triangle_ab_2_a_c = np.where(triangle_ab_any_a, 1.0, triangle_ab_2_a_dot*triangle_ab_2_a_scale)
+    triangle_ab_2_a_c = np.where(triangle_ab_any, 1.0, triangle_ab_2_a_dot*triangle_ab_2_a_scale)
     del triangle_ab_2_a_dot
-    triangle_ab_2_a_s = np.where(triangle_ab_any_a, 0.0, triangle_ab_2_a_cross*triangle_ab_2_a_scale)
+    triangle_ab_2_a_s = np.where(triangle_ab_any, 0.0, triangle_ab_2_a_cross*triangle_ab_2_a_scale)
     del triangle_ab_2_a_cross, triangle_ab_2_a_scale
     triangle_ab_arm_b_1 = a_2 + a_3*triangle_ab_3_c_b
     triangle_ab_arm_b_2 = a_3*triangle_ab_3_s_b
-    triangle_ab_any_b = np.abs(corner_ab_1) + np.abs(corner_ab_2) <= x156
     triangle_ab_2_b_dot = corner_ab_1*triangle_ab_arm_b_1 + corner_ab_2*triangle_ab_arm_b_2
     triangle_ab_2_b_cross = corner_ab_2*triangle_ab_arm_b_1 - corner_ab_1*triangle_ab_arm_b_2
     del corner_ab_1, corner_ab_2, triangle_ab_arm_b_1, triangle_ab_arm_b_2
     triangle_ab_2_b_size = np.sqrt((triangle_ab_2_b_cross*triangle_ab_2_b_cross) + (triangle_ab_2_b_dot*triangle_ab_2_b_dot))
     triangle_ab_2_b_scale = np.where(triangle_ab_2_b_size > 0.0, 1.0/triangle_ab_2_b_size, 1.0)
     del triangle_ab_2_b_size
-    triangle_ab_2_b_c = np.where(triangle_ab_any_b, 1.0, triangle_ab_2_b_dot*triangle_ab_2_b_scale)
+    triangle_ab_2_b_c = np.where(triangle_ab_any, 1.0, triangle_ab_2_b_dot*triangle_ab_2_b_scale)
     del triangle_ab_2_b_dot
-    triangle_ab_2_b_s = np.where(triangle_ab_any_b, 0.0, triangle_ab_2_b_cross*triangle_ab_2_b_scale)
+    triangle_ab_2_b_s = np.where(triangle_ab_any, 0.0, triangle_ab_2_b_cross*triangle_ab_2_b_scale)
     del triangle_ab_2_b_cross, triangle_ab_2_b_scale
     c_23_aba = triangle_ab_2_a_c*triangle_ab_3_c_a - triangle_ab_2_a_s*triangle_ab_3_s_a
     s_23_aba = triangle_ab_2_a_c*triangle_ab_3_s_a + triangle_ab_2_a_s*triangle_ab_3_c_a
@@ -1669,67 +2065,73 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     c_4_abb = c_234_ab*c_23_abb + s_234_ab*s_23_abb
     s_4_abb = c_23_abb*s_234_ab - c_234_ab*s_23_abb
     del c_234_ab, c_23_abb, s_234_ab, s_23_abb
-    side_b = centre_2*first_c_b - centre_1*first_s_b
-    end_b_1 = centre_1*first_c_b + centre_2*first_s_b - a_1
+    c_1_b = np.where(first_free, first_free_c_second, first_c_b)
+    del first_c_b, first_free_c_second
+    s_1_b = np.where(first_free, first_free_s_second, first_s_b)
+    del first_free_s_second, first_s_b
+    first_more = (first_two) | ((first_free) & (first_free_split))
+    del first_free_split, first_two
+    side_b = c_1_b*centre_2 - centre_1*s_1_b
+    end_b_1 = c_1_b*centre_1 + centre_2*s_1_b - a_1
     del centre_1, centre_2
-    end_b_2 = cosine_1*side_b + x11
-    del side_b, x11
-    axes_b_1_1 = first_c_b*pose_1_1 + first_s_b*pose_2_1
-    axes_b_1_2 = first_c_b*pose_1_2 + first_s_b*pose_2_2
-    axes_b_1_3 = first_c_b*pose_1_3 + first_s_b*pose_2_3
-    x62 = first_c_b*pose_2_1 - first_s_b*pose_1_1
-    axes_b_2_1 = cosine_1*x62 + x12
-    del x12
-    x63 = first_c_b*pose_2_2 - first_s_b*pose_1_2
-    axes_b_2_2 = cosine_1*x63 + x14
-    del x14
-    x64 = first_c_b*pose_2_3 - first_s_b*pose_1_3
-    axes_b_2_3 = cosine_1*x64 + x16
-    del x16
-    axes_b_3_1 = x18 - sine_1*x62
-    del x18, x62
-    axes_b_3_2 = x19 - sine_1*x63
-    del x19, x63
-    axes_b_3_3 = x20 - sine_1*x64
-    del x20, x64
+    end_b_2 = cosine_1*side_b + x25
+    del side_b, x25
+    axes_b_1_1 = c_1_b*pose_1_1 + pose_2_1*s_1_b
+    axes_b_1_2 = c_1_b*pose_1_2 + pose_2_2*s_1_b
+    axes_b_1_3 = c_1_b*pose_1_3 + pose_2_3*s_1_b
+    x97 = c_1_b*pose_2_1 - pose_1_1*s_1_b
+    axes_b_2_1 = cosine_1*x97 + x26
+    del x26
+    x98 = c_1_b*pose_2_2 - pose_1_2*s_1_b
+    axes_b_2_2 = cosine_1*x98 + x28
+    del x28
+    x99 = c_1_b*pose_2_3 - pose_1_3*s_1_b
+    axes_b_2_3 = cosine_1*x99 + x30
+    del x30
+    axes_b_3_1 = x32 - sine_1*x97
+    del x32, x97
+    axes_b_3_2 = x33 - sine_1*x98
+    del x33, x98
+    axes_b_3_3 = x7 - sine_1*x99
+    del x7, x99
     h_b = np.sqrt((axes_b_3_1*axes_b_3_1) + (axes_b_3_2*axes_b_3_2))
     bend_b_denominator = np.abs(axes_b_3_3) + 1.0
-    bend_b_apart = np.where(axes_b_3_3 >= 0.0, x21, x22)
-    del x21, x22
-    bend_b_product = np.where(axes_b_3_3 >= 0.0, x23, -x23)
-    x65 = (bend_b_apart*bend_b_apart)
+    bend_b_apart = np.where(axes_b_3_3 >= 0.0, x34, x35)
+    del x34, x35
+    bend_b_product = np.where(axes_b_3_3 >= 0.0, x8, -x8)
+    x100 = (bend_b_apart*bend_b_apart)
     del bend_b_apart
-    bend_b_gram = (h_b*h_b)*(1.0 - 2.0*bend_b_product/bend_b_denominator) - x65
+    bend_b_gram = (h_b*h_b)*(1.0 - 2.0*bend_b_product/bend_b_denominator) - x100
     del bend_b_denominator, bend_b_product
-    bend_b_tolerance = x26*(h_b + x65)
-    del x26, x65
-    bend_b_free = (bend_b_gram >= -bend_b_tolerance) & (h_b <= x155)
-    del h_b, x155
+    bend_b_tolerance = x37*(h_b + x100)
+    del x100, x37
+    bend_b_free = (bend_b_gram >= -bend_b_tolerance) & (h_b <= x214)
+    del h_b, x214
     bend_b_double = (np.abs(bend_b_gram) <= bend_b_tolerance) & (~(bend_b_free))
     bend_b_exists = bend_b_gram >= -bend_b_tolerance
     del bend_b_tolerance
     bend_b_q = np.where((~(bend_b_double)) & (bend_b_gram > 0.0), np.sqrt(bend_b_gram), 0.0)
     del bend_b_gram
-    bend_b_along = x23 - axes_b_3_3
-    del axes_b_3_3, x23
+    bend_b_along = x8 - axes_b_3_3
+    del x8
     bend_b_size = np.sqrt((bend_b_along*bend_b_along) + (bend_b_q*bend_b_q))
-    bend_b_scale = x27*np.where(bend_b_size > 0.0, 1.0/bend_b_size, 1.0)
-    del bend_b_size, x27
+    bend_b_scale = x38*np.where(bend_b_size > 0.0, 1.0/bend_b_size, 1.0)
+    del bend_b_size, x38
     bend_b_c = bend_b_along*bend_b_scale
     del bend_b_along
     bend_b_s = bend_b_q*bend_b_scale
     del bend_b_q, bend_b_scale
     bend_b_two = (bend_b_exists) & (~((bend_b_double) | (bend_b_free)))
-    x66 = bend_b_s*sine_4
-    x67 = axes_b_3_1*x66
-    x68 = bend_b_c*x31 + x30
-    del x30, x31
-    sixth_ba_dot = axes_b_3_2*x68 + x67
-    x69 = axes_b_3_2*x66
-    del x66
-    x70 = axes_b_3_1*x68
+    x101 = bend_b_s*sine_4
+    x102 = axes_b_3_1*x101
+    x103 = bend_b_c*x42 + x41
+    del x41, x42
+    sixth_ba_dot = axes_b_3_2*x103 + x102
+    x104 = axes_b_3_2*x101
+    del x101
+    x105 = axes_b_3_1*x103
     del axes_b_3_1
-    sixth_ba_cross = x70 - x69
+    sixth_ba_cross = x105 - x104
     sixth_ba_size = np.sqrt((sixth_ba_cross*sixth_ba_cross) + (sixth_ba_dot*sixth_ba_dot))
     sixth_ba_scale = np.where(sixth_ba_size > 0.0, 1.0/sixth_ba_size, 1.0)
     del sixth_ba_size
@@ -1737,72 +2139,107 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del sixth_ba_dot
     sixth_ba_s = np.where(bend_b_free, 0.0, sixth_ba_cross*sixth_ba_scale)
     del sixth_ba_cross, sixth_ba_scale
-    x71 = bend_b_s*sine_5
-    x72 = axes_b_1_3*x71
+    x106 = bend_b_s*sine_5
+    x107 = axes_b_1_3*x106
     del axes_b_1_3
-    x73 = bend_b_s*cosine_5
-    x74 = bend_b_c*sixth_ba_c - sixth_ba_s*x73
-    x75 = -bend_b_c*sixth_ba_s - sixth_ba_c*x73
-    c_234_ba = axes_b_1_1*x74 + axes_b_1_2*x75 + x72
-    x76 = axes_b_2_3*x71
-    del axes_b_2_3, x71
-    s_234_ba = axes_b_2_1*x74 + axes_b_2_2*x75 + x76
-    del x74, x75
-    corner_ba_1 = end_b_1 - a_4*c_234_ba - s_234_ba*x42
-    corner_ba_2 = c_234_ba*x42 + end_b_2 - a_4*s_234_ba
-    triangle_ba_area = x44
-    triangle_ba_3_r = x45
-    x78 = (corner_ba_1*corner_ba_1) + (corner_ba_2*corner_ba_2) - square
-    x79 = np.abs(x78)
-    triangle_ba_3_room = triangle_ba_3_r - x79
-    triangle_ba_3_free = (triangle_ba_3_r <= x157) & (x79 <= x157)
+    x108 = bend_b_s*cosine_5
+    x109 = bend_b_c*sixth_ba_c - sixth_ba_s*x108
+    x110 = -bend_b_c*sixth_ba_s - sixth_ba_c*x108
+    c_zero_ba = axes_b_1_1*x109 + axes_b_1_2*x110 + x107
+    x111 = axes_b_2_3*x106
+    del axes_b_2_3, x106
+    s_zero_ba = axes_b_2_1*x109 + axes_b_2_2*x110 + x111
+    del x109, x110
+    hand_ba_1 = a_4*c_zero_ba + s_zero_ba*x52
+    hand_ba_2 = a_4*s_zero_ba - c_zero_ba*x52
+    x112 = 2.0*hand_ba_1
+    x113 = end_b_1*x112
+    x114 = 2.0*hand_ba_2
+    x115 = end_b_2*x114
+    x116 = -x113 - x115
+    x117 = end_b_1*x114 - end_b_2*x112
+    del x112, x114
+    turn_ba_square = (x116*x116) + (x117*x117)
+    turn_ba_amplitude = np.sqrt(turn_ba_square)
+    turn_ba_per_square = np.where(turn_ba_square > 0.0, 1.0/turn_ba_square, 1.0)
+    x118 = (end_b_1*end_b_1) + (end_b_2*end_b_2) - square
+    x119 = (hand_ba_1*hand_ba_1) + (hand_ba_2*hand_ba_2) + x118
+    turn_ba_serves = (turn_ba_square <= 0.0) | (np.abs(x113 + x115 - x119) <= width)
+    del x113, x115
+    turn_ba_at = np.where(turn_ba_amplitude < -x119, turn_ba_amplitude, np.where(turn_ba_amplitude < x119, -turn_ba_amplitude, -x119))
+    del turn_ba_amplitude, x119
+    x121 = (turn_ba_at*turn_ba_at)
+    turn_ba_rest = np.where(turn_ba_square > x121, np.sqrt(turn_ba_square - x121), 0.0)
+    del turn_ba_square, x121
+    turn_ba_c_first = np.where(turn_ba_serves, 1.0, turn_ba_per_square*(turn_ba_at*x116 - turn_ba_rest*x117))
+    turn_ba_s_first = np.where(turn_ba_serves, 0.0, turn_ba_per_square*(turn_ba_at*x117 + turn_ba_rest*x116))
+    del turn_ba_at, turn_ba_per_square, turn_ba_rest, turn_ba_serves, x116, x117
+    c_turn_ba = np.where(bend_b_free, turn_ba_c_first, 1.0)
+    del turn_ba_c_first
+    s_turn_ba = np.where(bend_b_free, turn_ba_s_first, 0.0)
+    del turn_ba_s_first
+    c_6_ba = np.where(bend_b_free, c_turn_ba, sixth_ba_c)
+    del sixth_ba_c
+    s_6_ba = np.where(bend_b_free, np.where(axes_b_3_3 > 0.0, -s_turn_ba, s_turn_ba), sixth_ba_s)
+    del sixth_ba_s
+    c_234_ba = c_turn_ba*c_zero_ba - s_turn_ba*s_zero_ba
+    s_234_ba = c_turn_ba*s_zero_ba + c_zero_ba*s_turn_ba
+    del c_zero_ba, s_zero_ba
+    corner_ba_1 = end_b_1 + hand_ba_2*s_turn_ba - c_turn_ba*hand_ba_1
+    corner_ba_2 = end_b_2 - c_turn_ba*hand_ba_2 - hand_ba_1*s_turn_ba
+    del c_turn_ba, hand_ba_1, hand_ba_2, s_turn_ba
+    triangle_ba_area = x66
+    triangle_ba_3_r = x67
+    x123 = (corner_ba_1*corner_ba_1) + (corner_ba_2*corner_ba_2) - square
+    x124 = np.abs(x123)
+    triangle_ba_3_room = triangle_ba_3_r - x124
+    triangle_ba_3_free = (triangle_ba_3_r <= x216) & (x124 <= x216)
     triangle_ba_3_double = (np.abs(triangle_ba_3_room) <= triangle_ba_area) & (~(triangle_ba_3_free))
     triangle_ba_3_exists = (triangle_ba_3_free) | ((triangle_ba_3_room >= -triangle_ba_area) & (triangle_ba_3_r > 0.0))
     del triangle_ba_area
-    triangle_ba_3_q = np.where((~(triangle_ba_3_double)) & (triangle_ba_3_room > 0.0), np.sqrt(triangle_ba_3_room*(triangle_ba_3_r + x79)), 0.0)
-    del triangle_ba_3_room, x79
-    triangle_ba_3_size = triangle_ba_3_r*np.sqrt((triangle_ba_3_q*triangle_ba_3_q) + (x78*x78))
+    triangle_ba_3_q = np.where((~(triangle_ba_3_double)) & (triangle_ba_3_room > 0.0), np.sqrt(triangle_ba_3_room*(triangle_ba_3_r + x124)), 0.0)
+    del triangle_ba_3_room, x124
+    triangle_ba_3_size = triangle_ba_3_r*np.sqrt((triangle_ba_3_q*triangle_ba_3_q) + (x123*x123))
     del triangle_ba_3_r
     triangle_ba_3_scale = np.where(triangle_ba_3_size > 0.0, 1.0/triangle_ba_3_size, 1.0)
     del triangle_ba_3_size
-    x81 = triangle_ba_3_scale*x50
+    x126 = triangle_ba_3_scale*x71
     del triangle_ba_3_scale
-    x82 = np.where(triangle_ba_3_free, 1.0, x78*x81)
-    del x78
-    triangle_ba_3_c_a = x82
-    x83 = triangle_ba_3_q*x81
-    del triangle_ba_3_q, x81
-    triangle_ba_3_s_a = np.where(triangle_ba_3_free, 0.0, x83)
-    triangle_ba_3_c_b = x82
-    del x82
-    triangle_ba_3_s_b = np.where(triangle_ba_3_free, 0.0, -x83)
-    del x83
+    x127 = np.where(triangle_ba_3_free, 1.0, x123*x126)
+    del x123
+    triangle_ba_3_c_a = x127
+    x128 = triangle_ba_3_q*x126
+    del triangle_ba_3_q, x126
+    triangle_ba_3_s_a = np.where(triangle_ba_3_free, 0.0, x128)
+    triangle_ba_3_c_b = x127
+    del x127
+    triangle_ba_3_s_b = np.where(triangle_ba_3_free, 0.0, -x128)
+    del x128
     triangle_ba_3_two = (triangle_ba_3_exists) & (~((triangle_ba_3_double) | (triangle_ba_3_free)))
+    triangle_ba_any = np.abs(corner_ba_1) + np.abs(corner_ba_2) <= x215
     triangle_ba_arm_a_1 = a_2 + a_3*triangle_ba_3_c_a
     triangle_ba_arm_a_2 = a_3*triangle_ba_3_s_a
-    triangle_ba_any_a = np.abs(corner_ba_1) + np.abs(corner_ba_2) <= x156
     triangle_ba_2_a_dot = corner_ba_1*triangle_ba_arm_a_1 + corner_ba_2*triangle_ba_arm_a_2
     triangle_ba_2_a_cross = corner_ba_2*triangle_ba_arm_a_1 - corner_ba_1*triangle_ba_arm_a_2
     del triangle_ba_arm_a_1, triangle_ba_arm_a_2
     triangle_ba_2_a_size = np.sqrt((triangle_ba_2_a_cross*triangle_ba_2_a_cross) + (triangle_ba_2_a_dot*triangle_ba_2_a_dot))
     triangle_ba_2_a_scale = np.where(triangle_ba_2_a_size > 0.0, 1.0/triangle_ba_2_a_size, 1.0)
     del triangle_ba_2_a_size
-    triangle_ba_2_a_c = np.where(triangle_ba_any_a, 1.0, triangle_ba_2_a_dot*triangle_ba_2_a_scale)
+    triangle_ba_2_a_c = np.where(triangle_ba_any, 1.0, triangle_ba_2_a_dot*triangle_ba_2_a_scale)
     del triangle_ba_2_a_dot
-    triangle_ba_2_a_s = np.where(triangle_ba_any_a, 0.0, triangle_ba_2_a_cross*triangle_ba_2_a_scale)
+    triangle_ba_2_a_s = np.where(triangle_ba_any, 0.0, triangle_ba_2_a_cross*triangle_ba_2_a_scale)
     del triangle_ba_2_a_cross, triangle_ba_2_a_scale
     triangle_ba_arm_b_1 = a_2 + a_3*triangle_ba_3_c_b
     triangle_ba_arm_b_2 = a_3*triangle_ba_3_s_b
-    triangle_ba_any_b = np.abs(corner_ba_1) + np.abs(corner_ba_2) <= x156
     triangle_ba_2_b_dot = corner_ba_1*triangle_ba_arm_b_1 + corner_ba_2*triangle_ba_arm_b_2
     triangle_ba_2_b_cross = corner_ba_2*triangle_ba_arm_b_1 - corner_ba_1*triangle_ba_arm_b_2
     del corner_ba_1, corner_ba_2, triangle_ba_arm_b_1, triangle_ba_arm_b_2
     triangle_ba_2_b_size = np.sqrt((triangle_ba_2_b_cross*triangle_ba_2_b_cross) + (triangle_ba_2_b_dot*triangle_ba_2_b_dot))
     triangle_ba_2_b_scale = np.where(triangle_ba_2_b_size > 0.0, 1.0/triangle_ba_2_b_size, 1.0)
     del triangle_ba_2_b_size
-    triangle_ba_2_b_c = np.where(triangle_ba_any_b, 1.0, triangle_ba_2_b_dot*triangle_ba_2_b_scale)
+    triangle_ba_2_b_c = np.where(triangle_ba_any, 1.0, triangle_ba_2_b_dot*triangle_ba_2_b_scale)
     del triangle_ba_2_b_dot
-    triangle_ba_2_b_s = np.where(triangle_ba_any_b, 0.0, triangle_ba_2_b_cross*triangle_ba_2_b_scale)
+    triangle_ba_2_b_s = np.where(triangle_ba_any, 0.0, triangle_ba_2_b_cross*triangle_ba_2_b_scale)
     del triangle_ba_2_b_cross, triangle_ba_2_b_scale
     c_23_baa = triangle_ba_2_a_c*triangle_ba_3_c_a - triangle_ba_2_a_s*triangle_ba_3_s_a
     s_23_baa = triangle_ba_2_a_c*triangle_ba_3_s_a + triangle_ba_2_a_s*triangle_ba_3_c_a
@@ -1814,10 +2251,10 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     c_4_bab = c_234_ba*c_23_bab + s_234_ba*s_23_bab
     s_4_bab = c_23_bab*s_234_ba - c_234_ba*s_23_bab
     del c_234_ba, c_23_bab, s_234_ba, s_23_bab
-    sixth_bb_dot = axes_b_3_2*x68 - x67
-    del axes_b_3_2, x67, x68
-    sixth_bb_cross = x69 + x70
-    del x69, x70
+    sixth_bb_dot = axes_b_3_2*x103 - x102
+    del axes_b_3_2, x102, x103
+    sixth_bb_cross = x104 + x105
+    del x104, x105
     sixth_bb_size = np.sqrt((sixth_bb_cross*sixth_bb_cross) + (sixth_bb_dot*sixth_bb_dot))
     sixth_bb_scale = np.where(sixth_bb_size > 0.0, 1.0/sixth_bb_size, 1.0)
     del sixth_bb_size
@@ -1825,75 +2262,122 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del sixth_bb_dot
     sixth_bb_s = np.where(bend_b_free, 0.0, sixth_bb_cross*sixth_bb_scale)
     del sixth_bb_cross, sixth_bb_scale
-    x84 = bend_b_c*sixth_bb_c + sixth_bb_s*x73
-    del x73
-    x85 = bend_b_s*cosine_5*sixth_bb_c - bend_b_c*sixth_bb_s
-    c_234_bb = axes_b_1_1*x84 + axes_b_1_2*x85 - x72
-    del axes_b_1_1, axes_b_1_2, x72
-    s_234_bb = axes_b_2_1*x84 + axes_b_2_2*x85 - x76
-    del axes_b_2_1, axes_b_2_2, x76, x84, x85
-    corner_bb_1 = end_b_1 - a_4*c_234_bb - s_234_bb*x42
+    x129 = bend_b_c*sixth_bb_c + sixth_bb_s*x108
+    del x108
+    x130 = bend_b_s*cosine_5*sixth_bb_c - bend_b_c*sixth_bb_s
+    c_zero_bb = axes_b_1_1*x129 + axes_b_1_2*x130 - x107
+    del axes_b_1_1, axes_b_1_2, x107
+    s_zero_bb = axes_b_2_1*x129 + axes_b_2_2*x130 - x111
+    del axes_b_2_1, axes_b_2_2, x111, x129, x130
+    hand_bb_1 = a_4*c_zero_bb + s_zero_bb*x52
+    hand_bb_2 = a_4*s_zero_bb - c_zero_bb*x52
+    del x52
+    x131 = 2.0*hand_bb_1
+    x132 = end_b_1*x131
+    x133 = 2.0*hand_bb_2
+    x134 = end_b_2*x133
+    x135 = -x132 - x134
+    x136 = (x135*x135)
+    x137 = end_b_1*x133 - end_b_2*x131
+    del x131, x133
+    x138 = (x137*x137)
+    turn_bb_square = x136 + x138
+    turn_bb_amplitude = np.sqrt(turn_bb_square)
+    turn_bb_per_square = np.where(turn_bb_square > 0.0, 1.0/turn_bb_square, 1.0)
+    x140 = (hand_bb_1*hand_bb_1) + (hand_bb_2*hand_bb_2) + x118
+    del x118
+    turn_bb_serves = (turn_bb_square <= 0.0) | (np.abs(x132 + x134 - x140) <= width)
+    del x132, x134
+    turn_bb_at = np.where(turn_bb_amplitude < -x140, turn_bb_amplitude, np.where(turn_bb_amplitude < x140, -turn_bb_amplitude, -x140))
+    x142 = (turn_bb_at*turn_bb_at)
+    turn_bb_rest = np.where(turn_bb_square > x142, np.sqrt(turn_bb_square - x142), 0.0)
+    del turn_bb_square, x142
+    turn_bb_c_first = np.where(turn_bb_serves, 1.0, turn_bb_per_square*(turn_bb_at*x135 - turn_bb_rest*x137))
+    turn_bb_s_first = np.where(turn_bb_serves, 0.0, turn_bb_per_square*(turn_bb_at*x137 + turn_bb_rest*x135))
+    del turn_bb_at, turn_bb_rest, turn_bb_serves, x135
+    x143 = turn_bb_per_square*x137*(-4.0*end_b_1*hand_bb_1 - 4.0*end_b_2*hand_bb_2)
+    del x137
+    x144 = turn_bb_per_square*(x136 - x138)
+    del turn_bb_per_square, x136, x138
+    turn_bb_c_second = turn_bb_c_first*x144 + turn_bb_s_first*x143
+    turn_bb_s_second = turn_bb_c_first*x143 - turn_bb_s_first*x144
+    del turn_bb_c_first, turn_bb_s_first, x143, x144
+    turn_bb_split = (turn_bb_amplitude - x140 > width) & (turn_bb_amplitude + x140 > width)
+    del turn_bb_amplitude, width, x140
+    c_turn_bb = np.where(bend_b_free, turn_bb_c_second, 1.0)
+    del turn_bb_c_second
+    s_turn_bb = np.where(bend_b_free, turn_bb_s_second, 0.0)
+    del turn_bb_s_second
+    c_6_bb = np.where(bend_b_free, c_turn_bb, sixth_bb_c)
+    del sixth_bb_c
+    s_6_bb = np.where(bend_b_free, np.where(axes_b_3_3 > 0.0, -s_turn_bb, s_turn_bb), sixth_bb_s)
+    del axes_b_3_3, sixth_bb_s
+    bend_more_bb = (bend_b_two) | ((bend_b_free) & (turn_bb_split))
+    del bend_b_two, turn_bb_split
+    c_234_bb = c_turn_bb*c_zero_bb - s_turn_bb*s_zero_bb
+    s_234_bb = c_turn_bb*s_zero_bb + c_zero_bb*s_turn_bb
+    del c_zero_bb, s_zero_bb
+    corner_bb_1 = end_b_1 + hand_bb_2*s_turn_bb - c_turn_bb*hand_bb_1
     del end_b_1
-    corner_bb_2 = c_234_bb*x42 + end_b_2 - a_4*s_234_bb
-    del end_b_2, x42
-    triangle_bb_area = x44
-    del x44
-    triangle_bb_3_r = x45
-    del x45
-    x86 = (corner_bb_1*corner_bb_1) + (corner_bb_2*corner_bb_2) - square
+    corner_bb_2 = end_b_2 - c_turn_bb*hand_bb_2 - hand_bb_1*s_turn_bb
+    del c_turn_bb, end_b_2, hand_bb_1, hand_bb_2, s_turn_bb
+    triangle_bb_area = x66
+    del x66
+    triangle_bb_3_r = x67
+    del x67
+    x145 = (corner_bb_1*corner_bb_1) + (corner_bb_2*corner_bb_2) - square
     del square
-    x87 = np.abs(x86)
-    triangle_bb_3_room = triangle_bb_3_r - x87
-    triangle_bb_3_free = (triangle_bb_3_r <= x157) & (x87 <= x157)
-    del x157
+    x146 = np.abs(x145)
+    triangle_bb_3_room = triangle_bb_3_r - x146
+    triangle_bb_3_free = (triangle_bb_3_r <= x216) & (x146 <= x216)
+    del x216
     triangle_bb_3_double = (np.abs(triangle_bb_3_room) <= triangle_bb_area) & (~(triangle_bb_3_free))
     triangle_bb_3_exists = (triangle_bb_3_free) | ((triangle_bb_3_room >= -triangle_bb_area) & (triangle_bb_3_r > 0.0))
     del triangle_bb_area
-    triangle_bb_3_q = np.where((~(triangle_bb_3_double)) & (triangle_bb_3_room > 0.0), np.sqrt(triangle_bb_3_room*(triangle_bb_3_r + x87)), 0.0)
-    del triangle_bb_3_room, x87
-    triangle_bb_3_size = triangle_bb_3_r*np.sqrt((triangle_bb_3_q*triangle_bb_3_q) + (x86*x86))
+    triangle_bb_3_q = np.where((~(triangle_bb_3_double)) & (triangle_bb_3_room > 0.0), np.sqrt(triangle_bb_3_room*(triangle_bb_3_r + x146)), 0.0)
+    del triangle_bb_3_room, x146
+    triangle_bb_3_size = triangle_bb_3_r*np.sqrt((triangle_bb_3_q*triangle_bb_3_q) + (x145*x145))
     del triangle_bb_3_r
     triangle_bb_3_scale = np.where(triangle_bb_3_size > 0.0, 1.0/triangle_bb_3_size, 1.0)
     del triangle_bb_3_size
-    x89 = triangle_bb_3_scale*x50
-    del triangle_bb_3_scale, x50
-    x90 = np.where(triangle_bb_3_free, 1.0, x86*x89)
-    del x86
-    triangle_bb_3_c_a = x90
-    x91 = triangle_bb_3_q*x89
-    del triangle_bb_3_q, x89
-    triangle_bb_3_s_a = np.where(triangle_bb_3_free, 0.0, x91)
-    triangle_bb_3_c_b = x90
-    del x90
-    triangle_bb_3_s_b = np.where(triangle_bb_3_free, 0.0, -x91)
-    del x91
+    x148 = triangle_bb_3_scale*x71
+    del triangle_bb_3_scale, x71
+    x149 = np.where(triangle_bb_3_free, 1.0, x145*x148)
+    del x145
+    triangle_bb_3_c_a = x149
+    x150 = triangle_bb_3_q*x148
+    del triangle_bb_3_q, x148
+    triangle_bb_3_s_a = np.where(triangle_bb_3_free, 0.0, x150)
+    triangle_bb_3_c_b = x149
+    del x149
+    triangle_bb_3_s_b = np.where(triangle_bb_3_free, 0.0, -x150)
+    del x150
     triangle_bb_3_two = (triangle_bb_3_exists) & (~((triangle_bb_3_double) | (triangle_bb_3_free)))
+    triangle_bb_any = np.abs(corner_bb_1) + np.abs(corner_bb_2) <= x215
+    del x215
     triangle_bb_arm_a_1 = a_2 + a_3*triangle_bb_3_c_a
     triangle_bb_arm_a_2 = a_3*triangle_bb_3_s_a
-    triangle_bb_any_a = np.abs(corner_bb_1) + np.abs(corner_bb_2) <= x156
     triangle_bb_2_a_dot = corner_bb_1*triangle_bb_arm_a_1 + corner_bb_2*triangle_bb_arm_a_2
     triangle_bb_2_a_cross = corner_bb_2*triangle_bb_arm_a_1 - corner_bb_1*triangle_bb_arm_a_2
     del triangle_bb_arm_a_1, triangle_bb_arm_a_2
     triangle_bb_2_a_size = np.sqrt((triangle_bb_2_a_cross*triangle_bb_2_a_cross) + (triangle_bb_2_a_dot*triangle_bb_2_a_dot))
     triangle_bb_2_a_scale = np.where(triangle_bb_2_a_size > 0.0, 1.0/triangle_bb_2_a_size, 1.0)
     del triangle_bb_2_a_size
-    triangle_bb_2_a_c = np.where(triangle_bb_any_a, 1.0, triangle_bb_2_a_dot*triangle_bb_2_a_scale)
+    triangle_bb_2_a_c = np.where(triangle_bb_any, 1.0, triangle_bb_2_a_dot*triangle_bb_2_a_scale)
     del triangle_bb_2_a_dot
-    triangle_bb_2_a_s = np.where(triangle_bb_any_a, 0.0, triangle_bb_2_a_cross*triangle_bb_2_a_scale)
+    triangle_bb_2_a_s = np.where(triangle_bb_any, 0.0, triangle_bb_2_a_cross*triangle_bb_2_a_scale)
     del triangle_bb_2_a_cross, triangle_bb_2_a_scale
     triangle_bb_arm_b_1 = a_2 + a_3*triangle_bb_3_c_b
     triangle_bb_arm_b_2 = a_3*triangle_bb_3_s_b
-    triangle_bb_any_b = np.abs(corner_bb_1) + np.abs(corner_bb_2) <= x156
-    del x156
     triangle_bb_2_b_dot = corner_bb_1*triangle_bb_arm_b_1 + corner_bb_2*triangle_bb_arm_b_2
     triangle_bb_2_b_cross = corner_bb_2*triangle_bb_arm_b_1 - corner_bb_1*triangle_bb_arm_b_2
     del corner_bb_1, corner_bb_2, triangle_bb_arm_b_1, triangle_bb_arm_b_2
     triangle_bb_2_b_size = np.sqrt((triangle_bb_2_b_cross*triangle_bb_2_b_cross) + (triangle_bb_2_b_dot*triangle_bb_2_b_dot))
     triangle_bb_2_b_scale = np.where(triangle_bb_2_b_size > 0.0, 1.0/triangle_bb_2_b_size, 1.0)
     del triangle_bb_2_b_size
-    triangle_bb_2_b_c = np.where(triangle_bb_any_b, 1.0, triangle_bb_2_b_dot*triangle_bb_2_b_scale)
+    triangle_bb_2_b_c = np.where(triangle_bb_any, 1.0, triangle_bb_2_b_dot*triangle_bb_2_b_scale)
     del triangle_bb_2_b_dot
-    triangle_bb_2_b_s = np.where(triangle_bb_any_b, 0.0, triangle_bb_2_b_cross*triangle_bb_2_b_scale)
+    triangle_bb_2_b_s = np.where(triangle_bb_any, 0.0, triangle_bb_2_b_cross*triangle_bb_2_b_scale)
     del triangle_bb_2_b_cross, triangle_bb_2_b_scale
     c_23_bba = triangle_bb_2_a_c*triangle_bb_3_c_a - triangle_bb_2_a_s*triangle_bb_3_s_a
     s_23_bba = triangle_bb_2_a_c*triangle_bb_3_s_a + triangle_bb_2_a_s*triangle_bb_3_c_a
@@ -1907,163 +2391,159 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del c_234_bb, c_23_bbb, s_234_bb, s_23_bbb
     there_1 = (bend_a_exists) & (first_exists) & (near) & (triangle_aa_3_exists)
     del triangle_aa_3_exists
-    x92 = np.arctan2(first_s_a, first_c_a)
-    del first_c_a, first_s_a
-    angle_1_1 = x92
+    x151 = np.arctan2(s_1_a, c_1_a)
+    del c_1_a, s_1_a
+    angle_1_1 = x151
     angle_1_2 = np.arctan2(triangle_aa_2_a_s, triangle_aa_2_a_c)
     del triangle_aa_2_a_c, triangle_aa_2_a_s
     angle_1_3 = np.arctan2(triangle_aa_3_s_a, triangle_aa_3_c_a)
     del triangle_aa_3_c_a, triangle_aa_3_s_a
     angle_1_4 = np.arctan2(s_4_aaa, c_4_aaa)
     del c_4_aaa, s_4_aaa
-    x93 = np.arctan2(bend_a_s, bend_a_c)
-    angle_1_5 = x93
-    x94 = np.arctan2(sixth_aa_s, sixth_aa_c)
-    del sixth_aa_c, sixth_aa_s
-    angle_1_6 = x94
-    x95 = np.where((bend_a_double) | (first_double) | (triangle_aa_3_double), 1.0, 0.0)
-    del triangle_aa_3_double
-    code_1 = np.where((bend_a_free) | (first_free) | (triangle_aa_3_free) | (triangle_aa_any_a), 2.0, x95)
-    del triangle_aa_any_a
+    x152 = np.arctan2(bend_a_s, bend_a_c)
+    angle_1_5 = x152
+    x153 = np.arctan2(s_6_aa, c_6_aa)
+    del c_6_aa, s_6_aa
+    angle_1_6 = x153
+    x154 = np.where((bend_a_free) | (first_free) | (triangle_aa_3_free) | (triangle_aa_any), 2.0, np.where((bend_a_double) | (first_double) | (triangle_aa_3_double), 1.0, 0.0))
+    del triangle_aa_3_double, triangle_aa_3_free, triangle_aa_any
+    code_1 = x154
     there_2 = (bend_a_exists) & (first_exists) & (near) & (triangle_aa_3_two)
     del bend_a_exists, triangle_aa_3_two
-    angle_2_1 = x92
+    angle_2_1 = x151
     angle_2_2 = np.arctan2(triangle_aa_2_b_s, triangle_aa_2_b_c)
     del triangle_aa_2_b_c, triangle_aa_2_b_s
     angle_2_3 = np.arctan2(triangle_aa_3_s_b, triangle_aa_3_c_b)
     del triangle_aa_3_c_b, triangle_aa_3_s_b
     angle_2_4 = np.arctan2(s_4_aab, c_4_aab)
     del c_4_aab, s_4_aab
-    angle_2_5 = x93
-    del x93
-    angle_2_6 = x94
-    del x94
-    code_2 = np.where((bend_a_free) | (first_free) | (triangle_aa_3_free) | (triangle_aa_any_b), 2.0, x95)
-    del triangle_aa_3_free, triangle_aa_any_b, x95
-    there_3 = (bend_a_two) & (first_exists) & (near) & (triangle_ab_3_exists)
+    angle_2_5 = x152
+    del x152
+    angle_2_6 = x153
+    del x153
+    code_2 = x154
+    del x154
+    there_3 = (bend_more_ab) & (first_exists) & (near) & (triangle_ab_3_exists)
     del triangle_ab_3_exists
-    angle_3_1 = x92
+    angle_3_1 = x151
     angle_3_2 = np.arctan2(triangle_ab_2_a_s, triangle_ab_2_a_c)
     del triangle_ab_2_a_c, triangle_ab_2_a_s
     angle_3_3 = np.arctan2(triangle_ab_3_s_a, triangle_ab_3_c_a)
     del triangle_ab_3_c_a, triangle_ab_3_s_a
     angle_3_4 = np.arctan2(s_4_aba, c_4_aba)
     del c_4_aba, s_4_aba
-    x96 = np.arctan2(-bend_a_s, bend_a_c)
+    x155 = np.arctan2(-bend_a_s, bend_a_c)
     del bend_a_c, bend_a_s
-    angle_3_5 = x96
-    x97 = np.arctan2(sixth_ab_s, sixth_ab_c)
-    del sixth_ab_c, sixth_ab_s
-    angle_3_6 = x97
-    x98 = np.where((bend_a_double) | (first_double) | (triangle_ab_3_double), 1.0, 0.0)
-    del bend_a_double, triangle_ab_3_double
-    code_3 = np.where((bend_a_free) | (first_free) | (triangle_ab_3_free) | (triangle_ab_any_a), 2.0, x98)
-    del triangle_ab_any_a
-    there_4 = (bend_a_two) & (first_exists) & (near) & (triangle_ab_3_two)
-    del bend_a_two, first_exists, triangle_ab_3_two
-    angle_4_1 = x92
-    del x92
+    angle_3_5 = x155
+    x156 = np.arctan2(s_6_ab, c_6_ab)
+    del c_6_ab, s_6_ab
+    angle_3_6 = x156
+    x157 = np.where((bend_a_free) | (first_free) | (triangle_ab_3_free) | (triangle_ab_any), 2.0, np.where((bend_a_double) | (first_double) | (triangle_ab_3_double), 1.0, 0.0))
+    del bend_a_double, bend_a_free, triangle_ab_3_double, triangle_ab_3_free, triangle_ab_any
+    code_3 = x157
+    there_4 = (bend_more_ab) & (first_exists) & (near) & (triangle_ab_3_two)
+    del bend_more_ab, first_exists, triangle_ab_3_two
+    angle_4_1 = x151
+    del x151
     angle_4_2 = np.arctan2(triangle_ab_2_b_s, triangle_ab_2_b_c)
     del triangle_ab_2_b_c, triangle_ab_2_b_s
     angle_4_3 = np.arctan2(triangle_ab_3_s_b, triangle_ab_3_c_b)
     del triangle_ab_3_c_b, triangle_ab_3_s_b
     angle_4_4 = np.arctan2(s_4_abb, c_4_abb)
     del c_4_abb, s_4_abb
-    angle_4_5 = x96
-    del x96
-    angle_4_6 = x97
-    del x97
-    code_4 = np.where((bend_a_free) | (first_free) | (triangle_ab_3_free) | (triangle_ab_any_b), 2.0, x98)
-    del bend_a_free, triangle_ab_3_free, triangle_ab_any_b, x98
-    there_5 = (bend_b_exists) & (first_two) & (near) & (triangle_ba_3_exists)
+    angle_4_5 = x155
+    del x155
+    angle_4_6 = x156
+    del x156
+    code_4 = x157
+    del x157
+    there_5 = (bend_b_exists) & (first_more) & (near) & (triangle_ba_3_exists)
     del triangle_ba_3_exists
-    x99 = np.arctan2(first_s_b, first_c_b)
-    del first_c_b, first_s_b
-    angle_5_1 = x99
+    x158 = np.arctan2(s_1_b, c_1_b)
+    del c_1_b, s_1_b
+    angle_5_1 = x158
     angle_5_2 = np.arctan2(triangle_ba_2_a_s, triangle_ba_2_a_c)
     del triangle_ba_2_a_c, triangle_ba_2_a_s
     angle_5_3 = np.arctan2(triangle_ba_3_s_a, triangle_ba_3_c_a)
     del triangle_ba_3_c_a, triangle_ba_3_s_a
     angle_5_4 = np.arctan2(s_4_baa, c_4_baa)
     del c_4_baa, s_4_baa
-    x100 = np.arctan2(bend_b_s, bend_b_c)
-    angle_5_5 = x100
-    x101 = np.arctan2(sixth_ba_s, sixth_ba_c)
-    del sixth_ba_c, sixth_ba_s
-    angle_5_6 = x101
-    x102 = np.where((bend_b_double) | (first_double) | (triangle_ba_3_double), 1.0, 0.0)
-    del triangle_ba_3_double
-    code_5 = np.where((bend_b_free) | (first_free) | (triangle_ba_3_free) | (triangle_ba_any_a), 2.0, x102)
-    del triangle_ba_any_a
-    there_6 = (bend_b_exists) & (first_two) & (near) & (triangle_ba_3_two)
+    x159 = np.arctan2(bend_b_s, bend_b_c)
+    angle_5_5 = x159
+    x160 = np.arctan2(s_6_ba, c_6_ba)
+    del c_6_ba, s_6_ba
+    angle_5_6 = x160
+    x161 = np.where((bend_b_free) | (first_free) | (triangle_ba_3_free) | (triangle_ba_any), 2.0, np.where((bend_b_double) | (first_double) | (triangle_ba_3_double), 1.0, 0.0))
+    del triangle_ba_3_double, triangle_ba_3_free, triangle_ba_any
+    code_5 = x161
+    there_6 = (bend_b_exists) & (first_more) & (near) & (triangle_ba_3_two)
     del bend_b_exists, triangle_ba_3_two
-    angle_6_1 = x99
+    angle_6_1 = x158
     angle_6_2 = np.arctan2(triangle_ba_2_b_s, triangle_ba_2_b_c)
     del triangle_ba_2_b_c, triangle_ba_2_b_s
     angle_6_3 = np.arctan2(triangle_ba_3_s_b, triangle_ba_3_c_b)
     del triangle_ba_3_c_b, triangle_ba_3_s_b
     angle_6_4 = np.arctan2(s_4_bab, c_4_bab)
     del c_4_bab, s_4_bab
-    angle_6_5 = x100
-    del x100
-    angle_6_6 = x101
-    del x101
-    code_6 = np.where((bend_b_free) | (first_free) | (triangle_ba_3_free) | (triangle_ba_any_b), 2.0, x102)
-    del triangle_ba_3_free, triangle_ba_any_b, x102
-    there_7 = (bend_b_two) & (first_two) & (near) & (triangle_bb_3_exists)
+    angle_6_5 = x159
+    del x159
+    angle_6_6 = x160
+    del x160
+    code_6 = x161
+    del x161
+    there_7 = (bend_more_bb) & (first_more) & (near) & (triangle_bb_3_exists)
     del triangle_bb_3_exists
-    angle_7_1 = x99
+    angle_7_1 = x158
     angle_7_2 = np.arctan2(triangle_bb_2_a_s, triangle_bb_2_a_c)
     del triangle_bb_2_a_c, triangle_bb_2_a_s
     angle_7_3 = np.arctan2(triangle_bb_3_s_a, triangle_bb_3_c_a)
     del triangle_bb_3_c_a, triangle_bb_3_s_a
     angle_7_4 = np.arctan2(s_4_bba, c_4_bba)
     del c_4_bba, s_4_bba
-    x103 = np.arctan2(-bend_b_s, bend_b_c)
+    x162 = np.arctan2(-bend_b_s, bend_b_c)
     del bend_b_c, bend_b_s
-    angle_7_5 = x103
-    x104 = np.arctan2(sixth_bb_s, sixth_bb_c)
-    del sixth_bb_c, sixth_bb_s
-    angle_7_6 = x104
-    x105 = np.where((bend_b_double) | (first_double) | (triangle_bb_3_double), 1.0, 0.0)
-    del bend_b_double, first_double, triangle_bb_3_double
-    code_7 = np.where((bend_b_free) | (first_free) | (triangle_bb_3_free) | (triangle_bb_any_a), 2.0, x105)
-    del triangle_bb_any_a
-    there_8 = (bend_b_two) & (first_two) & (near) & (triangle_bb_3_two)
-    del bend_b_two, first_two, near, triangle_bb_3_two
-    angle_8_1 = x99
-    del x99
+    angle_7_5 = x162
+    x163 = np.arctan2(s_6_bb, c_6_bb)
+    del c_6_bb, s_6_bb
+    angle_7_6 = x163
+    x164 = np.where((bend_b_free) | (first_free) | (triangle_bb_3_free) | (triangle_bb_any), 2.0, np.where((bend_b_double) | (first_double) | (triangle_bb_3_double), 1.0, 0.0))
+    del bend_b_double, bend_b_free, first_double, first_free, triangle_bb_3_double, triangle_bb_3_free, triangle_bb_any
+    code_7 = x164
+    there_8 = (bend_more_bb) & (first_more) & (near) & (triangle_bb_3_two)
+    del bend_more_bb, first_more, near, triangle_bb_3_two
+    angle_8_1 = x158
+    del x158
     angle_8_2 = np.arctan2(triangle_bb_2_b_s, triangle_bb_2_b_c)
     del triangle_bb_2_b_c, triangle_bb_2_b_s
     angle_8_3 = np.arctan2(triangle_bb_3_s_b, triangle_bb_3_c_b)
     del triangle_bb_3_c_b, triangle_bb_3_s_b
     angle_8_4 = np.arctan2(s_4_bbb, c_4_bbb)
     del c_4_bbb, s_4_bbb
-    angle_8_5 = x103
-    del x103
-    angle_8_6 = x104
-    del x104
-    code_8 = np.where((bend_b_free) | (first_free) | (triangle_bb_3_free) | (triangle_bb_any_b), 2.0, x105)
-    del bend_b_free, first_free, triangle_bb_3_free, triangle_bb_any_b, x105
-    x106 = np.where(there_1, 0.0, 1.0)
-    holes_1 = x106
-    x107 = x106 + np.where(there_2, 0.0, 1.0)
-    del x106
-    holes_2 = x107
-    x108 = x107 + np.where(there_3, 0.0, 1.0)
-    del x107
-    holes_3 = x108
-    x109 = x108 + np.where(there_4, 0.0, 1.0)
-    del x108
-    holes_4 = x109
-    x110 = x109 + np.where(there_5, 0.0, 1.0)
-    del x109
-    holes_5 = x110
-    x111 = x110 + np.where(there_6, 0.0, 1.0)
-    del x110
-    holes_6 = x111
-    holes_7 = x111 + np.where(there_7, 0.0, 1.0)
-    del x111
+    angle_8_5 = x162
+    del x162
+    angle_8_6 = x163
+    del x163
+    code_8 = x164
+    del x164
+    x165 = np.where(there_1, 0.0, 1.0)
+    holes_1 = x165
+    x166 = x165 + np.where(there_2, 0.0, 1.0)
+    del x165
+    holes_2 = x166
+    x167 = x166 + np.where(there_3, 0.0, 1.0)
+    del x166
+    holes_3 = x167
+    x168 = x167 + np.where(there_4, 0.0, 1.0)
+    del x167
+    holes_4 = x168
+    x169 = x168 + np.where(there_5, 0.0, 1.0)
+    del x168
+    holes_5 = x169
+    x170 = x169 + np.where(there_6, 0.0, 1.0)
+    del x169
+    holes_6 = x170
+    holes_7 = x170 + np.where(there_7, 0.0, 1.0)
+    del x170
     moves_1_1 = (there_2) & ((holes_1 == 1.0) | (holes_1 == 3.0) | (holes_1 == 5.0) | (holes_1 == 7.0))
     del holes_1
     moves_1_2 = (there_3) & ((holes_2 == 1.0) | (holes_2 == 3.0) | (holes_2 == 5.0) | (holes_2 == 7.0))
@@ -2076,209 +2556,209 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del there_1
     row_1_0_1 = np.where(moves_1_1, code_2, code_1)
     del code_1
-    x158 = -3.141592653589793
-    x112 = np.where(angle_2_1 > x158, angle_2_1, 3.141592653589793)
+    x220 = -3.141592653589793
+    x171 = np.where(angle_2_1 > x220, angle_2_1, 3.141592653589793)
     del angle_2_1
-    row_1_0_2 = np.where(moves_1_1, x112, np.where(angle_1_1 > x158, angle_1_1, 3.141592653589793))
+    row_1_0_2 = np.where(moves_1_1, x171, np.where(angle_1_1 > x220, angle_1_1, 3.141592653589793))
     del angle_1_1
-    x113 = np.where(angle_2_2 > x158, angle_2_2, 3.141592653589793)
+    x172 = np.where(angle_2_2 > x220, angle_2_2, 3.141592653589793)
     del angle_2_2
-    row_1_0_3 = np.where(moves_1_1, x113, np.where(angle_1_2 > x158, angle_1_2, 3.141592653589793))
+    row_1_0_3 = np.where(moves_1_1, x172, np.where(angle_1_2 > x220, angle_1_2, 3.141592653589793))
     del angle_1_2
-    x114 = np.where(angle_2_3 > x158, angle_2_3, 3.141592653589793)
+    x173 = np.where(angle_2_3 > x220, angle_2_3, 3.141592653589793)
     del angle_2_3
-    row_1_0_4 = np.where(moves_1_1, x114, np.where(angle_1_3 > x158, angle_1_3, 3.141592653589793))
+    row_1_0_4 = np.where(moves_1_1, x173, np.where(angle_1_3 > x220, angle_1_3, 3.141592653589793))
     del angle_1_3
-    x115 = np.where(angle_2_4 > x158, angle_2_4, 3.141592653589793)
+    x174 = np.where(angle_2_4 > x220, angle_2_4, 3.141592653589793)
     del angle_2_4
-    row_1_0_5 = np.where(moves_1_1, x115, np.where(angle_1_4 > x158, angle_1_4, 3.141592653589793))
+    row_1_0_5 = np.where(moves_1_1, x174, np.where(angle_1_4 > x220, angle_1_4, 3.141592653589793))
     del angle_1_4
-    x116 = np.where(angle_2_5 > x158, angle_2_5, 3.141592653589793)
+    x175 = np.where(angle_2_5 > x220, angle_2_5, 3.141592653589793)
     del angle_2_5
-    row_1_0_6 = np.where(moves_1_1, x116, np.where(angle_1_5 > x158, angle_1_5, 3.141592653589793))
+    row_1_0_6 = np.where(moves_1_1, x175, np.where(angle_1_5 > x220, angle_1_5, 3.141592653589793))
     del angle_1_5
-    x117 = np.where(angle_2_6 > x158, angle_2_6, 3.141592653589793)
+    x176 = np.where(angle_2_6 > x220, angle_2_6, 3.141592653589793)
     del angle_2_6
-    row_1_0_7 = np.where(moves_1_1, x117, np.where(angle_1_6 > x158, angle_1_6, 3.141592653589793))
+    row_1_0_7 = np.where(moves_1_1, x176, np.where(angle_1_6 > x220, angle_1_6, 3.141592653589793))
     del angle_1_6
     there_1_1 = (moves_1_2) | ((there_2) & (~(moves_1_1)))
     del moves_1_1, there_2
     row_1_1_1 = np.where(moves_1_2, code_3, code_2)
     del code_2
-    x118 = np.where(angle_3_1 > x158, angle_3_1, 3.141592653589793)
+    x177 = np.where(angle_3_1 > x220, angle_3_1, 3.141592653589793)
     del angle_3_1
-    row_1_1_2 = np.where(moves_1_2, x118, x112)
-    del x112
-    x119 = np.where(angle_3_2 > x158, angle_3_2, 3.141592653589793)
+    row_1_1_2 = np.where(moves_1_2, x177, x171)
+    del x171
+    x178 = np.where(angle_3_2 > x220, angle_3_2, 3.141592653589793)
     del angle_3_2
-    row_1_1_3 = np.where(moves_1_2, x119, x113)
-    del x113
-    x120 = np.where(angle_3_3 > x158, angle_3_3, 3.141592653589793)
+    row_1_1_3 = np.where(moves_1_2, x178, x172)
+    del x172
+    x179 = np.where(angle_3_3 > x220, angle_3_3, 3.141592653589793)
     del angle_3_3
-    row_1_1_4 = np.where(moves_1_2, x120, x114)
-    del x114
-    x121 = np.where(angle_3_4 > x158, angle_3_4, 3.141592653589793)
+    row_1_1_4 = np.where(moves_1_2, x179, x173)
+    del x173
+    x180 = np.where(angle_3_4 > x220, angle_3_4, 3.141592653589793)
     del angle_3_4
-    row_1_1_5 = np.where(moves_1_2, x121, x115)
-    del x115
-    x122 = np.where(angle_3_5 > x158, angle_3_5, 3.141592653589793)
+    row_1_1_5 = np.where(moves_1_2, x180, x174)
+    del x174
+    x181 = np.where(angle_3_5 > x220, angle_3_5, 3.141592653589793)
     del angle_3_5
-    row_1_1_6 = np.where(moves_1_2, x122, x116)
-    del x116
-    x123 = np.where(angle_3_6 > x158, angle_3_6, 3.141592653589793)
+    row_1_1_6 = np.where(moves_1_2, x181, x175)
+    del x175
+    x182 = np.where(angle_3_6 > x220, angle_3_6, 3.141592653589793)
     del angle_3_6
-    row_1_1_7 = np.where(moves_1_2, x123, x117)
-    del x117
+    row_1_1_7 = np.where(moves_1_2, x182, x176)
+    del x176
     there_1_2 = (moves_1_3) | ((there_3) & (~(moves_1_2)))
     del moves_1_2, there_3
     row_1_2_0 = np.where(moves_1_3, holes_3 - 1.0, holes_2)
     del holes_2
     row_1_2_1 = np.where(moves_1_3, code_4, code_3)
     del code_3
-    x124 = np.where(angle_4_1 > x158, angle_4_1, 3.141592653589793)
+    x183 = np.where(angle_4_1 > x220, angle_4_1, 3.141592653589793)
     del angle_4_1
-    row_1_2_2 = np.where(moves_1_3, x124, x118)
-    del x118
-    x125 = np.where(angle_4_2 > x158, angle_4_2, 3.141592653589793)
+    row_1_2_2 = np.where(moves_1_3, x183, x177)
+    del x177
+    x184 = np.where(angle_4_2 > x220, angle_4_2, 3.141592653589793)
     del angle_4_2
-    row_1_2_3 = np.where(moves_1_3, x125, x119)
-    del x119
-    x126 = np.where(angle_4_3 > x158, angle_4_3, 3.141592653589793)
+    row_1_2_3 = np.where(moves_1_3, x184, x178)
+    del x178
+    x185 = np.where(angle_4_3 > x220, angle_4_3, 3.141592653589793)
     del angle_4_3
-    row_1_2_4 = np.where(moves_1_3, x126, x120)
-    del x120
-    x127 = np.where(angle_4_4 > x158, angle_4_4, 3.141592653589793)
+    row_1_2_4 = np.where(moves_1_3, x185, x179)
+    del x179
+    x186 = np.where(angle_4_4 > x220, angle_4_4, 3.141592653589793)
     del angle_4_4
-    row_1_2_5 = np.where(moves_1_3, x127, x121)
-    del x121
-    x128 = np.where(angle_4_5 > x158, angle_4_5, 3.141592653589793)
+    row_1_2_5 = np.where(moves_1_3, x186, x180)
+    del x180
+    x187 = np.where(angle_4_5 > x220, angle_4_5, 3.141592653589793)
     del angle_4_5
-    row_1_2_6 = np.where(moves_1_3, x128, x122)
-    del x122
-    x129 = np.where(angle_4_6 > x158, angle_4_6, 3.141592653589793)
+    row_1_2_6 = np.where(moves_1_3, x187, x181)
+    del x181
+    x188 = np.where(angle_4_6 > x220, angle_4_6, 3.141592653589793)
     del angle_4_6
-    row_1_2_7 = np.where(moves_1_3, x129, x123)
-    del x123
+    row_1_2_7 = np.where(moves_1_3, x188, x182)
+    del x182
     there_1_3 = (moves_1_4) | ((there_4) & (~(moves_1_3)))
     del moves_1_3, there_4
     row_1_3_0 = np.where(moves_1_4, holes_4 - 1.0, holes_3)
     del holes_3
     row_1_3_1 = np.where(moves_1_4, code_5, code_4)
     del code_4
-    x130 = np.where(angle_5_1 > x158, angle_5_1, 3.141592653589793)
+    x189 = np.where(angle_5_1 > x220, angle_5_1, 3.141592653589793)
     del angle_5_1
-    row_1_3_2 = np.where(moves_1_4, x130, x124)
-    del x124
-    x131 = np.where(angle_5_2 > x158, angle_5_2, 3.141592653589793)
+    row_1_3_2 = np.where(moves_1_4, x189, x183)
+    del x183
+    x190 = np.where(angle_5_2 > x220, angle_5_2, 3.141592653589793)
     del angle_5_2
-    row_1_3_3 = np.where(moves_1_4, x131, x125)
-    del x125
-    x132 = np.where(angle_5_3 > x158, angle_5_3, 3.141592653589793)
+    row_1_3_3 = np.where(moves_1_4, x190, x184)
+    del x184
+    x191 = np.where(angle_5_3 > x220, angle_5_3, 3.141592653589793)
     del angle_5_3
-    row_1_3_4 = np.where(moves_1_4, x132, x126)
-    del x126
-    x133 = np.where(angle_5_4 > x158, angle_5_4, 3.141592653589793)
+    row_1_3_4 = np.where(moves_1_4, x191, x185)
+    del x185
+    x192 = np.where(angle_5_4 > x220, angle_5_4, 3.141592653589793)
     del angle_5_4
-    row_1_3_5 = np.where(moves_1_4, x133, x127)
-    del x127
-    x134 = np.where(angle_5_5 > x158, angle_5_5, 3.141592653589793)
+    row_1_3_5 = np.where(moves_1_4, x192, x186)
+    del x186
+    x193 = np.where(angle_5_5 > x220, angle_5_5, 3.141592653589793)
     del angle_5_5
-    row_1_3_6 = np.where(moves_1_4, x134, x128)
-    del x128
-    x135 = np.where(angle_5_6 > x158, angle_5_6, 3.141592653589793)
+    row_1_3_6 = np.where(moves_1_4, x193, x187)
+    del x187
+    x194 = np.where(angle_5_6 > x220, angle_5_6, 3.141592653589793)
     del angle_5_6
-    row_1_3_7 = np.where(moves_1_4, x135, x129)
-    del x129
+    row_1_3_7 = np.where(moves_1_4, x194, x188)
+    del x188
     there_1_4 = (moves_1_5) | ((there_5) & (~(moves_1_4)))
     del moves_1_4, there_5
     row_1_4_0 = np.where(moves_1_5, holes_5 - 1.0, holes_4)
     del holes_4
     row_1_4_1 = np.where(moves_1_5, code_6, code_5)
     del code_5
-    x136 = np.where(angle_6_1 > x158, angle_6_1, 3.141592653589793)
+    x195 = np.where(angle_6_1 > x220, angle_6_1, 3.141592653589793)
     del angle_6_1
-    row_1_4_2 = np.where(moves_1_5, x136, x130)
-    del x130
-    x137 = np.where(angle_6_2 > x158, angle_6_2, 3.141592653589793)
+    row_1_4_2 = np.where(moves_1_5, x195, x189)
+    del x189
+    x196 = np.where(angle_6_2 > x220, angle_6_2, 3.141592653589793)
     del angle_6_2
-    row_1_4_3 = np.where(moves_1_5, x137, x131)
-    del x131
-    x138 = np.where(angle_6_3 > x158, angle_6_3, 3.141592653589793)
+    row_1_4_3 = np.where(moves_1_5, x196, x190)
+    del x190
+    x197 = np.where(angle_6_3 > x220, angle_6_3, 3.141592653589793)
     del angle_6_3
-    row_1_4_4 = np.where(moves_1_5, x138, x132)
-    del x132
-    x139 = np.where(angle_6_4 > x158, angle_6_4, 3.141592653589793)
+    row_1_4_4 = np.where(moves_1_5, x197, x191)
+    del x191
+    x198 = np.where(angle_6_4 > x220, angle_6_4, 3.141592653589793)
     del angle_6_4
-    row_1_4_5 = np.where(moves_1_5, x139, x133)
-    del x133
-    x140 = np.where(angle_6_5 > x158, angle_6_5, 3.141592653589793)
+    row_1_4_5 = np.where(moves_1_5, x198, x192)
+    del x192
+    x199 = np.where(angle_6_5 > x220, angle_6_5, 3.141592653589793)
     del angle_6_5
-    row_1_4_6 = np.where(moves_1_5, x140, x134)
-    del x134
-    x141 = np.where(angle_6_6 > x158, angle_6_6, 3.141592653589793)
+    row_1_4_6 = np.where(moves_1_5, x199, x193)
+    del x193
+    x200 = np.where(angle_6_6 > x220, angle_6_6, 3.141592653589793)
     del angle_6_6
-    row_1_4_7 = np.where(moves_1_5, x141, x135)
-    del x135
+    row_1_4_7 = np.where(moves_1_5, x200, x194)
+    del x194
     there_1_5 = (moves_1_6) | ((there_6) & (~(moves_1_5)))
     del moves_1_5, there_6
     row_1_5_0 = np.where(moves_1_6, holes_6 - 1.0, holes_5)
     del holes_5
     row_1_5_1 = np.where(moves_1_6, code_7, code_6)
     del code_6
-    x142 = np.where(angle_7_1 > x158, angle_7_1, 3.141592653589793)
+    x201 = np.where(angle_7_1 > x220, angle_7_1, 3.141592653589793)
     del angle_7_1
-    row_1_5_2 = np.where(moves_1_6, x142, x136)
-    del x136
-    x143 = np.where(angle_7_2 > x158, angle_7_2, 3.141592653589793)
+    row_1_5_2 = np.where(moves_1_6, x201, x195)
+    del x195
+    x202 = np.where(angle_7_2 > x220, angle_7_2, 3.141592653589793)
     del angle_7_2
-    row_1_5_3 = np.where(moves_1_6, x143, x137)
-    del x137
-    x144 = np.where(angle_7_3 > x158, angle_7_3, 3.141592653589793)
+    row_1_5_3 = np.where(moves_1_6, x202, x196)
+    del x196
+    x203 = np.where(angle_7_3 > x220, angle_7_3, 3.141592653589793)
     del angle_7_3
-    row_1_5_4 = np.where(moves_1_6, x144, x138)
-    del x138
-    x145 = np.where(angle_7_4 > x158, angle_7_4, 3.141592653589793)
+    row_1_5_4 = np.where(moves_1_6, x203, x197)
+    del x197
+    x204 = np.where(angle_7_4 > x220, angle_7_4, 3.141592653589793)
     del angle_7_4
-    row_1_5_5 = np.where(moves_1_6, x145, x139)
-    del x139
-    x146 = np.where(angle_7_5 > x158, angle_7_5, 3.141592653589793)
+    row_1_5_5 = np.where(moves_1_6, x204, x198)
+    del x198
+    x205 = np.where(angle_7_5 > x220, angle_7_5, 3.141592653589793)
     del angle_7_5
-    row_1_5_6 = np.where(moves_1_6, x146, x140)
-    del x140
-    x147 = np.where(angle_7_6 > x158, angle_7_6, 3.141592653589793)
+    row_1_5_6 = np.where(moves_1_6, x205, x199)
+    del x199
+    x206 = np.where(angle_7_6 > x220, angle_7_6, 3.141592653589793)
     del angle_7_6
-    row_1_5_7 = np.where(moves_1_6, x147, x141)
-    del x141
+    row_1_5_7 = np.where(moves_1_6, x206, x200)
+    del x200
     there_1_6 = (moves_1_7) | ((there_7) & (~(moves_1_6)))
     del moves_1_6, there_7
     row_1_6_0 = np.where(moves_1_7, holes_7 - 1.0, holes_6)
     del holes_6
     row_1_6_1 = np.where(moves_1_7, code_8, code_7)
     del code_7
-    x148 = np.where(angle_8_1 > x158, angle_8_1, 3.141592653589793)
+    x207 = np.where(angle_8_1 > x220, angle_8_1, 3.141592653589793)
     del angle_8_1
-    row_1_6_2 = np.where(moves_1_7, x148, x142)
-    del x142
-    x149 = np.where(angle_8_2 > x158, angle_8_2, 3.141592653589793)
+    row_1_6_2 = np.where(moves_1_7, x207, x201)
+    del x201
+    x208 = np.where(angle_8_2 > x220, angle_8_2, 3.141592653589793)
     del angle_8_2
-    row_1_6_3 = np.where(moves_1_7, x149, x143)
-    del x143
-    x150 = np.where(angle_8_3 > x158, angle_8_3, 3.141592653589793)
+    row_1_6_3 = np.where(moves_1_7, x208, x202)
+    del x202
+    x209 = np.where(angle_8_3 > x220, angle_8_3, 3.141592653589793)
     del angle_8_3
-    row_1_6_4 = np.where(moves_1_7, x150, x144)
-    del x144
-    x151 = np.where(angle_8_4 > x158, angle_8_4, 3.141592653589793)
+    row_1_6_4 = np.where(moves_1_7, x209, x203)
+    del x203
+    x210 = np.where(angle_8_4 > x220, angle_8_4, 3.141592653589793)
     del angle_8_4
-    row_1_6_5 = np.where(moves_1_7, x151, x145)
-    del x145
-    x152 = np.where(angle_8_5 > x158, angle_8_5, 3.141592653589793)
+    row_1_6_5 = np.where(moves_1_7, x210, x204)
+    del x204
+    x211 = np.where(angle_8_5 > x220, angle_8_5, 3.141592653589793)
     del angle_8_5
-    row_1_6_6 = np.where(moves_1_7, x152, x146)
-    del x146
-    x153 = np.where(angle_8_6 > x158, angle_8_6, 3.141592653589793)
-    del angle_8_6, x158
-    row_1_6_7 = np.where(moves_1_7, x153, x147)
-    del x147
+    row_1_6_6 = np.where(moves_1_7, x211, x205)
+    del x205
+    x212 = np.where(angle_8_6 > x220, angle_8_6, 3.141592653589793)
+    del angle_8_6, x220
+    row_1_6_7 = np.where(moves_1_7, x212, x206)
+    del x206
     there_1_7 = (there_8) & (~(moves_1_7))
     del moves_1_7, there_8
     moves_2_2 = (there_1_2) & ((row_1_2_0 == 2.0) | (row_1_2_0 == 6.0))
@@ -2377,17 +2857,17 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del row_1_5_0
     row_2_5_1 = np.where(moves_2_7, code_8, row_1_5_1)
     del row_1_5_1
-    row_2_5_2 = np.where(moves_2_7, x148, row_1_5_2)
+    row_2_5_2 = np.where(moves_2_7, x207, row_1_5_2)
     del row_1_5_2
-    row_2_5_3 = np.where(moves_2_7, x149, row_1_5_3)
+    row_2_5_3 = np.where(moves_2_7, x208, row_1_5_3)
     del row_1_5_3
-    row_2_5_4 = np.where(moves_2_7, x150, row_1_5_4)
+    row_2_5_4 = np.where(moves_2_7, x209, row_1_5_4)
     del row_1_5_4
-    row_2_5_5 = np.where(moves_2_7, x151, row_1_5_5)
+    row_2_5_5 = np.where(moves_2_7, x210, row_1_5_5)
     del row_1_5_5
-    row_2_5_6 = np.where(moves_2_7, x152, row_1_5_6)
+    row_2_5_6 = np.where(moves_2_7, x211, row_1_5_6)
     del row_1_5_6
-    row_2_5_7 = np.where(moves_2_7, x153, row_1_5_7)
+    row_2_5_7 = np.where(moves_2_7, x212, row_1_5_7)
     del row_1_5_7
     there_2_6 = (there_1_6) & (~(moves_2_6))
     del moves_2_6, there_1_6
@@ -2453,17 +2933,17 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del there_2_3
     row_4_3_1 = np.where(moves_4_7, code_8, row_2_3_1)
     del row_2_3_1
-    row_4_3_2 = np.where(moves_4_7, x148, row_2_3_2)
+    row_4_3_2 = np.where(moves_4_7, x207, row_2_3_2)
     del row_2_3_2
-    row_4_3_3 = np.where(moves_4_7, x149, row_2_3_3)
+    row_4_3_3 = np.where(moves_4_7, x208, row_2_3_3)
     del row_2_3_3
-    row_4_3_4 = np.where(moves_4_7, x150, row_2_3_4)
+    row_4_3_4 = np.where(moves_4_7, x209, row_2_3_4)
     del row_2_3_4
-    row_4_3_5 = np.where(moves_4_7, x151, row_2_3_5)
+    row_4_3_5 = np.where(moves_4_7, x210, row_2_3_5)
     del row_2_3_5
-    row_4_3_6 = np.where(moves_4_7, x152, row_2_3_6)
+    row_4_3_6 = np.where(moves_4_7, x211, row_2_3_6)
     del row_2_3_6
-    row_4_3_7 = np.where(moves_4_7, x153, row_2_3_7)
+    row_4_3_7 = np.where(moves_4_7, x212, row_2_3_7)
     del row_2_3_7
     there_4_4 = (there_2_4) & (~(moves_4_4))
     del moves_4_4, there_2_4
@@ -2557,18 +3037,18 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del row_1_6_6
     angles_7_6 = np.where(there_4_6, row_1_6_7, np.nan)
     del row_1_6_7
-    angles_8_1 = np.where(there_4_7, x148, np.nan)
-    del x148
-    angles_8_2 = np.where(there_4_7, x149, np.nan)
-    del x149
-    angles_8_3 = np.where(there_4_7, x150, np.nan)
-    del x150
-    angles_8_4 = np.where(there_4_7, x151, np.nan)
-    del x151
-    angles_8_5 = np.where(there_4_7, x152, np.nan)
-    del x152
-    angles_8_6 = np.where(there_4_7, x153, np.nan)
-    del x153
+    angles_8_1 = np.where(there_4_7, x207, np.nan)
+    del x207
+    angles_8_2 = np.where(there_4_7, x208, np.nan)
+    del x208
+    angles_8_3 = np.where(there_4_7, x209, np.nan)
+    del x209
+    angles_8_4 = np.where(there_4_7, x210, np.nan)
+    del x210
+    angles_8_5 = np.where(there_4_7, x211, np.nan)
+    del x211
+    angles_8_6 = np.where(there_4_7, x212, np.nan)
+    del x212
     status_1 = np.where(~(good), 5.0, np.where(~(there_4_0), 3.0, row_4_0_1))
     del row_4_0_1, there_4_0
     status_2 = np.where(~(good), 5.0, np.where(~(there_4_1), 3.0, row_4_1_1))

@@ -998,7 +998,7 @@ polygon_quadrilateral.types = ["dd->db", "ff->fb"]
 
 
 def _polygon_quadrilateral(alpha_1, alpha_2, alpha_3, alpha_4, theta_4, eps, largest):
-    # 37 add, 75 mul, 3 div, 4 sqrt, 26 select, 14 compare, 13 abs, 6 atan2, 5 cos, 5 sin
+    # 44 add, 83 mul, 4 div, 4 sqrt, 27 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin
     c_alpha_1 = np.cos(alpha_1)
     c_alpha_2 = np.cos(alpha_2)
     c_alpha_3 = np.cos(alpha_3)
@@ -1015,65 +1015,106 @@ def _polygon_quadrilateral(alpha_1, alpha_2, alpha_3, alpha_4, theta_4, eps, lar
     y_4 = -c_alpha_3*s_alpha_4 - c_alpha_4*x0
     z_4 = c_alpha_3*c_alpha_4 - s_alpha_4*x0
     del c_alpha_3, x0
-    A = s_alpha_1*y_4
-    B = s_alpha_1*x_4
-    D = c_alpha_1*z_4 - c_alpha_2
-    r = np.sqrt((A*A) + (B*B))
-    x14 = 16.0*eps
-    any_root = r <= x14
-    off = np.abs(D) - r
-    no_root = off > x14
-    one_root = np.abs(off) <= x14
-    root = np.where(off < -x14, np.sqrt(np.abs((D - r)*(D + r))), 0.0)
-    del off
-    bound = np.where(one_root, np.where(D < 0.0, -r, r), D)
-    del D
-    square = np.where(any_root, 1.0, (r*r))
-    del r
-    x2 = 1.0/square
-    del square
-    x3 = A*bound
-    x4 = B*root
-    c_root1 = np.where(any_root, 1.0, x2*(-x3 - x4))
-    x5 = A*root
-    del A, root
-    x6 = B*bound
-    del B, bound
-    s_root1 = np.where(any_root, 0.0, x2*(x5 - x6))
-    c_root2 = np.where(any_root, 1.0, x2*(x4 - x3))
-    del x3, x4
-    s_root2 = np.where(any_root, 0.0, x2*(-x5 - x6))
-    del x2, x5, x6
-    family = (any_root) | (np.abs(s_alpha_2) <= x14)
-    del any_root
+    sine_13 = np.sqrt((x_4*x_4) + (y_4*y_4))
+    x1 = 0.5*np.arctan2(sine_13, z_4)
+    x2 = 0.5*alpha_1
+    x3 = 0.5*alpha_2
+    x4 = x2 + x3
+    half_sums_1 = x4 - x1
+    half_sums_2 = x1 + x3 - x2
+    half_sums_3 = x1 + x4
+    del x4
+    half_sums_4 = x1 + x2 - x3
+    del x1, x2, x3
+    factors_1 = np.sin(half_sums_1)
+    del half_sums_1
+    factors_2 = np.sin(half_sums_2)
+    del half_sums_2
+    factors_3 = np.sin(half_sums_3)
+    del half_sums_3
+    factors_4 = np.sin(half_sums_4)
+    del half_sums_4
+    x18 = s_alpha_1*sine_13
+    side = np.where(x18 < 0.0, -1.0, 1.0)
+    p_side = factors_1*factors_2*side
+    x5 = 16.0*eps
+    p_near = x5*(np.abs(factors_1) + np.abs(factors_2))
+    del factors_1, factors_2
+    p_short = p_side < -p_near
+    p_zero = np.abs(p_side) <= p_near
+    del p_near
+    p = np.where(p_zero, 0.0, p_side)
+    del p_side
+    q_side = factors_3*factors_4*side
+    del side
+    q_near = x5*(np.abs(factors_3) + np.abs(factors_4))
+    del factors_3, factors_4
+    q_short = q_side < -q_near
+    q_zero = np.abs(q_side) <= q_near
+    del q_near
+    q = np.where(q_zero, 0.0, q_side)
+    del q_side
+    flat = np.abs(x18) <= x5
+    del x18
+    no_angle = (p_short) | (q_short) | ((flat) & (~((p_zero) & (q_zero))))
+    del p_short, q_short
+    one_angle = (p_zero) | (q_zero)
+    any_angle = (flat) | ((p_zero) & (q_zero))
+    del flat, p_zero, q_zero
+    p_and_q = np.where(any_angle, 1.0, p + q)
+    x6 = 1.0/p_and_q
+    del p_and_q
+    cosine = np.where(any_angle, 1.0, x6*(q - p))
+    sine = np.where(any_angle, 0.0, 2.0*x6*np.sqrt(np.abs(p*q)))
+    del p, q, x6
+    on_axis = sine_13 <= x5
+    far = np.where(on_axis, 1.0, sine_13)
+    del sine_13
+    x7 = 1.0/far
+    del far
+    c_gamma = np.where(on_axis, 1.0, x7*y_4)
+    s_gamma = np.where(on_axis, 0.0, x7*x_4)
+    del on_axis, x7
+    x8 = c_gamma*cosine
+    x9 = s_gamma*sine
+    c_1_1 = x8 - x9
+    x10 = c_gamma*sine
+    del c_gamma, sine
+    s_1_1 = cosine*s_gamma + x10
+    c_1_2 = x8 + x9
+    del x8, x9
+    s_1_2 = cosine*s_gamma - x10
+    del cosine, s_gamma, x10
+    family = (any_angle) | (np.abs(s_alpha_2) <= x5)
+    del any_angle
     finite = np.abs(alpha_1) + np.abs(alpha_2) + np.abs(alpha_3) + np.abs(alpha_4) + np.abs(theta_4) <= largest
-    good = (finite) & (~(no_root))
-    x_41_1 = c_root1*x_4 - s_root1*y_4
-    x7 = -s_alpha_1*z_4
+    good = (finite) & (~(no_angle))
+    x_41_1 = c_1_1*x_4 - s_1_1*y_4
+    x11 = -s_alpha_1*z_4
     del z_4
-    y_41_1 = c_alpha_1*(c_root1*y_4 + s_root1*x_4) + x7
-    x8 = np.where(s_alpha_2 < 0.0, -1.0, 1.0)
-    sine_2_1 = np.where(np.abs(s_alpha_2) <= x14, 0.0, x8*x_41_1)
+    y_41_1 = c_alpha_1*(c_1_1*y_4 + s_1_1*x_4) + x11
+    x12 = np.where(s_alpha_2 < 0.0, -1.0, 1.0)
+    sine_2_1 = np.where(np.abs(s_alpha_2) <= x5, 0.0, x12*x_41_1)
     del x_41_1
-    cosine_2_1 = np.where(np.abs(s_alpha_2) <= x14, 1.0, x8*y_41_1)
+    cosine_2_1 = np.where(np.abs(s_alpha_2) <= x5, 1.0, x12*y_41_1)
     del y_41_1
     length_2_1 = np.sqrt((cosine_2_1*cosine_2_1) + (sine_2_1*sine_2_1))
     divisor_2_1 = np.where(length_2_1 > 0.0, length_2_1, 1.0)
     del length_2_1
-    x9 = 1.0/divisor_2_1
+    x13 = 1.0/divisor_2_1
     del divisor_2_1
-    c_2_1 = cosine_2_1*x9
-    s_2_1 = sine_2_1*x9
-    del x9
+    c_2_1 = cosine_2_1*x13
+    s_2_1 = sine_2_1*x13
+    del x13
     row_11_1 = c_theta_1
-    x10 = -c_alpha_4*s_theta_1
+    x14 = -c_alpha_4*s_theta_1
     del c_alpha_4
-    row_11_2 = x10
-    x11 = s_alpha_4*s_theta_1
+    row_11_2 = x14
+    x15 = s_alpha_4*s_theta_1
     del s_alpha_4, s_theta_1
-    row_11_3 = x11
-    row_12_1 = c_root1*row_11_1 + row_11_2*s_root1
-    row_12_2 = c_root1*row_11_2 - row_11_1*s_root1
+    row_11_3 = x15
+    row_12_1 = c_1_1*row_11_1 + row_11_2*s_1_1
+    row_12_2 = c_1_1*row_11_2 - row_11_1*s_1_1
     del row_11_1, row_11_2
     row_12_3 = row_11_3
     del row_11_3
@@ -1087,29 +1128,29 @@ def _polygon_quadrilateral(alpha_1, alpha_2, alpha_3, alpha_4, theta_4, eps, lar
     del c_2_1, row_13_1, row_13_2, s_2_1
     row_14_3 = row_13_3
     del row_13_3
-    x_41_2 = c_root2*x_4 - s_root2*y_4
-    y_41_2 = c_alpha_1*(c_root2*y_4 + s_root2*x_4) + x7
-    del x7, x_4, y_4
-    sine_2_2 = np.where(np.abs(s_alpha_2) <= x14, 0.0, x8*x_41_2)
+    x_41_2 = c_1_2*x_4 - s_1_2*y_4
+    y_41_2 = c_alpha_1*(c_1_2*y_4 + s_1_2*x_4) + x11
+    del x11, x_4, y_4
+    sine_2_2 = np.where(np.abs(s_alpha_2) <= x5, 0.0, x12*x_41_2)
     del x_41_2
-    cosine_2_2 = np.where(np.abs(s_alpha_2) <= x14, 1.0, x8*y_41_2)
-    del x14, x8, y_41_2
+    cosine_2_2 = np.where(np.abs(s_alpha_2) <= x5, 1.0, x12*y_41_2)
+    del x12, x5, y_41_2
     length_2_2 = np.sqrt((cosine_2_2*cosine_2_2) + (sine_2_2*sine_2_2))
     divisor_2_2 = np.where(length_2_2 > 0.0, length_2_2, 1.0)
     del length_2_2
-    x12 = 1.0/divisor_2_2
+    x16 = 1.0/divisor_2_2
     del divisor_2_2
-    c_2_2 = cosine_2_2*x12
-    s_2_2 = sine_2_2*x12
-    del x12
+    c_2_2 = cosine_2_2*x16
+    s_2_2 = sine_2_2*x16
+    del x16
     row_21_1 = c_theta_1
     del c_theta_1
-    row_21_2 = x10
-    del x10
-    row_21_3 = x11
-    del x11
-    row_22_1 = c_root2*row_21_1 + row_21_2*s_root2
-    row_22_2 = c_root2*row_21_2 - row_21_1*s_root2
+    row_21_2 = x14
+    del x14
+    row_21_3 = x15
+    del x15
+    row_22_1 = c_1_2*row_21_1 + row_21_2*s_1_2
+    row_22_2 = c_1_2*row_21_2 - row_21_1*s_1_2
     del row_21_1, row_21_2
     row_22_3 = row_21_3
     del row_21_3
@@ -1123,24 +1164,24 @@ def _polygon_quadrilateral(alpha_1, alpha_2, alpha_3, alpha_4, theta_4, eps, lar
     del c_2_2, row_23_1, row_23_2, s_2_2
     row_24_3 = row_23_3
     del row_23_3
-    theta_1_1 = np.where(good, np.arctan2(s_root1, c_root1), np.nan)
-    del c_root1, s_root1
+    theta_1_1 = np.where(good, np.arctan2(s_1_1, c_1_1), np.nan)
+    del c_1_1, s_1_1
     theta_1_2 = np.where(good, np.arctan2(sine_2_1, cosine_2_1), np.nan)
     del cosine_2_1, sine_2_1
     theta_1_3 = np.where(good, np.arctan2(c_alpha_2*row_14_2 + row_14_3*s_alpha_2, row_14_1), np.nan)
     del row_14_1, row_14_2, row_14_3
-    x13 = np.where(good, theta_4, np.nan)
-    theta_1_4 = x13
-    theta_2_1 = np.where(good, np.arctan2(s_root2, c_root2), np.nan)
-    del c_root2, s_root2
+    x17 = np.where(good, theta_4, np.nan)
+    theta_1_4 = x17
+    theta_2_1 = np.where(good, np.arctan2(s_1_2, c_1_2), np.nan)
+    del c_1_2, s_1_2
     theta_2_2 = np.where(good, np.arctan2(sine_2_2, cosine_2_2), np.nan)
     del cosine_2_2, sine_2_2
     theta_2_3 = np.where(good, np.arctan2(c_alpha_2*row_24_2 + row_24_3*s_alpha_2, row_24_1), np.nan)
     del c_alpha_2, good, row_24_1, row_24_2, row_24_3, s_alpha_2
-    theta_2_4 = x13
-    del x13
-    status = np.where(~(finite), 4.0, np.where(no_root, 3.0, np.where(family, 2.0, np.where(one_root, 1.0, 0.0))))
-    del family, finite, no_root, one_root
+    theta_2_4 = x17
+    del x17
+    status = np.where(~(finite), 4.0, np.where(no_angle, 3.0, np.where(family, 2.0, np.where(one_angle, 1.0, 0.0))))
+    del family, finite, no_angle, one_angle
     return (theta_1_1, theta_1_2, theta_1_3, theta_1_4, theta_2_1, theta_2_2, theta_2_3, theta_2_4, status)
 
 
@@ -1178,7 +1219,7 @@ polygon_pentagon.types = ["dd->db", "ff->fb"]
 
 
 def _polygon_pentagon(alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, theta_45_1, theta_45_2, eps, largest):
-    # 53 add, 101 mul, 3 div, 6 sqrt, 26 select, 10 compare, 10 abs, 6 atan2, 7 cos, 7 sin
+    # 55 add, 101 mul, 3 div, 6 sqrt, 24 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin
     c_alpha_1 = np.cos(alpha_1)
     c_alpha_2 = np.cos(alpha_2)
     c_alpha_3 = np.cos(alpha_3)
@@ -1205,44 +1246,66 @@ def _polygon_pentagon(alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, theta_45_1, t
     y_45 = c_alpha_5*x4 - s_alpha_5*x3
     z_45 = c_alpha_5*x3 + s_alpha_5*x4
     del x3, x4
-    A = s_alpha_1*s_alpha_2
-    B = 0.0
-    D = z_45 - c_alpha_1*c_alpha_2
+    x5 = 0.5*alpha_2
+    x6 = 0.5*alpha_1
+    x7 = 0.5*np.arctan2(np.sqrt((x_45*x_45) + (y_45*y_45)), z_45)
     del z_45
-    r = np.sqrt((A*A) + (B*B))
-    x19 = 16.0*eps
-    any_root = r <= x19
-    off = np.abs(D) - r
-    no_root = off > x19
-    one_root = np.abs(off) <= x19
-    root = np.where(off < -x19, np.sqrt(np.abs((D - r)*(D + r))), 0.0)
-    del off
-    bound = np.where(one_root, np.where(D < 0.0, -r, r), D)
-    del D
-    square = np.where(any_root, 1.0, (r*r))
-    del r
-    x6 = 1.0/square
-    del square
-    x7 = A*bound
-    x8 = B*root
-    c_root1 = np.where(any_root, 1.0, x6*(-x7 - x8))
-    x9 = A*root
-    del A, root
-    x10 = B*bound
-    del B, bound
-    s_root1 = np.where(any_root, 0.0, x6*(x9 - x10))
-    c_root2 = np.where(any_root, 1.0, x6*(x8 - x7))
-    del x7, x8
-    s_root2 = np.where(any_root, 0.0, x6*(-x10 - x9))
-    del x10, x6, x9
+    x8 = x6 + x7
+    half_sums_1 = x8 - x5
+    half_sums_2 = x5 + x7 - x6
+    half_sums_3 = x5 + x8
+    del x8
+    half_sums_4 = x5 + x6 - x7
+    del x5, x6, x7
+    factors_1 = np.sin(half_sums_1)
+    del half_sums_1
+    factors_2 = np.sin(half_sums_2)
+    del half_sums_2
+    factors_3 = np.sin(half_sums_3)
+    del half_sums_3
+    factors_4 = np.sin(half_sums_4)
+    del half_sums_4
+    x19 = s_alpha_1*s_alpha_2
+    side = np.where(x19 < 0.0, -1.0, 1.0)
+    p_side = factors_1*factors_2*side
+    x9 = 16.0*eps
+    p_near = x9*(np.abs(factors_1) + np.abs(factors_2))
+    del factors_1, factors_2
+    p_short = p_side < -p_near
+    p_zero = np.abs(p_side) <= p_near
+    del p_near
+    p = np.where(p_zero, 0.0, p_side)
+    del p_side
+    q_side = factors_3*factors_4*side
+    del side
+    q_near = x9*(np.abs(factors_3) + np.abs(factors_4))
+    del factors_3, factors_4
+    q_short = q_side < -q_near
+    q_zero = np.abs(q_side) <= q_near
+    del q_near
+    q = np.where(q_zero, 0.0, q_side)
+    del q_side
+    flat = np.abs(x19) <= x9
+    del x19
+    no_angle = (p_short) | (q_short) | ((flat) & (~((p_zero) & (q_zero))))
+    del p_short, q_short
+    one_angle = (p_zero) | (q_zero)
+    any_angle = (flat) | ((p_zero) & (q_zero))
+    del flat, p_zero, q_zero
+    p_and_q = np.where(any_angle, 1.0, p + q)
+    x10 = 1.0/p_and_q
+    del p_and_q
+    cosine = np.where(any_angle, 1.0, x10*(p - q))
+    sine = np.where(any_angle, 0.0, 2.0*x10*np.sqrt(np.abs(p*q)))
+    del p, q, x10
     finite = np.abs(alpha_1) + np.abs(alpha_2) + np.abs(alpha_3) + np.abs(alpha_4) + np.abs(alpha_5) + np.abs(theta_45_1) + np.abs(theta_45_2) <= largest
-    good = (finite) & (~(no_root))
-    xb_2_1 = s_alpha_2*s_root1
-    x11 = c_alpha_2*s_alpha_1
-    x12 = c_alpha_1*s_alpha_2
-    yb_2_1 = -c_root1*x12 - x11
+    good = (finite) & (~(no_angle))
+    x11 = s_alpha_2*sine
+    xb_2_1 = x11
+    x12 = -c_alpha_1*cosine*s_alpha_2 - c_alpha_2*s_alpha_1
+    yb_2_1 = x12
     length_1_1 = np.sqrt((xb_2_1*xb_2_1) + (yb_2_1*yb_2_1))
-    flat_1_1 = length_1_1 <= x19
+    flat_1_1 = length_1_1 <= x9
     del length_1_1
     cosine_1_1 = np.where(flat_1_1, 1.0, x_45*xb_2_1 - y_45*yb_2_1)
     sine_1_1 = np.where(flat_1_1, 0.0, -x_45*yb_2_1 - xb_2_1*y_45)
@@ -1282,17 +1345,18 @@ def _polygon_pentagon(alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, theta_45_1, t
     row_15_2 = c_alpha_1*row_14_2 + row_14_3*s_alpha_1
     row_15_3 = c_alpha_1*row_14_3 - row_14_2*s_alpha_1
     del row_14_2, row_14_3
-    row_16_1 = c_root1*row_15_1 + row_15_2*s_root1
-    row_16_2 = c_root1*row_15_2 - row_15_1*s_root1
+    row_16_1 = cosine*row_15_1 + row_15_2*sine
+    row_16_2 = cosine*row_15_2 - row_15_1*sine
     del row_15_1, row_15_2
     row_16_3 = row_15_3
     del row_15_3
-    xb_2_2 = s_alpha_2*s_root2
-    yb_2_2 = -c_root2*x12 - x11
-    del x11, x12
+    xb_2_2 = -x11
+    del x11
+    yb_2_2 = x12
+    del x12
     length_1_2 = np.sqrt((xb_2_2*xb_2_2) + (yb_2_2*yb_2_2))
-    flat_1_2 = length_1_2 <= x19
-    del length_1_2, x19
+    flat_1_2 = length_1_2 <= x9
+    del length_1_2, x9
     cosine_1_2 = np.where(flat_1_2, 1.0, x_45*xb_2_2 - y_45*yb_2_2)
     sine_1_2 = np.where(flat_1_2, 0.0, -x_45*yb_2_2 - xb_2_2*y_45)
     del x_45, xb_2_2, y_45, yb_2_2
@@ -1330,17 +1394,16 @@ def _polygon_pentagon(alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, theta_45_1, t
     row_25_2 = c_alpha_1*row_24_2 + row_24_3*s_alpha_1
     row_25_3 = c_alpha_1*row_24_3 - row_24_2*s_alpha_1
     del c_alpha_1, row_24_2, row_24_3, s_alpha_1
-    row_26_1 = c_root2*row_25_1 + row_25_2*s_root2
-    row_26_2 = c_root2*row_25_2 - row_25_1*s_root2
+    row_26_1 = cosine*row_25_1 - row_25_2*sine
+    row_26_2 = cosine*row_25_2 + row_25_1*sine
     del row_25_1, row_25_2
     row_26_3 = row_25_3
     del row_25_3
-    family = (any_root) | (flat_1_1) | (flat_1_2)
-    del any_root, flat_1_1, flat_1_2
+    family = (any_angle) | (flat_1_1) | (flat_1_2)
+    del any_angle, flat_1_1, flat_1_2
     theta_1_1 = np.where(good, np.arctan2(sine_1_1, cosine_1_1), np.nan)
     del cosine_1_1, sine_1_1
-    theta_1_2 = np.where(good, np.arctan2(s_root1, c_root1), np.nan)
-    del c_root1, s_root1
+    theta_1_2 = np.where(good, np.arctan2(sine, cosine), np.nan)
     theta_1_3 = np.where(good, np.arctan2(c_alpha_2*row_16_2 + row_16_3*s_alpha_2, row_16_1), np.nan)
     del row_16_1, row_16_2, row_16_3
     x17 = np.where(good, theta_45_1, np.nan)
@@ -1349,16 +1412,16 @@ def _polygon_pentagon(alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, theta_45_1, t
     theta_1_5 = x18
     theta_2_1 = np.where(good, np.arctan2(sine_1_2, cosine_1_2), np.nan)
     del cosine_1_2, sine_1_2
-    theta_2_2 = np.where(good, np.arctan2(s_root2, c_root2), np.nan)
-    del c_root2, s_root2
+    theta_2_2 = np.where(good, np.arctan2(-sine, cosine), np.nan)
+    del cosine, sine
     theta_2_3 = np.where(good, np.arctan2(c_alpha_2*row_26_2 + row_26_3*s_alpha_2, row_26_1), np.nan)
     del c_alpha_2, good, row_26_1, row_26_2, row_26_3, s_alpha_2
     theta_2_4 = x17
     del x17
     theta_2_5 = x18
     del x18
-    status = np.where(~(finite), 4.0, np.where(no_root, 3.0, np.where(family, 2.0, np.where(one_root, 1.0, 0.0))))
-    del family, finite, no_root, one_root
+    status = np.where(~(finite), 4.0, np.where(no_angle, 3.0, np.where(family, 2.0, np.where(one_angle, 1.0, 0.0))))
+    del family, finite, no_angle, one_angle
     return (theta_1_1, theta_1_2, theta_1_3, theta_1_4, theta_1_5, theta_2_1, theta_2_2, theta_2_3, theta_2_4, theta_2_5, status)
 
 
