@@ -124,6 +124,18 @@ def test_relations_of_two_axes_are_told_apart(other, a, alpha, offset):
         assert mechanism.a[0] == 0
 
 
+def test_axes_that_meet_somewhere_have_no_length_and_axes_a_little_apart_have_theirs():
+    """Rounding does not part two axes through one point, and a distance of 1e-12 of the size is one."""
+    for turned in Rotation.random(40, random_state=6):
+        first, second, third = turned.as_matrix().T
+        slanted = 0.8 * first + 0.6 * second
+        place = 3 * first - second + 5 * third
+        for gap in (0.0, 1e-9, 1e-12 * 6):
+            screws = [[*first, *np.cross(place, first)], [*slanted, *np.cross(place + gap * third, slanted)]]
+            length = spatial.from_product_of_exponentials(screws).mechanism.a[0]
+            assert length == (0 if gap == 0 else pytest.approx(gap, abs=4e-15))
+
+
 def test_three_parallel_axes_and_a_shift_keep_exact_zeros():
     """A SCARA arm: R, R, R parallel and a P along them; every twist is 0, and S_j of the turning joints is 0."""
     arm = spatial.from_product_of_exponentials(
@@ -148,13 +160,17 @@ def test_a_pitch_makes_a_screw_and_rounding_does_not():
 
 
 def test_axes_that_are_all_but_parallel_lose_what_the_convention_must():
-    """Feet are known to rounding over the sine: half of the digits are left at the tolerance, 1e-8."""
-    for sine in (1e-3, 1e-5, 1e-7, 0.9e-8):
-        tilted = [np.sin(np.arcsin(sine)), 0, np.sqrt(1 - sine**2)]
-        screws = [[0, 0, 1, 0, 0, 0], [*tilted, *np.cross([0.3, 0.5, 0], tilted)]]
-        robot = spatial.from_product_of_exponentials(screws)
-        off = np.abs(robot.forward([0.4, 1.1]) - product(screws, np.eye(4), [0.4, 1.1])).max()
-        assert off <= (100 * np.finfo(float).eps / sine if sine > 1e-8 else 4 * sine)
+    """Feet are known to rounding over the sine; parallel axes in their place are off by the sine. So 1e-7 is the worst."""
+    for sine in (1e-3, 1e-5, 1e-7, 0.9e-8, 1e-10, 1e-12):
+        worst = 0.0
+        for turned in Rotation.random(20, random_state=7).as_matrix():
+            tilted = turned @ [np.sin(np.arcsin(sine)), 0, np.sqrt(1 - sine**2)]
+            places = turned @ np.array([[0.1, 0.3], [0.2, 0.5], [0.7, -0.4]])
+            axes = zip((turned[:, 2], tilted), places.T, strict=True)
+            screws = [[*axis, *np.cross(place, axis)] for axis, place in axes]
+            found = spatial.from_product_of_exponentials(screws).forward([0.4, 1.1])
+            worst = max(worst, np.abs(found - product(screws, np.eye(4), [0.4, 1.1])).max())
+        assert worst <= (100 * np.finfo(float).eps / sine if sine > 1e-8 else 4 * sine)
 
 
 def test_a_screw_of_another_length_is_told():

@@ -320,6 +320,14 @@ def test_the_hypothetical_link_closes_the_loop(robot, free):
         assert closure(robot, q[row], one(link, row)) <= 100 * EPS / np.sin(link.alpha71[row])
 
 
+def test_an_offset_of_the_first_joint_is_in_the_loop():
+    raised = Mechanism(
+        "RRRRRR", spatial.PUMA_560.a, spatial.PUMA_560.alpha, [7.0, *spatial.PUMA_560.offset[1:]]
+    )
+    q = np.random.default_rng(14).uniform(-3, 3, size=6)
+    assert closure(raised, q, spatial.close_loop(spatial.forward(raised, q))) <= 100 * EPS
+
+
 def test_the_chosen_twist_leaves_no_special_case():
     """Rotations with S7 for 90°, 45° and 135° on S1 and everywhere between: s71 is at least sin 45°."""
     turns = np.concatenate([Rotation.random(300, random_state=11).as_matrix(), np.eye(3)[None]])
