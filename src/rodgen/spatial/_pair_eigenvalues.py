@@ -108,7 +108,9 @@ def starts(M: Any, method: str = "sylvester") -> tuple[Any, Any, Any]:
     """
     theta, distance = eigenvalues(M, method)
     with np.errstate(invalid="ignore"):
-        first = np.where(np.abs(theta.imag) <= COMPLEX, theta.real, np.nan)
+        # two real solutions that nearly meet may have eigenvalues a ± bi: a ± b is then outside of them, from where
+        # Newton's method leads to both, while it stays at a
+        first = np.where(np.abs(theta.imag) <= COMPLEX, theta.real + theta.imag, np.nan)
         gap = np.abs(
             theta[:, :, None] - theta[:, None, :] + 2 * np.pi * np.arange(-1, 2)[:, None, None, None]
         )

@@ -28,6 +28,17 @@ a rounding of each angle."""
 CALLS = 30
 """Calls of the polishing kernel, two steps each. A regular solution takes two to four; where two meet the distance only
 halves in a step, and 27 halvings bring a rough start to where rounding hides the rest."""
+PATIENCE = 3
+"""Calls without a gain: along a narrow curved valley the equations grow before they become less."""
+PROMISING = 1e-6
+"""Residual of a start over S up to which it is near solutions that meet, if Newton's method leads away from it."""
+DOWNHILL = 50
+"""Steps that never lead away; near where solutions meet one gains a bit, as a rule, or finds out that it was too
+long."""
+BETWEEN = 1e-9
+"""Residual over S up to which a place where Newton's method is stuck may be between two solutions."""
+SIDES = np.array([-30.0, -4.0, 4.0, 30.0])
+"""How far from there to start again, over the root of the residual."""
 NEAR = 1e-6
 """Solutions that meet and are not farther apart are one: rounding moves them by 1e-8 to 1e-7."""
 STRETCH = 1e-2
@@ -70,29 +81,86 @@ def polished(M: Any, angles: Any) -> tuple[Any, Any, Any, Any]:
     now = angles.reshape(-1, 2).copy()
     results = [np.full(n * m, np.nan) for _ in range(3)]
     active = np.flatnonzero(np.isfinite(now).all(axis=-1))
-    before = np.full(len(active), np.inf)
+    first = _missed(M[active // m], now[active])
+    promising = active[first <= PROMISING]
+    starts = now[promising]
+    at, best, stuck = now[active], np.full(len(active), np.inf), np.zeros(len(active), int)
     for _ in range(CALLS):
         if not len(active):
             break
         of = active // m
-        moved, *found = kernels.pair_polish(M[of, 0], M[of, 1], now[active])
-        better = found[0] < before
+        at, *found = kernels.pair_polish(M[of, 0], M[of, 1], at)
+        better = found[0] < best
         rows = active[better]
-        now[rows] = moved[better]
+        now[rows] = at[better]
         for result, value in zip(results, found, strict=True):
             result[rows] = value[better]
-        # done, or stuck: no better, which is rounding, or the least that the equations have near here
-        going = better & (found[0] > EPS / 4)
-        active, before = active[going], found[0][going]
+        best = np.where(better, found[0], best)
+        # done, or no better for long: that is rounding, or the least that the equations have near here
+        stuck = np.where(better, 0, stuck + 1)
+        going = (found[0] > EPS / 4) & (stuck < PATIENCE)
+        active, at, best, stuck = active[going], at[going], best[going], stuck[going]
+    # near solutions that meet a step may lead far away; there it is kept so short that it makes the equations less
+    astray = results[0][promising] > ROUNDING
+    if astray.any():
+        rows = promising[astray]
+        of = rows // m
+        now[rows] = _downhill(M[of], starts[astray])
+        _, *found = kernels.pair_polish(M[of, 0], M[of, 1], now[rows])
+        results[0][rows] = _missed(M[of], now[rows])
+        results[1][rows], results[2][rows] = found[1:]
     residual, condition, determinant = (result.reshape(n, m) for result in results)
     return wrapped(now).reshape(n, m, 2), residual, condition, determinant
+
+
+def _missed(M: Any, angles: Any) -> Any:
+    """Return the residual over S of equations (n, 2, 3, 3) at angles (n, 2)."""
+    value = _values(M, angles)
+    size = np.abs(M).sum(axis=(-2, -1))
+    return (np.abs(value) / np.where(size > 0, size, 1.0)).max(axis=-1, initial=0.0)
+
+
+def _derivatives(M: Any, angles: Any) -> Any:
+    """Return the derivatives (n, 2, 2) of equations (n, 2, 3, 3) at angles (n, 2)."""
+    u, v = basis(angles[:, 0]), basis(angles[:, 1])
+    by_first = np.einsum("neij,ni,nj->ne", M, u[:, [0, 2, 1]] * [0, -1, 1], v)
+    by_second = np.einsum("neij,ni,nj->ne", M, u, v[:, [0, 2, 1]] * [0, -1, 1])
+    return np.stack([by_first, by_second], axis=-1)
+
+
+def _downhill(M: Any, angles: Any) -> Any:
+    """Newton's method with steps so short that each makes the equations less."""
+    angles = angles.copy()
+    longest = np.full(len(angles), 0.01)
+    value = _values(M, angles)
+    for _ in range(DOWNHILL):
+        J = _derivatives(M, angles)
+        det = J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0]
+        det = np.where(det == 0, 1e-300, det)
+        step = np.stack([
+            J[:, 1, 1] * value[:, 0] - J[:, 0, 1] * value[:, 1],
+            J[:, 0, 0] * value[:, 1] - J[:, 1, 0] * value[:, 0],
+        ], axis=-1) / det[:, None]  # fmt: skip
+        length = np.abs(step).max(axis=-1)
+        step *= (longest / np.maximum(longest, length))[:, None]
+        trial = angles - step
+        reached = _values(M, trial)
+        better = np.square(reached).sum(axis=-1) < np.square(value).sum(axis=-1)
+        angles[better], value[better] = trial[better], reached[better]
+        longest = np.where(better, 2 * longest, np.minimum(longest, length) / 4)
+    return angles
+
+
+def _values(M: Any, angles: Any) -> Any:
+    """Return equations (n, 2, 3, 3) at angles (n, 2)."""
+    return np.einsum("neij,ni,nj->ne", M, basis(angles[:, 0]), basis(angles[:, 1]))
 
 
 def collected(M: Any, loss: Any, starts: Any) -> tuple[Any, Any]:
     """Take each solution that starts (n, m, 2) lead to once: angles (n, 8, 2), in order, and statuses (n, 8)."""
     n = len(M)
-    angles, residual, condition, _ = polished(M, starts)
     limit = ROUNDING * loss
+    angles, residual, condition, _ = _with_both_sides(M, limit, polished(M, starts))
     with np.errstate(invalid="ignore"):
         there = residual <= limit[:, None]
         regular = there & (condition <= regular_below(loss)[:, None])
@@ -121,6 +189,30 @@ def collected(M: Any, loss: Any, starts: Any) -> tuple[Any, Any]:
         count[rows] += 1
     order = np.lexsort((found[..., 1], found[..., 0]), axis=-1)
     return np.take_along_axis(found, order[..., None], axis=1), np.take_along_axis(status, order, axis=1)
+
+
+def _with_both_sides(M: Any, limit: Any, found: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Add to polished starts those on both sides of places between two solutions, where Newton's method is stuck."""
+    angles, residual = found[:2]
+    with np.errstate(invalid="ignore"):
+        stuck = (residual > limit[:, None]) & (residual <= BETWEEN)
+    rows = np.flatnonzero(stuck.any(axis=-1))
+    if not len(rows):
+        return found
+    some = M[rows]
+    row, column = np.nonzero(stuck[rows])
+    along = np.linalg.svd(_derivatives(some[row], angles[rows[row], column]))[2][:, 1]
+    # the equations grow with the square of the distance along it
+    distance = np.sqrt(residual[rows[row], column])[:, None] * along
+    around = np.full((len(rows), angles.shape[1], len(SIDES), 2), np.nan)
+    around[row, column] = angles[rows[row], column][:, None] + SIDES[:, None] * distance[:, None]
+    more = polished(some, around.reshape(len(rows), -1, 2))
+    added = []
+    for old, new in zip(found, more, strict=True):
+        padded = np.full((len(old), new.shape[1], *old.shape[2:]), np.nan)
+        padded[rows] = new
+        added.append(np.concatenate([old, padded], axis=1))
+    return tuple(added)
 
 
 def _free(M: Any, angles: Any, limit: Any) -> Any:
