@@ -43,7 +43,7 @@ def with_common_factor(M: Any) -> tuple[Any, Any]:
     angles, residual, condition, _ = (x[0] for x in polished(M[None], every[None]))
     with np.errstate(invalid="ignore"):
         there = residual <= 4 * ROUNDING
-        alone = there & (condition <= regular_below(1.0))
+        alone = (residual <= ROUNDING) & (condition <= regular_below(1.0))
     found: list[tuple[Any, PairStatus]] = []
     for k in np.flatnonzero(alone):
         if all(apart(angles[k], other) > 0.25 / condition[k] for other, _ in found):

@@ -106,18 +106,29 @@ def polished(M: Any, angles: Any) -> tuple[Any, Any, Any, Any]:
         rows = promising[astray]
         of = rows // m
         now[rows] = _downhill(M[of], starts[astray])
-        _, *found = kernels.pair_polish(M[of, 0], M[of, 1], now[rows])
-        results[0][rows] = _missed(M[of], now[rows])
-        results[1][rows], results[2][rows] = found[1:]
+        for result, value in zip(results, _quality(M[of], now[rows]), strict=True):
+            result[rows] = value
     residual, condition, determinant = (result.reshape(n, m) for result in results)
     return wrapped(now).reshape(n, m, 2), residual, condition, determinant
 
 
 def _missed(M: Any, angles: Any) -> Any:
     """Return the residual over S of equations (n, 2, 3, 3) at angles (n, 2)."""
-    value = _values(M, angles)
     size = np.abs(M).sum(axis=(-2, -1))
-    return (np.abs(value) / np.where(size > 0, size, 1.0)).max(axis=-1, initial=0.0)
+    return (np.abs(_values(M, angles)) / size).max(axis=-1, initial=0.0)
+
+
+def _quality(M: Any, angles: Any) -> tuple[Any, Any, Any]:
+    """Return residual over S, condition number κ and determinant of equations (n, 2, 3, 3) at angles (n, 2)."""
+    size = np.abs(M).sum(axis=(-2, -1))
+    J = _derivatives(M, angles)
+    determinant = J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0]
+    first = np.abs(J[:, 1, 1]) * size[:, 0] + np.abs(J[:, 0, 1]) * size[:, 1]
+    second = np.abs(J[:, 1, 0]) * size[:, 0] + np.abs(J[:, 0, 0]) * size[:, 1]
+    above = np.maximum(first, second)
+    flat = determinant == 0
+    condition = np.where(flat, np.inf, above / np.where(flat, 1.0, np.abs(determinant)))
+    return _missed(M, angles), condition, determinant
 
 
 def _derivatives(M: Any, angles: Any) -> Any:
