@@ -160,7 +160,7 @@ def test_a_pitch_makes_a_screw_and_rounding_does_not():
 
 
 def test_axes_that_are_all_but_parallel_lose_what_the_convention_must():
-    """Feet are known to rounding over the sine; parallel axes in their place are off by the sine. So 1e-7 is the worst."""
+    """Feet are known to rounding over the sine, and parallel axes in their place are off by the sine: 1e-7 at worst."""
     for sine in (1e-3, 1e-5, 1e-7, 0.9e-8, 1e-10, 1e-12):
         worst = 0.0
         for turned in Rotation.random(20, random_state=7).as_matrix():

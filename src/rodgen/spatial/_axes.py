@@ -103,16 +103,21 @@ def _perpendicular(
         if length <= MEETING * size:
             return _level(before, z), point, point, 0.0, twist
         return level / length, point, point + level, length, twist
-    normal /= sine
-    foot = point + np.cross(gap, other_z).dot(normal) / sine * z
-    other_foot = other + np.cross(gap, z).dot(normal) / sine * other_z
-    length, sign = float(gap.dot(normal)), 1.0
-    if abs(length) <= MEETING * size:
+    # Across the first axis to rounding: a cross product of nearly parallel axes is not. What is left of its error turns
+    # the link about that axis, and is made good where all that follows is measured in the link's own directions.
+    x = normal / sine
+    x -= x.dot(z) * z
+    x /= np.linalg.norm(x)
+    length = float(gap.dot(x))
+    if length < 0:
+        x, length = -x, -length
+    if length <= MEETING * size:
         length = 0.0
-    elif length < 0:
-        length, sign = -length, -1.0
-    twist = math.atan2(sign * sine, float(z.dot(other_z)))
-    return sign * normal, foot, other_foot, length, twist
+    y = np.cross(z, x)
+    sine, cosine = -float(y.dot(other_z)), float(z.dot(other_z))
+    beyond = float(gap.dot(y)) / sine
+    foot = point + (float(gap.dot(z)) + beyond * cosine) * z
+    return x, foot, other + beyond * other_z, length, math.atan2(sine, cosine)
 
 
 def _level(x: NDArray[Any], z: NDArray[Any]) -> NDArray[Any]:
