@@ -140,6 +140,7 @@ def test_right_angles_are_written_as_people_write_them() -> None:
         ([HEADER, "x,R,nan,,,1,1"], "'nan'; expected a finite number"),
         ([HEADER, "x,R,1e999,,,1,1"], "'1e999'; expected a finite number"),
         ([HEADER, "x,R,0,,,1,1,7"], "line 2: 8 cells under 7 columns; expected a cell for each column"),
+        ([HEADER, "x [1],R,0,,,1,1"], "line 2, column 'joint': 'x [1]'; expected no brackets"),
         ([HEADER, ROWS[0], ROWS[0]], "line 3, column 'joint': a second joint called 'base'"),
         ([HEADER, 'x,R,"0,,,1,1'], "line 2: 'x,R,\"0,,,1,1'; expected cells between commas, quotes in pairs"),
         ([HEADER, "x,R,0,,\0,1,1"], "line 2: a zero byte"),

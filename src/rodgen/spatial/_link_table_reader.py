@@ -245,6 +245,8 @@ def _names(table: Sequence[_Row]) -> list[str]:
     names: list[str] = []
     for number, row in enumerate(table, 1):
         name = row.text("joint") or f"{row.kind}{number}"
+        if "[" in name or "]" in name:
+            raise row.error("joint", shown(name), "no brackets: tables have units in them")
         if name in names:
             raise row.error("joint", f"a second joint called {shown(name)}", "a name of its own for each")
         names.append(name)

@@ -124,5 +124,5 @@ def _text(mechanism: Mechanism, data: dict[str, Any]) -> str:
     if group:
         most = "" if group["most_solutions"] is None else f", at most {group['most_solutions']} solutions"
         lines.append(f"group       {group['number']} ({group['polygon']}){most}")
-        lines.append(f"            {group['method']}")
+        lines += [f"            {group['method']}"] if group["method"] else []
     return "\n".join(lines)
