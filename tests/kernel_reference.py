@@ -17,6 +17,8 @@ from chi_inputs import chi_inputs
 from link_inputs import link_inputs
 from loop_inputs import loop_inputs
 from pair_inputs import pair_inputs, trig_inputs
+from robot_inputs import robot_inputs
+from polygon_inputs import polygon_inputs
 from scipy.spatial.transform import Rotation
 from sps_inputs import sps_inputs
 from tricept_cases import inputs as tricept_inputs
@@ -32,10 +34,12 @@ from rodgen.derivation import (
     instantaneous_euler_motion,
     instantaneous_euler_ridges,
     machine_model,
+    robots_6r,
     rodrigues,
     rotations,
     spatial_links,
     spatial_loops,
+    spherical_polygons,
     three_sps_s,
     tricept,
     tricept_uncertainty,
@@ -52,7 +56,9 @@ CHI = (
 SPATIAL = {
     spatial_links: link_inputs,
     spatial_loops: loop_inputs,
+    spherical_polygons: polygon_inputs,
     biquadratic_pair: pair_inputs,
+    robots_6r: robot_inputs,
     trig_equation: trig_inputs,
 }
 """Derivations of spatial mechanisms, each with the function that gives a kernel's inputs by its name."""
