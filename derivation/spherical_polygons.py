@@ -750,7 +750,7 @@ def magnitudes(*vectors):
 
 
 def triangle(k, u, v, w, size, inside):
-    """Cosine and sine of an angle of a triangle from its sides u, v and the opposite one w, and what it is.
+    """Cosine and both sines of an angle of a triangle from its sides u, v and the opposite one w, and what it is.
 
     `size` is sin u sin v. The angle is the one inside, or that from side to side; 0 where it can be any.
     """
@@ -773,7 +773,9 @@ def triangle(k, u, v, w, size, inside):
     whole = k.let("p_and_q", select(any_angle, 1, p + q))
     cosine = k.let("cosine", select(any_angle, 1, (q - p if inside else p - q) / whole))
     sine = k.let("sine", select(any_angle, 0, 2 * sp.sqrt(abs(p * q)) / whole))
-    return cosine, sine, none, any_angle, one
+    # not the sine with another sign where both angles are one: -0 would make -pi of pi
+    other = k.let("other_sine", select(one, sine, -sine))
+    return (cosine, sine, other), none, any_angle, one
 
 
 def quadrilateral():
@@ -790,7 +792,7 @@ def quadrilateral():
     )
     far = k.let("sine_13", sp.sqrt(x4**2 + y4**2))
     sides = (twists[0], sp.atan2(far, z4), twists[1])
-    cosine, sine, none, every, double = triangle(k, *sides, p12[1] * far, True)
+    (cosine, *sines), none, every, double = triangle(k, *sides, p12[1] * far, True)
     on_axis = k.let("on_axis", far <= NEAR)
     divisor = k.let("far", select(on_axis, 1, far))
     toward = (
@@ -799,10 +801,10 @@ def quadrilateral():
     )
     roots = [
         (
-            k.let(f"c_1_{number}", toward[0] * cosine - sign * toward[1] * sine),
-            k.let(f"s_1_{number}", toward[1] * cosine + sign * toward[0] * sine),
+            k.let(f"c_1_{number}", toward[0] * cosine - toward[1] * sine),
+            k.let(f"s_1_{number}", toward[1] * cosine + toward[0] * sine),
         )
-        for number, sign in ((1, 1), (2, -1))
+        for number, sine in enumerate(sines, start=1)
     ]
     family = k.let("family", sp.Or(every, abs(p23[1]) <= NEAR))
     finite = k.let("finite", magnitudes(twists, [theta_4]) <= LARGEST)
@@ -849,8 +851,8 @@ def pentagon():
     x45, _, y45, z45 = chain_value([p34, p4, p45, p5, p51])
     x45, y45, z45 = k.let("x_45", x45), k.let("y_45", y45), k.let("z_45", z45)
     sides = (twists[0], twists[1], sp.atan2(sp.sqrt(x45**2 + y45**2), z45))
-    cosine, sine, none, every, double = triangle(k, *sides, p12[1] * p23[1], False)
-    roots = [(cosine, sine), (cosine, -sine)]
+    (cosine, *sines), none, every, double = triangle(k, *sides, p12[1] * p23[1], False)
+    roots = [(cosine, sine) for sine in sines]
     finite = k.let("finite", magnitudes(twists, given) <= LARGEST)
     good = k.let("good", finite & sp.Not(none))
     rows, free = [], []
