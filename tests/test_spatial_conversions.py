@@ -330,6 +330,21 @@ def test_a_mechanism_and_its_machine_see_the_end_alike_and_come_back(tmp_path):
         np.testing.assert_allclose(back, expected, atol=1e-10)
 
 
+@pytest.mark.parametrize(
+    "robot", [spatial.PUMA_560, spatial.GE_P60, spatial.T3_776], ids=lambda robot: robot.name
+)
+def test_robots_come_back_from_machines_with_their_exact_zeros(robot):
+    """Lengths that are zero are zero again, so that a reverse analysis finds the same special geometry."""
+    back = spatial.from_machine(spatial.to_machine(robot)).mechanism
+    np.testing.assert_allclose(back.a, robot.a, atol=1e-13)
+    np.testing.assert_array_equal(back.a == 0, robot.a == 0)
+    # between parallel axes it is free where the link stands, and S6 is part of the end frame
+    total = robot.offset[1] + robot.offset[2] + robot.offset[3]
+    assert np.abs(back.offset[1:4]).sum() == pytest.approx(total, abs=1e-12)
+    np.testing.assert_array_equal(back.offset[4:5] == 0, robot.offset[4:5] == 0)
+    assert np.count_nonzero(back.offset) == np.count_nonzero(robot.offset[:5])
+
+
 def test_a_screw_an_effect_a_loop_and_no_target_are_told():
     with pytest.raises(RodgenError, match="is a screw, for which a machine file has no joint"):
         spatial.to_machine(Mechanism("RH", [1.0], [0.0], pitch=[0.0, 2.0]))

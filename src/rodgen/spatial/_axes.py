@@ -22,7 +22,8 @@ times the distance over that sine; to take the axes for parallel is off by dista
 alike."""
 
 MEETING = 64 * np.finfo(float).eps
-"""Distance between axes, relative to the size of the chain, up to which they meet: what computing it may have lost."""
+"""Distance between axes, or along one, relative to the size of the chain, that is none: what computing it may have
+lost."""
 
 
 class Links(NamedTuple):
@@ -77,7 +78,8 @@ def links_from_axes(
         if base is None:
             base = _frame(along, z, foot)
         else:
-            offset[j] = (foot - here).dot(z)
+            along_axis = float((foot - here).dot(z))
+            offset[j] = 0.0 if abs(along_axis) <= MEETING * size else along_axis
             angle[j] = math.atan2(np.cross(x, along).dot(z), x.dot(along))
         x, here = along, there
     assert base is not None
