@@ -17,8 +17,8 @@ from chi_inputs import chi_inputs
 from link_inputs import link_inputs
 from loop_inputs import loop_inputs
 from pair_inputs import pair_inputs, trig_inputs
-from robot_inputs import robot_inputs
 from polygon_inputs import polygon_inputs
+from robot_inputs import robot_inputs
 from scipy.spatial.transform import Rotation
 from sps_inputs import sps_inputs
 from tricept_cases import inputs as tricept_inputs

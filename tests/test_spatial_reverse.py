@@ -1,0 +1,285 @@
+"""Reverse analysis of every kind of arm: all solutions, none twice, none wrong; and what is told where they meet."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numeric_reverse import search
+from robot_inputs import folded_arm, robot_inputs
+from test_reverse_robots import check_is_solution, check_misses_nothing
+
+from rodgen import spatial
+from rodgen.derivation.robots_6r import derivation
+from rodgen.errors import RodgenError
+from rodgen.spatial import ReverseStatus
+
+KINDS = {
+    "wrist": ("closed form: axes 2, 3 are parallel and axes 4, 5, 6 meet", 8),
+    "parallel": ("closed form: axes 2, 3, 4 are parallel, axes 5, 6 meet", 8),
+    "meet 456": ("pair of equations: axes 4, 5, 6 meet", 8),
+    "meet 456 and 12": ("pair of equations: axes 4, 5, 6 meet", 8),
+    "meet 456, 12 parallel": ("pair of equations: axes 4, 5, 6 meet", 8),
+    "parallel 234": ("pair of equations: axes 2, 3, 4 are parallel", 16),
+    "meet 234": ("pair of equations: axes 2, 3, 4 meet", 16),
+    "parallel 123": ("pair of equations: axes 1, 2, 3 are parallel", 16),
+}
+
+
+def arm_of(kind: str, seed: int, *, backwards: bool = False) -> spatial.Mechanism:
+    """An arm of one kind whose other lengths, twists and offsets are anything; or that arm read from its end."""
+    rng = np.random.default_rng(seed)
+    a, alpha, offset = rng.uniform(0.3, 1, 5), rng.uniform(0.4, 2.6, 5), rng.uniform(-1, 1, 6)
+    alpha *= rng.choice([-1, 1], 5)
+    straight = rng.choice([0.0, np.pi], 2)  # parallel axes may point against each other
+    if kind == "wrist":
+        alpha[1] = straight[0]
+    if kind in ("parallel", "parallel 234"):
+        alpha[1:3] = straight
+    if kind == "parallel":
+        a[4] = 0
+    if kind == "wrist" or kind.startswith("meet 456"):
+        a[3] = a[4] = offset[4] = 0
+    if kind.endswith("and 12"):
+        a[0] = 0
+    if kind.endswith("12 parallel"):
+        alpha[0] = straight[0]
+    if kind == "meet 234":
+        a[1] = a[2] = offset[2] = 0
+    if kind == "parallel 123":
+        alpha[:2] = straight
+    if backwards:
+        a, alpha, offset = -a[::-1], -alpha[::-1], -offset[::-1]
+    return spatial.Mechanism("R" * 6, a, alpha, offset)
+
+
+def some_poses(mechanism: spatial.Mechanism, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    q = np.random.default_rng(seed).uniform(-np.pi, np.pi, (count, 6))
+    return q, spatial.forward(mechanism, q)
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_angles_that_made_the_pose_are_among_the_solutions(kind: str, backwards: bool) -> None:
+    for seed in range(4):
+        mechanism = arm_of(kind, seed, backwards=backwards)
+        assert spatial.reverse_method(mechanism).split(":")[0] == KINDS[kind][0].split(":")[0]
+        q, T = some_poses(mechanism, 40, seed)
+        found = spatial.reverse(mechanism, T)
+        assert found.solutions.shape == (40, KINDS[kind][1], 6)
+        check_is_solution(mechanism, T, found)
+        assert (found.status != ReverseStatus.INCOMPLETE).all()
+        off = np.abs(np.remainder(found.solutions - q[:, None] + np.pi, 2 * np.pi) - np.pi).max(axis=-1)
+        # an angle is right to the condition of the pose times the rounding of it
+        assert np.nanmin(off, axis=-1).max() < 1e-7
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in ("wrist", "parallel")])
+def test_newton_from_many_starts_finds_no_more(kind: str, backwards: bool) -> None:
+    mechanism = arm_of(kind, 11, backwards=backwards)
+    _, T = some_poses(mechanism, 2, 12)
+    found = spatial.reverse(mechanism, T)
+    assert check_misses_nothing(mechanism, T, found) >= 4
+
+
+def test_method_names_the_axes_as_the_arm_counts_them() -> None:
+    for kind, (method, _) in KINDS.items():
+        assert spatial.reverse_method(arm_of(kind, 0)) == method
+    backwards = {kind: spatial.reverse_method(arm_of(kind, 0, backwards=True)) for kind in KINDS}
+    assert backwards["wrist"] == "closed form: axes 4, 5 are parallel and axes 1, 2, 3 meet"
+    assert backwards["parallel"] == "closed form: axes 3, 4, 5 are parallel, axes 1, 2 meet"
+    assert backwards["meet 234"] == "pair of equations: axes 3, 4, 5 meet"
+    assert backwards["parallel 123"] == "pair of equations: axes 4, 5, 6 are parallel"
+
+
+def test_published_solutions_of_the_p60() -> None:
+    """The homework's pose: a tool point (2, 3, 5) at (80, 80, 18); two of its eight solutions, in degrees."""
+    a67, axis = np.array([1.0, 2, -1]) / np.sqrt(6), np.array([-1.0, 1, 1]) / np.sqrt(3)
+    pose = np.eye(4)
+    pose[:3, :3] = np.stack([a67, np.cross(axis, a67), axis], axis=1)
+    pose[:3, 3] = np.array([80.0, 80, 18]) - pose[:3, :3] @ [2, 3, 5]
+    solutions, status = spatial.reverse(spatial.GE_P60, pose)
+    assert (status == ReverseStatus.REGULAR).all()
+    for wanted in (
+        (-139.4434, 142.8251, 73.3548, 60.0729, 144.4928, -52.3343),
+        (30.7305, 58.1274, -103.3851, -63.9599, 37.6924, 143.7742),
+    ):
+        assert np.abs(np.degrees(solutions) - wanted).max(axis=-1).min() < 1e-4  # the digits given
+
+
+@pytest.mark.parametrize("name", ["robot_wrist_reverse", "robot_parallel_reverse"])
+def test_kernels_solve_their_equations_to_40_digits(name: str) -> None:
+    """The closed forms themselves, without rounding: where a pose is exact to 50 digits, so are the angles."""
+    import mpmath
+
+    inputs = robot_inputs(name)
+    with mpmath.workdps(50):
+        for row in (0, 3, 5):
+            a, offset = (list(map(mpmath.mpf, inputs[key][row])) for key in ("a", "offset"))
+            alpha = [
+                mpmath.atan2(s, c) for c, s in zip(inputs["cosine"][row], inputs["sine"][row], strict=True)
+            ]
+            cosine, sine = [mpmath.cos(x) for x in alpha], [mpmath.sin(x) for x in alpha]
+            q = [mpmath.mpf(x) for x in (0.3, -0.8, 1.1, 0.4, -0.9, 2.0)]
+
+            def forward(q, a=a, cosine=cosine, sine=sine, offset=offset):
+                T = mpmath.eye(4)
+                for j, angle in enumerate(q):
+                    length, c, s = (a[j - 1], cosine[j - 1], sine[j - 1]) if j else (0, 1, 0)
+                    p, t = mpmath.cos(angle), mpmath.sin(angle)
+                    T = T * mpmath.matrix(
+                        [
+                            [p, -t, 0, length],
+                            [t * c, p * c, -s, -s * offset[j]],
+                            [t * s, p * s, c, c * offset[j]],
+                            [0, 0, 0, 1],
+                        ]
+                    )
+                return T
+
+            T = forward(q)
+            found = derivation.kernels[name].evaluate(
+                {"pose": np.array(T.tolist()), "a": a, "cosine": cosine, "sine": sine, "offset": offset},
+                digits=50,
+                eps=mpmath.mpf(10) ** -45,
+                largest=mpmath.mpf(10) ** 300,
+            )
+            there = np.asarray(found["status"]) == ReverseStatus.REGULAR
+            assert there.sum() >= 2
+            angles = np.asarray(found["angles"])[there]
+            for solution in angles:
+                assert max(abs(x) for x in forward(solution) - T) < mpmath.mpf(10) ** -40
+            off = [max(abs(mpmath.sin((x - y) / 2)) for x, y in zip(s, q, strict=True)) for s in angles]
+            assert min(off) < mpmath.mpf(10) ** -40
+
+
+def statuses(mechanism: spatial.Mechanism, q: object) -> list[str]:
+    T = spatial.forward(mechanism, q)
+    found = spatial.reverse(mechanism, T)
+    check_is_solution(mechanism, T, found)
+    return [ReverseStatus(s).name for s in found.status if s != ReverseStatus.NONE]
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+@pytest.mark.parametrize("kind", ["wrist", "meet 456", "meet 456 and 12"])
+def test_singular_wrist_is_a_family(kind: str, backwards: bool) -> None:
+    """The wrist's middle joint at zero between equal twists: the outer axes are one line."""
+    arm = arm_of(kind, 5, backwards=backwards)
+    alpha = arm.alpha.copy()
+    joint = 1 if backwards else 4
+    alpha[joint - 1], alpha[joint] = 1.1, -1.1
+    arm = spatial.Mechanism("R" * 6, arm.a, alpha, arm.offset)
+    q = np.array([0.3, 0.5, -0.7, 0.9, -1.1, 1.3])
+    q[joint] = 0.0
+    assert "FAMILY" in statuses(arm, q)
+    q[joint] = 1e-6
+    assert "FAMILY" not in statuses(arm, q)
+
+
+@pytest.mark.parametrize("wrist", [False, True])
+def test_straight_elbow_is_double_and_folded_elbow_is_a_family(wrist: bool) -> None:
+    arm = folded_arm(wrist)
+    q = [0.3, 0.4, 0.0, 0.5, 0.6, 0.7]
+    assert set(statuses(arm, q)) == {"DOUBLE"} if wrist else "DOUBLE" in statuses(arm, q)
+    q[2] = np.pi
+    T = spatial.forward(arm, q)
+    found = spatial.reverse(arm, T)
+    check_is_solution(arm, T, found)
+    family = found.solutions[found.status == ReverseStatus.FAMILY]
+    assert len(family)
+    assert (family[:, 1] == 0).all()
+
+
+def test_wrist_centre_on_the_first_axis_is_a_family() -> None:
+    arm = folded_arm(True)
+    T = spatial.forward(arm, [0.3, 0.4, 0.5, 0.6, 0.7, 0.8])
+    T[:3, 3] = [0, 0, 1.5] + T[:3, 2]
+    found = spatial.reverse(arm, T)
+    check_is_solution(arm, T, found)
+    there = found.status <= ReverseStatus.FAMILY
+    assert there.any()
+    assert (found.status[there] == ReverseStatus.FAMILY).all()
+    assert (found.solutions[there, 0] == 0).all()
+
+
+def test_nothing_is_in_reach_far_away_and_what_is_no_pose_is_invalid() -> None:
+    for kind in KINDS:
+        mechanism = arm_of(kind, 3)
+        _, T = some_poses(mechanism, 5, 4)
+        T[0, :3, 3] *= 100
+        T[1, 0, 3] = np.nan
+        T[2, :3, 0] *= -1
+        T[3, 3, 3] = 2
+        found = spatial.reverse(mechanism, T)
+        assert (found.status[0] == ReverseStatus.NONE).all()
+        assert (found.status[1:4] == ReverseStatus.INVALID).all()
+        assert np.isnan(found.solutions[:4]).all()
+        assert found.status[4, 0] == ReverseStatus.REGULAR
+
+
+def test_shapes_are_those_of_the_poses() -> None:
+    for kind in ("wrist", "meet 456"):
+        mechanism = arm_of(kind, 3)
+        _, T = some_poses(mechanism, 6, 4)
+        whole = spatial.reverse(mechanism, T.reshape(2, 3, 4, 4))
+        assert whole.solutions.shape == (2, 3, 8, 6)
+        one = spatial.reverse(mechanism, T[4])
+        assert one.status.shape == (8,)
+        np.testing.assert_allclose(one.solutions, whole.solutions[1, 1], rtol=0, atol=1e-12)
+        assert spatial.reverse(mechanism, T[:0]).status.shape == (0, 8)
+
+
+def test_what_is_no_arm_of_six_revolute_joints_is_told() -> None:
+    with pytest.raises(RodgenError, match="expected RRRRRR"):
+        spatial.reverse(spatial.Mechanism("RP", [1.0], [0.5]), np.eye(4))
+    with pytest.raises(RodgenError, match="closed loop"):
+        spatial.reverse(spatial.Mechanism("R" * 6, [1.0] * 6, [0.5] * 6), np.eye(4))
+    with pytest.raises(RodgenError, match="shape"):
+        spatial.reverse(spatial.PUMA_560, np.eye(3))
+    with pytest.raises(RodgenError, match="real"):
+        spatial.reverse(spatial.PUMA_560, np.eye(4) * 1j)
+
+
+def anything(seed: int) -> spatial.Mechanism:
+    rng = np.random.default_rng(seed)
+    return spatial.Mechanism(
+        "R" * 6, rng.uniform(20, 100, 5), rng.uniform(0.4, 2.6, 5), rng.uniform(-100, 100, 6)
+    )
+
+
+def test_without_ssik_a_general_arm_is_told_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "ssik", None)
+    assert spatial.reverse_method(anything(1)) == "general: ssik"
+    with pytest.raises(RodgenError, match=r"rodgen\[ik\]"):
+        spatial.reverse(anything(1), np.eye(4))
+
+
+def test_ssik_is_given_the_same_arm(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a Puma, which ssik knows how to solve without preparation, it finds what the closed form finds."""
+    pytest.importorskip("ssik")
+    from rodgen.spatial import _reverse, _reverse_plan
+
+    robot = spatial.PUMA_560
+    _, T = some_poses(robot, 5, 2)
+    wanted = spatial.reverse(robot, T)
+    monkeypatch.setattr(_reverse, "plan", lambda m: _reverse_plan.Plan("general", _reverse_plan.plan(m).arm))
+    found = spatial.reverse(robot, T)
+    check_is_solution(robot, T, found)
+    for mine, its, status in zip(wanted.solutions, found.solutions, found.status, strict=True):
+        assert (status <= ReverseStatus.FAMILY).sum() == 8
+        apart = np.abs(np.remainder(mine[:, None] - its[None] + np.pi, 2 * np.pi) - np.pi).max(axis=-1)
+        assert np.nanmin(apart, axis=1).max() < 1e-9
+
+
+@pytest.mark.slow
+def test_ssik_solves_any_arm() -> None:
+    """The first pose costs ssik a minute of preparation, and no time where it has kept that."""
+    pytest.importorskip("ssik")
+    mechanism = anything(7)
+    q, T = some_poses(mechanism, 10, 8)
+    found = spatial.reverse(mechanism, T)
+    check_is_solution(mechanism, T, found)
+    off = np.abs(np.remainder(found.solutions - q[:, None] + np.pi, 2 * np.pi) - np.pi).max(axis=-1)
+    assert np.nanmin(off, axis=-1).max() < 1e-7
+    for row, numeric in enumerate(search(mechanism, T[:3])):
+        assert (found.status[row] <= ReverseStatus.FAMILY).sum() >= len(numeric.solutions)
