@@ -1238,7 +1238,7 @@ void spherical_polygons_polygon_secondary_5_batch_f32(size_t count, const float 
     spherical_polygons_polygon_secondary_5_f32(angles + 11 * i, lengths + 11 * i, values + 4 * i, secondary + 4 * i);
 }
 
-/* polygon_quadrilateral: 44 add, 83 mul, 4 div, 4 sqrt, 27 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin */
+/* polygon_quadrilateral: 44 add, 84 mul, 4 div, 4 sqrt, 28 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin */
 void spherical_polygons_polygon_quadrilateral_f64(const double alpha[4], double theta_4, double theta[8], int8_t *status) {
   /* inputs */
   const double alpha_1 = alpha[0];
@@ -1273,8 +1273,8 @@ void spherical_polygons_polygon_quadrilateral_f64(const double alpha[4], double 
   const double factors_2 = sin(half_sums_2);
   const double factors_3 = sin(half_sums_3);
   const double factors_4 = sin(half_sums_4);
-  const double x18 = s_alpha_1*sine_13;
-  const double side = ((x18 < 0.0) ? -1.0 : 1.0);
+  const double x17 = s_alpha_1*sine_13;
+  const double side = ((x17 < 0.0) ? -1.0 : 1.0);
   const double p_side = factors_1*factors_2*side;
   const double x5 = 16.0*DBL_EPSILON;
   const double p_near = x5*(fabs(factors_1) + fabs(factors_2));
@@ -1286,7 +1286,7 @@ void spherical_polygons_polygon_quadrilateral_f64(const double alpha[4], double 
   const int q_short = q_side < -q_near;
   const int q_zero = fabs(q_side) <= q_near;
   const double q = ((q_zero) ? 0.0 : q_side);
-  const int flat = fabs(x18) <= x5;
+  const int flat = fabs(x17) <= x5;
   const int no_angle = (p_short) || (q_short) || ((flat) && (!((p_zero) && (q_zero))));
   const int one_angle = (p_zero) || (q_zero);
   const int any_angle = (flat) || ((p_zero) && (q_zero));
@@ -1294,37 +1294,37 @@ void spherical_polygons_polygon_quadrilateral_f64(const double alpha[4], double 
   const double x6 = 1.0/p_and_q;
   const double cosine = ((any_angle) ? 1.0 : x6*(q - p));
   const double sine = ((any_angle) ? 0.0 : 2.0*x6*sqrt(fabs(p*q)));
+  const double other_sine = ((one_angle) ? sine : -sine);
   const int on_axis = sine_13 <= x5;
   const double far = ((on_axis) ? 1.0 : sine_13);
   const double x7 = 1.0/far;
   const double c_gamma = ((on_axis) ? 1.0 : x7*y_4);
   const double s_gamma = ((on_axis) ? 0.0 : x7*x_4);
   const double x8 = c_gamma*cosine;
-  const double x9 = s_gamma*sine;
-  const double c_1_1 = x8 - x9;
-  const double x10 = c_gamma*sine;
-  const double s_1_1 = cosine*s_gamma + x10;
-  const double c_1_2 = x8 + x9;
-  const double s_1_2 = cosine*s_gamma - x10;
+  const double c_1_1 = x8 - s_gamma*sine;
+  const double x9 = cosine*s_gamma;
+  const double s_1_1 = c_gamma*sine + x9;
+  const double c_1_2 = x8 - other_sine*s_gamma;
+  const double s_1_2 = c_gamma*other_sine + x9;
   const int family = (any_angle) || (fabs(s_alpha_2) <= x5);
   const int finite = fabs(alpha_1) + fabs(alpha_2) + fabs(alpha_3) + fabs(alpha_4) + fabs(theta_4) <= DBL_MAX;
   const int good = (finite) && (!(no_angle));
   const double x_41_1 = c_1_1*x_4 - s_1_1*y_4;
-  const double x11 = -s_alpha_1*z_4;
-  const double y_41_1 = c_alpha_1*(c_1_1*y_4 + s_1_1*x_4) + x11;
-  const double x12 = ((s_alpha_2 < 0.0) ? -1.0 : 1.0);
-  const double sine_2_1 = ((fabs(s_alpha_2) <= x5) ? 0.0 : x12*x_41_1);
-  const double cosine_2_1 = ((fabs(s_alpha_2) <= x5) ? 1.0 : x12*y_41_1);
+  const double x10 = -s_alpha_1*z_4;
+  const double y_41_1 = c_alpha_1*(c_1_1*y_4 + s_1_1*x_4) + x10;
+  const double x11 = ((s_alpha_2 < 0.0) ? -1.0 : 1.0);
+  const double sine_2_1 = ((fabs(s_alpha_2) <= x5) ? 0.0 : x11*x_41_1);
+  const double cosine_2_1 = ((fabs(s_alpha_2) <= x5) ? 1.0 : x11*y_41_1);
   const double length_2_1 = sqrt((cosine_2_1*cosine_2_1) + (sine_2_1*sine_2_1));
   const double divisor_2_1 = ((length_2_1 > 0.0) ? length_2_1 : 1.0);
-  const double x13 = 1.0/divisor_2_1;
-  const double c_2_1 = cosine_2_1*x13;
-  const double s_2_1 = sine_2_1*x13;
+  const double x12 = 1.0/divisor_2_1;
+  const double c_2_1 = cosine_2_1*x12;
+  const double s_2_1 = sine_2_1*x12;
   const double row_11_1 = c_theta_1;
-  const double x14 = -c_alpha_4*s_theta_1;
-  const double row_11_2 = x14;
-  const double x15 = s_alpha_4*s_theta_1;
-  const double row_11_3 = x15;
+  const double x13 = -c_alpha_4*s_theta_1;
+  const double row_11_2 = x13;
+  const double x14 = s_alpha_4*s_theta_1;
+  const double row_11_3 = x14;
   const double row_12_1 = c_1_1*row_11_1 + row_11_2*s_1_1;
   const double row_12_2 = c_1_1*row_11_2 - row_11_1*s_1_1;
   const double row_12_3 = row_11_3;
@@ -1335,17 +1335,17 @@ void spherical_polygons_polygon_quadrilateral_f64(const double alpha[4], double 
   const double row_14_2 = c_2_1*row_13_2 - row_13_1*s_2_1;
   const double row_14_3 = row_13_3;
   const double x_41_2 = c_1_2*x_4 - s_1_2*y_4;
-  const double y_41_2 = c_alpha_1*(c_1_2*y_4 + s_1_2*x_4) + x11;
-  const double sine_2_2 = ((fabs(s_alpha_2) <= x5) ? 0.0 : x12*x_41_2);
-  const double cosine_2_2 = ((fabs(s_alpha_2) <= x5) ? 1.0 : x12*y_41_2);
+  const double y_41_2 = c_alpha_1*(c_1_2*y_4 + s_1_2*x_4) + x10;
+  const double sine_2_2 = ((fabs(s_alpha_2) <= x5) ? 0.0 : x11*x_41_2);
+  const double cosine_2_2 = ((fabs(s_alpha_2) <= x5) ? 1.0 : x11*y_41_2);
   const double length_2_2 = sqrt((cosine_2_2*cosine_2_2) + (sine_2_2*sine_2_2));
   const double divisor_2_2 = ((length_2_2 > 0.0) ? length_2_2 : 1.0);
-  const double x16 = 1.0/divisor_2_2;
-  const double c_2_2 = cosine_2_2*x16;
-  const double s_2_2 = sine_2_2*x16;
+  const double x15 = 1.0/divisor_2_2;
+  const double c_2_2 = cosine_2_2*x15;
+  const double s_2_2 = sine_2_2*x15;
   const double row_21_1 = c_theta_1;
-  const double row_21_2 = x14;
-  const double row_21_3 = x15;
+  const double row_21_2 = x13;
+  const double row_21_3 = x14;
   const double row_22_1 = c_1_2*row_21_1 + row_21_2*s_1_2;
   const double row_22_2 = c_1_2*row_21_2 - row_21_1*s_1_2;
   const double row_22_3 = row_21_3;
@@ -1355,17 +1355,17 @@ void spherical_polygons_polygon_quadrilateral_f64(const double alpha[4], double 
   const double row_24_1 = c_2_2*row_23_1 + row_23_2*s_2_2;
   const double row_24_2 = c_2_2*row_23_2 - row_23_1*s_2_2;
   const double row_24_3 = row_23_3;
-  const double x17 = ((good) ? theta_4 : (double)NAN);
+  const double x16 = ((good) ? theta_4 : (double)NAN);
   const double status_value = ((!(finite)) ? 4.0 : ((no_angle) ? 3.0 : ((family) ? 2.0 : ((one_angle) ? 1.0 : 0.0))));
   /* outputs */
   theta[0] = ((good) ? atan2(s_1_1, c_1_1) : (double)NAN);
   theta[1] = ((good) ? atan2(sine_2_1, cosine_2_1) : (double)NAN);
   theta[2] = ((good) ? atan2(c_alpha_2*row_14_2 + row_14_3*s_alpha_2, row_14_1) : (double)NAN);
-  theta[3] = x17;
+  theta[3] = x16;
   theta[4] = ((good) ? atan2(s_1_2, c_1_2) : (double)NAN);
   theta[5] = ((good) ? atan2(sine_2_2, cosine_2_2) : (double)NAN);
   theta[6] = ((good) ? atan2(c_alpha_2*row_24_2 + row_24_3*s_alpha_2, row_24_1) : (double)NAN);
-  theta[7] = x17;
+  theta[7] = x16;
   *status = (int8_t)status_value;
 }
 
@@ -1374,7 +1374,7 @@ void spherical_polygons_polygon_quadrilateral_batch_f64(size_t count, const doub
     spherical_polygons_polygon_quadrilateral_f64(alpha + 4 * i, theta_4[i], theta + 8 * i, status + i);
 }
 
-/* polygon_quadrilateral: 44 add, 83 mul, 4 div, 4 sqrt, 27 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin */
+/* polygon_quadrilateral: 44 add, 84 mul, 4 div, 4 sqrt, 28 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin */
 void spherical_polygons_polygon_quadrilateral_f32(const float alpha[4], float theta_4, float theta[8], int8_t *status) {
   /* inputs */
   const float alpha_1 = alpha[0];
@@ -1409,8 +1409,8 @@ void spherical_polygons_polygon_quadrilateral_f32(const float alpha[4], float th
   const float factors_2 = sinf(half_sums_2);
   const float factors_3 = sinf(half_sums_3);
   const float factors_4 = sinf(half_sums_4);
-  const float x18 = s_alpha_1*sine_13;
-  const float side = ((x18 < 0.0f) ? -1.0f : 1.0f);
+  const float x17 = s_alpha_1*sine_13;
+  const float side = ((x17 < 0.0f) ? -1.0f : 1.0f);
   const float p_side = factors_1*factors_2*side;
   const float x5 = 16.0f*FLT_EPSILON;
   const float p_near = x5*(fabsf(factors_1) + fabsf(factors_2));
@@ -1422,7 +1422,7 @@ void spherical_polygons_polygon_quadrilateral_f32(const float alpha[4], float th
   const int q_short = q_side < -q_near;
   const int q_zero = fabsf(q_side) <= q_near;
   const float q = ((q_zero) ? 0.0f : q_side);
-  const int flat = fabsf(x18) <= x5;
+  const int flat = fabsf(x17) <= x5;
   const int no_angle = (p_short) || (q_short) || ((flat) && (!((p_zero) && (q_zero))));
   const int one_angle = (p_zero) || (q_zero);
   const int any_angle = (flat) || ((p_zero) && (q_zero));
@@ -1430,37 +1430,37 @@ void spherical_polygons_polygon_quadrilateral_f32(const float alpha[4], float th
   const float x6 = 1.0f/p_and_q;
   const float cosine = ((any_angle) ? 1.0f : x6*(q - p));
   const float sine = ((any_angle) ? 0.0f : 2.0f*x6*sqrtf(fabsf(p*q)));
+  const float other_sine = ((one_angle) ? sine : -sine);
   const int on_axis = sine_13 <= x5;
   const float far = ((on_axis) ? 1.0f : sine_13);
   const float x7 = 1.0f/far;
   const float c_gamma = ((on_axis) ? 1.0f : x7*y_4);
   const float s_gamma = ((on_axis) ? 0.0f : x7*x_4);
   const float x8 = c_gamma*cosine;
-  const float x9 = s_gamma*sine;
-  const float c_1_1 = x8 - x9;
-  const float x10 = c_gamma*sine;
-  const float s_1_1 = cosine*s_gamma + x10;
-  const float c_1_2 = x8 + x9;
-  const float s_1_2 = cosine*s_gamma - x10;
+  const float c_1_1 = x8 - s_gamma*sine;
+  const float x9 = cosine*s_gamma;
+  const float s_1_1 = c_gamma*sine + x9;
+  const float c_1_2 = x8 - other_sine*s_gamma;
+  const float s_1_2 = c_gamma*other_sine + x9;
   const int family = (any_angle) || (fabsf(s_alpha_2) <= x5);
   const int finite = fabsf(alpha_1) + fabsf(alpha_2) + fabsf(alpha_3) + fabsf(alpha_4) + fabsf(theta_4) <= FLT_MAX;
   const int good = (finite) && (!(no_angle));
   const float x_41_1 = c_1_1*x_4 - s_1_1*y_4;
-  const float x11 = -s_alpha_1*z_4;
-  const float y_41_1 = c_alpha_1*(c_1_1*y_4 + s_1_1*x_4) + x11;
-  const float x12 = ((s_alpha_2 < 0.0f) ? -1.0f : 1.0f);
-  const float sine_2_1 = ((fabsf(s_alpha_2) <= x5) ? 0.0f : x12*x_41_1);
-  const float cosine_2_1 = ((fabsf(s_alpha_2) <= x5) ? 1.0f : x12*y_41_1);
+  const float x10 = -s_alpha_1*z_4;
+  const float y_41_1 = c_alpha_1*(c_1_1*y_4 + s_1_1*x_4) + x10;
+  const float x11 = ((s_alpha_2 < 0.0f) ? -1.0f : 1.0f);
+  const float sine_2_1 = ((fabsf(s_alpha_2) <= x5) ? 0.0f : x11*x_41_1);
+  const float cosine_2_1 = ((fabsf(s_alpha_2) <= x5) ? 1.0f : x11*y_41_1);
   const float length_2_1 = sqrtf((cosine_2_1*cosine_2_1) + (sine_2_1*sine_2_1));
   const float divisor_2_1 = ((length_2_1 > 0.0f) ? length_2_1 : 1.0f);
-  const float x13 = 1.0f/divisor_2_1;
-  const float c_2_1 = cosine_2_1*x13;
-  const float s_2_1 = sine_2_1*x13;
+  const float x12 = 1.0f/divisor_2_1;
+  const float c_2_1 = cosine_2_1*x12;
+  const float s_2_1 = sine_2_1*x12;
   const float row_11_1 = c_theta_1;
-  const float x14 = -c_alpha_4*s_theta_1;
-  const float row_11_2 = x14;
-  const float x15 = s_alpha_4*s_theta_1;
-  const float row_11_3 = x15;
+  const float x13 = -c_alpha_4*s_theta_1;
+  const float row_11_2 = x13;
+  const float x14 = s_alpha_4*s_theta_1;
+  const float row_11_3 = x14;
   const float row_12_1 = c_1_1*row_11_1 + row_11_2*s_1_1;
   const float row_12_2 = c_1_1*row_11_2 - row_11_1*s_1_1;
   const float row_12_3 = row_11_3;
@@ -1471,17 +1471,17 @@ void spherical_polygons_polygon_quadrilateral_f32(const float alpha[4], float th
   const float row_14_2 = c_2_1*row_13_2 - row_13_1*s_2_1;
   const float row_14_3 = row_13_3;
   const float x_41_2 = c_1_2*x_4 - s_1_2*y_4;
-  const float y_41_2 = c_alpha_1*(c_1_2*y_4 + s_1_2*x_4) + x11;
-  const float sine_2_2 = ((fabsf(s_alpha_2) <= x5) ? 0.0f : x12*x_41_2);
-  const float cosine_2_2 = ((fabsf(s_alpha_2) <= x5) ? 1.0f : x12*y_41_2);
+  const float y_41_2 = c_alpha_1*(c_1_2*y_4 + s_1_2*x_4) + x10;
+  const float sine_2_2 = ((fabsf(s_alpha_2) <= x5) ? 0.0f : x11*x_41_2);
+  const float cosine_2_2 = ((fabsf(s_alpha_2) <= x5) ? 1.0f : x11*y_41_2);
   const float length_2_2 = sqrtf((cosine_2_2*cosine_2_2) + (sine_2_2*sine_2_2));
   const float divisor_2_2 = ((length_2_2 > 0.0f) ? length_2_2 : 1.0f);
-  const float x16 = 1.0f/divisor_2_2;
-  const float c_2_2 = cosine_2_2*x16;
-  const float s_2_2 = sine_2_2*x16;
+  const float x15 = 1.0f/divisor_2_2;
+  const float c_2_2 = cosine_2_2*x15;
+  const float s_2_2 = sine_2_2*x15;
   const float row_21_1 = c_theta_1;
-  const float row_21_2 = x14;
-  const float row_21_3 = x15;
+  const float row_21_2 = x13;
+  const float row_21_3 = x14;
   const float row_22_1 = c_1_2*row_21_1 + row_21_2*s_1_2;
   const float row_22_2 = c_1_2*row_21_2 - row_21_1*s_1_2;
   const float row_22_3 = row_21_3;
@@ -1491,17 +1491,17 @@ void spherical_polygons_polygon_quadrilateral_f32(const float alpha[4], float th
   const float row_24_1 = c_2_2*row_23_1 + row_23_2*s_2_2;
   const float row_24_2 = c_2_2*row_23_2 - row_23_1*s_2_2;
   const float row_24_3 = row_23_3;
-  const float x17 = ((good) ? theta_4 : (float)NAN);
+  const float x16 = ((good) ? theta_4 : (float)NAN);
   const float status_value = ((!(finite)) ? 4.0f : ((no_angle) ? 3.0f : ((family) ? 2.0f : ((one_angle) ? 1.0f : 0.0f))));
   /* outputs */
   theta[0] = ((good) ? atan2f(s_1_1, c_1_1) : (float)NAN);
   theta[1] = ((good) ? atan2f(sine_2_1, cosine_2_1) : (float)NAN);
   theta[2] = ((good) ? atan2f(c_alpha_2*row_14_2 + row_14_3*s_alpha_2, row_14_1) : (float)NAN);
-  theta[3] = x17;
+  theta[3] = x16;
   theta[4] = ((good) ? atan2f(s_1_2, c_1_2) : (float)NAN);
   theta[5] = ((good) ? atan2f(sine_2_2, cosine_2_2) : (float)NAN);
   theta[6] = ((good) ? atan2f(c_alpha_2*row_24_2 + row_24_3*s_alpha_2, row_24_1) : (float)NAN);
-  theta[7] = x17;
+  theta[7] = x16;
   *status = (int8_t)status_value;
 }
 
@@ -1510,7 +1510,7 @@ void spherical_polygons_polygon_quadrilateral_batch_f32(size_t count, const floa
     spherical_polygons_polygon_quadrilateral_f32(alpha + 4 * i, theta_4[i], theta + 8 * i, status + i);
 }
 
-/* polygon_pentagon: 55 add, 101 mul, 3 div, 6 sqrt, 24 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin */
+/* polygon_pentagon: 55 add, 102 mul, 3 div, 6 sqrt, 25 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin */
 void spherical_polygons_polygon_pentagon_f64(const double alpha[5], const double theta_45[2], double theta[10], int8_t *status) {
   /* inputs */
   const double alpha_1 = alpha[0];
@@ -1555,8 +1555,8 @@ void spherical_polygons_polygon_pentagon_f64(const double alpha[5], const double
   const double factors_2 = sin(half_sums_2);
   const double factors_3 = sin(half_sums_3);
   const double factors_4 = sin(half_sums_4);
-  const double x19 = s_alpha_1*s_alpha_2;
-  const double side = ((x19 < 0.0) ? -1.0 : 1.0);
+  const double x18 = s_alpha_1*s_alpha_2;
+  const double side = ((x18 < 0.0) ? -1.0 : 1.0);
   const double p_side = factors_1*factors_2*side;
   const double x9 = 16.0*DBL_EPSILON;
   const double p_near = x9*(fabs(factors_1) + fabs(factors_2));
@@ -1568,7 +1568,7 @@ void spherical_polygons_polygon_pentagon_f64(const double alpha[5], const double
   const int q_short = q_side < -q_near;
   const int q_zero = fabs(q_side) <= q_near;
   const double q = ((q_zero) ? 0.0 : q_side);
-  const int flat = fabs(x19) <= x9;
+  const int flat = fabs(x18) <= x9;
   const int no_angle = (p_short) || (q_short) || ((flat) && (!((p_zero) && (q_zero))));
   const int one_angle = (p_zero) || (q_zero);
   const int any_angle = (flat) || ((p_zero) && (q_zero));
@@ -1576,26 +1576,26 @@ void spherical_polygons_polygon_pentagon_f64(const double alpha[5], const double
   const double x10 = 1.0/p_and_q;
   const double cosine = ((any_angle) ? 1.0 : x10*(p - q));
   const double sine = ((any_angle) ? 0.0 : 2.0*x10*sqrt(fabs(p*q)));
+  const double other_sine = ((one_angle) ? sine : -sine);
   const int finite = fabs(alpha_1) + fabs(alpha_2) + fabs(alpha_3) + fabs(alpha_4) + fabs(alpha_5) + fabs(theta_45_1) + fabs(theta_45_2) <= DBL_MAX;
   const int good = (finite) && (!(no_angle));
-  const double x11 = s_alpha_2*sine;
-  const double xb_2_1 = x11;
-  const double x12 = -c_alpha_1*cosine*s_alpha_2 - c_alpha_2*s_alpha_1;
-  const double yb_2_1 = x12;
+  const double xb_2_1 = s_alpha_2*sine;
+  const double x11 = -c_alpha_1*cosine*s_alpha_2 - c_alpha_2*s_alpha_1;
+  const double yb_2_1 = x11;
   const double length_1_1 = sqrt((xb_2_1*xb_2_1) + (yb_2_1*yb_2_1));
   const int flat_1_1 = length_1_1 <= x9;
   const double cosine_1_1 = ((flat_1_1) ? 1.0 : x_45*xb_2_1 - y_45*yb_2_1);
   const double sine_1_1 = ((flat_1_1) ? 0.0 : -x_45*yb_2_1 - xb_2_1*y_45);
   const double size_1_1 = sqrt((cosine_1_1*cosine_1_1) + (sine_1_1*sine_1_1));
   const double divisor_1_1 = ((size_1_1 > 0.0) ? size_1_1 : 1.0);
-  const double x13 = 1.0/divisor_1_1;
-  const double c_1_1 = cosine_1_1*x13;
-  const double s_1_1 = sine_1_1*x13;
+  const double x12 = 1.0/divisor_1_1;
+  const double c_1_1 = cosine_1_1*x12;
+  const double s_1_1 = sine_1_1*x12;
   const double row_11_1 = c_theta_1;
-  const double x14 = -c_alpha_4*s_theta_1;
-  const double row_11_2 = x14;
-  const double x15 = s_alpha_4*s_theta_1;
-  const double row_11_3 = x15;
+  const double x13 = -c_alpha_4*s_theta_1;
+  const double row_11_2 = x13;
+  const double x14 = s_alpha_4*s_theta_1;
+  const double row_11_3 = x14;
   const double row_12_1 = c_theta_2*row_11_1 + row_11_2*s_theta_2;
   const double row_12_2 = c_theta_2*row_11_2 - row_11_1*s_theta_2;
   const double row_12_3 = row_11_3;
@@ -1611,20 +1611,20 @@ void spherical_polygons_polygon_pentagon_f64(const double alpha[5], const double
   const double row_16_1 = cosine*row_15_1 + row_15_2*sine;
   const double row_16_2 = cosine*row_15_2 - row_15_1*sine;
   const double row_16_3 = row_15_3;
-  const double xb_2_2 = -x11;
-  const double yb_2_2 = x12;
+  const double xb_2_2 = other_sine*s_alpha_2;
+  const double yb_2_2 = x11;
   const double length_1_2 = sqrt((xb_2_2*xb_2_2) + (yb_2_2*yb_2_2));
   const int flat_1_2 = length_1_2 <= x9;
   const double cosine_1_2 = ((flat_1_2) ? 1.0 : x_45*xb_2_2 - y_45*yb_2_2);
   const double sine_1_2 = ((flat_1_2) ? 0.0 : -x_45*yb_2_2 - xb_2_2*y_45);
   const double size_1_2 = sqrt((cosine_1_2*cosine_1_2) + (sine_1_2*sine_1_2));
   const double divisor_1_2 = ((size_1_2 > 0.0) ? size_1_2 : 1.0);
-  const double x16 = 1.0/divisor_1_2;
-  const double c_1_2 = cosine_1_2*x16;
-  const double s_1_2 = sine_1_2*x16;
+  const double x15 = 1.0/divisor_1_2;
+  const double c_1_2 = cosine_1_2*x15;
+  const double s_1_2 = sine_1_2*x15;
   const double row_21_1 = c_theta_1;
-  const double row_21_2 = x14;
-  const double row_21_3 = x15;
+  const double row_21_2 = x13;
+  const double row_21_3 = x14;
   const double row_22_1 = c_theta_2*row_21_1 + row_21_2*s_theta_2;
   const double row_22_2 = c_theta_2*row_21_2 - row_21_1*s_theta_2;
   const double row_22_3 = row_21_3;
@@ -1637,24 +1637,24 @@ void spherical_polygons_polygon_pentagon_f64(const double alpha[5], const double
   const double row_25_1 = row_24_1;
   const double row_25_2 = c_alpha_1*row_24_2 + row_24_3*s_alpha_1;
   const double row_25_3 = c_alpha_1*row_24_3 - row_24_2*s_alpha_1;
-  const double row_26_1 = cosine*row_25_1 - row_25_2*sine;
-  const double row_26_2 = cosine*row_25_2 + row_25_1*sine;
+  const double row_26_1 = cosine*row_25_1 + other_sine*row_25_2;
+  const double row_26_2 = cosine*row_25_2 - other_sine*row_25_1;
   const double row_26_3 = row_25_3;
   const int family = (any_angle) || (flat_1_1) || (flat_1_2);
-  const double x17 = ((good) ? theta_45_1 : (double)NAN);
-  const double x18 = ((good) ? theta_45_2 : (double)NAN);
+  const double x16 = ((good) ? theta_45_1 : (double)NAN);
+  const double x17 = ((good) ? theta_45_2 : (double)NAN);
   const double status_value = ((!(finite)) ? 4.0 : ((no_angle) ? 3.0 : ((family) ? 2.0 : ((one_angle) ? 1.0 : 0.0))));
   /* outputs */
   theta[0] = ((good) ? atan2(sine_1_1, cosine_1_1) : (double)NAN);
   theta[1] = ((good) ? atan2(sine, cosine) : (double)NAN);
   theta[2] = ((good) ? atan2(c_alpha_2*row_16_2 + row_16_3*s_alpha_2, row_16_1) : (double)NAN);
-  theta[3] = x17;
-  theta[4] = x18;
+  theta[3] = x16;
+  theta[4] = x17;
   theta[5] = ((good) ? atan2(sine_1_2, cosine_1_2) : (double)NAN);
-  theta[6] = ((good) ? atan2(-sine, cosine) : (double)NAN);
+  theta[6] = ((good) ? atan2(other_sine, cosine) : (double)NAN);
   theta[7] = ((good) ? atan2(c_alpha_2*row_26_2 + row_26_3*s_alpha_2, row_26_1) : (double)NAN);
-  theta[8] = x17;
-  theta[9] = x18;
+  theta[8] = x16;
+  theta[9] = x17;
   *status = (int8_t)status_value;
 }
 
@@ -1663,7 +1663,7 @@ void spherical_polygons_polygon_pentagon_batch_f64(size_t count, const double *a
     spherical_polygons_polygon_pentagon_f64(alpha + 5 * i, theta_45 + 2 * i, theta + 10 * i, status + i);
 }
 
-/* polygon_pentagon: 55 add, 101 mul, 3 div, 6 sqrt, 24 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin */
+/* polygon_pentagon: 55 add, 102 mul, 3 div, 6 sqrt, 25 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin */
 void spherical_polygons_polygon_pentagon_f32(const float alpha[5], const float theta_45[2], float theta[10], int8_t *status) {
   /* inputs */
   const float alpha_1 = alpha[0];
@@ -1708,8 +1708,8 @@ void spherical_polygons_polygon_pentagon_f32(const float alpha[5], const float t
   const float factors_2 = sinf(half_sums_2);
   const float factors_3 = sinf(half_sums_3);
   const float factors_4 = sinf(half_sums_4);
-  const float x19 = s_alpha_1*s_alpha_2;
-  const float side = ((x19 < 0.0f) ? -1.0f : 1.0f);
+  const float x18 = s_alpha_1*s_alpha_2;
+  const float side = ((x18 < 0.0f) ? -1.0f : 1.0f);
   const float p_side = factors_1*factors_2*side;
   const float x9 = 16.0f*FLT_EPSILON;
   const float p_near = x9*(fabsf(factors_1) + fabsf(factors_2));
@@ -1721,7 +1721,7 @@ void spherical_polygons_polygon_pentagon_f32(const float alpha[5], const float t
   const int q_short = q_side < -q_near;
   const int q_zero = fabsf(q_side) <= q_near;
   const float q = ((q_zero) ? 0.0f : q_side);
-  const int flat = fabsf(x19) <= x9;
+  const int flat = fabsf(x18) <= x9;
   const int no_angle = (p_short) || (q_short) || ((flat) && (!((p_zero) && (q_zero))));
   const int one_angle = (p_zero) || (q_zero);
   const int any_angle = (flat) || ((p_zero) && (q_zero));
@@ -1729,26 +1729,26 @@ void spherical_polygons_polygon_pentagon_f32(const float alpha[5], const float t
   const float x10 = 1.0f/p_and_q;
   const float cosine = ((any_angle) ? 1.0f : x10*(p - q));
   const float sine = ((any_angle) ? 0.0f : 2.0f*x10*sqrtf(fabsf(p*q)));
+  const float other_sine = ((one_angle) ? sine : -sine);
   const int finite = fabsf(alpha_1) + fabsf(alpha_2) + fabsf(alpha_3) + fabsf(alpha_4) + fabsf(alpha_5) + fabsf(theta_45_1) + fabsf(theta_45_2) <= FLT_MAX;
   const int good = (finite) && (!(no_angle));
-  const float x11 = s_alpha_2*sine;
-  const float xb_2_1 = x11;
-  const float x12 = -c_alpha_1*cosine*s_alpha_2 - c_alpha_2*s_alpha_1;
-  const float yb_2_1 = x12;
+  const float xb_2_1 = s_alpha_2*sine;
+  const float x11 = -c_alpha_1*cosine*s_alpha_2 - c_alpha_2*s_alpha_1;
+  const float yb_2_1 = x11;
   const float length_1_1 = sqrtf((xb_2_1*xb_2_1) + (yb_2_1*yb_2_1));
   const int flat_1_1 = length_1_1 <= x9;
   const float cosine_1_1 = ((flat_1_1) ? 1.0f : x_45*xb_2_1 - y_45*yb_2_1);
   const float sine_1_1 = ((flat_1_1) ? 0.0f : -x_45*yb_2_1 - xb_2_1*y_45);
   const float size_1_1 = sqrtf((cosine_1_1*cosine_1_1) + (sine_1_1*sine_1_1));
   const float divisor_1_1 = ((size_1_1 > 0.0f) ? size_1_1 : 1.0f);
-  const float x13 = 1.0f/divisor_1_1;
-  const float c_1_1 = cosine_1_1*x13;
-  const float s_1_1 = sine_1_1*x13;
+  const float x12 = 1.0f/divisor_1_1;
+  const float c_1_1 = cosine_1_1*x12;
+  const float s_1_1 = sine_1_1*x12;
   const float row_11_1 = c_theta_1;
-  const float x14 = -c_alpha_4*s_theta_1;
-  const float row_11_2 = x14;
-  const float x15 = s_alpha_4*s_theta_1;
-  const float row_11_3 = x15;
+  const float x13 = -c_alpha_4*s_theta_1;
+  const float row_11_2 = x13;
+  const float x14 = s_alpha_4*s_theta_1;
+  const float row_11_3 = x14;
   const float row_12_1 = c_theta_2*row_11_1 + row_11_2*s_theta_2;
   const float row_12_2 = c_theta_2*row_11_2 - row_11_1*s_theta_2;
   const float row_12_3 = row_11_3;
@@ -1764,20 +1764,20 @@ void spherical_polygons_polygon_pentagon_f32(const float alpha[5], const float t
   const float row_16_1 = cosine*row_15_1 + row_15_2*sine;
   const float row_16_2 = cosine*row_15_2 - row_15_1*sine;
   const float row_16_3 = row_15_3;
-  const float xb_2_2 = -x11;
-  const float yb_2_2 = x12;
+  const float xb_2_2 = other_sine*s_alpha_2;
+  const float yb_2_2 = x11;
   const float length_1_2 = sqrtf((xb_2_2*xb_2_2) + (yb_2_2*yb_2_2));
   const int flat_1_2 = length_1_2 <= x9;
   const float cosine_1_2 = ((flat_1_2) ? 1.0f : x_45*xb_2_2 - y_45*yb_2_2);
   const float sine_1_2 = ((flat_1_2) ? 0.0f : -x_45*yb_2_2 - xb_2_2*y_45);
   const float size_1_2 = sqrtf((cosine_1_2*cosine_1_2) + (sine_1_2*sine_1_2));
   const float divisor_1_2 = ((size_1_2 > 0.0f) ? size_1_2 : 1.0f);
-  const float x16 = 1.0f/divisor_1_2;
-  const float c_1_2 = cosine_1_2*x16;
-  const float s_1_2 = sine_1_2*x16;
+  const float x15 = 1.0f/divisor_1_2;
+  const float c_1_2 = cosine_1_2*x15;
+  const float s_1_2 = sine_1_2*x15;
   const float row_21_1 = c_theta_1;
-  const float row_21_2 = x14;
-  const float row_21_3 = x15;
+  const float row_21_2 = x13;
+  const float row_21_3 = x14;
   const float row_22_1 = c_theta_2*row_21_1 + row_21_2*s_theta_2;
   const float row_22_2 = c_theta_2*row_21_2 - row_21_1*s_theta_2;
   const float row_22_3 = row_21_3;
@@ -1790,24 +1790,24 @@ void spherical_polygons_polygon_pentagon_f32(const float alpha[5], const float t
   const float row_25_1 = row_24_1;
   const float row_25_2 = c_alpha_1*row_24_2 + row_24_3*s_alpha_1;
   const float row_25_3 = c_alpha_1*row_24_3 - row_24_2*s_alpha_1;
-  const float row_26_1 = cosine*row_25_1 - row_25_2*sine;
-  const float row_26_2 = cosine*row_25_2 + row_25_1*sine;
+  const float row_26_1 = cosine*row_25_1 + other_sine*row_25_2;
+  const float row_26_2 = cosine*row_25_2 - other_sine*row_25_1;
   const float row_26_3 = row_25_3;
   const int family = (any_angle) || (flat_1_1) || (flat_1_2);
-  const float x17 = ((good) ? theta_45_1 : (float)NAN);
-  const float x18 = ((good) ? theta_45_2 : (float)NAN);
+  const float x16 = ((good) ? theta_45_1 : (float)NAN);
+  const float x17 = ((good) ? theta_45_2 : (float)NAN);
   const float status_value = ((!(finite)) ? 4.0f : ((no_angle) ? 3.0f : ((family) ? 2.0f : ((one_angle) ? 1.0f : 0.0f))));
   /* outputs */
   theta[0] = ((good) ? atan2f(sine_1_1, cosine_1_1) : (float)NAN);
   theta[1] = ((good) ? atan2f(sine, cosine) : (float)NAN);
   theta[2] = ((good) ? atan2f(c_alpha_2*row_16_2 + row_16_3*s_alpha_2, row_16_1) : (float)NAN);
-  theta[3] = x17;
-  theta[4] = x18;
+  theta[3] = x16;
+  theta[4] = x17;
   theta[5] = ((good) ? atan2f(sine_1_2, cosine_1_2) : (float)NAN);
-  theta[6] = ((good) ? atan2f(-sine, cosine) : (float)NAN);
+  theta[6] = ((good) ? atan2f(other_sine, cosine) : (float)NAN);
   theta[7] = ((good) ? atan2f(c_alpha_2*row_26_2 + row_26_3*s_alpha_2, row_26_1) : (float)NAN);
-  theta[8] = x17;
-  theta[9] = x18;
+  theta[8] = x16;
+  theta[9] = x17;
   *status = (int8_t)status_value;
 }
 

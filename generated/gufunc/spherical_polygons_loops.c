@@ -3124,8 +3124,8 @@ void LOOP(spherical_polygons_polygon_secondary_5_loop_f32)(char **args, const pt
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* polygon_quadrilateral: 44 add, 83 mul, 4 div, 4 sqrt, 27 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin */
-/* 44 add, 83 mul, 4 div, 4 sqrt, 27 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin */
+/* polygon_quadrilateral: 44 add, 84 mul, 4 div, 4 sqrt, 28 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin */
+/* 44 add, 84 mul, 4 div, 4 sqrt, 28 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin */
 static inline void polygon_quadrilateral_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -3161,8 +3161,8 @@ static inline void polygon_quadrilateral_f64(double (*restrict input)[BLOCK], do
     const double factors_2 = vector_sin_f64(half_sums_2);
     const double factors_3 = vector_sin_f64(half_sums_3);
     const double factors_4 = vector_sin_f64(half_sums_4);
-    const double x18 = s_alpha_1*sine_13;
-    const double side = blend_f64(mask_f64(x18 < 0.0), -1.0, 1.0);
+    const double x17 = s_alpha_1*sine_13;
+    const double side = blend_f64(mask_f64(x17 < 0.0), -1.0, 1.0);
     const double p_side = factors_1*factors_2*side;
     const double x5 = 16.0*DBL_EPSILON;
     const double p_near = x5*(fabs(factors_1) + fabs(factors_2));
@@ -3174,7 +3174,7 @@ static inline void polygon_quadrilateral_f64(double (*restrict input)[BLOCK], do
     const int64_t q_short = mask_f64(q_side < -q_near);
     const int64_t q_zero = mask_f64(fabs(q_side) <= q_near);
     const double q = blend_f64(q_zero, 0.0, q_side);
-    const int64_t flat = mask_f64(fabs(x18) <= x5);
+    const int64_t flat = mask_f64(fabs(x17) <= x5);
     const int64_t no_angle = (p_short) | (q_short) | ((flat) & (~((p_zero) & (q_zero))));
     const int64_t one_angle = (p_zero) | (q_zero);
     const int64_t any_angle = (flat) | ((p_zero) & (q_zero));
@@ -3182,37 +3182,37 @@ static inline void polygon_quadrilateral_f64(double (*restrict input)[BLOCK], do
     const double x6 = 1.0/p_and_q;
     const double cosine = blend_f64(any_angle, 1.0, x6*(q - p));
     const double sine = blend_f64(any_angle, 0.0, 2.0*x6*sqrt(fabs(p*q)));
+    const double other_sine = blend_f64(one_angle, sine, -sine);
     const int64_t on_axis = mask_f64(sine_13 <= x5);
     const double far = blend_f64(on_axis, 1.0, sine_13);
     const double x7 = 1.0/far;
     const double c_gamma = blend_f64(on_axis, 1.0, x7*y_4);
     const double s_gamma = blend_f64(on_axis, 0.0, x7*x_4);
     const double x8 = c_gamma*cosine;
-    const double x9 = s_gamma*sine;
-    const double c_1_1 = x8 - x9;
-    const double x10 = c_gamma*sine;
-    const double s_1_1 = cosine*s_gamma + x10;
-    const double c_1_2 = x8 + x9;
-    const double s_1_2 = cosine*s_gamma - x10;
+    const double c_1_1 = x8 - s_gamma*sine;
+    const double x9 = cosine*s_gamma;
+    const double s_1_1 = c_gamma*sine + x9;
+    const double c_1_2 = x8 - other_sine*s_gamma;
+    const double s_1_2 = c_gamma*other_sine + x9;
     const int64_t family = (any_angle) | (mask_f64(fabs(s_alpha_2) <= x5));
     const int64_t finite = mask_f64(fabs(alpha_1) + fabs(alpha_2) + fabs(alpha_3) + fabs(alpha_4) + fabs(theta_4) <= DBL_MAX);
     const int64_t good = (finite) & (~(no_angle));
     const double x_41_1 = c_1_1*x_4 - s_1_1*y_4;
-    const double x11 = -s_alpha_1*z_4;
-    const double y_41_1 = c_alpha_1*(c_1_1*y_4 + s_1_1*x_4) + x11;
-    const double x12 = blend_f64(mask_f64(s_alpha_2 < 0.0), -1.0, 1.0);
-    const double sine_2_1 = blend_f64(mask_f64(fabs(s_alpha_2) <= x5), 0.0, x12*x_41_1);
-    const double cosine_2_1 = blend_f64(mask_f64(fabs(s_alpha_2) <= x5), 1.0, x12*y_41_1);
+    const double x10 = -s_alpha_1*z_4;
+    const double y_41_1 = c_alpha_1*(c_1_1*y_4 + s_1_1*x_4) + x10;
+    const double x11 = blend_f64(mask_f64(s_alpha_2 < 0.0), -1.0, 1.0);
+    const double sine_2_1 = blend_f64(mask_f64(fabs(s_alpha_2) <= x5), 0.0, x11*x_41_1);
+    const double cosine_2_1 = blend_f64(mask_f64(fabs(s_alpha_2) <= x5), 1.0, x11*y_41_1);
     const double length_2_1 = sqrt((cosine_2_1*cosine_2_1) + (sine_2_1*sine_2_1));
     const double divisor_2_1 = blend_f64(mask_f64(length_2_1 > 0.0), length_2_1, 1.0);
-    const double x13 = 1.0/divisor_2_1;
-    const double c_2_1 = cosine_2_1*x13;
-    const double s_2_1 = sine_2_1*x13;
+    const double x12 = 1.0/divisor_2_1;
+    const double c_2_1 = cosine_2_1*x12;
+    const double s_2_1 = sine_2_1*x12;
     const double row_11_1 = c_theta_1;
-    const double x14 = -c_alpha_4*s_theta_1;
-    const double row_11_2 = x14;
-    const double x15 = s_alpha_4*s_theta_1;
-    const double row_11_3 = x15;
+    const double x13 = -c_alpha_4*s_theta_1;
+    const double row_11_2 = x13;
+    const double x14 = s_alpha_4*s_theta_1;
+    const double row_11_3 = x14;
     const double row_12_1 = c_1_1*row_11_1 + row_11_2*s_1_1;
     const double row_12_2 = c_1_1*row_11_2 - row_11_1*s_1_1;
     const double row_12_3 = row_11_3;
@@ -3223,17 +3223,17 @@ static inline void polygon_quadrilateral_f64(double (*restrict input)[BLOCK], do
     const double row_14_2 = c_2_1*row_13_2 - row_13_1*s_2_1;
     const double row_14_3 = row_13_3;
     const double x_41_2 = c_1_2*x_4 - s_1_2*y_4;
-    const double y_41_2 = c_alpha_1*(c_1_2*y_4 + s_1_2*x_4) + x11;
-    const double sine_2_2 = blend_f64(mask_f64(fabs(s_alpha_2) <= x5), 0.0, x12*x_41_2);
-    const double cosine_2_2 = blend_f64(mask_f64(fabs(s_alpha_2) <= x5), 1.0, x12*y_41_2);
+    const double y_41_2 = c_alpha_1*(c_1_2*y_4 + s_1_2*x_4) + x10;
+    const double sine_2_2 = blend_f64(mask_f64(fabs(s_alpha_2) <= x5), 0.0, x11*x_41_2);
+    const double cosine_2_2 = blend_f64(mask_f64(fabs(s_alpha_2) <= x5), 1.0, x11*y_41_2);
     const double length_2_2 = sqrt((cosine_2_2*cosine_2_2) + (sine_2_2*sine_2_2));
     const double divisor_2_2 = blend_f64(mask_f64(length_2_2 > 0.0), length_2_2, 1.0);
-    const double x16 = 1.0/divisor_2_2;
-    const double c_2_2 = cosine_2_2*x16;
-    const double s_2_2 = sine_2_2*x16;
+    const double x15 = 1.0/divisor_2_2;
+    const double c_2_2 = cosine_2_2*x15;
+    const double s_2_2 = sine_2_2*x15;
     const double row_21_1 = c_theta_1;
-    const double row_21_2 = x14;
-    const double row_21_3 = x15;
+    const double row_21_2 = x13;
+    const double row_21_3 = x14;
     const double row_22_1 = c_1_2*row_21_1 + row_21_2*s_1_2;
     const double row_22_2 = c_1_2*row_21_2 - row_21_1*s_1_2;
     const double row_22_3 = row_21_3;
@@ -3246,12 +3246,12 @@ static inline void polygon_quadrilateral_f64(double (*restrict input)[BLOCK], do
     const double theta_1_1 = blend_f64(good, vector_atan2_f64(s_1_1, c_1_1), (double)NAN);
     const double theta_1_2 = blend_f64(good, vector_atan2_f64(sine_2_1, cosine_2_1), (double)NAN);
     const double theta_1_3 = blend_f64(good, vector_atan2_f64(c_alpha_2*row_14_2 + row_14_3*s_alpha_2, row_14_1), (double)NAN);
-    const double x17 = blend_f64(good, theta_4, (double)NAN);
-    const double theta_1_4 = x17;
+    const double x16 = blend_f64(good, theta_4, (double)NAN);
+    const double theta_1_4 = x16;
     const double theta_2_1 = blend_f64(good, vector_atan2_f64(s_1_2, c_1_2), (double)NAN);
     const double theta_2_2 = blend_f64(good, vector_atan2_f64(sine_2_2, cosine_2_2), (double)NAN);
     const double theta_2_3 = blend_f64(good, vector_atan2_f64(c_alpha_2*row_24_2 + row_24_3*s_alpha_2, row_24_1), (double)NAN);
-    const double theta_2_4 = x17;
+    const double theta_2_4 = x16;
     const double status = blend_f64(~(finite), 4.0, blend_f64(no_angle, 3.0, blend_f64(family, 2.0, blend_f64(one_angle, 1.0, 0.0))));
     output[0][i] = theta_1_1;
     output[1][i] = theta_1_2;
@@ -3361,8 +3361,8 @@ void LOOP(spherical_polygons_polygon_quadrilateral_loop_f64)(char **args, const 
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* polygon_quadrilateral: 44 add, 83 mul, 4 div, 4 sqrt, 27 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin */
-/* 44 add, 83 mul, 4 div, 4 sqrt, 27 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin */
+/* polygon_quadrilateral: 44 add, 84 mul, 4 div, 4 sqrt, 28 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin */
+/* 44 add, 84 mul, 4 div, 4 sqrt, 28 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin */
 static inline void polygon_quadrilateral_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -3398,8 +3398,8 @@ static inline void polygon_quadrilateral_f32(float (*restrict input)[BLOCK], flo
     const float factors_2 = vector_sin_f32(half_sums_2);
     const float factors_3 = vector_sin_f32(half_sums_3);
     const float factors_4 = vector_sin_f32(half_sums_4);
-    const float x18 = s_alpha_1*sine_13;
-    const float side = blend_f32(mask_f32(x18 < 0.0f), -1.0f, 1.0f);
+    const float x17 = s_alpha_1*sine_13;
+    const float side = blend_f32(mask_f32(x17 < 0.0f), -1.0f, 1.0f);
     const float p_side = factors_1*factors_2*side;
     const float x5 = 16.0f*FLT_EPSILON;
     const float p_near = x5*(fabsf(factors_1) + fabsf(factors_2));
@@ -3411,7 +3411,7 @@ static inline void polygon_quadrilateral_f32(float (*restrict input)[BLOCK], flo
     const int32_t q_short = mask_f32(q_side < -q_near);
     const int32_t q_zero = mask_f32(fabsf(q_side) <= q_near);
     const float q = blend_f32(q_zero, 0.0f, q_side);
-    const int32_t flat = mask_f32(fabsf(x18) <= x5);
+    const int32_t flat = mask_f32(fabsf(x17) <= x5);
     const int32_t no_angle = (p_short) | (q_short) | ((flat) & (~((p_zero) & (q_zero))));
     const int32_t one_angle = (p_zero) | (q_zero);
     const int32_t any_angle = (flat) | ((p_zero) & (q_zero));
@@ -3419,37 +3419,37 @@ static inline void polygon_quadrilateral_f32(float (*restrict input)[BLOCK], flo
     const float x6 = 1.0f/p_and_q;
     const float cosine = blend_f32(any_angle, 1.0f, x6*(q - p));
     const float sine = blend_f32(any_angle, 0.0f, 2.0f*x6*sqrtf(fabsf(p*q)));
+    const float other_sine = blend_f32(one_angle, sine, -sine);
     const int32_t on_axis = mask_f32(sine_13 <= x5);
     const float far = blend_f32(on_axis, 1.0f, sine_13);
     const float x7 = 1.0f/far;
     const float c_gamma = blend_f32(on_axis, 1.0f, x7*y_4);
     const float s_gamma = blend_f32(on_axis, 0.0f, x7*x_4);
     const float x8 = c_gamma*cosine;
-    const float x9 = s_gamma*sine;
-    const float c_1_1 = x8 - x9;
-    const float x10 = c_gamma*sine;
-    const float s_1_1 = cosine*s_gamma + x10;
-    const float c_1_2 = x8 + x9;
-    const float s_1_2 = cosine*s_gamma - x10;
+    const float c_1_1 = x8 - s_gamma*sine;
+    const float x9 = cosine*s_gamma;
+    const float s_1_1 = c_gamma*sine + x9;
+    const float c_1_2 = x8 - other_sine*s_gamma;
+    const float s_1_2 = c_gamma*other_sine + x9;
     const int32_t family = (any_angle) | (mask_f32(fabsf(s_alpha_2) <= x5));
     const int32_t finite = mask_f32(fabsf(alpha_1) + fabsf(alpha_2) + fabsf(alpha_3) + fabsf(alpha_4) + fabsf(theta_4) <= FLT_MAX);
     const int32_t good = (finite) & (~(no_angle));
     const float x_41_1 = c_1_1*x_4 - s_1_1*y_4;
-    const float x11 = -s_alpha_1*z_4;
-    const float y_41_1 = c_alpha_1*(c_1_1*y_4 + s_1_1*x_4) + x11;
-    const float x12 = blend_f32(mask_f32(s_alpha_2 < 0.0f), -1.0f, 1.0f);
-    const float sine_2_1 = blend_f32(mask_f32(fabsf(s_alpha_2) <= x5), 0.0f, x12*x_41_1);
-    const float cosine_2_1 = blend_f32(mask_f32(fabsf(s_alpha_2) <= x5), 1.0f, x12*y_41_1);
+    const float x10 = -s_alpha_1*z_4;
+    const float y_41_1 = c_alpha_1*(c_1_1*y_4 + s_1_1*x_4) + x10;
+    const float x11 = blend_f32(mask_f32(s_alpha_2 < 0.0f), -1.0f, 1.0f);
+    const float sine_2_1 = blend_f32(mask_f32(fabsf(s_alpha_2) <= x5), 0.0f, x11*x_41_1);
+    const float cosine_2_1 = blend_f32(mask_f32(fabsf(s_alpha_2) <= x5), 1.0f, x11*y_41_1);
     const float length_2_1 = sqrtf((cosine_2_1*cosine_2_1) + (sine_2_1*sine_2_1));
     const float divisor_2_1 = blend_f32(mask_f32(length_2_1 > 0.0f), length_2_1, 1.0f);
-    const float x13 = 1.0f/divisor_2_1;
-    const float c_2_1 = cosine_2_1*x13;
-    const float s_2_1 = sine_2_1*x13;
+    const float x12 = 1.0f/divisor_2_1;
+    const float c_2_1 = cosine_2_1*x12;
+    const float s_2_1 = sine_2_1*x12;
     const float row_11_1 = c_theta_1;
-    const float x14 = -c_alpha_4*s_theta_1;
-    const float row_11_2 = x14;
-    const float x15 = s_alpha_4*s_theta_1;
-    const float row_11_3 = x15;
+    const float x13 = -c_alpha_4*s_theta_1;
+    const float row_11_2 = x13;
+    const float x14 = s_alpha_4*s_theta_1;
+    const float row_11_3 = x14;
     const float row_12_1 = c_1_1*row_11_1 + row_11_2*s_1_1;
     const float row_12_2 = c_1_1*row_11_2 - row_11_1*s_1_1;
     const float row_12_3 = row_11_3;
@@ -3460,17 +3460,17 @@ static inline void polygon_quadrilateral_f32(float (*restrict input)[BLOCK], flo
     const float row_14_2 = c_2_1*row_13_2 - row_13_1*s_2_1;
     const float row_14_3 = row_13_3;
     const float x_41_2 = c_1_2*x_4 - s_1_2*y_4;
-    const float y_41_2 = c_alpha_1*(c_1_2*y_4 + s_1_2*x_4) + x11;
-    const float sine_2_2 = blend_f32(mask_f32(fabsf(s_alpha_2) <= x5), 0.0f, x12*x_41_2);
-    const float cosine_2_2 = blend_f32(mask_f32(fabsf(s_alpha_2) <= x5), 1.0f, x12*y_41_2);
+    const float y_41_2 = c_alpha_1*(c_1_2*y_4 + s_1_2*x_4) + x10;
+    const float sine_2_2 = blend_f32(mask_f32(fabsf(s_alpha_2) <= x5), 0.0f, x11*x_41_2);
+    const float cosine_2_2 = blend_f32(mask_f32(fabsf(s_alpha_2) <= x5), 1.0f, x11*y_41_2);
     const float length_2_2 = sqrtf((cosine_2_2*cosine_2_2) + (sine_2_2*sine_2_2));
     const float divisor_2_2 = blend_f32(mask_f32(length_2_2 > 0.0f), length_2_2, 1.0f);
-    const float x16 = 1.0f/divisor_2_2;
-    const float c_2_2 = cosine_2_2*x16;
-    const float s_2_2 = sine_2_2*x16;
+    const float x15 = 1.0f/divisor_2_2;
+    const float c_2_2 = cosine_2_2*x15;
+    const float s_2_2 = sine_2_2*x15;
     const float row_21_1 = c_theta_1;
-    const float row_21_2 = x14;
-    const float row_21_3 = x15;
+    const float row_21_2 = x13;
+    const float row_21_3 = x14;
     const float row_22_1 = c_1_2*row_21_1 + row_21_2*s_1_2;
     const float row_22_2 = c_1_2*row_21_2 - row_21_1*s_1_2;
     const float row_22_3 = row_21_3;
@@ -3483,12 +3483,12 @@ static inline void polygon_quadrilateral_f32(float (*restrict input)[BLOCK], flo
     const float theta_1_1 = blend_f32(good, vector_atan2_f32(s_1_1, c_1_1), (float)NAN);
     const float theta_1_2 = blend_f32(good, vector_atan2_f32(sine_2_1, cosine_2_1), (float)NAN);
     const float theta_1_3 = blend_f32(good, vector_atan2_f32(c_alpha_2*row_14_2 + row_14_3*s_alpha_2, row_14_1), (float)NAN);
-    const float x17 = blend_f32(good, theta_4, (float)NAN);
-    const float theta_1_4 = x17;
+    const float x16 = blend_f32(good, theta_4, (float)NAN);
+    const float theta_1_4 = x16;
     const float theta_2_1 = blend_f32(good, vector_atan2_f32(s_1_2, c_1_2), (float)NAN);
     const float theta_2_2 = blend_f32(good, vector_atan2_f32(sine_2_2, cosine_2_2), (float)NAN);
     const float theta_2_3 = blend_f32(good, vector_atan2_f32(c_alpha_2*row_24_2 + row_24_3*s_alpha_2, row_24_1), (float)NAN);
-    const float theta_2_4 = x17;
+    const float theta_2_4 = x16;
     const float status = blend_f32(~(finite), 4.0f, blend_f32(no_angle, 3.0f, blend_f32(family, 2.0f, blend_f32(one_angle, 1.0f, 0.0f))));
     output[0][i] = theta_1_1;
     output[1][i] = theta_1_2;
@@ -3598,8 +3598,8 @@ void LOOP(spherical_polygons_polygon_quadrilateral_loop_f32)(char **args, const 
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* polygon_pentagon: 55 add, 101 mul, 3 div, 6 sqrt, 24 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin */
-/* 55 add, 101 mul, 3 div, 6 sqrt, 24 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin */
+/* polygon_pentagon: 55 add, 102 mul, 3 div, 6 sqrt, 25 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin */
+/* 55 add, 102 mul, 3 div, 6 sqrt, 25 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin */
 static inline void polygon_pentagon_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -3644,8 +3644,8 @@ static inline void polygon_pentagon_f64(double (*restrict input)[BLOCK], double 
     const double factors_2 = vector_sin_f64(half_sums_2);
     const double factors_3 = vector_sin_f64(half_sums_3);
     const double factors_4 = vector_sin_f64(half_sums_4);
-    const double x19 = s_alpha_1*s_alpha_2;
-    const double side = blend_f64(mask_f64(x19 < 0.0), -1.0, 1.0);
+    const double x18 = s_alpha_1*s_alpha_2;
+    const double side = blend_f64(mask_f64(x18 < 0.0), -1.0, 1.0);
     const double p_side = factors_1*factors_2*side;
     const double x9 = 16.0*DBL_EPSILON;
     const double p_near = x9*(fabs(factors_1) + fabs(factors_2));
@@ -3657,7 +3657,7 @@ static inline void polygon_pentagon_f64(double (*restrict input)[BLOCK], double 
     const int64_t q_short = mask_f64(q_side < -q_near);
     const int64_t q_zero = mask_f64(fabs(q_side) <= q_near);
     const double q = blend_f64(q_zero, 0.0, q_side);
-    const int64_t flat = mask_f64(fabs(x19) <= x9);
+    const int64_t flat = mask_f64(fabs(x18) <= x9);
     const int64_t no_angle = (p_short) | (q_short) | ((flat) & (~((p_zero) & (q_zero))));
     const int64_t one_angle = (p_zero) | (q_zero);
     const int64_t any_angle = (flat) | ((p_zero) & (q_zero));
@@ -3665,26 +3665,26 @@ static inline void polygon_pentagon_f64(double (*restrict input)[BLOCK], double 
     const double x10 = 1.0/p_and_q;
     const double cosine = blend_f64(any_angle, 1.0, x10*(p - q));
     const double sine = blend_f64(any_angle, 0.0, 2.0*x10*sqrt(fabs(p*q)));
+    const double other_sine = blend_f64(one_angle, sine, -sine);
     const int64_t finite = mask_f64(fabs(alpha_1) + fabs(alpha_2) + fabs(alpha_3) + fabs(alpha_4) + fabs(alpha_5) + fabs(theta_45_1) + fabs(theta_45_2) <= DBL_MAX);
     const int64_t good = (finite) & (~(no_angle));
-    const double x11 = s_alpha_2*sine;
-    const double xb_2_1 = x11;
-    const double x12 = -c_alpha_1*cosine*s_alpha_2 - c_alpha_2*s_alpha_1;
-    const double yb_2_1 = x12;
+    const double xb_2_1 = s_alpha_2*sine;
+    const double x11 = -c_alpha_1*cosine*s_alpha_2 - c_alpha_2*s_alpha_1;
+    const double yb_2_1 = x11;
     const double length_1_1 = sqrt((xb_2_1*xb_2_1) + (yb_2_1*yb_2_1));
     const int64_t flat_1_1 = mask_f64(length_1_1 <= x9);
     const double cosine_1_1 = blend_f64(flat_1_1, 1.0, x_45*xb_2_1 - y_45*yb_2_1);
     const double sine_1_1 = blend_f64(flat_1_1, 0.0, -x_45*yb_2_1 - xb_2_1*y_45);
     const double size_1_1 = sqrt((cosine_1_1*cosine_1_1) + (sine_1_1*sine_1_1));
     const double divisor_1_1 = blend_f64(mask_f64(size_1_1 > 0.0), size_1_1, 1.0);
-    const double x13 = 1.0/divisor_1_1;
-    const double c_1_1 = cosine_1_1*x13;
-    const double s_1_1 = sine_1_1*x13;
+    const double x12 = 1.0/divisor_1_1;
+    const double c_1_1 = cosine_1_1*x12;
+    const double s_1_1 = sine_1_1*x12;
     const double row_11_1 = c_theta_1;
-    const double x14 = -c_alpha_4*s_theta_1;
-    const double row_11_2 = x14;
-    const double x15 = s_alpha_4*s_theta_1;
-    const double row_11_3 = x15;
+    const double x13 = -c_alpha_4*s_theta_1;
+    const double row_11_2 = x13;
+    const double x14 = s_alpha_4*s_theta_1;
+    const double row_11_3 = x14;
     const double row_12_1 = c_theta_2*row_11_1 + row_11_2*s_theta_2;
     const double row_12_2 = c_theta_2*row_11_2 - row_11_1*s_theta_2;
     const double row_12_3 = row_11_3;
@@ -3700,20 +3700,20 @@ static inline void polygon_pentagon_f64(double (*restrict input)[BLOCK], double 
     const double row_16_1 = cosine*row_15_1 + row_15_2*sine;
     const double row_16_2 = cosine*row_15_2 - row_15_1*sine;
     const double row_16_3 = row_15_3;
-    const double xb_2_2 = -x11;
-    const double yb_2_2 = x12;
+    const double xb_2_2 = other_sine*s_alpha_2;
+    const double yb_2_2 = x11;
     const double length_1_2 = sqrt((xb_2_2*xb_2_2) + (yb_2_2*yb_2_2));
     const int64_t flat_1_2 = mask_f64(length_1_2 <= x9);
     const double cosine_1_2 = blend_f64(flat_1_2, 1.0, x_45*xb_2_2 - y_45*yb_2_2);
     const double sine_1_2 = blend_f64(flat_1_2, 0.0, -x_45*yb_2_2 - xb_2_2*y_45);
     const double size_1_2 = sqrt((cosine_1_2*cosine_1_2) + (sine_1_2*sine_1_2));
     const double divisor_1_2 = blend_f64(mask_f64(size_1_2 > 0.0), size_1_2, 1.0);
-    const double x16 = 1.0/divisor_1_2;
-    const double c_1_2 = cosine_1_2*x16;
-    const double s_1_2 = sine_1_2*x16;
+    const double x15 = 1.0/divisor_1_2;
+    const double c_1_2 = cosine_1_2*x15;
+    const double s_1_2 = sine_1_2*x15;
     const double row_21_1 = c_theta_1;
-    const double row_21_2 = x14;
-    const double row_21_3 = x15;
+    const double row_21_2 = x13;
+    const double row_21_3 = x14;
     const double row_22_1 = c_theta_2*row_21_1 + row_21_2*s_theta_2;
     const double row_22_2 = c_theta_2*row_21_2 - row_21_1*s_theta_2;
     const double row_22_3 = row_21_3;
@@ -3726,22 +3726,22 @@ static inline void polygon_pentagon_f64(double (*restrict input)[BLOCK], double 
     const double row_25_1 = row_24_1;
     const double row_25_2 = c_alpha_1*row_24_2 + row_24_3*s_alpha_1;
     const double row_25_3 = c_alpha_1*row_24_3 - row_24_2*s_alpha_1;
-    const double row_26_1 = cosine*row_25_1 - row_25_2*sine;
-    const double row_26_2 = cosine*row_25_2 + row_25_1*sine;
+    const double row_26_1 = cosine*row_25_1 + other_sine*row_25_2;
+    const double row_26_2 = cosine*row_25_2 - other_sine*row_25_1;
     const double row_26_3 = row_25_3;
     const int64_t family = (any_angle) | (flat_1_1) | (flat_1_2);
     const double theta_1_1 = blend_f64(good, vector_atan2_f64(sine_1_1, cosine_1_1), (double)NAN);
     const double theta_1_2 = blend_f64(good, vector_atan2_f64(sine, cosine), (double)NAN);
     const double theta_1_3 = blend_f64(good, vector_atan2_f64(c_alpha_2*row_16_2 + row_16_3*s_alpha_2, row_16_1), (double)NAN);
-    const double x17 = blend_f64(good, theta_45_1, (double)NAN);
-    const double theta_1_4 = x17;
-    const double x18 = blend_f64(good, theta_45_2, (double)NAN);
-    const double theta_1_5 = x18;
+    const double x16 = blend_f64(good, theta_45_1, (double)NAN);
+    const double theta_1_4 = x16;
+    const double x17 = blend_f64(good, theta_45_2, (double)NAN);
+    const double theta_1_5 = x17;
     const double theta_2_1 = blend_f64(good, vector_atan2_f64(sine_1_2, cosine_1_2), (double)NAN);
-    const double theta_2_2 = blend_f64(good, vector_atan2_f64(-sine, cosine), (double)NAN);
+    const double theta_2_2 = blend_f64(good, vector_atan2_f64(other_sine, cosine), (double)NAN);
     const double theta_2_3 = blend_f64(good, vector_atan2_f64(c_alpha_2*row_26_2 + row_26_3*s_alpha_2, row_26_1), (double)NAN);
-    const double theta_2_4 = x17;
-    const double theta_2_5 = x18;
+    const double theta_2_4 = x16;
+    const double theta_2_5 = x17;
     const double status = blend_f64(~(finite), 4.0, blend_f64(no_angle, 3.0, blend_f64(family, 2.0, blend_f64(one_angle, 1.0, 0.0))));
     output[0][i] = theta_1_1;
     output[1][i] = theta_1_2;
@@ -3856,8 +3856,8 @@ void LOOP(spherical_polygons_polygon_pentagon_loop_f64)(char **args, const ptrdi
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* polygon_pentagon: 55 add, 101 mul, 3 div, 6 sqrt, 24 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin */
-/* 55 add, 101 mul, 3 div, 6 sqrt, 24 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin */
+/* polygon_pentagon: 55 add, 102 mul, 3 div, 6 sqrt, 25 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin */
+/* 55 add, 102 mul, 3 div, 6 sqrt, 25 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin */
 static inline void polygon_pentagon_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -3902,8 +3902,8 @@ static inline void polygon_pentagon_f32(float (*restrict input)[BLOCK], float (*
     const float factors_2 = vector_sin_f32(half_sums_2);
     const float factors_3 = vector_sin_f32(half_sums_3);
     const float factors_4 = vector_sin_f32(half_sums_4);
-    const float x19 = s_alpha_1*s_alpha_2;
-    const float side = blend_f32(mask_f32(x19 < 0.0f), -1.0f, 1.0f);
+    const float x18 = s_alpha_1*s_alpha_2;
+    const float side = blend_f32(mask_f32(x18 < 0.0f), -1.0f, 1.0f);
     const float p_side = factors_1*factors_2*side;
     const float x9 = 16.0f*FLT_EPSILON;
     const float p_near = x9*(fabsf(factors_1) + fabsf(factors_2));
@@ -3915,7 +3915,7 @@ static inline void polygon_pentagon_f32(float (*restrict input)[BLOCK], float (*
     const int32_t q_short = mask_f32(q_side < -q_near);
     const int32_t q_zero = mask_f32(fabsf(q_side) <= q_near);
     const float q = blend_f32(q_zero, 0.0f, q_side);
-    const int32_t flat = mask_f32(fabsf(x19) <= x9);
+    const int32_t flat = mask_f32(fabsf(x18) <= x9);
     const int32_t no_angle = (p_short) | (q_short) | ((flat) & (~((p_zero) & (q_zero))));
     const int32_t one_angle = (p_zero) | (q_zero);
     const int32_t any_angle = (flat) | ((p_zero) & (q_zero));
@@ -3923,26 +3923,26 @@ static inline void polygon_pentagon_f32(float (*restrict input)[BLOCK], float (*
     const float x10 = 1.0f/p_and_q;
     const float cosine = blend_f32(any_angle, 1.0f, x10*(p - q));
     const float sine = blend_f32(any_angle, 0.0f, 2.0f*x10*sqrtf(fabsf(p*q)));
+    const float other_sine = blend_f32(one_angle, sine, -sine);
     const int32_t finite = mask_f32(fabsf(alpha_1) + fabsf(alpha_2) + fabsf(alpha_3) + fabsf(alpha_4) + fabsf(alpha_5) + fabsf(theta_45_1) + fabsf(theta_45_2) <= FLT_MAX);
     const int32_t good = (finite) & (~(no_angle));
-    const float x11 = s_alpha_2*sine;
-    const float xb_2_1 = x11;
-    const float x12 = -c_alpha_1*cosine*s_alpha_2 - c_alpha_2*s_alpha_1;
-    const float yb_2_1 = x12;
+    const float xb_2_1 = s_alpha_2*sine;
+    const float x11 = -c_alpha_1*cosine*s_alpha_2 - c_alpha_2*s_alpha_1;
+    const float yb_2_1 = x11;
     const float length_1_1 = sqrtf((xb_2_1*xb_2_1) + (yb_2_1*yb_2_1));
     const int32_t flat_1_1 = mask_f32(length_1_1 <= x9);
     const float cosine_1_1 = blend_f32(flat_1_1, 1.0f, x_45*xb_2_1 - y_45*yb_2_1);
     const float sine_1_1 = blend_f32(flat_1_1, 0.0f, -x_45*yb_2_1 - xb_2_1*y_45);
     const float size_1_1 = sqrtf((cosine_1_1*cosine_1_1) + (sine_1_1*sine_1_1));
     const float divisor_1_1 = blend_f32(mask_f32(size_1_1 > 0.0f), size_1_1, 1.0f);
-    const float x13 = 1.0f/divisor_1_1;
-    const float c_1_1 = cosine_1_1*x13;
-    const float s_1_1 = sine_1_1*x13;
+    const float x12 = 1.0f/divisor_1_1;
+    const float c_1_1 = cosine_1_1*x12;
+    const float s_1_1 = sine_1_1*x12;
     const float row_11_1 = c_theta_1;
-    const float x14 = -c_alpha_4*s_theta_1;
-    const float row_11_2 = x14;
-    const float x15 = s_alpha_4*s_theta_1;
-    const float row_11_3 = x15;
+    const float x13 = -c_alpha_4*s_theta_1;
+    const float row_11_2 = x13;
+    const float x14 = s_alpha_4*s_theta_1;
+    const float row_11_3 = x14;
     const float row_12_1 = c_theta_2*row_11_1 + row_11_2*s_theta_2;
     const float row_12_2 = c_theta_2*row_11_2 - row_11_1*s_theta_2;
     const float row_12_3 = row_11_3;
@@ -3958,20 +3958,20 @@ static inline void polygon_pentagon_f32(float (*restrict input)[BLOCK], float (*
     const float row_16_1 = cosine*row_15_1 + row_15_2*sine;
     const float row_16_2 = cosine*row_15_2 - row_15_1*sine;
     const float row_16_3 = row_15_3;
-    const float xb_2_2 = -x11;
-    const float yb_2_2 = x12;
+    const float xb_2_2 = other_sine*s_alpha_2;
+    const float yb_2_2 = x11;
     const float length_1_2 = sqrtf((xb_2_2*xb_2_2) + (yb_2_2*yb_2_2));
     const int32_t flat_1_2 = mask_f32(length_1_2 <= x9);
     const float cosine_1_2 = blend_f32(flat_1_2, 1.0f, x_45*xb_2_2 - y_45*yb_2_2);
     const float sine_1_2 = blend_f32(flat_1_2, 0.0f, -x_45*yb_2_2 - xb_2_2*y_45);
     const float size_1_2 = sqrtf((cosine_1_2*cosine_1_2) + (sine_1_2*sine_1_2));
     const float divisor_1_2 = blend_f32(mask_f32(size_1_2 > 0.0f), size_1_2, 1.0f);
-    const float x16 = 1.0f/divisor_1_2;
-    const float c_1_2 = cosine_1_2*x16;
-    const float s_1_2 = sine_1_2*x16;
+    const float x15 = 1.0f/divisor_1_2;
+    const float c_1_2 = cosine_1_2*x15;
+    const float s_1_2 = sine_1_2*x15;
     const float row_21_1 = c_theta_1;
-    const float row_21_2 = x14;
-    const float row_21_3 = x15;
+    const float row_21_2 = x13;
+    const float row_21_3 = x14;
     const float row_22_1 = c_theta_2*row_21_1 + row_21_2*s_theta_2;
     const float row_22_2 = c_theta_2*row_21_2 - row_21_1*s_theta_2;
     const float row_22_3 = row_21_3;
@@ -3984,22 +3984,22 @@ static inline void polygon_pentagon_f32(float (*restrict input)[BLOCK], float (*
     const float row_25_1 = row_24_1;
     const float row_25_2 = c_alpha_1*row_24_2 + row_24_3*s_alpha_1;
     const float row_25_3 = c_alpha_1*row_24_3 - row_24_2*s_alpha_1;
-    const float row_26_1 = cosine*row_25_1 - row_25_2*sine;
-    const float row_26_2 = cosine*row_25_2 + row_25_1*sine;
+    const float row_26_1 = cosine*row_25_1 + other_sine*row_25_2;
+    const float row_26_2 = cosine*row_25_2 - other_sine*row_25_1;
     const float row_26_3 = row_25_3;
     const int32_t family = (any_angle) | (flat_1_1) | (flat_1_2);
     const float theta_1_1 = blend_f32(good, vector_atan2_f32(sine_1_1, cosine_1_1), (float)NAN);
     const float theta_1_2 = blend_f32(good, vector_atan2_f32(sine, cosine), (float)NAN);
     const float theta_1_3 = blend_f32(good, vector_atan2_f32(c_alpha_2*row_16_2 + row_16_3*s_alpha_2, row_16_1), (float)NAN);
-    const float x17 = blend_f32(good, theta_45_1, (float)NAN);
-    const float theta_1_4 = x17;
-    const float x18 = blend_f32(good, theta_45_2, (float)NAN);
-    const float theta_1_5 = x18;
+    const float x16 = blend_f32(good, theta_45_1, (float)NAN);
+    const float theta_1_4 = x16;
+    const float x17 = blend_f32(good, theta_45_2, (float)NAN);
+    const float theta_1_5 = x17;
     const float theta_2_1 = blend_f32(good, vector_atan2_f32(sine_1_2, cosine_1_2), (float)NAN);
-    const float theta_2_2 = blend_f32(good, vector_atan2_f32(-sine, cosine), (float)NAN);
+    const float theta_2_2 = blend_f32(good, vector_atan2_f32(other_sine, cosine), (float)NAN);
     const float theta_2_3 = blend_f32(good, vector_atan2_f32(c_alpha_2*row_26_2 + row_26_3*s_alpha_2, row_26_1), (float)NAN);
-    const float theta_2_4 = x17;
-    const float theta_2_5 = x18;
+    const float theta_2_4 = x16;
+    const float theta_2_5 = x17;
     const float status = blend_f32(~(finite), 4.0f, blend_f32(no_angle, 3.0f, blend_f32(family, 2.0f, blend_f32(one_angle, 1.0f, 0.0f))));
     output[0][i] = theta_1_1;
     output[1][i] = theta_1_2;

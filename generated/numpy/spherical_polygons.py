@@ -998,7 +998,7 @@ polygon_quadrilateral.types = ["dd->db", "ff->fb"]
 
 
 def _polygon_quadrilateral(alpha_1, alpha_2, alpha_3, alpha_4, theta_4, eps, largest):
-    # 44 add, 83 mul, 4 div, 4 sqrt, 27 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin
+    # 44 add, 84 mul, 4 div, 4 sqrt, 28 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin
     c_alpha_1 = np.cos(alpha_1)
     c_alpha_2 = np.cos(alpha_2)
     c_alpha_3 = np.cos(alpha_3)
@@ -1034,8 +1034,8 @@ def _polygon_quadrilateral(alpha_1, alpha_2, alpha_3, alpha_4, theta_4, eps, lar
     del half_sums_3
     factors_4 = np.sin(half_sums_4)
     del half_sums_4
-    x18 = s_alpha_1*sine_13
-    side = np.where(x18 < 0.0, -1.0, 1.0)
+    x17 = s_alpha_1*sine_13
+    side = np.where(x17 < 0.0, -1.0, 1.0)
     p_side = factors_1*factors_2*side
     x5 = 16.0*eps
     p_near = x5*(np.abs(factors_1) + np.abs(factors_2))
@@ -1054,8 +1054,8 @@ def _polygon_quadrilateral(alpha_1, alpha_2, alpha_3, alpha_4, theta_4, eps, lar
     del q_near
     q = np.where(q_zero, 0.0, q_side)
     del q_side
-    flat = np.abs(x18) <= x5
-    del x18
+    flat = np.abs(x17) <= x5
+    del x17
     no_angle = (p_short) | (q_short) | ((flat) & (~((p_zero) & (q_zero))))
     del p_short, q_short
     one_angle = (p_zero) | (q_zero)
@@ -1067,6 +1067,7 @@ def _polygon_quadrilateral(alpha_1, alpha_2, alpha_3, alpha_4, theta_4, eps, lar
     cosine = np.where(any_angle, 1.0, x6*(q - p))
     sine = np.where(any_angle, 0.0, 2.0*x6*np.sqrt(np.abs(p*q)))
     del p, q, x6
+    other_sine = np.where(one_angle, sine, -sine)
     on_axis = sine_13 <= x5
     far = np.where(on_axis, 1.0, sine_13)
     del sine_13
@@ -1076,43 +1077,43 @@ def _polygon_quadrilateral(alpha_1, alpha_2, alpha_3, alpha_4, theta_4, eps, lar
     s_gamma = np.where(on_axis, 0.0, x7*x_4)
     del on_axis, x7
     x8 = c_gamma*cosine
-    x9 = s_gamma*sine
-    c_1_1 = x8 - x9
-    x10 = c_gamma*sine
-    del c_gamma, sine
-    s_1_1 = cosine*s_gamma + x10
-    c_1_2 = x8 + x9
-    del x8, x9
-    s_1_2 = cosine*s_gamma - x10
-    del cosine, s_gamma, x10
+    c_1_1 = x8 - s_gamma*sine
+    x9 = cosine*s_gamma
+    del cosine
+    s_1_1 = c_gamma*sine + x9
+    del sine
+    c_1_2 = x8 - other_sine*s_gamma
+    del s_gamma, x8
+    s_1_2 = c_gamma*other_sine + x9
+    del c_gamma, other_sine, x9
     family = (any_angle) | (np.abs(s_alpha_2) <= x5)
     del any_angle
     finite = np.abs(alpha_1) + np.abs(alpha_2) + np.abs(alpha_3) + np.abs(alpha_4) + np.abs(theta_4) <= largest
     good = (finite) & (~(no_angle))
     x_41_1 = c_1_1*x_4 - s_1_1*y_4
-    x11 = -s_alpha_1*z_4
+    x10 = -s_alpha_1*z_4
     del z_4
-    y_41_1 = c_alpha_1*(c_1_1*y_4 + s_1_1*x_4) + x11
-    x12 = np.where(s_alpha_2 < 0.0, -1.0, 1.0)
-    sine_2_1 = np.where(np.abs(s_alpha_2) <= x5, 0.0, x12*x_41_1)
+    y_41_1 = c_alpha_1*(c_1_1*y_4 + s_1_1*x_4) + x10
+    x11 = np.where(s_alpha_2 < 0.0, -1.0, 1.0)
+    sine_2_1 = np.where(np.abs(s_alpha_2) <= x5, 0.0, x11*x_41_1)
     del x_41_1
-    cosine_2_1 = np.where(np.abs(s_alpha_2) <= x5, 1.0, x12*y_41_1)
+    cosine_2_1 = np.where(np.abs(s_alpha_2) <= x5, 1.0, x11*y_41_1)
     del y_41_1
     length_2_1 = np.sqrt((cosine_2_1*cosine_2_1) + (sine_2_1*sine_2_1))
     divisor_2_1 = np.where(length_2_1 > 0.0, length_2_1, 1.0)
     del length_2_1
-    x13 = 1.0/divisor_2_1
+    x12 = 1.0/divisor_2_1
     del divisor_2_1
-    c_2_1 = cosine_2_1*x13
-    s_2_1 = sine_2_1*x13
-    del x13
+    c_2_1 = cosine_2_1*x12
+    s_2_1 = sine_2_1*x12
+    del x12
     row_11_1 = c_theta_1
-    x14 = -c_alpha_4*s_theta_1
+    x13 = -c_alpha_4*s_theta_1
     del c_alpha_4
-    row_11_2 = x14
-    x15 = s_alpha_4*s_theta_1
+    row_11_2 = x13
+    x14 = s_alpha_4*s_theta_1
     del s_alpha_4, s_theta_1
-    row_11_3 = x15
+    row_11_3 = x14
     row_12_1 = c_1_1*row_11_1 + row_11_2*s_1_1
     row_12_2 = c_1_1*row_11_2 - row_11_1*s_1_1
     del row_11_1, row_11_2
@@ -1129,26 +1130,26 @@ def _polygon_quadrilateral(alpha_1, alpha_2, alpha_3, alpha_4, theta_4, eps, lar
     row_14_3 = row_13_3
     del row_13_3
     x_41_2 = c_1_2*x_4 - s_1_2*y_4
-    y_41_2 = c_alpha_1*(c_1_2*y_4 + s_1_2*x_4) + x11
-    del x11, x_4, y_4
-    sine_2_2 = np.where(np.abs(s_alpha_2) <= x5, 0.0, x12*x_41_2)
+    y_41_2 = c_alpha_1*(c_1_2*y_4 + s_1_2*x_4) + x10
+    del x10, x_4, y_4
+    sine_2_2 = np.where(np.abs(s_alpha_2) <= x5, 0.0, x11*x_41_2)
     del x_41_2
-    cosine_2_2 = np.where(np.abs(s_alpha_2) <= x5, 1.0, x12*y_41_2)
-    del x12, x5, y_41_2
+    cosine_2_2 = np.where(np.abs(s_alpha_2) <= x5, 1.0, x11*y_41_2)
+    del x11, x5, y_41_2
     length_2_2 = np.sqrt((cosine_2_2*cosine_2_2) + (sine_2_2*sine_2_2))
     divisor_2_2 = np.where(length_2_2 > 0.0, length_2_2, 1.0)
     del length_2_2
-    x16 = 1.0/divisor_2_2
+    x15 = 1.0/divisor_2_2
     del divisor_2_2
-    c_2_2 = cosine_2_2*x16
-    s_2_2 = sine_2_2*x16
-    del x16
+    c_2_2 = cosine_2_2*x15
+    s_2_2 = sine_2_2*x15
+    del x15
     row_21_1 = c_theta_1
     del c_theta_1
-    row_21_2 = x14
+    row_21_2 = x13
+    del x13
+    row_21_3 = x14
     del x14
-    row_21_3 = x15
-    del x15
     row_22_1 = c_1_2*row_21_1 + row_21_2*s_1_2
     row_22_2 = c_1_2*row_21_2 - row_21_1*s_1_2
     del row_21_1, row_21_2
@@ -1170,16 +1171,16 @@ def _polygon_quadrilateral(alpha_1, alpha_2, alpha_3, alpha_4, theta_4, eps, lar
     del cosine_2_1, sine_2_1
     theta_1_3 = np.where(good, np.arctan2(c_alpha_2*row_14_2 + row_14_3*s_alpha_2, row_14_1), np.nan)
     del row_14_1, row_14_2, row_14_3
-    x17 = np.where(good, theta_4, np.nan)
-    theta_1_4 = x17
+    x16 = np.where(good, theta_4, np.nan)
+    theta_1_4 = x16
     theta_2_1 = np.where(good, np.arctan2(s_1_2, c_1_2), np.nan)
     del c_1_2, s_1_2
     theta_2_2 = np.where(good, np.arctan2(sine_2_2, cosine_2_2), np.nan)
     del cosine_2_2, sine_2_2
     theta_2_3 = np.where(good, np.arctan2(c_alpha_2*row_24_2 + row_24_3*s_alpha_2, row_24_1), np.nan)
     del c_alpha_2, good, row_24_1, row_24_2, row_24_3, s_alpha_2
-    theta_2_4 = x17
-    del x17
+    theta_2_4 = x16
+    del x16
     status = np.where(~(finite), 4.0, np.where(no_angle, 3.0, np.where(family, 2.0, np.where(one_angle, 1.0, 0.0))))
     del family, finite, no_angle, one_angle
     return (theta_1_1, theta_1_2, theta_1_3, theta_1_4, theta_2_1, theta_2_2, theta_2_3, theta_2_4, status)
@@ -1219,7 +1220,7 @@ polygon_pentagon.types = ["dd->db", "ff->fb"]
 
 
 def _polygon_pentagon(alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, theta_45_1, theta_45_2, eps, largest):
-    # 55 add, 101 mul, 3 div, 6 sqrt, 24 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin
+    # 55 add, 102 mul, 3 div, 6 sqrt, 25 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin
     c_alpha_1 = np.cos(alpha_1)
     c_alpha_2 = np.cos(alpha_2)
     c_alpha_3 = np.cos(alpha_3)
@@ -1265,8 +1266,8 @@ def _polygon_pentagon(alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, theta_45_1, t
     del half_sums_3
     factors_4 = np.sin(half_sums_4)
     del half_sums_4
-    x19 = s_alpha_1*s_alpha_2
-    side = np.where(x19 < 0.0, -1.0, 1.0)
+    x18 = s_alpha_1*s_alpha_2
+    side = np.where(x18 < 0.0, -1.0, 1.0)
     p_side = factors_1*factors_2*side
     x9 = 16.0*eps
     p_near = x9*(np.abs(factors_1) + np.abs(factors_2))
@@ -1285,8 +1286,8 @@ def _polygon_pentagon(alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, theta_45_1, t
     del q_near
     q = np.where(q_zero, 0.0, q_side)
     del q_side
-    flat = np.abs(x19) <= x9
-    del x19
+    flat = np.abs(x18) <= x9
+    del x18
     no_angle = (p_short) | (q_short) | ((flat) & (~((p_zero) & (q_zero))))
     del p_short, q_short
     one_angle = (p_zero) | (q_zero)
@@ -1298,12 +1299,12 @@ def _polygon_pentagon(alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, theta_45_1, t
     cosine = np.where(any_angle, 1.0, x10*(p - q))
     sine = np.where(any_angle, 0.0, 2.0*x10*np.sqrt(np.abs(p*q)))
     del p, q, x10
+    other_sine = np.where(one_angle, sine, -sine)
     finite = np.abs(alpha_1) + np.abs(alpha_2) + np.abs(alpha_3) + np.abs(alpha_4) + np.abs(alpha_5) + np.abs(theta_45_1) + np.abs(theta_45_2) <= largest
     good = (finite) & (~(no_angle))
-    x11 = s_alpha_2*sine
-    xb_2_1 = x11
-    x12 = -c_alpha_1*cosine*s_alpha_2 - c_alpha_2*s_alpha_1
-    yb_2_1 = x12
+    xb_2_1 = s_alpha_2*sine
+    x11 = -c_alpha_1*cosine*s_alpha_2 - c_alpha_2*s_alpha_1
+    yb_2_1 = x11
     length_1_1 = np.sqrt((xb_2_1*xb_2_1) + (yb_2_1*yb_2_1))
     flat_1_1 = length_1_1 <= x9
     del length_1_1
@@ -1313,18 +1314,18 @@ def _polygon_pentagon(alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, theta_45_1, t
     size_1_1 = np.sqrt((cosine_1_1*cosine_1_1) + (sine_1_1*sine_1_1))
     divisor_1_1 = np.where(size_1_1 > 0.0, size_1_1, 1.0)
     del size_1_1
-    x13 = 1.0/divisor_1_1
+    x12 = 1.0/divisor_1_1
     del divisor_1_1
-    c_1_1 = cosine_1_1*x13
-    s_1_1 = sine_1_1*x13
-    del x13
+    c_1_1 = cosine_1_1*x12
+    s_1_1 = sine_1_1*x12
+    del x12
     row_11_1 = c_theta_1
-    x14 = -c_alpha_4*s_theta_1
+    x13 = -c_alpha_4*s_theta_1
     del c_alpha_4
-    row_11_2 = x14
-    x15 = s_alpha_4*s_theta_1
+    row_11_2 = x13
+    x14 = s_alpha_4*s_theta_1
     del s_alpha_4, s_theta_1
-    row_11_3 = x15
+    row_11_3 = x14
     row_12_1 = c_theta_2*row_11_1 + row_11_2*s_theta_2
     row_12_2 = c_theta_2*row_11_2 - row_11_1*s_theta_2
     del row_11_1, row_11_2
@@ -1350,10 +1351,9 @@ def _polygon_pentagon(alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, theta_45_1, t
     del row_15_1, row_15_2
     row_16_3 = row_15_3
     del row_15_3
-    xb_2_2 = -x11
+    xb_2_2 = other_sine*s_alpha_2
+    yb_2_2 = x11
     del x11
-    yb_2_2 = x12
-    del x12
     length_1_2 = np.sqrt((xb_2_2*xb_2_2) + (yb_2_2*yb_2_2))
     flat_1_2 = length_1_2 <= x9
     del length_1_2, x9
@@ -1363,17 +1363,17 @@ def _polygon_pentagon(alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, theta_45_1, t
     size_1_2 = np.sqrt((cosine_1_2*cosine_1_2) + (sine_1_2*sine_1_2))
     divisor_1_2 = np.where(size_1_2 > 0.0, size_1_2, 1.0)
     del size_1_2
-    x16 = 1.0/divisor_1_2
+    x15 = 1.0/divisor_1_2
     del divisor_1_2
-    c_1_2 = cosine_1_2*x16
-    s_1_2 = sine_1_2*x16
-    del x16
+    c_1_2 = cosine_1_2*x15
+    s_1_2 = sine_1_2*x15
+    del x15
     row_21_1 = c_theta_1
     del c_theta_1
-    row_21_2 = x14
+    row_21_2 = x13
+    del x13
+    row_21_3 = x14
     del x14
-    row_21_3 = x15
-    del x15
     row_22_1 = c_theta_2*row_21_1 + row_21_2*s_theta_2
     row_22_2 = c_theta_2*row_21_2 - row_21_1*s_theta_2
     del c_theta_2, row_21_1, row_21_2, s_theta_2
@@ -1394,8 +1394,8 @@ def _polygon_pentagon(alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, theta_45_1, t
     row_25_2 = c_alpha_1*row_24_2 + row_24_3*s_alpha_1
     row_25_3 = c_alpha_1*row_24_3 - row_24_2*s_alpha_1
     del c_alpha_1, row_24_2, row_24_3, s_alpha_1
-    row_26_1 = cosine*row_25_1 - row_25_2*sine
-    row_26_2 = cosine*row_25_2 + row_25_1*sine
+    row_26_1 = cosine*row_25_1 + other_sine*row_25_2
+    row_26_2 = cosine*row_25_2 - other_sine*row_25_1
     del row_25_1, row_25_2
     row_26_3 = row_25_3
     del row_25_3
@@ -1404,22 +1404,23 @@ def _polygon_pentagon(alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, theta_45_1, t
     theta_1_1 = np.where(good, np.arctan2(sine_1_1, cosine_1_1), np.nan)
     del cosine_1_1, sine_1_1
     theta_1_2 = np.where(good, np.arctan2(sine, cosine), np.nan)
+    del sine
     theta_1_3 = np.where(good, np.arctan2(c_alpha_2*row_16_2 + row_16_3*s_alpha_2, row_16_1), np.nan)
     del row_16_1, row_16_2, row_16_3
-    x17 = np.where(good, theta_45_1, np.nan)
-    theta_1_4 = x17
-    x18 = np.where(good, theta_45_2, np.nan)
-    theta_1_5 = x18
+    x16 = np.where(good, theta_45_1, np.nan)
+    theta_1_4 = x16
+    x17 = np.where(good, theta_45_2, np.nan)
+    theta_1_5 = x17
     theta_2_1 = np.where(good, np.arctan2(sine_1_2, cosine_1_2), np.nan)
     del cosine_1_2, sine_1_2
-    theta_2_2 = np.where(good, np.arctan2(-sine, cosine), np.nan)
-    del cosine, sine
+    theta_2_2 = np.where(good, np.arctan2(other_sine, cosine), np.nan)
+    del cosine, other_sine
     theta_2_3 = np.where(good, np.arctan2(c_alpha_2*row_26_2 + row_26_3*s_alpha_2, row_26_1), np.nan)
     del c_alpha_2, good, row_26_1, row_26_2, row_26_3, s_alpha_2
-    theta_2_4 = x17
+    theta_2_4 = x16
+    del x16
+    theta_2_5 = x17
     del x17
-    theta_2_5 = x18
-    del x18
     status = np.where(~(finite), 4.0, np.where(no_angle, 3.0, np.where(family, 2.0, np.where(one_angle, 1.0, 0.0))))
     del family, finite, no_angle, one_angle
     return (theta_1_1, theta_1_2, theta_1_3, theta_1_4, theta_1_5, theta_2_1, theta_2_2, theta_2_3, theta_2_4, theta_2_5, status)
