@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -321,3 +322,17 @@ def test_bad_input_is_one_line(
     files["7R"] = write(tmp_path / "seven.csv", link, [["R", n + 1, 20 * n + 30] for n in range(7)])
     files["PR"] = write(tmp_path / "two.csv", link, [["P", 1, 90], ["R", "", ""]])
     assert words in complaint(capsys, *(files.get(word, word) for word in arguments))
+
+
+def test_arm_without_special_geometry_says_what_is_missing(
+    tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "ssik", None)
+    rows = [["R", 100 + 7 * n, 50 + 9 * n, 20 * n] for n in range(5)]
+    arm = write(tmp_path / "arm.csv", ["type", "a [mm]", "alpha [deg]", "S [mm]"], [*rows, ["R", "", "", 40]])
+    poses = write(
+        tmp_path / "poses.csv", [*(f"{x} [mm]" for x in POSE), *QUATERNION], [[9, 9, 9, 1, 0, 0, 0]]
+    )
+    told = complaint(capsys, "reverse", arm, poses)
+    assert told.startswith(f"{arm}: mechanism: no three consecutive axes of this arm meet")
+    assert "pip install 'rodgen[ik]'" in told

@@ -190,6 +190,18 @@ def test_straight_elbow_is_double(name: str, angle: float | str) -> None:
     assert np.where(double, off, np.inf).min(axis=1).max() < 1e-6
 
 
+def test_stretched_wrist_of_the_t3_is_double() -> None:
+    """Its twists of 61 deg do not align S4 and S6 at theta5 = 0, but turn S6 furthest from S4: two solutions meet."""
+    q = np.random.default_rng(13).uniform(-3, 3, (80, 6))
+    q[:, 4] = 0.0
+    T = forward(spatial.T3_776, q)
+    found = spatial.reverse(spatial.T3_776, T)
+    check_is_solution(spatial.T3_776, T, found)
+    double = found.status == ReverseStatus.DOUBLE
+    off = np.abs(wrapped(found.solutions - q[:, None])).max(axis=-1)
+    assert np.where(double, off, np.inf).min(axis=1).max() < 1e-6
+
+
 def test_wrist_centre_on_the_first_axis_is_a_family() -> None:
     """T3: with S2 + S3 + S4 c34 = 0 the wrist's centre reaches S1, and theta1 is free there."""
     rng = np.random.default_rng(9)
