@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
+from rodgen.spatial._loops_kernels import closed_form
 from rodgen.spatial._loops_links import Merged, merge
 from rodgen.spatial._loops_solve import solve_merged
 from rodgen.spatial._mechanism import Mechanism
@@ -62,7 +63,7 @@ def reverse_loop(mechanism: Mechanism, given: Mapping[Variable, ArrayLike]) -> L
     Returns
     -------
     LoopSolutions
-        Every way closes the loop to 1e-11 rad and, in lengths relative to the loop's size, to 1e-11.
+        Every way closes the loop to 1e-11 rad and, relative to its largest length, slides among them, to 1e-11.
 
     Raises
     ------
@@ -217,9 +218,14 @@ def _solved(
     if link is not None:
         good &= np.isfinite(link[0]).all(axis=(1, 2)) & np.isfinite(link[1]).all(axis=1)
         link = np.where(good[:, None, None], link[0], np.eye(3)), np.where(good[:, None], link[1], 0.0)
-    merged = merge(mechanism, {i: np.where(good, value, 0.0) for i, value in flat.items()}, link)
+    clean = {i: np.where(good, value, 0.0) for i, value in flat.items()}
+    merged = merge(mechanism, clean, link)
     size = _size(mechanism, merged, count)
-    theta, slides, status = solve_merged(mechanism, merged, count, size)
+    start = None
+    if (form := closed_form(mechanism, clean)) is not None:
+        joints, angles_there, there = form
+        start = angles_there[..., [joints.index(j) for j in merged.joints]], there
+    theta, slides, status = solve_merged(mechanism, merged, count, size, start)
     values = np.full((count, status.shape[1], len(variables)), np.nan)
     values[..., list(merged.rotary)] = theta
     values[..., list(merged.slides)] = slides

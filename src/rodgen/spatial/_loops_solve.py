@@ -57,7 +57,13 @@ def _angle(before: Array, after: Array) -> Array:
     return np.arctan2(cross, before[..., 0] * after[..., 0] + before[..., 1] * after[..., 1])
 
 
-def solve_merged(mechanism: Mechanism, merged: Merged, count: int, size: Array) -> tuple[Array, Array, Array]:
+def solve_merged(
+    mechanism: Mechanism,
+    merged: Merged,
+    count: int,
+    size: Array,
+    start: tuple[Array, NDArray[np.bool_]] | None = None,
+) -> tuple[Array, Array, NDArray[np.int8]]:
     """Close a loop in all ways.
 
     Parameters
@@ -70,6 +76,8 @@ def solve_merged(mechanism: Mechanism, merged: Merged, count: int, size: Array) 
         Number of elements.
     size : array (count)
         Of each loop: what lengths are compared with.
+    start : array (count, N, m) and bool (count, N), optional
+        All angles from a closed form, and which of them are there.
 
     Returns
     -------
@@ -78,11 +86,19 @@ def solve_merged(mechanism: Mechanism, merged: Merged, count: int, size: Array) 
     status : array (count, N) of int8
     """
     links = [_spread(link, count) for link in merged.links]
-    theta, status, odd = _three_angles(links) if len(links) == 3 else _four_angles(mechanism, merged, links)
+    if start is not None:
+        theta, odd = start[0], np.zeros(count, bool)
+        status = np.where(start[1], ReverseStatus.REGULAR, ReverseStatus.NONE)
+    elif len(links) == 3:
+        theta, status, odd = _three_angles(links)
+    else:
+        theta, status, odd = _four_angles(mechanism, merged, links)
     wide = [_slot(link) for link in links]
-    sizes = np.broadcast_to(size[:, None], status.shape)
     with np.errstate(invalid="ignore"):
-        theta, slides, error, smallest = polish(wide, theta, offsets(wide, theta), sizes)
+        slides = offsets(wide, theta)
+        # a slide that is far out makes the loop large, and rounding with it
+        sizes = np.fmax(size[:, None], np.abs(slides).max(axis=-1))
+        theta, slides, error, smallest = polish(wide, theta, slides, sizes)
         there = status < ReverseStatus.NONE
         closed = there & (error <= CLOSES)
     status = np.where(there & ~closed, ReverseStatus.NONE, status)

@@ -1,0 +1,302 @@
+"""Closed loops, and robots with slides: every way that an independent search finds is found, and each one closes."""
+
+from itertools import permutations
+
+import numeric_reverse
+import numpy as np
+import pytest
+
+from rodgen import spatial
+from rodgen.errors import RodgenError
+from rodgen.spatial import Mechanism, ReverseStatus, reverse_loop, reverse_sliding
+from rodgen.spatial import _loops as loops_module
+
+GROUP_1 = ("CCCR", "PCCRR", "CPCRR", "CPRCR", "PPCRRR", "PRPCRR", "PRCRPR", "PRPRPRR")
+GROUP_2 = ("RRRCC", "RCRCR", "RPCRRR", "RCPRRR", "CRRPRR", "RPRPRRR", "RPPRRRR", "RPRRPRR")
+SAME = 1e-7
+"""Distance, in rad or in the reach, of a solution of the search and ours. Both are right to the condition number times
+1e-16; solutions with a worse condition than 1e6 are where two of them meet, and are not compared."""
+
+
+def a_loop(kinds: str, rng: np.random.Generator, special: bool = False) -> Mechanism:
+    """A loop with any sizes, or with right angles, parallel axes and zeros among them."""
+    n = len(kinds)
+    if special:
+        a = rng.choice([0, 0, 1, 2, 1.5], n)
+        alpha = np.radians(rng.choice([0, 90, -90, 30, 180, 60], n, p=[0.15, 0.3, 0.2, 0.15, 0.05, 0.15]))
+        offsets, angles = rng.choice([0, 0, 1, -0.5], n), np.radians(rng.choice([0, 90, 30], n))
+    else:
+        a, alpha = rng.uniform(0.3, 2, n), rng.uniform(-np.pi, np.pi, n)
+        offsets, angles = rng.uniform(-1, 1, n), rng.uniform(-3, 3, n)
+    slides, turns = (np.array([k in which for k in kinds]) for which in ("PC", "RC"))
+    return Mechanism(kinds, a, alpha, np.where(slides, np.nan, offsets), np.where(turns, np.nan, angles))
+
+
+def missing(mechanism, found, search, status):
+    """How many solutions of a search, in places that are not singular, are not among those found."""
+    turns = np.array([which == "theta" for _, which in mechanism.variables])
+    there = found[status <= ReverseStatus.FAMILY]
+    count = 0
+    for solution, condition in zip(search.solutions, search.condition, strict=True):
+        difference = there - solution
+        difference = np.where(
+            turns, numeric_reverse.wrapped(difference), difference / numeric_reverse.reach(mechanism)
+        )
+        count += condition < 1e6 and not (np.abs(difference).max(axis=-1, initial=0) < SAME).any()
+    return count
+
+
+def check_loop(mechanism, given, value, starts=300):
+    """Compare with a search; return how many solutions it found."""
+    index = mechanism.variables.index(given)
+    search = numeric_reverse.search(mechanism, np.eye(4), starts=starts, given={index: value})[0]
+    found = reverse_loop(mechanism, {given: value})
+    there = found.status <= ReverseStatus.FAMILY
+    distance, angle = numeric_reverse.errors(mechanism, found.values[there], np.eye(4))
+    assert max(distance.max(initial=0), angle.max(initial=0)) < 1e-10
+    assert np.isnan(found.values[~there]).all()
+    assert np.isfinite(found.values[there]).all()
+    assert (found.values[there][:, index] == value).all()
+    assert missing(mechanism, found.values, search, found.status) == 0
+    return len(search.solutions), found
+
+
+def test_the_worked_example_of_the_facts():
+    """A spherical quadrilateral of the course's homework; offsets by back-substitution."""
+    loop = Mechanism(
+        "CCCR", [1.0, 2.0, 3.0, 4.0], np.radians([40, 70, 85, 70]), [np.nan, np.nan, np.nan, 0.5]
+    )
+    found = reverse_loop(loop, {(3, "theta"): np.radians(75.0)})
+    assert found.status.tolist() == [0, 0]
+    wanted = [[136.5430, -38.2302, 135.7593], [63.5047, 38.2302, 87.7179]]
+    assert np.allclose(np.degrees(found.values[:, [0, 2, 4]]), wanted, rtol=0, atol=5.1e-5)  # four decimals
+    assert max(x.max() for x in numeric_reverse.errors(loop, found.values, np.eye(4))) < 1e-14
+
+
+@pytest.mark.parametrize("kinds", GROUP_1 + GROUP_2)
+def test_every_way_that_a_search_finds(kinds):
+    rng = np.random.default_rng(len(kinds) + sum(map(ord, kinds)))
+    total = 0
+    for _ in range(4):
+        loop = a_loop(kinds, rng)
+        angles = [v for v in loop.variables if v[1] == "theta" or kinds in GROUP_1]
+        given = angles[rng.integers(len(angles))]
+        total += check_loop(loop, given, float(rng.uniform(-3, 3)))[0]
+    assert total > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kinds", [*GROUP_1, *GROUP_2])
+def test_every_way_that_a_search_finds_in_many_loops(kinds):
+    rng = np.random.default_rng(sum(map(ord, kinds)))
+    total = 0
+    for trial in range(200):
+        loop = a_loop(kinds, rng, special=trial % 2 == 1)
+        angles = [v for v in loop.variables if v[1] == "theta" or kinds in GROUP_1]
+        given = angles[rng.integers(len(angles))]
+        value = float(rng.uniform(-3, 3) if rng.random() < 0.5 else np.radians(rng.choice([0, 30, 90, 180])))
+        total += check_loop(loop, given, value)[0]
+    assert total > 100
+
+
+@pytest.mark.parametrize("kinds", ["RCRCR", "RRRCC", "CCCR", "RPCRRR"])
+def test_loops_of_right_angles_and_zeros(kinds):
+    rng = np.random.default_rng(3)
+    for _ in range(8):
+        loop = a_loop(kinds, rng, special=True)
+        angles = [v for v in loop.variables if v[1] == "theta"]
+        given = angles[rng.integers(len(angles))]
+        found = check_loop(loop, given, float(np.radians(rng.choice([25, 90, 140]))), starts=100)[1]
+        # where the search finds more than there can be, it walks on a family
+        if (found.status == ReverseStatus.INCOMPLETE).any():
+            assert (found.status >= ReverseStatus.FAMILY).any()
+
+
+def test_a_pentagon_loop_can_close_in_eight_ways():
+    """Rare among random RRRCC loops: the search knows the eight of this one, too."""
+    rng = np.random.default_rng(176)
+    loop = a_loop("RRRCC", rng)
+    count, found = check_loop(loop, (1, "theta"), float(rng.uniform(-3, 3, 20)[7]))
+    assert count == 8
+    assert found.status.tolist() == [ReverseStatus.REGULAR] * 8
+
+
+def test_counts_are_even():
+    rng = np.random.default_rng(5)
+    counts = set()
+    for _ in range(20):
+        found = reverse_loop(a_loop("RRRCC", rng), {(1, "theta"): rng.uniform(-3, 3, 20)})
+        counts |= set((found.status == ReverseStatus.REGULAR).sum(axis=-1).tolist())
+    assert counts == {0, 2, 4}
+
+
+@pytest.mark.parametrize(("given", "most"), [(0, 4), (4, 4), (2, 8)])
+def test_how_many_ways_rcrcr_loops_close_in(given, most):
+    """A quartic in the older literature: so it is with the input beside a C and an R, and not with others."""
+    rng = np.random.default_rng(6)
+    counts = set()
+    for _ in range(60):
+        found = reverse_loop(a_loop("RCRCR", rng), {(given, "theta"): rng.uniform(-3, 3, 12)})
+        counts |= set((found.status <= ReverseStatus.DOUBLE).sum(axis=-1).tolist())
+    assert counts == set(range(0, most + 1, 2))
+
+
+@pytest.mark.parametrize(("kinds", "input_joint"), [("CCCR", 3), ("CRCC", 1), ("RRCCR", 4), ("CCRRR", 2)])
+def test_closed_forms_are_the_general_way(kinds, input_joint, monkeypatch):
+    rng = np.random.default_rng(7)
+    values, given = rng.uniform(-3, 3, 40), (input_joint, "theta")
+    loop = a_loop(kinds, rng)
+    index = loop.variables.index(given)
+    assert loops_module.closed_form(loop, {index: values}) is not None
+    found = reverse_loop(loop, {given: values})
+    monkeypatch.setattr(loops_module, "closed_form", lambda *_: None)
+    general = reverse_loop(loop, {given: values})
+    assert ((found.status <= 1).sum(axis=1) == (general.status <= 1).sum(axis=1)).all()
+    ours, other = (np.sort(np.nan_to_num(f.values, nan=1e9), axis=1) for f in (found, general))
+    assert np.allclose(ours, other, rtol=1e-9, atol=1e-9)
+
+
+def test_where_a_joint_starts_does_not_matter():
+    """A loop written from another joint on has the same solutions."""
+    rng = np.random.default_rng(8)
+    while True:
+        loop = a_loop("RCRRC", rng)
+        wanted = reverse_loop(loop, {(0, "theta"): 0.7})
+        if (wanted.status == 0).sum() == 4:
+            break
+    for shift in range(1, 5):
+        turn = lambda row, k=shift: np.roll(row, -k)  # noqa: E731
+        kinds = "".join(np.roll(list(loop.joints), -shift))
+        other = Mechanism(kinds, turn(loop.a), turn(loop.alpha), turn(loop.offset), turn(loop.angle))
+        found = reverse_loop(other, {((0 - shift) % 5, "theta"): 0.7})
+        columns = [other.variables.index(((j - shift) % 5, which)) for j, which in loop.variables]
+        ours, same = (f.values[f.status <= 1] for f in (wanted, found))
+        order, order_same = np.argsort(ours[:, 2]), np.argsort(same[:, columns][:, 2])
+        assert np.allclose(ours[order], same[:, columns][order_same], rtol=0, atol=1e-11)
+
+
+def test_two_ways_meet_at_the_end_of_the_input_range():
+    loop = a_loop("RRRCC", np.random.default_rng(176))
+    ways = lambda t: (reverse_loop(loop, {(1, "theta"): t}).status <= ReverseStatus.DOUBLE).sum(axis=-1)  # noqa: E731
+    angles = np.linspace(-np.pi, np.pi, 60)
+    counts = ways(angles)
+    k = np.flatnonzero((counts[:-1] == 2) & (counts[1:] == 0))[0]
+    inside, outside = angles[k : k + 2]
+    for _ in range(50):
+        middle = (inside + outside) / 2
+        inside, outside = (middle, outside) if ways(middle) else (inside, middle)
+    found = reverse_loop(loop, {(1, "theta"): inside})
+    assert found.status.tolist() == [ReverseStatus.DOUBLE] + [ReverseStatus.NONE] * 7
+    assert max(x[0] for x in numeric_reverse.errors(loop, found.values, np.eye(4))) < 1e-10
+
+
+def test_offsets_grow_without_bound_where_both_ways_of_an_rccc_loop_meet():
+    """There the three cylindric axes are parallel to one plane."""
+    loop = Mechanism("CCCR", [1.0, 2, 3, 4], np.radians([90, 60, 40, 30]), [np.nan, np.nan, np.nan, 0.5])
+    closes = lambda t: reverse_loop(loop, {(3, "theta"): t}).status[0] <= ReverseStatus.DOUBLE  # noqa: E731
+    inside, outside = 0.0, 3.0
+    for _ in range(14):
+        middle = (inside + outside) / 2
+        inside, outside = (middle, outside) if closes(middle) else (inside, middle)
+    found = reverse_loop(loop, {(3, "theta"): inside})
+    assert found.status.tolist() == [ReverseStatus.REGULAR] * 2
+    assert np.abs(found.values[:, 1]).min() > 100
+    assert max(x.max() for x in numeric_reverse.errors(loop, found.values, np.eye(4))) < 1e-10
+
+
+def test_a_loop_that_moves_with_the_input_held_is_a_family():
+    """Two cylindric joints on one line: the link between them slides and turns freely, where the loop closes."""
+    loop = Mechanism("CCCR", np.zeros(4), np.radians([0, 60, 90, 90]), [np.nan] * 3 + [0.0])
+    found = reverse_loop(loop, {(3, "theta"): np.radians([120.0, 119.0])})
+    assert found.status[0, 0] == ReverseStatus.FAMILY
+    assert max(x[0, 0] for x in numeric_reverse.errors(loop, found.values, np.eye(4))) < 1e-12
+    assert (found.status[1] == ReverseStatus.INCOMPLETE).all()  # it closes nowhere, but no equation says so
+
+
+def test_arrays_broadcast_and_bad_elements_are_told():
+    loop = a_loop("CCCR", np.random.default_rng(1))
+    values = np.array([[0.1, np.nan, 0.3], [np.inf, 0.5, 0.6]])
+    found = reverse_loop(loop, {("R4", "theta"): values})
+    assert found.values.shape == (2, 3, 2, 7)
+    bad = ~np.isfinite(values)
+    assert (found.status[bad] == ReverseStatus.INVALID).all()
+    assert np.isnan(found.values[bad]).all()
+    assert (found.status[~bad] != ReverseStatus.INVALID).all()
+    one = reverse_loop(loop, {6: 0.6})
+    assert np.array_equal(one.status, found.status[1, 2])
+    assert np.allclose(one.values, found.values[1, 2], rtol=0, atol=1e-12, equal_nan=True)
+    assert reverse_loop(loop, {6: np.zeros(0)}).values.shape == (0, 2, 7)
+
+
+def test_lengths_scale():
+    rng = np.random.default_rng(2)
+    loop = a_loop("RRRCC", rng)
+    large = Mechanism(loop.joints, loop.a * 1e6, loop.alpha, loop.offset * 1e6)
+    turns = np.array([which == "theta" for _, which in loop.variables])
+    one, other = (reverse_loop(m, {0: 0.4}) for m in (loop, large))
+    assert np.array_equal(one.status, other.status)
+    assert np.allclose(other.values, np.where(turns, one.values, 1e6 * one.values), rtol=1e-9, equal_nan=True)
+
+
+@pytest.mark.parametrize("kinds", sorted({"".join(p) for p in permutations("RRRPPP")})[::5])
+def test_robots_with_three_slides(kinds):
+    check_robot(kinds)
+
+
+@pytest.mark.parametrize("kinds", ["RRPRRP", "PRRRRP", "RPRPRR", "RRRCC"[:3] + "CP", "CRRC", "CCRR"])
+def test_robots_with_slides(kinds):
+    check_robot(kinds)
+
+
+def check_robot(kinds):
+    rng = np.random.default_rng(sum(map(ord, kinds)))
+    for _ in range(2):
+        loop = a_loop(kinds, rng)
+        robot = Mechanism(kinds, loop.a[:-1], loop.alpha[:-1], loop.offset, loop.angle)
+        q = rng.uniform(-2, 2, 6)
+        T = numeric_reverse.forward(robot, q)
+        found = reverse_sliding(robot, T)
+        there = found.status <= ReverseStatus.FAMILY
+        distance, angle = numeric_reverse.errors(robot, found.values[there], T)
+        assert max(distance.max(), angle.max()) < 1e-10
+        assert (np.abs(found.values[there] - q).max(axis=-1) < 1e-8).any()
+        search = numeric_reverse.search(robot, T, starts=200)[0]
+        assert missing(robot, found.values, search, found.status) == 0
+
+
+def test_poses_that_are_none_are_invalid():
+    robot = Mechanism("PPPRRR", np.zeros(5), np.full(5, np.pi / 2))
+    T = np.stack([np.eye(4), np.diag([1.0, 1, -1, 1]), np.full((4, 4), np.nan)])
+    found = reverse_sliding(robot, T)
+    assert (found.status[1:] == ReverseStatus.INVALID).all()
+    assert (found.status[0] != ReverseStatus.INVALID).all()
+
+
+@pytest.mark.parametrize(
+    ("mechanism", "given", "message"),
+    [
+        (spatial.PUMA_560, {0: 0.0}, "open chain; expected a closed loop"),
+        (Mechanism("RRRCC", [1.0] * 5, [1.0] * 5), {}, "expected 6, which is 1 given"),
+        (Mechanism("RRRCC", [1.0] * 5, [1.0] * 5), {(3, "S"): 0.0}, "group 3, of degree 16"),
+        (Mechanism("RRRRRRR", [1.0] * 7, [1.0] * 7), {0: 0.0}, "group 4, of degree 16"),
+        (Mechanism("RRRCC", [1.0] * 5, [1.0] * 5), {("C9", "S"): 0.0}, r"no variable \('C9', 'S'\)"),
+        (Mechanism("RRRCC", [1.0] * 5, [1.0] * 5), {0: 0.0, (0, "theta"): 0.0}, "given twice"),
+        (Mechanism("RRRCC", [1.0] * 5, [1.0] * 5), {0: "x"}, "expected a number"),
+        (Mechanism("HCCC", [1.0] * 4, [1.0] * 4, pitch=[1, 0, 0, 0]), {0: 0.0}, "joint H1 is a screw"),
+        (Mechanism("RSSR", [1.0] * 4, [1.0] * 4), {0: 0.0}, "call expanded"),
+    ],
+)
+def test_what_cannot_be_solved_is_told(mechanism, given, message):
+    with pytest.raises(RodgenError, match=message):
+        reverse_loop(mechanism, given)
+
+
+def test_robots_that_cannot_be_solved_are_told():
+    with pytest.raises(RodgenError, match="closed loop; expected an open chain"):
+        reverse_sliding(Mechanism("CCCR", [1.0] * 4, [1.0] * 4), np.eye(4))
+    with pytest.raises(RodgenError, match="group 4"):
+        reverse_sliding(spatial.PUMA_560, np.eye(4))
+    with pytest.raises(RodgenError, match="expected 6"):
+        reverse_sliding(Mechanism("RP", [1.0], [1.0]), np.eye(4))
+    with pytest.raises(RodgenError, match=r"expected \(..., 4, 4\)"):
+        reverse_sliding(Mechanism("PPPRRR", [1.0] * 5, [1.0] * 5), np.eye(3))
