@@ -125,12 +125,9 @@ def test_rows_without_a_solution_stay(tmp_path: Path, capsys: Any) -> None:
     assert err.endswith("2 rows: 1 none, 1 invalid\n")
 
 
-def test_published_example_of_the_p60(tmp_path: Path, capsys: Any) -> None:
-    x, z = np.array([1, 2, -1]) / 6**0.5, np.array([-1, 1, 1]) / 3**0.5
-    R = np.column_stack([x, np.cross(z, x), z]).ravel()
-    header = [*(f"{axis} [cm]" for axis in POSE), *(f"r{i}{j}" for i in "123" for j in "123")]
-    table = write(tmp_path / "poses.csv", header, [[80, 80, 18, *R.tolist()]])
-    rows, err = run(capsys, "reverse", "ge_p60", table, "--from", "matrix", "--tool", "2,3,5cm")
+def test_published_example_of_the_p60(capsys: Any) -> None:
+    table, arm = str(EXAMPLES / "p60_pose.csv"), str(EXAMPLES / "ge_p60.csv")
+    rows, err = run(capsys, "reverse", arm, table, "--from", "matrix", "--tool", "2,3,5cm")
     assert err.endswith("8 rows: 8 regular\n")
     published = [-139.4434, 142.8251, 73.3548, 60.0729, 144.4928, -52.3343]
     assert np.abs(numbers(rows, JOINTS) - published).max(axis=1).min() < 6e-5
