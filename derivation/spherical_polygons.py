@@ -50,7 +50,7 @@ from rodgen.symbolic import (
 derivation = Derivation(
     "spherical_polygons",
     title="Spherical polygons: X-Y-Z notation and the laws of triangle to heptagon",
-    source='"Robot Geometry", lecture notes after C. Crane and J. Duffy, "Kinematic Analysis of Robot Manipulators"',
+    source='Lecture notes "Robot Geometry" after Crane and Duffy, "Kinematic Analysis of Robot Manipulators"',
 )
 d = derivation
 im = sp.ImmutableMatrix
@@ -124,6 +124,8 @@ d.state(
     place="Find 1S2, Find 1S3",
     text="The second and the third axis; the first is z.",
 ).prove()
+
+# %%
 d.state(
     "single-bar",
     equal(Rx(alpha[1]) * Rz(theta[2]) * Rx(alpha[2]) * z_axis, names("XYZ", "2", bar=True)),
@@ -134,6 +136,8 @@ d.state(
     place="Single Subscript Notation",
     text="X ≡ s s_θ, Y ≡ -(sc + cs c_θ), Z ≡ cc - ss c_θ; with a bar the twist after the joint stands beside θ.",
 ).prove()
+
+# %%
 d.state(
     "single",
     equal(
@@ -143,6 +147,8 @@ d.state(
     place="Single Subscript Notation",
     text="Without a bar the twist before the joint stands beside θ.",
 ).prove()
+
+# %%
 mirror = sp.diag(1, -1, 1)
 d.check(
     "mirror",
@@ -159,7 +165,7 @@ d.check(
 # The notes' rule is one more rotation about $z$ and one about $x$. So falling subscripts $b\ldots a$ are the column
 # of a product of any length, by induction: a single one with a bar to begin with, and the step below. Rising ones
 # are its mirror image. $X^*$, which has the sine and the cosine of the last joint exchanged, is the step's second
-# component between the two rotations; the notes use it (for $\alpha$) and never define it.
+# component between the two rotations; the notes have no name for it.
 
 # %%
 star = Xa * sp.sin(theta_b) + Ya * sp.cos(theta_b)
@@ -176,6 +182,8 @@ d.state(
     place="Multi-Subscript Notation",
     text="X_ab, Y_ab and Z_ab of X_a, Y_a, Z_a.",
 ).prove()
+
+# %%
 columns = {}
 column = im([Xa, Ya, Za])
 for j in range(2, 7):
@@ -193,21 +201,31 @@ def named(letter, subscripts, **marks):
     return d.symbol(code, name.latex(), "name of the notation", "1", value=name.value(cosines_and_sines))
 
 
+rows_of_axes = {j: [named(letter, falling[j], bar=j == 3) for letter in "XYZ"] for j in range(3, 8)}
 axes = {
     j: d.vector(f"axis_{j}", rf"\vec S_{j}", f"axis of joint {j}", "1", value=columns[j] * z_axis)
     for j in range(3, 8)
 }
 d.check(
     "axes",
-    *(equal(axes[j], im([named(letter, falling[j], bar=j == 3) for letter in "XYZ"])) for j in range(3, 8)),
+    *(equal(axes[j], im(rows_of_axes[j])) for j in range(3, 8)),
     text="The axes of three to seven joints.",
 ).prove()
+
+# %%
+along = d.symbol(
+    "along_67",
+    r"\vec a_{67}\cdot\vec S_2",
+    "component of the second axis along link 67",
+    "1",
+    value=x_axis.dot(Rz(theta[7]) * Rx(alpha[7]) * Rz(theta[1]) * Rx(alpha[1]) * z_axis),
+)
+X_1, Y_1, X_7, Y_7 = (named(letter, row) for row in "17" for letter in "XY")
+Xb_1, Yb_1 = (named(letter, "1", bar=True) for letter in "XY")
+X_17, X_71 = named("X", "17"), named("X", "71")
 d.state(
     "double-subscripts",
-    equal(
-        x_axis.dot(Rz(theta[7]) * Rx(alpha[7]) * Rz(theta[1]) * Rx(alpha[1]) * z_axis),
-        term("X", "1") * sp.cos(theta[7]) - term("Y", "1") * sp.sin(theta[7]),
-    ),
+    equal(along, X_1 * sp.cos(theta[7]) - Y_1 * sp.sin(theta[7])),
     said="For double subscript notation the order ij means the X, Y, Z terms will not have bars and the order ji "
     "means that they will have bars, where i < j",
     place="Multi-Subscript Notation",
@@ -215,21 +233,18 @@ d.state(
     "i < j the rule, it would begin with the X_1 that has no bar.",
 ).refute(
     {alpha[1]: sp.pi / 2, alpha[7]: sp.pi / 6, theta[1]: sp.pi / 2, theta[7]: 0},
-    equal(
-        x_axis.dot(Rz(theta[7]) * Rx(alpha[7]) * Rz(theta[1]) * Rx(alpha[1]) * z_axis),
-        term("X", "1", bar=True) * sp.cos(theta[7]) - term("Y", "1", bar=True) * sp.sin(theta[7]),
-    ),
+    equal(along, Xb_1 * sp.cos(theta[7]) - Yb_1 * sp.sin(theta[7])),
     label="P1",
     because="What counts is whether the subscripts rise or fall around the loop, where 1 follows on n: 71 rises and "
     "has no bar, 17 falls and has one.",
 )
+
+# %%
 d.check(
     "wrapped",
-    equal(
-        im([term("X", "17")]),
-        im([term("X", "1", bar=True) * sp.cos(theta[7]) - term("Y", "1", bar=True) * sp.sin(theta[7])]),
-    ),
-    equal(im([term("X", "71")]), im([term("X", "7") * sp.cos(theta[1]) - term("Y", "7") * sp.sin(theta[1])])),
+    equal(X_17, Xb_1 * sp.cos(theta[7]) - Yb_1 * sp.sin(theta[7])),
+    equal(X_71, X_7 * sp.cos(theta[1]) - Y_7 * sp.sin(theta[1])),
+    equal(X_17, along),
     text="X_17 begins with a bar, X_71 without.",
 ).prove()
 
@@ -260,6 +275,8 @@ d.check(
     ),
     text="U, V, W of two joints, and X, Y, Z of one with twists and joint angles exchanged.",
 ).prove()
+
+# %%
 Ua, Va, Wa = Xa, Ya, Za
 d.check(
     "polar-step",
@@ -277,6 +294,8 @@ d.check(
     ),
     text="The same step with twist and joint angle exchanged takes the row (W, V, U) one link and one joint on.",
 ).prove()
+
+# %%
 links = {
     j: d.vector(
         f"link_{j}{j + 1}",
@@ -331,6 +350,7 @@ d.check(
 ).prove()
 
 
+# %%
 def product_entry(entry):
     """The entry of the product of rotations itself, written out."""
     found = im(sp.eye(3))
@@ -362,6 +382,8 @@ d.check(
     text="All kinds of names, rising, falling and around the end, are the entries that the calculus takes them for; "
     "longer ones are so by the steps above.",
 ).prove()
+
+# %%
 sa, ca, sb, cb = sp.sin(alpha_e), sp.cos(alpha_e), sp.sin(theta_b), sp.cos(theta_b)
 d.check(
     "right-sides",
@@ -419,6 +441,12 @@ for n, polygon in POLYGONS.items():
                 because="Both sides of each law, and of its shifts, are one entry of a product of rotations.",
             )
 
+# %%
+d.entries["subsidiary-5"]
+
+# %%
+d.entries["polar-7"]
+
 # %% [markdown]
 # Half-tangent laws follow from a sine and a sine-cosine law, $X=s\,s_j$ and $Y=s\,c_j$.
 
@@ -448,7 +476,7 @@ closed = equal(
     Rz(theta[1]) * Rx(alpha[1]) * Rz(theta[2]) * Rx(alpha[2]) * Rz(theta[3]) * Rx(alpha_31), im(sp.eye(3))
 )
 c31, s31, c1, s1 = sp.cos(alpha_31), sp.sin(alpha_31), sp.cos(theta[1]), sp.sin(theta[1])
-Xb2, Yb2, Zb2 = names("XYZ", "2", bar=True)
+Xb2, Yb2, Zb2 = rows_of_axes[3]
 d.state(
     "triangle-X",
     equal(Xb2, s31 * s1),
@@ -456,6 +484,8 @@ d.state(
     place="Spherical Mechanism Equation Toolkit",
     assumptions=[closed],
 ).prove(d.entries["fundamental-3"], because="They are the first and the third fundamental law.")
+
+# %%
 d.state(
     "triangle-Y",
     equal(Yb2, sp.sin(alpha[2]) * c1),
@@ -502,11 +532,15 @@ d.check(
     *both_parts(dual_rotation_z(Dual(theta_b, S_b)), dual_matrix(Rz(theta_b), S_b * z_axis)),
     text="Links and joints are rotations by dual angles.",
 ).prove()
+
+# %%
 d.check(
     "dual-product",
     equal(im(R * skew(p)), im(skew(R * p) * R)),
     text="So (R + ε[p]R)(Q + ε[q]Q) = RQ + ε[p + Rq]RQ, the matrix of the two motions one after the other.",
 ).prove()
+
+# %%
 d.check(
     "dual-orthogonal",
     *both_parts(dual_rotation_x(Dual(alpha_e, a_e)).T * dual_rotation_x(Dual(alpha_e, a_e)), Dual(sp.eye(3))),
@@ -530,6 +564,8 @@ d.check(
     equal(dual_names[3].secondary, a_12 * Yb2 + a_23 * Y2 + S_2 * s23 * X2),
     text="X_0, Y_0 and Z_0 of one joint.",
 ).prove()
+
+# %%
 X0a, Y0a, Z0a = (
     d.symbol(f"{name}0_a", f"{name}_{{0a}}", "dual part for all subscripts but the last", "length")
     for name in "XYZ"
@@ -547,6 +583,8 @@ d.check(
     equal((dual_star * sine_e + dual_Z * cosine_e).secondary, sa * star_0 + ca * Z0a + a_e * step[1]),
     text="One more joint and link: the derivative of each turn is the other component times its length.",
 ).prove()
+
+# %%
 s_n1, c_n1 = Dual(alpha_e, a_e).sin(), Dual(alpha_e, a_e).cos()
 d.check(
     "secondary-right-sides",
@@ -556,6 +594,41 @@ d.check(
     text="Right sides of the secondary sine, sine-cosine and cosine laws. The last is free of offsets: the secondary "
     "cosine law Z_0 = -a s.",
 ).prove()
+
+
+# %%
+def secondary_claims(law):
+    """The dual part of a fundamental law: its name with the index 0, and the right side above."""
+    letter, row = law.left.latex().split("_{")
+    left = sp.Symbol(f"{letter}_{{0{row}", real=True)
+    (_, twist), *turn = law.right.factors
+    e = f"{twist[1]}{twist[1] % law.left.n + 1}"
+    a, c, s = (sp.Symbol(f"{name}_{{{e}}}", real=True) for name in "acs")
+    if not turn:
+        return equal(left, -a * s)
+    j = turn[0][1][1]
+    S, c_turn, s_turn = (sp.Symbol(f"{name}_{j}", real=True) for name in "Scs")
+    return equal(
+        left, a * c * s_turn + S * s * c_turn if law.kind == "sine" else a * c * c_turn - S * s * s_turn
+    )
+
+
+for n, polygon in POLYGONS.items():
+    d.check(
+        f"secondary-{n}",
+        *(secondary_claims(law) for law in laws(n, shifts=False) if law.family == "fundamental"),
+        text=f"Secondary sine, sine-cosine and cosine laws of loops with the {polygon} as spherical image.",
+        assumptions=["the loop is closed"],
+    ).prove(
+        d.entries[f"fundamental-{n}"],
+        d.entries["dual-product"],
+        d.entries["dual-orthogonal"],
+        d.entries["secondary-right-sides"],
+        because="The three rules hold for dual angles, so the fundamental laws do; these are their dual parts.",
+    )
+
+# %%
+d.entries["secondary-5"]
 
 # %% [markdown]
 # ## Quadrilateral
@@ -592,6 +665,8 @@ d.check(
     ),
     text="The cosine law as an equation in θ₁.",
 ).prove()
+
+# %%
 d.check(
     "last-angle",
     equal(
@@ -620,6 +695,7 @@ d.check(
     assumptions=[sp.Ne(square, 0)],
 ).prove()
 
+# %%
 u, v, w = (
     d.symbol(name, name, f"{words} a spherical triangle", "rad")
     for name, words in (("u", "side of"), ("v", "side of"), ("w", "side opposite to the angle sought in"))
@@ -633,6 +709,8 @@ d.check(
     equal(sp.cos(2 * w) - sp.cos(2 * u + 2 * v), 2 * sp.sin(u + v + w) * sp.sin(u + v - w)),
     text="P and Q of the sides 2u, 2v and 2w are products.",
 ).prove()
+
+# %%
 d.check(
     "triangle-angle",
     equal(sp.sin(u) * sp.sin(v) * (Q - P) / (P + Q), sp.cos(w) - sp.cos(u) * sp.cos(v)),
@@ -640,6 +718,8 @@ d.check(
     text="The cosine of the angle inside a triangle, and of that from side to side: (Q - P)/(P + Q), and its opposite.",
     assumptions=[sp.Ne(sp.sin(u) * sp.sin(v), 0)],
 ).prove(given=differences)
+
+# %%
 d.check(
     "triangle-sine",
     equal(((Q - P) / (P + Q)) ** 2 + (2 * root / (P + Q)) ** 2, 1),

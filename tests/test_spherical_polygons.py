@@ -367,3 +367,4 @@ def test_families_of_laws_are_entries_of_every_polygon() -> None:
     ids = set(spherical_polygons.derivation.entries)
     families = {f"{family.replace(' ', '-')}-{n}" for family in FAMILIES[:4] for n in range(3, 8)}
     assert families - ids == {"subsidiary-3", "polar-subsidiary-3"}  # a triangle has none
+    assert {f"secondary-{n}" for n in range(3, 8)} <= ids
