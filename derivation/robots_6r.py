@@ -494,16 +494,17 @@ def larger(a, b):
     return select(a > b, a, b)
 
 
-def roots(k, name, A, B, D, tolerance, free):
-    """Both solutions of A c + B s + D = 0 as (cosine, sine, exists, is double, is free).
+def roots(k, name, A, B, D, tolerance, free, more=sp.S.Zero):
+    """Both solutions of A c + B s + D = 0 as (cosine, sine, exists, is double, is free), and their error.
 
-    `tolerance` is the rounding error of the equation. Below `free` all coefficients are nothing, and the angle is any.
+    `tolerance` is the rounding error of the equation; by `more` it may miss a solution and still have one, which is
+    then double. Below `free` all coefficients are nothing, and the angle is any.
     """
     r = k.let(f"{name}_r", sp.sqrt(A**2 + B**2))
     room = k.let(f"{name}_room", r - abs(D))
     any_angle = k.let(f"{name}_free", (r <= free) & (abs(D) <= free))
-    double = k.let(f"{name}_double", (abs(room) <= tolerance) & sp.Not(any_angle))
-    exists = k.let(f"{name}_exists", any_angle | ((room >= -tolerance) & (r > 0)))
+    double = k.let(f"{name}_double", (room <= tolerance) & sp.Not(any_angle))
+    exists = k.let(f"{name}_exists", any_angle | ((room >= -tolerance - more) & (r > 0)))
     q = k.let(f"{name}_q", sp.sqrt(select((room > 0) & sp.Not(double), room * (r + abs(D)), 0)))
     size = k.let(f"{name}_size", r * sp.sqrt(D**2 + q**2))
     scale = k.let(f"{name}_scale", 1 / select(size > 0, size, 1))
@@ -513,13 +514,19 @@ def roots(k, name, A, B, D, tolerance, free):
         sine = k.let(f"{name}_s_{letter}", select(any_angle, 0, (-B * D + sign * A * q) * scale))
         there = exists if sign > 0 else k.let(f"{name}_two", exists & sp.Not(double | any_angle))
         found.append((cosine, sine, there, double, any_angle))
-    return found
+    # the derivative of the equation is q; where it vanishes the error is a square root
+    slope = k.let(f"{name}_slope", q**2 + r * tolerance)
+    regular = sp.Not(any_angle) & (slope > 0)
+    error = k.let(
+        f"{name}_error", select(regular, tolerance / sp.sqrt(select(slope > 0, slope, 1)), sp.S.Zero)
+    )
+    return found, error
 
 
-def bend(k, name, row3, h, cosine, sine):
+def bend(k, name, row3, h, cosine, sine, error):
     """Both θ5 from the cosine and the sine between the outer axes: (c5, s5, exists, is double, is free).
 
-    The first two numbers are scaled by s45 s56, except for rounding at a double solution.
+    `error` is how far, in rad, the axes may be off by what was computed before.
     """
     (c_45, c_56), (s_45, s_56) = cosine, sine
     ahead = row3 >= 0
@@ -527,8 +534,8 @@ def bend(k, name, row3, h, cosine, sine):
     apart = k.let(f"{name}_apart", select(ahead, c_45 - c_56, c_45 + c_56))
     product = k.let(f"{name}_product", select(ahead, c_45 * c_56, -c_45 * c_56))
     gram = k.let(f"{name}_gram", h**2 * (1 - 2 * product / denominator) - apart**2)
-    tolerance = k.let(f"{name}_tolerance", ROUNDINGS * EPS * (h + apart**2))
-    any_angle = k.let(f"{name}_free", (h <= FREE * EPS) & (gram >= -tolerance))
+    tolerance = k.let(f"{name}_tolerance", ROUNDINGS * EPS * (h + apart**2) + (2 * h + error) * error)
+    any_angle = k.let(f"{name}_free", (h <= FREE * EPS + error) & (gram >= -tolerance))
     double = k.let(f"{name}_double", (abs(gram) <= tolerance) & sp.Not(any_angle))
     exists = k.let(f"{name}_exists", gram >= -tolerance)
     q = k.let(f"{name}_q", sp.sqrt(select((gram > 0) & sp.Not(double), gram, 0)))
@@ -584,15 +591,27 @@ def seen_through(x, y):
     return x[0] * y[0] + x[1] * y[1], x[0] * y[1] - x[1] * y[0], x[2] * y[2]
 
 
-def triangle(k, name, end, forearm, a, square, spare, needs=None):
-    """θ2 and θ3 of both triangles with the sides a23 and l and the third side `end`.
+def triangle(k, name, end, forearm, a, square, spare, error, more=sp.S.Zero, needs=None):
+    """θ2 and θ3 of both triangles with the sides a23 and l and the third side `end`, and their error.
+
+    `error` is the length by which the end may be off, and `more` one by which it may be brought nearer.
 
     Where θ2 is free, what follows may need it: `needs` gives the arguments of :func:`freed` for a pair of θ3.
     """
     l1, l2 = forearm
-    area = k.let(f"{name}_area", ROUNDINGS * EPS * spare**2)
+    side = k.let(f"{name}_side", sp.sqrt(end.dot(end)))
+    area = k.let(f"{name}_area", ROUNDINGS * EPS * spare**2 + 2 * side * error)
+    third, error_3 = roots(
+        k,
+        f"{name}_3",
+        2 * a * l1,
+        -2 * a * l2,
+        square - side**2,
+        area,
+        FREE * EPS * spare**2,
+        2 * side * more,
+    )
     found = []
-    third = roots(k, f"{name}_3", 2 * a * l1, -2 * a * l2, square - end.dot(end), area, FREE * EPS * spare**2)
     any_2 = k.let(f"{name}_any", total(end) <= FREE * EPS * spare)
     for number, (letter, (c, s, exists, double, any_3)) in enumerate(zip("ab", third, strict=True)):
         arm = k.let(f"{name}_arm_{letter}", sp.Matrix([a + c * l1 - s * l2, s * l1 + c * l2]))
@@ -604,7 +623,8 @@ def triangle(k, name, end, forearm, a, square, spare, needs=None):
             if number:
                 exists = k.let(f"{name}_more", exists | (third[0][2] & any_2 & split))
         found.append((c_2, s_2, c, s, exists, double, any_3 | any_2))
-    return found
+    error_2 = select(any_2, sp.S.Zero, error / select(side > 0, side, 1))
+    return found, k.let(f"{name}_error", error_2 + error_3)
 
 
 def angle(k, name, c, s):
@@ -731,18 +751,18 @@ def behind_wrist():
     square = k.let("square", a[1] ** 2 + forearm.dot(forearm))
     wrist_bends = k.let("bends", sp.Matrix([cosine[3] * cosine[4], abs(sine[3] * sine[4])]))
     slots = []
-    for number, (i, (c_1, s_1, exists_1, double_1, free_1)) in enumerate(
-        zip("ab", first_angle(k, W, cosine, sine, height, spare), strict=True)
-    ):
+    roots_1, error_1 = first_angle(k, W, cosine, sine, height, spare)
+    off = k.let("off", (ROUNDINGS * EPS + error_1) * spare)
+    for number, (i, (c_1, s_1, exists_1, double_1, free_1)) in enumerate(zip("ab", roots_1, strict=True)):
         end, from_2 = seen_from_2(k, i, R, W, c_1, s_1, a[0], cosine[0], sine[0])
 
         def if_folded(c, s, axis_6=from_2[:, 2]):
             axis_4 = sp.Matrix([s * sine[2], -c * sine[2], cosine[2]])
             return *seen_through(axis_4, axis_6), *wrist_bends
 
-        for j, (c_2, s_2, c_3, s_3, exists_3, double_3, free_3) in zip(
-            "ab", triangle(k, f"triangle_{i}", end, forearm, a[1], square, spare, if_folded), strict=True
-        ):
+        both, error_23 = triangle(k, f"triangle_{i}", end, forearm, a[1], square, spare, off, needs=if_folded)
+        error = k.let(f"error_{i}", error_1 + error_23)
+        for j, (c_2, s_2, c_3, s_3, exists_3, double_3, free_3) in zip("ab", both, strict=True):
             here = f"{i}{j}"
             c_23 = k.let(f"c_23_{here}", c_2 * c_3 - s_2 * s_3)
             s_23 = k.let(f"s_23_{here}", s_2 * c_3 + c_2 * s_3)
@@ -758,9 +778,8 @@ def behind_wrist():
             axes = axes_from_2(k, here, R, *first, cosine[0], sine[0])
             N = k.let(f"N_{here}", about_x(cosine[2], sine[2]).T * (about_z(c_23, s_23).T * axes))
             h = k.let(f"h_{here}", sp.sqrt(N[0, 2] ** 2 + N[1, 2] ** 2))
-            for m, (c_5, s_5, exists_5, double_5, free_5) in zip(
-                "ab", bend(k, f"bend_{here}", N[2, 2], h, cosine[3:, 0], sine[3:, 0]), strict=True
-            ):
+            bends = bend(k, f"bend_{here}", N[2, 2], h, cosine[3:, 0], sine[3:, 0], error)
+            for m, (c_5, s_5, exists_5, double_5, free_5) in zip("ab", bends, strict=True):
                 slot = f"{here}{m}"
                 x = sine[4] * s_5
                 y = -cosine[3] * sine[4] * c_5 - sine[3] * cosine[4]
@@ -802,9 +821,8 @@ def three_parallel():
         abs(sine[3] * sine[4]),
     )
     slots = []
-    for number, (i, (c_1, s_1, exists_1, double_1, free_1)) in enumerate(
-        zip("ab", first_angle(k, W, cosine, sine, height, spare), strict=True)
-    ):
+    roots_1, error_1 = first_angle(k, W, cosine, sine, height, spare)
+    for number, (i, (c_1, s_1, exists_1, double_1, free_1)) in enumerate(zip("ab", roots_1, strict=True)):
         c_1, s_1 = (
             k.let(f"{letter}_1_{i}", select(free_1, chosen, usual))
             for letter, chosen, usual in zip("cs", choices[number], (c_1, s_1), strict=True)
@@ -813,7 +831,9 @@ def three_parallel():
             exists_1 = k.let("first_more", exists_1 | (free_1 & split))
         whole, axes = seen_from_2(k, i, R, W, c_1, s_1, a[0], cosine[0], sine[0])
         h = k.let(f"h_{i}", sp.sqrt(axes[2, 0] ** 2 + axes[2, 1] ** 2))
-        bends = bend(k, f"bend_{i}", axes[2, 2], h, cosine[3:, 0], sine[3:, 0])
+        bends = bend(k, f"bend_{i}", axes[2, 2], h, cosine[3:, 0], sine[3:, 0], error_1)
+        off = k.let(f"off_{i}", (ROUNDINGS * EPS + error_1) * spare)
+        error_6 = (ROUNDINGS * EPS + error_1) / select(h > 0, h, 1)
         for branch, (m, (c_5, s_5, exists_5, double_5, free_5)) in enumerate(zip("ab", bends, strict=True)):
             here = f"{i}{m}"
             x = sine[3] * s_5
@@ -849,10 +869,12 @@ def three_parallel():
                 f"corner_{here}",
                 whole - sp.Matrix([c_t * turned[0] - s_t * turned[1], s_t * turned[0] + c_t * turned[1]]),
             )
+            # an error of θ6 turns a45 and S5, and no one sees it at the end
+            more = select(free_5, sp.S.Zero, error_6) * total(hand)
+            more = k.let(f"more_{here}", select(more < spare, more, spare))
             forearm = (a[2], sp.S.Zero)
-            for j, (c_2, s_2, c_3, s_3, exists_3, double_3, free_3) in zip(
-                "ab", triangle(k, f"triangle_{here}", end, forearm, a[1], square, spare), strict=True
-            ):
+            both, _ = triangle(k, f"triangle_{here}", end, forearm, a[1], square, spare, off, more)
+            for j, (c_2, s_2, c_3, s_3, exists_3, double_3, free_3) in zip("ab", both, strict=True):
                 c_23 = k.let(f"c_23_{here}{j}", c_2 * c_3 - s_2 * s_3)
                 s_23 = k.let(f"s_23_{here}{j}", s_2 * c_3 + c_2 * s_3)
                 c_4 = k.let(f"c_4_{here}{j}", c_23 * c_234 + s_23 * s_234)
