@@ -53,8 +53,8 @@ def pair_inputs(name: str) -> dict[str, np.ndarray]:
             "tangent": tangent,
         }
     if name == "pair_polish":
-        # far off, so that a step is cut short; and near
-        off = np.where(np.arange(8) % 2, 1.0, 0.01)[:, None] * rng.normal(size=(8, 2))
+        # so far off that the residual is no rounding after the steps, some of which are cut short
+        off = 2.0 * rng.choice([-1, 1], size=(8, 2)) + 0.3 * rng.normal(size=(8, 2))
         planted = rng.uniform(-3, 3, size=(8, 2))
         u, v = (np.stack([np.ones(8), np.cos(a), np.sin(a)], -1) for a in planted.T)
         for m in (one, two):
