@@ -91,6 +91,23 @@ def test_forward_and_reverse_go_round(name: str, angles: str, tmp_path: Path, ca
     assert len(back) == (spatial.reverse(mechanism, T).status <= 2).sum()
 
 
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_commands_take_what_the_other_writes(ending: str, angles: str, tmp_path: Path, capsys: Any) -> None:
+    """Columns that a result is called by are kept under another name: what was given is not lost."""
+    first, second = (str(tmp_path / f"{name}.{ending}") for name in ("poses", "joints"))
+    run(capsys, "forward", "puma_560", angles, "-o", first)
+    run(capsys, "reverse", "puma_560", first, "-o", second)
+    rows, _ = run(capsys, "forward", "puma_560", second)
+    given, found = (numbers(rows, [f"{word}{name}" for name in JOINTS]) for word in ("given ", ""))
+    off = np.abs((found - given + 180) % 360 - 180).max(axis=1)
+    assert (off < 1e-9).sum() == 5
+    place = [f"{axis} [in]" for axis in POSE]
+    np.testing.assert_allclose(
+        numbers(rows, [f"given {name}" for name in place]), numbers(rows, place), atol=1e-9
+    )
+    assert "'given " in complaint(capsys, "reverse", "puma_560", second)
+
+
 def test_units_parquet_and_tool(angles: str, tmp_path: Path, capsys: Any) -> None:
     first, second = str(tmp_path / "poses.parquet"), str(tmp_path / "angles.parquet")
     run(capsys, "forward", "ge_p60", angles, "-o", first, "--tool", "20,30,50mm")

@@ -22,6 +22,7 @@ __all__ = [
     "EveryColumn",
     "Match",
     "UnitError",
+    "bare_name",
     "conversion_factor",
     "match_columns",
     "nearest",
@@ -291,6 +292,11 @@ def _other_brackets(text: str) -> tuple[str, str] | None:
 def _twice(name: str, texts: Sequence[str], file: str, place: str) -> InputFileError:
     both = " and ".join(map(shown, texts))
     return InputFileError(file, place, f"column {name!r} twice, {both}", "it once")
+
+
+def bare_name(text: str) -> str:
+    """Return the name of a column without its unit."""
+    return _split(text)[0]
 
 
 def _split(text: str) -> tuple[str, str | None]:

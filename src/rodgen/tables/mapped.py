@@ -18,7 +18,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from rodgen.errors import InputFileError, shown
-from rodgen.tables._columns import Column, conversion_factor
+from rodgen.tables._columns import Column, bare_name, conversion_factor
 from rodgen.tables._sink import open_sink
 from rodgen.tables._source import Rows, open_table
 
@@ -71,6 +71,7 @@ def map_table(
     *,
     progress: Progress | None = None,
     whole: bool = False,
+    given: str = "",
 ) -> MapSummary:
     """Add result columns to a table.
 
@@ -91,6 +92,8 @@ def map_table(
     whole : bool, optional
         Whether the function gets all rows at once, because an answer depends on the rows before; the table must fit
         into memory then.
+    given : str, optional
+        What is put before the name of a column of the table that a result is called by; left out: it is an error.
 
     Returns
     -------
@@ -109,13 +112,17 @@ def map_table(
         rate = next((units[c.name] for c in columns if c.quantity == "rate"), "deg/s")
         results, function = prepare(length)
         writers = [_Writer(result, {"length": length, "angle": angle, "rate": rate}) for result in results]
-        for writer in writers:
-            if writer.text in table.schema.names:
-                where = f"column {shown(writer.text)}"
-                raise InputFileError(
-                    table.file, where, "a result of an earlier run", "a table without results"
-                )
-        schema = pa.schema([*table.schema, *(pa.field(writer.text, writer.kind) for writer in writers)])
+        names = list(table.schema.names)
+        if given:
+            made = {bare_name(writer.text) for writer in writers}
+            names = [f"{given}{name}" if bare_name(name) in made else name for name in names]
+        texts = [*names, *(writer.text for writer in writers)]
+        twice = next((text for text in texts if texts.count(text) > 1), None)
+        if twice is not None:
+            where = f"column {shown(twice)}"
+            raise InputFileError(table.file, where, "a result of an earlier run", "a table without results")
+        kept = (field.with_name(name) for field, name in zip(table.schema, names, strict=True))
+        schema = pa.schema([*kept, *(pa.field(writer.text, writer.kind) for writer in writers)])
         status = next((n for n, writer in enumerate(writers) if writer.names), None)
         counts = np.zeros(len(writers[status].names) if status is not None else 1, np.int64)
 

@@ -150,7 +150,9 @@ def run(options: argparse.Namespace, columns: Sequence[Column], prepare: Any) ->
     from rodgen.tables import map_table
 
     with contextlib.ExitStack() as stack:
-        summary = map_table(options.table, options.output, columns, prepare, progress=reading(stack))
+        summary = map_table(
+            options.table, options.output, columns, prepare, progress=reading(stack), given="given "
+        )
     counts = ", ".join(f"{count} {name}" for name, count in summary.counts.items())
     name = "standard input" if options.table == "-" else options.table
     tell(f"{name}: {summary.rows} row{'s' * (summary.rows != 1)}{': ' * bool(counts)}{counts}")

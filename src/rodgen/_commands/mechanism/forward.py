@@ -37,7 +37,7 @@ table, then
   x y z          of the point --tool, in the unit of the first length column, else in that of the mechanism
   q0 qx qy qz    the attitude of the last link, a quaternion, scalar part first
 both in the fixed frame: origin at the meeting of S1 and a12 (at S1 = 0), z along S1, x from where theta1 counts; of a
-machine file in machine axes.
+machine file in machine axes. A column of the table that has such a name is kept as 'given x', and so on.
 """
 
 

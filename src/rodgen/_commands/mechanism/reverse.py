@@ -47,6 +47,7 @@ are. The output has a row for each solution with every column of the table, then
              a column for each joint, under its name; of a joint C two, such as C3.theta and C3.S
   status     regular; double (two solutions meet there); family (one of infinitely many, as where a wrist is singular);
              none; incomplete (a further solution may be missing); invalid
+A column of the table that has such a name, a joint's say, is kept as 'given R1', and so on.
 """
 
 
