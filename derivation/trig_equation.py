@@ -97,7 +97,8 @@ d.check(
 
 # %% [markdown]
 # The roots of the quadratic lose digits where $-B$ and the root of the discriminant cancel. Their product is
-# $(D+A)/(D-A)$, so each root is the quotient of two numbers of which neither is made by cancellation. With
+# $(D+A)/(D-A)$, so each root is the quotient of two numbers of which neither is made by cancellation; a double root is
+# $-B/(D-A)$ and $-(D+A)/B$, of which the one with the longer of $D-A$ and $D+A$ is taken. With
 # $\theta=2\,\mathrm{atan2}$ of the two nothing is divided at all, and $\theta=\pi$ is like any other angle.
 
 # %%
@@ -301,14 +302,15 @@ def trig_half_angle():
     sum_ = k.let("together", select(positive, b + root, root - b))
     first = {"above": select(positive, sum_, a + d_), "below": select(positive, a - d_, sum_)}
     second = {"above": select(positive, a + d_, sum_), "below": select(positive, -sum_, d_ - a)}
-    double = k.let("alone", root <= 0)  # then the second is the first
-    second = {name: select(double, first[name], value) for name, value in second.items()}
-    # B = w = 0: 0/0, and the angle is 0 or pi
-    lonely = k.let("lonely", sp.Eq(sum_, 0))
+    # one angle: the longer of D + A and D - A is no difference of two near numbers, and the root is in the quotient of
+    # B and that one
+    alone = k.let("alone", root <= 0)
+    alike = k.let("alike", a * d_ > 0)
+    lonely = {"above": select(alike, a + d_, -b), "below": select(alike, -b, d_ - a)}
     angles = []
     for name, quotient in (("plus", first), ("minus", second)):
-        above = k.let(f"above_{name}", select(lonely, select(a * d_ > 0, 1, 0), quotient["above"]))
-        below = k.let(f"below_{name}", select(lonely, select(a * d_ > 0, 0, 1), quotient["below"]))
+        above = k.let(f"above_{name}", select(alone, lonely["above"], quotient["above"]))
+        below = k.let(f"below_{name}", select(alone, lonely["below"], quotient["below"]))
         flip = select((below < 0) | (sp.Eq(below, 0) & (above < 0)), -1, 1)
         half_angle = k.let(f"half_{name}", sp.atan2(flip * above, flip * below))
         angles.append(2 * half_angle)

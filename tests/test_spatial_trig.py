@@ -95,6 +95,24 @@ def test_every_kind_of_equation_has_its_status(method):
     np.testing.assert_allclose(double[2:, 0], [np.pi, 0, np.pi / 2], atol=4 * EPS)
 
 
+@both
+@pytest.mark.parametrize("sign", [1, -1])
+def test_one_angle_near_d_equal_a(method, sign):
+    """B so small that the two angles near π, or near 0, are one to rounding: whatever rounding makes of D - A."""
+    rng = np.random.default_rng(6)
+    B = np.concatenate([10.0 ** rng.uniform(-20, -9, size=300) * rng.choice([-1, 1], size=300), [0.0, 0.0]])
+    A = 1 + EPS * rng.integers(-1, 2, size=302)
+    D = sign * (1 + EPS * rng.integers(-1, 2, size=302))
+    theta, status = spatial.solve_trig(A, B, D, method)
+    double = status == TrigStatus.DOUBLE
+    assert double.mean() > 0.5
+    assert (theta[double, 0] == theta[double, 1]).all()
+    # the angles are within √(D² - A² + B²) of π or 0, and the equation holds to rounding
+    assert off(theta[double, 0], np.pi if sign > 0 else 0.0).max() < 1e-7
+    miss = A[:, None] * np.cos(theta) + B[:, None] * np.sin(theta) + D[:, None]
+    assert np.abs(miss[double]).max() <= 8 * EPS
+
+
 def test_rounding_does_not_make_a_tangent_case_infeasible():
     """|D| = r up to rounding, of many sizes: one angle, of either rounding of r."""
     rng = np.random.default_rng(3)
