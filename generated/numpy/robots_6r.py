@@ -76,7 +76,7 @@ robot_wrist_reverse.types = ["ddddd->db", "fffff->fb"]
 
 
 def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
-    # 418 add, 695 mul, 31 div, 49 sqrt, 388 select, 220 compare, 51 abs, 36 atan2
+    # 438 add, 717 mul, 36 div, 54 sqrt, 398 select, 228 compare, 51 abs, 36 atan2
     rough = np.abs(pose_4_1) + np.abs(pose_4_2) + np.abs(pose_4_3) + np.abs(pose_4_4 - 1.0) + 2.0*np.abs(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + 2.0*np.abs(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + 2.0*np.abs(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3) + np.abs((pose_1_1*pose_1_1) + (pose_2_1*pose_2_1) + (pose_3_1*pose_3_1) - 1.0) + np.abs((pose_1_2*pose_1_2) + (pose_2_2*pose_2_2) + (pose_3_2*pose_3_2) - 1.0) + np.abs((pose_1_3*pose_1_3) + (pose_2_3*pose_2_3) + (pose_3_3*pose_3_3) - 1.0)
     handed = pose_1_1*(pose_2_2*pose_3_3 - pose_2_3*pose_3_2) + pose_2_1*(pose_1_3*pose_3_2 - pose_1_2*pose_3_3) + pose_3_1*(pose_1_2*pose_2_3 - pose_1_3*pose_2_2)
     spare = np.abs(a_1) + np.abs(a_2) + np.abs(a_3) + np.abs(a_4) + np.abs(a_5) + np.abs(offset_1) + np.abs(offset_2) + np.abs(offset_3) + np.abs(offset_4) + np.abs(offset_5) + np.abs(offset_6) + np.abs(pose_1_4) + np.abs(pose_2_4) + np.abs(pose_3_4)
@@ -104,88 +104,97 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del height
     x7 = np.abs(x6)
     first_room = first_r - x7
-    x260 = 4096.0*eps
-    x261 = spare*x260
-    first_free = (first_r <= x261) & (x7 <= x261)
-    x19 = 64.0*eps
-    x259 = spare*x19
-    first_double = (np.abs(first_room) <= x259) & (~(first_free))
-    first_exists = (first_free) | ((first_room >= -x259) & (first_r > 0.0))
-    del x259
+    x261 = 4096.0*eps
+    x262 = spare*x261
+    first_free = (first_r <= x262) & (x7 <= x262)
+    x14 = 64.0*eps
+    x15 = spare*x14
+    first_double = (np.abs(first_room) <= x15) & (~(first_free))
+    first_exists = (first_free) | ((first_room >= -x15) & (first_r > 0.0))
     first_q = np.where((~(first_double)) & (first_room > 0.0), np.sqrt(first_room*(first_r + x7)), 0.0)
     del first_room, x7
-    first_size = first_r*np.sqrt((first_q*first_q) + (x6*x6))
-    del first_r
+    x8 = (first_q*first_q)
+    first_size = first_r*np.sqrt((x6*x6) + x8)
     first_scale = np.where(first_size > 0.0, 1.0/first_size, 1.0)
     del first_size
-    x8 = first_q*sine_1
+    x9 = first_q*sine_1
     del first_q
-    x9 = centre_1*x8
-    first_c_a = np.where(first_free, 1.0, first_scale*(centre_2*sine_1*x6 - x9))
-    x10 = centre_2*x8
-    del x8
-    x11 = sine_1*x6
+    x10 = centre_1*x9
+    first_c_a = np.where(first_free, 1.0, first_scale*(centre_2*sine_1*x6 - x10))
+    x11 = centre_2*x9
+    del x9
+    x12 = sine_1*x6
     del x6
-    x12 = centre_1*x11
-    first_s_a = np.where(first_free, 0.0, first_scale*(-x10 - x12))
-    first_c_b = np.where(first_free, 1.0, first_scale*(centre_2*x11 + x9))
-    del x11, x9
-    first_s_b = np.where(first_free, 0.0, first_scale*(x10 - x12))
-    del first_scale, x10, x12
+    x13 = centre_1*x12
+    first_s_a = np.where(first_free, 0.0, first_scale*(-x11 - x13))
+    first_c_b = np.where(first_free, 1.0, first_scale*(centre_2*x12 + x10))
+    del x10, x12
+    first_s_b = np.where(first_free, 0.0, first_scale*(x11 - x13))
+    del first_scale, x11, x13
     first_two = (first_exists) & (~((first_double) | (first_free)))
+    first_slope = first_r*x15 + x8
+    del first_r, x8
+    first_error = np.where((~(first_free)) & (first_slope > 0.0), x15*np.where(first_slope > 0.0, 1.0/np.sqrt(first_slope), 1.0), 0.0)
+    del first_slope, x15
+    off = spare*(first_error + x14)
     side_a = centre_2*first_c_a - centre_1*first_s_a
     end_a_1 = centre_1*first_c_a + centre_2*first_s_a - a_1
-    x14 = centre_3*sine_1
+    x17 = centre_3*sine_1
     del centre_3
-    end_a_2 = cosine_1*side_a + x14
+    end_a_2 = cosine_1*side_a + x17
     del side_a
     axes_a_1_3 = first_c_a*pose_1_3 + first_s_a*pose_2_3
-    x15 = pose_3_3*sine_1
-    x16 = first_c_a*pose_2_3 - first_s_a*pose_1_3
-    axes_a_2_3 = cosine_1*x16 + x15
-    x17 = cosine_1*pose_3_3
-    axes_a_3_3 = x17 - sine_1*x16
-    del x16
-    x18 = (spare*spare)
+    x18 = pose_3_3*sine_1
+    x19 = first_c_a*pose_2_3 - first_s_a*pose_1_3
+    axes_a_2_3 = cosine_1*x19 + x18
+    x20 = cosine_1*pose_3_3
+    axes_a_3_3 = x20 - sine_1*x19
+    del x19
+    triangle_a_side = np.sqrt((end_a_1*end_a_1) + (end_a_2*end_a_2))
+    x21 = 2.0*off
+    x22 = (spare*spare)
     del spare
-    x20 = x18*x19
-    triangle_a_area = x20
-    x21 = 4.0*x0
+    x23 = x14*x22
+    triangle_a_area = triangle_a_side*x21 + x23
+    x24 = 4.0*x0
     del x0
-    x22 = np.sqrt(x1*x21 + x2*x21)
-    del x1, x2, x21
-    triangle_a_3_r = x22
-    x24 = (end_a_1*end_a_1) + (end_a_2*end_a_2) - square
-    x25 = np.abs(x24)
-    triangle_a_3_room = triangle_a_3_r - x25
-    x262 = x18*x260
-    del x18
-    triangle_a_3_free = (triangle_a_3_r <= x262) & (x25 <= x262)
+    x25 = np.sqrt(x1*x24 + x2*x24)
+    del x1, x2, x24
+    triangle_a_3_r = x25
+    x26 = square - (triangle_a_side*triangle_a_side)
+    x27 = np.abs(x26)
+    triangle_a_3_room = triangle_a_3_r - x27
+    x265 = x22*x261
+    del x22
+    triangle_a_3_free = (triangle_a_3_r <= x265) & (x27 <= x265)
     triangle_a_3_double = (np.abs(triangle_a_3_room) <= triangle_a_area) & (~(triangle_a_3_free))
     triangle_a_3_exists = (triangle_a_3_free) | ((triangle_a_3_room >= -triangle_a_area) & (triangle_a_3_r > 0.0))
-    del triangle_a_area
-    triangle_a_3_q = np.where((~(triangle_a_3_double)) & (triangle_a_3_room > 0.0), np.sqrt(triangle_a_3_room*(triangle_a_3_r + x25)), 0.0)
-    del triangle_a_3_room, x25
-    triangle_a_3_size = triangle_a_3_r*np.sqrt((triangle_a_3_q*triangle_a_3_q) + (x24*x24))
-    del triangle_a_3_r
+    triangle_a_3_q = np.where((~(triangle_a_3_double)) & (triangle_a_3_room > 0.0), np.sqrt(triangle_a_3_room*(triangle_a_3_r + x27)), 0.0)
+    del triangle_a_3_room, x27
+    x28 = (triangle_a_3_q*triangle_a_3_q)
+    triangle_a_3_size = triangle_a_3_r*np.sqrt((x26*x26) + x28)
     triangle_a_3_scale = np.where(triangle_a_3_size > 0.0, 1.0/triangle_a_3_size, 1.0)
     del triangle_a_3_size
-    x27 = 2.0*a_2
-    x28 = forearm_2*x27
-    x29 = triangle_a_3_q*x28
-    x30 = forearm_1*x27
-    del x27
-    x31 = -x24*x30
-    triangle_a_3_c_a = np.where(triangle_a_3_free, 1.0, triangle_a_3_scale*(x29 - x31))
-    x32 = triangle_a_3_q*x30
+    x29 = 2.0*a_2
+    x30 = forearm_2*x29
+    x31 = triangle_a_3_q*x30
+    x32 = forearm_1*x29
+    del x29
+    x33 = x26*x32
+    triangle_a_3_c_a = np.where(triangle_a_3_free, 1.0, triangle_a_3_scale*(x31 - x33))
+    x34 = triangle_a_3_q*x32
     del triangle_a_3_q
-    triangle_a_3_s_a = np.where(triangle_a_3_free, 0.0, triangle_a_3_scale*(x32 - x24*x28))
-    triangle_a_3_c_b = np.where(triangle_a_3_free, 1.0, triangle_a_3_scale*(-x29 - x31))
-    del x29, x31
-    triangle_a_3_s_b = np.where(triangle_a_3_free, 0.0, triangle_a_3_scale*(-2.0*a_2*forearm_2*x24 - x32))
-    del triangle_a_3_scale, x24, x32
+    triangle_a_3_s_a = np.where(triangle_a_3_free, 0.0, triangle_a_3_scale*(x26*x30 + x34))
+    triangle_a_3_c_b = np.where(triangle_a_3_free, 1.0, triangle_a_3_scale*(-x31 - x33))
+    del x31, x33
+    triangle_a_3_s_b = np.where(triangle_a_3_free, 0.0, triangle_a_3_scale*(2.0*a_2*forearm_2*x26 - x34))
+    del triangle_a_3_scale, x26, x34
     triangle_a_3_two = (triangle_a_3_exists) & (~((triangle_a_3_double) | (triangle_a_3_free)))
-    triangle_a_any = np.abs(end_a_1) + np.abs(end_a_2) <= x261
+    triangle_a_3_slope = triangle_a_3_r*triangle_a_area + x28
+    del triangle_a_3_r, x28
+    triangle_a_3_error = np.where((~(triangle_a_3_free)) & (triangle_a_3_slope > 0.0), triangle_a_area*np.where(triangle_a_3_slope > 0.0, 1.0/np.sqrt(triangle_a_3_slope), 1.0), 0.0)
+    del triangle_a_3_slope, triangle_a_area
+    triangle_a_any = np.abs(end_a_1) + np.abs(end_a_2) <= x262
     triangle_a_arm_a_1 = a_2 + forearm_1*triangle_a_3_c_a - forearm_2*triangle_a_3_s_a
     triangle_a_arm_a_2 = forearm_1*triangle_a_3_s_a + forearm_2*triangle_a_3_c_a
     triangle_a_2_a_dot = end_a_1*triangle_a_arm_a_1 + end_a_2*triangle_a_arm_a_2
@@ -198,27 +207,27 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del triangle_a_2_a_dot
     triangle_a_2_a_s = np.where(triangle_a_any, 0.0, triangle_a_2_a_cross*triangle_a_2_a_scale)
     del triangle_a_2_a_cross, triangle_a_2_a_scale
-    x33 = axes_a_1_3*sine_3
+    x35 = axes_a_1_3*sine_3
     del axes_a_1_3
-    x34 = axes_a_2_3*sine_3
+    x36 = axes_a_2_3*sine_3
     del axes_a_2_3
-    x35 = triangle_a_3_c_a*x33 + triangle_a_3_s_a*x34
-    x36 = triangle_a_3_s_a*x33 - triangle_a_3_c_a*x34
-    triangle_a_free_a_square = (x35*x35) + (x36*x36)
+    x37 = triangle_a_3_c_a*x35 + triangle_a_3_s_a*x36
+    x38 = triangle_a_3_s_a*x35 - triangle_a_3_c_a*x36
+    triangle_a_free_a_square = (x37*x37) + (x38*x38)
     triangle_a_free_a_amplitude = np.sqrt(triangle_a_free_a_square)
     triangle_a_free_a_per_square = np.where(triangle_a_free_a_square > 0.0, 1.0/triangle_a_free_a_square, 1.0)
-    x38 = axes_a_3_3*cosine_3
+    x40 = axes_a_3_3*cosine_3
     del axes_a_3_3
-    x39 = x38 - bends_1
-    triangle_a_free_a_serves = (triangle_a_free_a_square <= 0.0) | (np.abs(x36 + x39) <= bends_2)
-    triangle_a_free_a_at = np.where(triangle_a_free_a_amplitude < -x39, triangle_a_free_a_amplitude, np.where(triangle_a_free_a_amplitude < x39, -triangle_a_free_a_amplitude, -x39))
+    x41 = x40 - bends_1
+    triangle_a_free_a_serves = (triangle_a_free_a_square <= 0.0) | (np.abs(x38 + x41) <= bends_2)
+    triangle_a_free_a_at = np.where(triangle_a_free_a_amplitude < -x41, triangle_a_free_a_amplitude, np.where(triangle_a_free_a_amplitude < x41, -triangle_a_free_a_amplitude, -x41))
     del triangle_a_free_a_amplitude
-    x41 = (triangle_a_free_a_at*triangle_a_free_a_at)
-    triangle_a_free_a_rest = np.where(triangle_a_free_a_square > x41, np.sqrt(triangle_a_free_a_square - x41), 0.0)
-    del triangle_a_free_a_square, x41
-    triangle_a_free_a_c_first = np.where(triangle_a_free_a_serves, 1.0, triangle_a_free_a_per_square*(triangle_a_free_a_at*x36 - triangle_a_free_a_rest*x35))
-    triangle_a_free_a_s_first = np.where(triangle_a_free_a_serves, 0.0, triangle_a_free_a_per_square*(triangle_a_free_a_at*x35 + triangle_a_free_a_rest*x36))
-    del triangle_a_free_a_at, triangle_a_free_a_per_square, triangle_a_free_a_rest, triangle_a_free_a_serves, x35, x36
+    x43 = (triangle_a_free_a_at*triangle_a_free_a_at)
+    triangle_a_free_a_rest = np.where(triangle_a_free_a_square > x43, np.sqrt(triangle_a_free_a_square - x43), 0.0)
+    del triangle_a_free_a_square, x43
+    triangle_a_free_a_c_first = np.where(triangle_a_free_a_serves, 1.0, triangle_a_free_a_per_square*(triangle_a_free_a_at*x38 - triangle_a_free_a_rest*x37))
+    triangle_a_free_a_s_first = np.where(triangle_a_free_a_serves, 0.0, triangle_a_free_a_per_square*(triangle_a_free_a_at*x37 + triangle_a_free_a_rest*x38))
+    del triangle_a_free_a_at, triangle_a_free_a_per_square, triangle_a_free_a_rest, triangle_a_free_a_serves, x37, x38
     triangle_a_chosen_c_a = np.where(triangle_a_any, triangle_a_free_a_c_first, triangle_a_2_a_c)
     del triangle_a_2_a_c, triangle_a_free_a_c_first
     triangle_a_chosen_s_a = np.where(triangle_a_any, triangle_a_free_a_s_first, triangle_a_2_a_s)
@@ -235,107 +244,112 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del triangle_a_2_b_dot
     triangle_a_2_b_s = np.where(triangle_a_any, 0.0, triangle_a_2_b_cross*triangle_a_2_b_scale)
     del triangle_a_2_b_cross, triangle_a_2_b_scale
-    x42 = triangle_a_3_c_b*x33 + triangle_a_3_s_b*x34
-    x43 = (x42*x42)
-    x44 = triangle_a_3_s_b*x33
-    del x33
-    x45 = triangle_a_3_c_b*x34
-    del x34
-    x46 = x44 - x45
-    x47 = (x46*x46)
-    triangle_a_free_b_square = x43 + x47
+    x44 = triangle_a_3_c_b*x35 + triangle_a_3_s_b*x36
+    x45 = (x44*x44)
+    x46 = triangle_a_3_s_b*x35
+    del x35
+    x47 = triangle_a_3_c_b*x36
+    del x36
+    x48 = x46 - x47
+    x49 = (x48*x48)
+    triangle_a_free_b_square = x45 + x49
     triangle_a_free_b_amplitude = np.sqrt(triangle_a_free_b_square)
     triangle_a_free_b_per_square = np.where(triangle_a_free_b_square > 0.0, 1.0/triangle_a_free_b_square, 1.0)
-    triangle_a_free_b_serves = (triangle_a_free_b_square <= 0.0) | (np.abs(x39 + x46) <= bends_2)
-    triangle_a_free_b_at = np.where(triangle_a_free_b_amplitude < -x39, triangle_a_free_b_amplitude, np.where(triangle_a_free_b_amplitude < x39, -triangle_a_free_b_amplitude, -x39))
-    x48 = (triangle_a_free_b_at*triangle_a_free_b_at)
-    triangle_a_free_b_rest = np.where(triangle_a_free_b_square > x48, np.sqrt(triangle_a_free_b_square - x48), 0.0)
-    del triangle_a_free_b_square, x48
-    triangle_a_free_b_c_first = np.where(triangle_a_free_b_serves, 1.0, triangle_a_free_b_per_square*(triangle_a_free_b_at*x46 - triangle_a_free_b_rest*x42))
-    triangle_a_free_b_s_first = np.where(triangle_a_free_b_serves, 0.0, triangle_a_free_b_per_square*(triangle_a_free_b_at*x42 + triangle_a_free_b_rest*x46))
-    del triangle_a_free_b_at, triangle_a_free_b_rest, triangle_a_free_b_serves, x46
-    x49 = triangle_a_free_b_per_square*x42*(2.0*x44 - 2.0*x45)
-    del x42, x44, x45
-    x50 = triangle_a_free_b_per_square*(x47 - x43)
-    del triangle_a_free_b_per_square, x43, x47
-    triangle_a_free_b_c_second = triangle_a_free_b_c_first*x50 + triangle_a_free_b_s_first*x49
-    triangle_a_free_b_s_second = triangle_a_free_b_c_first*x49 - triangle_a_free_b_s_first*x50
-    del triangle_a_free_b_c_first, triangle_a_free_b_s_first, x49, x50
-    triangle_a_free_b_split = (triangle_a_free_b_amplitude + x39 > bends_2) & (bends_1 + triangle_a_free_b_amplitude - x38 > bends_2)
-    del triangle_a_free_b_amplitude, x38, x39
+    triangle_a_free_b_serves = (triangle_a_free_b_square <= 0.0) | (np.abs(x41 + x48) <= bends_2)
+    triangle_a_free_b_at = np.where(triangle_a_free_b_amplitude < -x41, triangle_a_free_b_amplitude, np.where(triangle_a_free_b_amplitude < x41, -triangle_a_free_b_amplitude, -x41))
+    x50 = (triangle_a_free_b_at*triangle_a_free_b_at)
+    triangle_a_free_b_rest = np.where(triangle_a_free_b_square > x50, np.sqrt(triangle_a_free_b_square - x50), 0.0)
+    del triangle_a_free_b_square, x50
+    triangle_a_free_b_c_first = np.where(triangle_a_free_b_serves, 1.0, triangle_a_free_b_per_square*(triangle_a_free_b_at*x48 - triangle_a_free_b_rest*x44))
+    triangle_a_free_b_s_first = np.where(triangle_a_free_b_serves, 0.0, triangle_a_free_b_per_square*(triangle_a_free_b_at*x44 + triangle_a_free_b_rest*x48))
+    del triangle_a_free_b_at, triangle_a_free_b_rest, triangle_a_free_b_serves, x48
+    x51 = triangle_a_free_b_per_square*x44*(2.0*x46 - 2.0*x47)
+    del x44, x46, x47
+    x52 = triangle_a_free_b_per_square*(x49 - x45)
+    del triangle_a_free_b_per_square, x45, x49
+    triangle_a_free_b_c_second = triangle_a_free_b_c_first*x52 + triangle_a_free_b_s_first*x51
+    triangle_a_free_b_s_second = triangle_a_free_b_c_first*x51 - triangle_a_free_b_s_first*x52
+    del triangle_a_free_b_c_first, triangle_a_free_b_s_first, x51, x52
+    triangle_a_free_b_split = (triangle_a_free_b_amplitude + x41 > bends_2) & (bends_1 + triangle_a_free_b_amplitude - x40 > bends_2)
+    del triangle_a_free_b_amplitude, x40, x41
     triangle_a_chosen_c_b = np.where(triangle_a_any, triangle_a_free_b_c_second, triangle_a_2_b_c)
     del triangle_a_2_b_c, triangle_a_free_b_c_second
     triangle_a_chosen_s_b = np.where(triangle_a_any, triangle_a_free_b_s_second, triangle_a_2_b_s)
     del triangle_a_2_b_s, triangle_a_free_b_s_second
     triangle_a_more = (triangle_a_3_two) | ((triangle_a_3_exists) & (triangle_a_any) & (triangle_a_free_b_split))
     del triangle_a_3_two, triangle_a_free_b_split
+    triangle_a_error = triangle_a_3_error + np.where(triangle_a_any, 0.0, off*np.where(triangle_a_side > 0.0, 1.0/triangle_a_side, 1.0))
+    del triangle_a_3_error, triangle_a_side
+    error_a = first_error + triangle_a_error
+    del triangle_a_error
     c_23_aa = triangle_a_3_c_a*triangle_a_chosen_c_a - triangle_a_3_s_a*triangle_a_chosen_s_a
     s_23_aa = triangle_a_3_c_a*triangle_a_chosen_s_a + triangle_a_3_s_a*triangle_a_chosen_c_a
     axis_4_aa_1 = s_23_aa*sine_3
-    x51 = cosine_3*sine_1
-    x52 = c_23_aa*sine_3
-    axis_4_aa_2 = -cosine_1*x52 - x51
-    x53 = -cosine_1*cosine_3
-    axis_4_aa_3 = -sine_1*x52 - x53
-    del x52
-    x54 = axis_4_aa_1*pose_1_3 + axis_4_aa_2*pose_2_3
-    x55 = axis_4_aa_1*pose_2_3 - axis_4_aa_2*pose_1_3
+    x53 = cosine_3*sine_1
+    x54 = c_23_aa*sine_3
+    axis_4_aa_2 = -cosine_1*x54 - x53
+    x55 = -cosine_1*cosine_3
+    axis_4_aa_3 = -sine_1*x54 - x55
+    del x54
+    x56 = axis_4_aa_1*pose_1_3 + axis_4_aa_2*pose_2_3
+    x57 = axis_4_aa_1*pose_2_3 - axis_4_aa_2*pose_1_3
     del axis_4_aa_1, axis_4_aa_2
-    first_aa_square = (x54*x54) + (x55*x55)
+    first_aa_square = (x56*x56) + (x57*x57)
     first_aa_amplitude = np.sqrt(first_aa_square)
     first_aa_per_square = np.where(first_aa_square > 0.0, 1.0/first_aa_square, 1.0)
-    x56 = axis_4_aa_3*pose_3_3 - bends_1
+    x58 = axis_4_aa_3*pose_3_3 - bends_1
     del axis_4_aa_3
-    first_aa_serves = (first_aa_square <= 0.0) | (np.abs(x54 + x56) <= bends_2)
-    first_aa_at = np.where(first_aa_amplitude < -x56, first_aa_amplitude, np.where(first_aa_amplitude < x56, -first_aa_amplitude, -x56))
-    del first_aa_amplitude, x56
-    x58 = (first_aa_at*first_aa_at)
-    first_aa_rest = np.where(first_aa_square > x58, np.sqrt(first_aa_square - x58), 0.0)
-    del first_aa_square, x58
-    first_aa_c_first = np.where(first_aa_serves, 1.0, first_aa_per_square*(first_aa_at*x54 - first_aa_rest*x55))
-    first_aa_s_first = np.where(first_aa_serves, 0.0, first_aa_per_square*(first_aa_at*x55 + first_aa_rest*x54))
-    del first_aa_at, first_aa_per_square, first_aa_rest, first_aa_serves, x54, x55
+    first_aa_serves = (first_aa_square <= 0.0) | (np.abs(x56 + x58) <= bends_2)
+    first_aa_at = np.where(first_aa_amplitude < -x58, first_aa_amplitude, np.where(first_aa_amplitude < x58, -first_aa_amplitude, -x58))
+    del first_aa_amplitude, x58
+    x60 = (first_aa_at*first_aa_at)
+    first_aa_rest = np.where(first_aa_square > x60, np.sqrt(first_aa_square - x60), 0.0)
+    del first_aa_square, x60
+    first_aa_c_first = np.where(first_aa_serves, 1.0, first_aa_per_square*(first_aa_at*x56 - first_aa_rest*x57))
+    first_aa_s_first = np.where(first_aa_serves, 0.0, first_aa_per_square*(first_aa_at*x57 + first_aa_rest*x56))
+    del first_aa_at, first_aa_per_square, first_aa_rest, first_aa_serves, x56, x57
     c_1_aa = np.where(first_free, first_aa_c_first, first_c_a)
     del first_aa_c_first
     s_1_aa = np.where(first_free, first_aa_s_first, first_s_a)
     del first_aa_s_first
     axes_aa_1_1 = c_1_aa*pose_1_1 + pose_2_1*s_1_aa
     axes_aa_1_3 = c_1_aa*pose_1_3 + pose_2_3*s_1_aa
-    x59 = pose_3_1*sine_1
-    x60 = c_1_aa*pose_2_1 - pose_1_1*s_1_aa
-    axes_aa_2_1 = cosine_1*x60 + x59
-    x61 = c_1_aa*pose_2_3 - pose_1_3*s_1_aa
-    axes_aa_2_3 = cosine_1*x61 + x15
-    x62 = cosine_1*pose_3_1
-    axes_aa_3_1 = x62 - sine_1*x60
-    del x60
-    axes_aa_3_3 = x17 - sine_1*x61
-    del x61
+    x61 = pose_3_1*sine_1
+    x62 = c_1_aa*pose_2_1 - pose_1_1*s_1_aa
+    axes_aa_2_1 = cosine_1*x62 + x61
+    x63 = c_1_aa*pose_2_3 - pose_1_3*s_1_aa
+    axes_aa_2_3 = cosine_1*x63 + x18
+    x64 = cosine_1*pose_3_1
+    axes_aa_3_1 = x64 - sine_1*x62
+    del x62
+    axes_aa_3_3 = x20 - sine_1*x63
+    del x63
     N_aa_1_1 = axes_aa_1_1*c_23_aa + axes_aa_2_1*s_23_aa
     N_aa_1_3 = axes_aa_1_3*c_23_aa + axes_aa_2_3*s_23_aa
-    x63 = axes_aa_2_1*c_23_aa - axes_aa_1_1*s_23_aa
+    x65 = axes_aa_2_1*c_23_aa - axes_aa_1_1*s_23_aa
     del axes_aa_1_1, axes_aa_2_1
-    N_aa_2_1 = axes_aa_3_1*sine_3 + cosine_3*x63
-    x64 = axes_aa_2_3*c_23_aa - axes_aa_1_3*s_23_aa
+    N_aa_2_1 = axes_aa_3_1*sine_3 + cosine_3*x65
+    x66 = axes_aa_2_3*c_23_aa - axes_aa_1_3*s_23_aa
     del axes_aa_1_3, axes_aa_2_3, c_23_aa, s_23_aa
-    N_aa_2_3 = axes_aa_3_3*sine_3 + cosine_3*x64
-    N_aa_3_1 = axes_aa_3_1*cosine_3 - sine_3*x63
-    del axes_aa_3_1, x63
-    N_aa_3_3 = axes_aa_3_3*cosine_3 - sine_3*x64
-    del axes_aa_3_3, x64
+    N_aa_2_3 = axes_aa_3_3*sine_3 + cosine_3*x66
+    N_aa_3_1 = axes_aa_3_1*cosine_3 - sine_3*x65
+    del axes_aa_3_1, x65
+    N_aa_3_3 = axes_aa_3_3*cosine_3 - sine_3*x66
+    del axes_aa_3_3, x66
     h_aa = np.sqrt((N_aa_1_3*N_aa_1_3) + (N_aa_2_3*N_aa_2_3))
     bend_aa_denominator = np.abs(N_aa_3_3) + 1.0
-    x65 = cosine_4 - cosine_5
-    x66 = cosine_4 + cosine_5
-    bend_aa_apart = np.where(N_aa_3_3 >= 0.0, x65, x66)
+    x67 = cosine_4 - cosine_5
+    x68 = cosine_4 + cosine_5
+    bend_aa_apart = np.where(N_aa_3_3 >= 0.0, x67, x68)
     bend_aa_product = np.where(N_aa_3_3 >= 0.0, x3, -x3)
-    x68 = (bend_aa_apart*bend_aa_apart)
+    x70 = (bend_aa_apart*bend_aa_apart)
     del bend_aa_apart
-    bend_aa_gram = (h_aa*h_aa)*(1.0 - 2.0*bend_aa_product/bend_aa_denominator) - x68
+    bend_aa_gram = (h_aa*h_aa)*(1.0 - 2.0*bend_aa_product/bend_aa_denominator) - x70
     del bend_aa_denominator, bend_aa_product
-    bend_aa_tolerance = x19*(h_aa + x68)
-    del x68
-    bend_aa_free = (bend_aa_gram >= -bend_aa_tolerance) & (h_aa <= x260)
+    bend_aa_tolerance = error_a*(error_a + 2.0*h_aa) + x14*(h_aa + x70)
+    del x70
+    x263 = error_a + x261
+    bend_aa_free = (bend_aa_gram >= -bend_aa_tolerance) & (h_aa <= x263)
     del h_aa
     bend_aa_double = (np.abs(bend_aa_gram) <= bend_aa_tolerance) & (~(bend_aa_free))
     bend_aa_exists = bend_aa_gram >= -bend_aa_tolerance
@@ -345,26 +359,26 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     bend_aa_along = x3 - N_aa_3_3
     del N_aa_3_3
     bend_aa_size = np.sqrt((bend_aa_along*bend_aa_along) + (bend_aa_q*bend_aa_q))
-    x69 = np.where(x4 < 0.0, -1.0, 1.0)
+    x71 = np.where(x4 < 0.0, -1.0, 1.0)
     del x4
-    bend_aa_scale = x69*np.where(bend_aa_size > 0.0, 1.0/bend_aa_size, 1.0)
+    bend_aa_scale = x71*np.where(bend_aa_size > 0.0, 1.0/bend_aa_size, 1.0)
     del bend_aa_size
     bend_aa_c = bend_aa_along*bend_aa_scale
     del bend_aa_along
     bend_aa_s = bend_aa_q*bend_aa_scale
     del bend_aa_q, bend_aa_scale
     bend_aa_two = (bend_aa_exists) & (~((bend_aa_double) | (bend_aa_free)))
-    x70 = bend_aa_s*sine_5
-    x71 = N_aa_1_3*x70
-    x72 = cosine_5*sine_4
-    x73 = cosine_4*sine_5
-    x74 = -bend_aa_c*x73 - x72
-    fourth_aaa_dot = N_aa_2_3*x74 + x71
-    x75 = N_aa_2_3*x70
-    del x70
-    x76 = N_aa_1_3*x74
+    x72 = bend_aa_s*sine_5
+    x73 = N_aa_1_3*x72
+    x74 = cosine_5*sine_4
+    x75 = cosine_4*sine_5
+    x76 = -bend_aa_c*x75 - x74
+    fourth_aaa_dot = N_aa_2_3*x76 + x73
+    x77 = N_aa_2_3*x72
+    del x72
+    x78 = N_aa_1_3*x76
     del N_aa_1_3
-    fourth_aaa_cross = x75 - x76
+    fourth_aaa_cross = x77 - x78
     fourth_aaa_size = np.sqrt((fourth_aaa_cross*fourth_aaa_cross) + (fourth_aaa_dot*fourth_aaa_dot))
     fourth_aaa_scale = np.where(fourth_aaa_size > 0.0, 1.0/fourth_aaa_size, 1.0)
     del fourth_aaa_size
@@ -372,19 +386,19 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del fourth_aaa_dot
     fourth_aaa_s = np.where(bend_aa_free, 0.0, fourth_aaa_cross*fourth_aaa_scale)
     del fourth_aaa_cross, fourth_aaa_scale
-    x77 = N_aa_1_1*fourth_aaa_c + N_aa_2_1*fourth_aaa_s
-    x78 = N_aa_3_1*sine_4
-    x79 = N_aa_2_1*fourth_aaa_c - N_aa_1_1*fourth_aaa_s
-    x80 = cosine_4*x79 + x78
-    c_6_aaa = bend_aa_c*x77 + bend_aa_s*x80
-    x81 = N_aa_3_1*cosine_4
+    x79 = N_aa_1_1*fourth_aaa_c + N_aa_2_1*fourth_aaa_s
+    x80 = N_aa_3_1*sine_4
+    x81 = N_aa_2_1*fourth_aaa_c - N_aa_1_1*fourth_aaa_s
+    x82 = cosine_4*x81 + x80
+    c_6_aaa = bend_aa_c*x79 + bend_aa_s*x82
+    x83 = N_aa_3_1*cosine_4
     del N_aa_3_1
-    s_6_aaa = cosine_5*(bend_aa_c*x80 - bend_aa_s*x77) + sine_5*(x81 - sine_4*x79)
-    del x77, x79, x80
-    fourth_aab_dot = N_aa_2_3*x74 - x71
-    del N_aa_2_3, x71, x74
-    fourth_aab_cross = -x75 - x76
-    del x75, x76
+    s_6_aaa = cosine_5*(bend_aa_c*x82 - bend_aa_s*x79) + sine_5*(x83 - sine_4*x81)
+    del x79, x81, x82
+    fourth_aab_dot = N_aa_2_3*x76 - x73
+    del N_aa_2_3, x73, x76
+    fourth_aab_cross = -x77 - x78
+    del x77, x78
     fourth_aab_size = np.sqrt((fourth_aab_cross*fourth_aab_cross) + (fourth_aab_dot*fourth_aab_dot))
     fourth_aab_scale = np.where(fourth_aab_size > 0.0, 1.0/fourth_aab_size, 1.0)
     del fourth_aab_size
@@ -392,76 +406,76 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del fourth_aab_dot
     fourth_aab_s = np.where(bend_aa_free, 0.0, fourth_aab_cross*fourth_aab_scale)
     del fourth_aab_cross, fourth_aab_scale
-    x82 = N_aa_1_1*fourth_aab_c + N_aa_2_1*fourth_aab_s
-    x83 = N_aa_2_1*fourth_aab_c - N_aa_1_1*fourth_aab_s
+    x84 = N_aa_1_1*fourth_aab_c + N_aa_2_1*fourth_aab_s
+    x85 = N_aa_2_1*fourth_aab_c - N_aa_1_1*fourth_aab_s
     del N_aa_1_1, N_aa_2_1
-    x84 = cosine_4*x83 + x78
-    del x78
-    c_6_aab = bend_aa_c*x82 - bend_aa_s*x84
-    s_6_aab = cosine_5*(bend_aa_c*x84 + bend_aa_s*x82) + sine_5*(x81 - sine_4*x83)
-    del x81, x82, x83, x84
+    x86 = cosine_4*x85 + x80
+    del x80
+    c_6_aab = bend_aa_c*x84 - bend_aa_s*x86
+    s_6_aab = cosine_5*(bend_aa_c*x86 + bend_aa_s*x84) + sine_5*(x83 - sine_4*x85)
+    del x83, x84, x85, x86
     c_23_ab = triangle_a_3_c_b*triangle_a_chosen_c_b - triangle_a_3_s_b*triangle_a_chosen_s_b
     s_23_ab = triangle_a_3_c_b*triangle_a_chosen_s_b + triangle_a_3_s_b*triangle_a_chosen_c_b
     axis_4_ab_1 = s_23_ab*sine_3
-    x85 = c_23_ab*sine_3
-    axis_4_ab_2 = -cosine_1*x85 - x51
-    axis_4_ab_3 = -sine_1*x85 - x53
-    del x85
-    x86 = axis_4_ab_1*pose_1_3 + axis_4_ab_2*pose_2_3
-    x87 = axis_4_ab_1*pose_2_3 - axis_4_ab_2*pose_1_3
+    x87 = c_23_ab*sine_3
+    axis_4_ab_2 = -cosine_1*x87 - x53
+    axis_4_ab_3 = -sine_1*x87 - x55
+    del x87
+    x88 = axis_4_ab_1*pose_1_3 + axis_4_ab_2*pose_2_3
+    x89 = axis_4_ab_1*pose_2_3 - axis_4_ab_2*pose_1_3
     del axis_4_ab_1, axis_4_ab_2
-    first_ab_square = (x86*x86) + (x87*x87)
+    first_ab_square = (x88*x88) + (x89*x89)
     first_ab_amplitude = np.sqrt(first_ab_square)
     first_ab_per_square = np.where(first_ab_square > 0.0, 1.0/first_ab_square, 1.0)
-    x88 = axis_4_ab_3*pose_3_3 - bends_1
+    x90 = axis_4_ab_3*pose_3_3 - bends_1
     del axis_4_ab_3
-    first_ab_serves = (first_ab_square <= 0.0) | (np.abs(x86 + x88) <= bends_2)
-    first_ab_at = np.where(first_ab_amplitude < -x88, first_ab_amplitude, np.where(first_ab_amplitude < x88, -first_ab_amplitude, -x88))
-    del first_ab_amplitude, x88
-    x90 = (first_ab_at*first_ab_at)
-    first_ab_rest = np.where(first_ab_square > x90, np.sqrt(first_ab_square - x90), 0.0)
-    del first_ab_square, x90
-    first_ab_c_first = np.where(first_ab_serves, 1.0, first_ab_per_square*(first_ab_at*x86 - first_ab_rest*x87))
-    first_ab_s_first = np.where(first_ab_serves, 0.0, first_ab_per_square*(first_ab_at*x87 + first_ab_rest*x86))
-    del first_ab_at, first_ab_per_square, first_ab_rest, first_ab_serves, x86, x87
+    first_ab_serves = (first_ab_square <= 0.0) | (np.abs(x88 + x90) <= bends_2)
+    first_ab_at = np.where(first_ab_amplitude < -x90, first_ab_amplitude, np.where(first_ab_amplitude < x90, -first_ab_amplitude, -x90))
+    del first_ab_amplitude, x90
+    x92 = (first_ab_at*first_ab_at)
+    first_ab_rest = np.where(first_ab_square > x92, np.sqrt(first_ab_square - x92), 0.0)
+    del first_ab_square, x92
+    first_ab_c_first = np.where(first_ab_serves, 1.0, first_ab_per_square*(first_ab_at*x88 - first_ab_rest*x89))
+    first_ab_s_first = np.where(first_ab_serves, 0.0, first_ab_per_square*(first_ab_at*x89 + first_ab_rest*x88))
+    del first_ab_at, first_ab_per_square, first_ab_rest, first_ab_serves, x88, x89
     c_1_ab = np.where(first_free, first_ab_c_first, first_c_a)
     del first_ab_c_first, first_c_a
     s_1_ab = np.where(first_free, first_ab_s_first, first_s_a)
     del first_ab_s_first, first_s_a
     axes_ab_1_1 = c_1_ab*pose_1_1 + pose_2_1*s_1_ab
     axes_ab_1_3 = c_1_ab*pose_1_3 + pose_2_3*s_1_ab
-    x91 = c_1_ab*pose_2_1 - pose_1_1*s_1_ab
-    axes_ab_2_1 = cosine_1*x91 + x59
-    x92 = c_1_ab*pose_2_3 - pose_1_3*s_1_ab
-    axes_ab_2_3 = cosine_1*x92 + x15
-    axes_ab_3_1 = x62 - sine_1*x91
-    del x91
-    axes_ab_3_3 = x17 - sine_1*x92
-    del x92
+    x93 = c_1_ab*pose_2_1 - pose_1_1*s_1_ab
+    axes_ab_2_1 = cosine_1*x93 + x61
+    x94 = c_1_ab*pose_2_3 - pose_1_3*s_1_ab
+    axes_ab_2_3 = cosine_1*x94 + x18
+    axes_ab_3_1 = x64 - sine_1*x93
+    del x93
+    axes_ab_3_3 = x20 - sine_1*x94
+    del x94
     N_ab_1_1 = axes_ab_1_1*c_23_ab + axes_ab_2_1*s_23_ab
     N_ab_1_3 = axes_ab_1_3*c_23_ab + axes_ab_2_3*s_23_ab
-    x93 = axes_ab_2_1*c_23_ab - axes_ab_1_1*s_23_ab
+    x95 = axes_ab_2_1*c_23_ab - axes_ab_1_1*s_23_ab
     del axes_ab_1_1, axes_ab_2_1
-    N_ab_2_1 = axes_ab_3_1*sine_3 + cosine_3*x93
-    x94 = axes_ab_2_3*c_23_ab - axes_ab_1_3*s_23_ab
+    N_ab_2_1 = axes_ab_3_1*sine_3 + cosine_3*x95
+    x96 = axes_ab_2_3*c_23_ab - axes_ab_1_3*s_23_ab
     del axes_ab_1_3, axes_ab_2_3, c_23_ab, s_23_ab
-    N_ab_2_3 = axes_ab_3_3*sine_3 + cosine_3*x94
-    N_ab_3_1 = axes_ab_3_1*cosine_3 - sine_3*x93
-    del axes_ab_3_1, x93
-    N_ab_3_3 = axes_ab_3_3*cosine_3 - sine_3*x94
-    del axes_ab_3_3, x94
+    N_ab_2_3 = axes_ab_3_3*sine_3 + cosine_3*x96
+    N_ab_3_1 = axes_ab_3_1*cosine_3 - sine_3*x95
+    del axes_ab_3_1, x95
+    N_ab_3_3 = axes_ab_3_3*cosine_3 - sine_3*x96
+    del axes_ab_3_3, x96
     h_ab = np.sqrt((N_ab_1_3*N_ab_1_3) + (N_ab_2_3*N_ab_2_3))
     bend_ab_denominator = np.abs(N_ab_3_3) + 1.0
-    bend_ab_apart = np.where(N_ab_3_3 >= 0.0, x65, x66)
+    bend_ab_apart = np.where(N_ab_3_3 >= 0.0, x67, x68)
     bend_ab_product = np.where(N_ab_3_3 >= 0.0, x3, -x3)
-    x95 = (bend_ab_apart*bend_ab_apart)
+    x97 = (bend_ab_apart*bend_ab_apart)
     del bend_ab_apart
-    bend_ab_gram = (h_ab*h_ab)*(1.0 - 2.0*bend_ab_product/bend_ab_denominator) - x95
+    bend_ab_gram = (h_ab*h_ab)*(1.0 - 2.0*bend_ab_product/bend_ab_denominator) - x97
     del bend_ab_denominator, bend_ab_product
-    bend_ab_tolerance = x19*(h_ab + x95)
-    del x95
-    bend_ab_free = (bend_ab_gram >= -bend_ab_tolerance) & (h_ab <= x260)
-    del h_ab
+    bend_ab_tolerance = error_a*(error_a + 2.0*h_ab) + x14*(h_ab + x97)
+    del error_a, x97
+    bend_ab_free = (bend_ab_gram >= -bend_ab_tolerance) & (h_ab <= x263)
+    del h_ab, x263
     bend_ab_double = (np.abs(bend_ab_gram) <= bend_ab_tolerance) & (~(bend_ab_free))
     bend_ab_exists = bend_ab_gram >= -bend_ab_tolerance
     del bend_ab_tolerance
@@ -470,22 +484,22 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     bend_ab_along = x3 - N_ab_3_3
     del N_ab_3_3
     bend_ab_size = np.sqrt((bend_ab_along*bend_ab_along) + (bend_ab_q*bend_ab_q))
-    bend_ab_scale = x69*np.where(bend_ab_size > 0.0, 1.0/bend_ab_size, 1.0)
+    bend_ab_scale = x71*np.where(bend_ab_size > 0.0, 1.0/bend_ab_size, 1.0)
     del bend_ab_size
     bend_ab_c = bend_ab_along*bend_ab_scale
     del bend_ab_along
     bend_ab_s = bend_ab_q*bend_ab_scale
     del bend_ab_q, bend_ab_scale
     bend_ab_two = (bend_ab_exists) & (~((bend_ab_double) | (bend_ab_free)))
-    x96 = bend_ab_s*sine_5
-    x97 = N_ab_1_3*x96
-    x98 = -bend_ab_c*x73 - x72
-    fourth_aba_dot = N_ab_2_3*x98 + x97
-    x99 = N_ab_2_3*x96
-    del x96
-    x100 = N_ab_1_3*x98
+    x98 = bend_ab_s*sine_5
+    x99 = N_ab_1_3*x98
+    x100 = -bend_ab_c*x75 - x74
+    fourth_aba_dot = N_ab_2_3*x100 + x99
+    x101 = N_ab_2_3*x98
+    del x98
+    x102 = N_ab_1_3*x100
     del N_ab_1_3
-    fourth_aba_cross = x99 - x100
+    fourth_aba_cross = x101 - x102
     fourth_aba_size = np.sqrt((fourth_aba_cross*fourth_aba_cross) + (fourth_aba_dot*fourth_aba_dot))
     fourth_aba_scale = np.where(fourth_aba_size > 0.0, 1.0/fourth_aba_size, 1.0)
     del fourth_aba_size
@@ -493,19 +507,19 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del fourth_aba_dot
     fourth_aba_s = np.where(bend_ab_free, 0.0, fourth_aba_cross*fourth_aba_scale)
     del fourth_aba_cross, fourth_aba_scale
-    x101 = N_ab_1_1*fourth_aba_c + N_ab_2_1*fourth_aba_s
-    x102 = N_ab_3_1*sine_4
-    x103 = N_ab_2_1*fourth_aba_c - N_ab_1_1*fourth_aba_s
-    x104 = cosine_4*x103 + x102
-    c_6_aba = bend_ab_c*x101 + bend_ab_s*x104
-    x105 = N_ab_3_1*cosine_4
+    x103 = N_ab_1_1*fourth_aba_c + N_ab_2_1*fourth_aba_s
+    x104 = N_ab_3_1*sine_4
+    x105 = N_ab_2_1*fourth_aba_c - N_ab_1_1*fourth_aba_s
+    x106 = cosine_4*x105 + x104
+    c_6_aba = bend_ab_c*x103 + bend_ab_s*x106
+    x107 = N_ab_3_1*cosine_4
     del N_ab_3_1
-    s_6_aba = cosine_5*(bend_ab_c*x104 - bend_ab_s*x101) + sine_5*(x105 - sine_4*x103)
-    del x101, x103, x104
-    fourth_abb_dot = N_ab_2_3*x98 - x97
-    del N_ab_2_3, x97, x98
-    fourth_abb_cross = -x100 - x99
-    del x100, x99
+    s_6_aba = cosine_5*(bend_ab_c*x106 - bend_ab_s*x103) + sine_5*(x107 - sine_4*x105)
+    del x103, x105, x106
+    fourth_abb_dot = N_ab_2_3*x100 - x99
+    del N_ab_2_3, x100, x99
+    fourth_abb_cross = -x101 - x102
+    del x101, x102
     fourth_abb_size = np.sqrt((fourth_abb_cross*fourth_abb_cross) + (fourth_abb_dot*fourth_abb_dot))
     fourth_abb_scale = np.where(fourth_abb_size > 0.0, 1.0/fourth_abb_size, 1.0)
     del fourth_abb_size
@@ -513,57 +527,61 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del fourth_abb_dot
     fourth_abb_s = np.where(bend_ab_free, 0.0, fourth_abb_cross*fourth_abb_scale)
     del fourth_abb_cross, fourth_abb_scale
-    x106 = N_ab_1_1*fourth_abb_c + N_ab_2_1*fourth_abb_s
-    x107 = N_ab_2_1*fourth_abb_c - N_ab_1_1*fourth_abb_s
+    x108 = N_ab_1_1*fourth_abb_c + N_ab_2_1*fourth_abb_s
+    x109 = N_ab_2_1*fourth_abb_c - N_ab_1_1*fourth_abb_s
     del N_ab_1_1, N_ab_2_1
-    x108 = cosine_4*x107 + x102
-    del x102
-    c_6_abb = bend_ab_c*x106 - bend_ab_s*x108
-    s_6_abb = cosine_5*(bend_ab_c*x108 + bend_ab_s*x106) + sine_5*(x105 - sine_4*x107)
-    del x105, x106, x107, x108
+    x110 = cosine_4*x109 + x104
+    del x104
+    c_6_abb = bend_ab_c*x108 - bend_ab_s*x110
+    s_6_abb = cosine_5*(bend_ab_c*x110 + bend_ab_s*x108) + sine_5*(x107 - sine_4*x109)
+    del x107, x108, x109, x110
     side_b = centre_2*first_c_b - centre_1*first_s_b
     end_b_1 = centre_1*first_c_b + centre_2*first_s_b - a_1
     del centre_1, centre_2
-    end_b_2 = cosine_1*side_b + x14
-    del side_b, x14
+    end_b_2 = cosine_1*side_b + x17
+    del side_b, x17
     axes_b_1_3 = first_c_b*pose_1_3 + first_s_b*pose_2_3
-    x109 = first_c_b*pose_2_3 - first_s_b*pose_1_3
-    axes_b_2_3 = cosine_1*x109 + x15
-    axes_b_3_3 = x17 - sine_1*x109
-    del x109
-    triangle_b_area = x20
-    del x20
-    triangle_b_3_r = x22
-    del x22
-    x110 = (end_b_1*end_b_1) + (end_b_2*end_b_2) - square
+    x111 = first_c_b*pose_2_3 - first_s_b*pose_1_3
+    axes_b_2_3 = cosine_1*x111 + x18
+    axes_b_3_3 = x20 - sine_1*x111
+    del x111
+    triangle_b_side = np.sqrt((end_b_1*end_b_1) + (end_b_2*end_b_2))
+    triangle_b_area = triangle_b_side*x21 + x23
+    del x21, x23
+    triangle_b_3_r = x25
+    del x25
+    x112 = square - (triangle_b_side*triangle_b_side)
     del square
-    x111 = np.abs(x110)
-    triangle_b_3_room = triangle_b_3_r - x111
-    triangle_b_3_free = (triangle_b_3_r <= x262) & (x111 <= x262)
-    del x262
+    x113 = np.abs(x112)
+    triangle_b_3_room = triangle_b_3_r - x113
+    triangle_b_3_free = (triangle_b_3_r <= x265) & (x113 <= x265)
+    del x265
     triangle_b_3_double = (np.abs(triangle_b_3_room) <= triangle_b_area) & (~(triangle_b_3_free))
     triangle_b_3_exists = (triangle_b_3_free) | ((triangle_b_3_room >= -triangle_b_area) & (triangle_b_3_r > 0.0))
-    del triangle_b_area
-    triangle_b_3_q = np.where((~(triangle_b_3_double)) & (triangle_b_3_room > 0.0), np.sqrt(triangle_b_3_room*(triangle_b_3_r + x111)), 0.0)
-    del triangle_b_3_room, x111
-    triangle_b_3_size = triangle_b_3_r*np.sqrt((triangle_b_3_q*triangle_b_3_q) + (x110*x110))
-    del triangle_b_3_r
+    triangle_b_3_q = np.where((~(triangle_b_3_double)) & (triangle_b_3_room > 0.0), np.sqrt(triangle_b_3_room*(triangle_b_3_r + x113)), 0.0)
+    del triangle_b_3_room, x113
+    x114 = (triangle_b_3_q*triangle_b_3_q)
+    triangle_b_3_size = triangle_b_3_r*np.sqrt((x112*x112) + x114)
     triangle_b_3_scale = np.where(triangle_b_3_size > 0.0, 1.0/triangle_b_3_size, 1.0)
     del triangle_b_3_size
-    x113 = triangle_b_3_q*x28
-    x114 = -x110*x30
-    triangle_b_3_c_a = np.where(triangle_b_3_free, 1.0, triangle_b_3_scale*(x113 - x114))
     x115 = triangle_b_3_q*x30
-    del triangle_b_3_q, x30
-    triangle_b_3_s_a = np.where(triangle_b_3_free, 0.0, triangle_b_3_scale*(x115 - x110*x28))
-    del x28
-    triangle_b_3_c_b = np.where(triangle_b_3_free, 1.0, triangle_b_3_scale*(-x113 - x114))
-    del x113, x114
-    triangle_b_3_s_b = np.where(triangle_b_3_free, 0.0, triangle_b_3_scale*(-2.0*a_2*forearm_2*x110 - x115))
-    del triangle_b_3_scale, x110, x115
+    x116 = x112*x32
+    triangle_b_3_c_a = np.where(triangle_b_3_free, 1.0, triangle_b_3_scale*(x115 - x116))
+    x117 = triangle_b_3_q*x32
+    del triangle_b_3_q, x32
+    triangle_b_3_s_a = np.where(triangle_b_3_free, 0.0, triangle_b_3_scale*(x112*x30 + x117))
+    del x30
+    triangle_b_3_c_b = np.where(triangle_b_3_free, 1.0, triangle_b_3_scale*(-x115 - x116))
+    del x115, x116
+    triangle_b_3_s_b = np.where(triangle_b_3_free, 0.0, triangle_b_3_scale*(2.0*a_2*forearm_2*x112 - x117))
+    del triangle_b_3_scale, x112, x117
     triangle_b_3_two = (triangle_b_3_exists) & (~((triangle_b_3_double) | (triangle_b_3_free)))
-    triangle_b_any = np.abs(end_b_1) + np.abs(end_b_2) <= x261
-    del x261
+    triangle_b_3_slope = triangle_b_3_r*triangle_b_area + x114
+    del triangle_b_3_r, x114
+    triangle_b_3_error = np.where((~(triangle_b_3_free)) & (triangle_b_3_slope > 0.0), triangle_b_area*np.where(triangle_b_3_slope > 0.0, 1.0/np.sqrt(triangle_b_3_slope), 1.0), 0.0)
+    del triangle_b_3_slope, triangle_b_area
+    triangle_b_any = np.abs(end_b_1) + np.abs(end_b_2) <= x262
+    del x262
     triangle_b_arm_a_1 = a_2 + forearm_1*triangle_b_3_c_a - forearm_2*triangle_b_3_s_a
     triangle_b_arm_a_2 = forearm_1*triangle_b_3_s_a + forearm_2*triangle_b_3_c_a
     triangle_b_2_a_dot = end_b_1*triangle_b_arm_a_1 + end_b_2*triangle_b_arm_a_2
@@ -576,27 +594,27 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del triangle_b_2_a_dot
     triangle_b_2_a_s = np.where(triangle_b_any, 0.0, triangle_b_2_a_cross*triangle_b_2_a_scale)
     del triangle_b_2_a_cross, triangle_b_2_a_scale
-    x116 = axes_b_1_3*sine_3
+    x118 = axes_b_1_3*sine_3
     del axes_b_1_3
-    x117 = axes_b_2_3*sine_3
+    x119 = axes_b_2_3*sine_3
     del axes_b_2_3
-    x118 = triangle_b_3_c_a*x116 + triangle_b_3_s_a*x117
-    x119 = triangle_b_3_s_a*x116 - triangle_b_3_c_a*x117
-    triangle_b_free_a_square = (x118*x118) + (x119*x119)
+    x120 = triangle_b_3_c_a*x118 + triangle_b_3_s_a*x119
+    x121 = triangle_b_3_s_a*x118 - triangle_b_3_c_a*x119
+    triangle_b_free_a_square = (x120*x120) + (x121*x121)
     triangle_b_free_a_amplitude = np.sqrt(triangle_b_free_a_square)
     triangle_b_free_a_per_square = np.where(triangle_b_free_a_square > 0.0, 1.0/triangle_b_free_a_square, 1.0)
-    x120 = axes_b_3_3*cosine_3
+    x122 = axes_b_3_3*cosine_3
     del axes_b_3_3
-    x121 = x120 - bends_1
-    triangle_b_free_a_serves = (triangle_b_free_a_square <= 0.0) | (np.abs(x119 + x121) <= bends_2)
-    triangle_b_free_a_at = np.where(triangle_b_free_a_amplitude < -x121, triangle_b_free_a_amplitude, np.where(triangle_b_free_a_amplitude < x121, -triangle_b_free_a_amplitude, -x121))
+    x123 = x122 - bends_1
+    triangle_b_free_a_serves = (triangle_b_free_a_square <= 0.0) | (np.abs(x121 + x123) <= bends_2)
+    triangle_b_free_a_at = np.where(triangle_b_free_a_amplitude < -x123, triangle_b_free_a_amplitude, np.where(triangle_b_free_a_amplitude < x123, -triangle_b_free_a_amplitude, -x123))
     del triangle_b_free_a_amplitude
-    x123 = (triangle_b_free_a_at*triangle_b_free_a_at)
-    triangle_b_free_a_rest = np.where(triangle_b_free_a_square > x123, np.sqrt(triangle_b_free_a_square - x123), 0.0)
-    del triangle_b_free_a_square, x123
-    triangle_b_free_a_c_first = np.where(triangle_b_free_a_serves, 1.0, triangle_b_free_a_per_square*(triangle_b_free_a_at*x119 - triangle_b_free_a_rest*x118))
-    triangle_b_free_a_s_first = np.where(triangle_b_free_a_serves, 0.0, triangle_b_free_a_per_square*(triangle_b_free_a_at*x118 + triangle_b_free_a_rest*x119))
-    del triangle_b_free_a_at, triangle_b_free_a_per_square, triangle_b_free_a_rest, triangle_b_free_a_serves, x118, x119
+    x125 = (triangle_b_free_a_at*triangle_b_free_a_at)
+    triangle_b_free_a_rest = np.where(triangle_b_free_a_square > x125, np.sqrt(triangle_b_free_a_square - x125), 0.0)
+    del triangle_b_free_a_square, x125
+    triangle_b_free_a_c_first = np.where(triangle_b_free_a_serves, 1.0, triangle_b_free_a_per_square*(triangle_b_free_a_at*x121 - triangle_b_free_a_rest*x120))
+    triangle_b_free_a_s_first = np.where(triangle_b_free_a_serves, 0.0, triangle_b_free_a_per_square*(triangle_b_free_a_at*x120 + triangle_b_free_a_rest*x121))
+    del triangle_b_free_a_at, triangle_b_free_a_per_square, triangle_b_free_a_rest, triangle_b_free_a_serves, x120, x121
     triangle_b_chosen_c_a = np.where(triangle_b_any, triangle_b_free_a_c_first, triangle_b_2_a_c)
     del triangle_b_2_a_c, triangle_b_free_a_c_first
     triangle_b_chosen_s_a = np.where(triangle_b_any, triangle_b_free_a_s_first, triangle_b_2_a_s)
@@ -614,77 +632,81 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del triangle_b_2_b_dot
     triangle_b_2_b_s = np.where(triangle_b_any, 0.0, triangle_b_2_b_cross*triangle_b_2_b_scale)
     del triangle_b_2_b_cross, triangle_b_2_b_scale
-    x124 = triangle_b_3_c_b*x116 + triangle_b_3_s_b*x117
-    x125 = (x124*x124)
-    x126 = triangle_b_3_s_b*x116
-    del x116
-    x127 = triangle_b_3_c_b*x117
-    del x117
-    x128 = x126 - x127
-    x129 = (x128*x128)
-    triangle_b_free_b_square = x125 + x129
+    x126 = triangle_b_3_c_b*x118 + triangle_b_3_s_b*x119
+    x127 = (x126*x126)
+    x128 = triangle_b_3_s_b*x118
+    del x118
+    x129 = triangle_b_3_c_b*x119
+    del x119
+    x130 = x128 - x129
+    x131 = (x130*x130)
+    triangle_b_free_b_square = x127 + x131
     triangle_b_free_b_amplitude = np.sqrt(triangle_b_free_b_square)
     triangle_b_free_b_per_square = np.where(triangle_b_free_b_square > 0.0, 1.0/triangle_b_free_b_square, 1.0)
-    triangle_b_free_b_serves = (triangle_b_free_b_square <= 0.0) | (np.abs(x121 + x128) <= bends_2)
-    triangle_b_free_b_at = np.where(triangle_b_free_b_amplitude < -x121, triangle_b_free_b_amplitude, np.where(triangle_b_free_b_amplitude < x121, -triangle_b_free_b_amplitude, -x121))
-    x130 = (triangle_b_free_b_at*triangle_b_free_b_at)
-    triangle_b_free_b_rest = np.where(triangle_b_free_b_square > x130, np.sqrt(triangle_b_free_b_square - x130), 0.0)
-    del triangle_b_free_b_square, x130
-    triangle_b_free_b_c_first = np.where(triangle_b_free_b_serves, 1.0, triangle_b_free_b_per_square*(triangle_b_free_b_at*x128 - triangle_b_free_b_rest*x124))
-    triangle_b_free_b_s_first = np.where(triangle_b_free_b_serves, 0.0, triangle_b_free_b_per_square*(triangle_b_free_b_at*x124 + triangle_b_free_b_rest*x128))
-    del triangle_b_free_b_at, triangle_b_free_b_rest, triangle_b_free_b_serves, x128
-    x131 = triangle_b_free_b_per_square*x124*(2.0*x126 - 2.0*x127)
-    del x124, x126, x127
-    x132 = triangle_b_free_b_per_square*(x129 - x125)
-    del triangle_b_free_b_per_square, x125, x129
-    triangle_b_free_b_c_second = triangle_b_free_b_c_first*x132 + triangle_b_free_b_s_first*x131
-    triangle_b_free_b_s_second = triangle_b_free_b_c_first*x131 - triangle_b_free_b_s_first*x132
-    del triangle_b_free_b_c_first, triangle_b_free_b_s_first, x131, x132
-    triangle_b_free_b_split = (triangle_b_free_b_amplitude + x121 > bends_2) & (bends_1 + triangle_b_free_b_amplitude - x120 > bends_2)
-    del triangle_b_free_b_amplitude, x120, x121
+    triangle_b_free_b_serves = (triangle_b_free_b_square <= 0.0) | (np.abs(x123 + x130) <= bends_2)
+    triangle_b_free_b_at = np.where(triangle_b_free_b_amplitude < -x123, triangle_b_free_b_amplitude, np.where(triangle_b_free_b_amplitude < x123, -triangle_b_free_b_amplitude, -x123))
+    x132 = (triangle_b_free_b_at*triangle_b_free_b_at)
+    triangle_b_free_b_rest = np.where(triangle_b_free_b_square > x132, np.sqrt(triangle_b_free_b_square - x132), 0.0)
+    del triangle_b_free_b_square, x132
+    triangle_b_free_b_c_first = np.where(triangle_b_free_b_serves, 1.0, triangle_b_free_b_per_square*(triangle_b_free_b_at*x130 - triangle_b_free_b_rest*x126))
+    triangle_b_free_b_s_first = np.where(triangle_b_free_b_serves, 0.0, triangle_b_free_b_per_square*(triangle_b_free_b_at*x126 + triangle_b_free_b_rest*x130))
+    del triangle_b_free_b_at, triangle_b_free_b_rest, triangle_b_free_b_serves, x130
+    x133 = triangle_b_free_b_per_square*x126*(2.0*x128 - 2.0*x129)
+    del x126, x128, x129
+    x134 = triangle_b_free_b_per_square*(x131 - x127)
+    del triangle_b_free_b_per_square, x127, x131
+    triangle_b_free_b_c_second = triangle_b_free_b_c_first*x134 + triangle_b_free_b_s_first*x133
+    triangle_b_free_b_s_second = triangle_b_free_b_c_first*x133 - triangle_b_free_b_s_first*x134
+    del triangle_b_free_b_c_first, triangle_b_free_b_s_first, x133, x134
+    triangle_b_free_b_split = (triangle_b_free_b_amplitude + x123 > bends_2) & (bends_1 + triangle_b_free_b_amplitude - x122 > bends_2)
+    del triangle_b_free_b_amplitude, x122, x123
     triangle_b_chosen_c_b = np.where(triangle_b_any, triangle_b_free_b_c_second, triangle_b_2_b_c)
     del triangle_b_2_b_c, triangle_b_free_b_c_second
     triangle_b_chosen_s_b = np.where(triangle_b_any, triangle_b_free_b_s_second, triangle_b_2_b_s)
     del triangle_b_2_b_s, triangle_b_free_b_s_second
     triangle_b_more = (triangle_b_3_two) | ((triangle_b_3_exists) & (triangle_b_any) & (triangle_b_free_b_split))
     del triangle_b_3_two, triangle_b_free_b_split
+    triangle_b_error = triangle_b_3_error + np.where(triangle_b_any, 0.0, off*np.where(triangle_b_side > 0.0, 1.0/triangle_b_side, 1.0))
+    del off, triangle_b_3_error, triangle_b_side
+    error_b = first_error + triangle_b_error
+    del first_error, triangle_b_error
     c_23_ba = triangle_b_3_c_a*triangle_b_chosen_c_a - triangle_b_3_s_a*triangle_b_chosen_s_a
     s_23_ba = triangle_b_3_c_a*triangle_b_chosen_s_a + triangle_b_3_s_a*triangle_b_chosen_c_a
     axis_4_ba_1 = s_23_ba*sine_3
-    x133 = c_23_ba*sine_3
-    axis_4_ba_2 = -cosine_1*x133 - x51
-    axis_4_ba_3 = -sine_1*x133 - x53
-    del x133
-    x134 = axis_4_ba_1*pose_1_3
-    x135 = axis_4_ba_2*pose_2_3
-    x136 = x134 + x135
-    x137 = (x136*x136)
-    x138 = axis_4_ba_1*pose_2_3 - axis_4_ba_2*pose_1_3
-    del axis_4_ba_1, axis_4_ba_2
+    x135 = c_23_ba*sine_3
+    axis_4_ba_2 = -cosine_1*x135 - x53
+    axis_4_ba_3 = -sine_1*x135 - x55
+    del x135
+    x136 = axis_4_ba_1*pose_1_3
+    x137 = axis_4_ba_2*pose_2_3
+    x138 = x136 + x137
     x139 = (x138*x138)
-    first_ba_square = x137 + x139
+    x140 = axis_4_ba_1*pose_2_3 - axis_4_ba_2*pose_1_3
+    del axis_4_ba_1, axis_4_ba_2
+    x141 = (x140*x140)
+    first_ba_square = x139 + x141
     first_ba_amplitude = np.sqrt(first_ba_square)
     first_ba_per_square = np.where(first_ba_square > 0.0, 1.0/first_ba_square, 1.0)
-    x140 = axis_4_ba_3*pose_3_3
+    x142 = axis_4_ba_3*pose_3_3
     del axis_4_ba_3
-    x141 = x140 - bends_1
-    first_ba_serves = (first_ba_square <= 0.0) | (np.abs(x136 + x141) <= bends_2)
-    first_ba_at = np.where(first_ba_amplitude < -x141, first_ba_amplitude, np.where(first_ba_amplitude < x141, -first_ba_amplitude, -x141))
-    x143 = (first_ba_at*first_ba_at)
-    first_ba_rest = np.where(first_ba_square > x143, np.sqrt(first_ba_square - x143), 0.0)
-    del first_ba_square, x143
-    first_ba_c_first = np.where(first_ba_serves, 1.0, first_ba_per_square*(first_ba_at*x136 - first_ba_rest*x138))
-    first_ba_s_first = np.where(first_ba_serves, 0.0, first_ba_per_square*(first_ba_at*x138 + first_ba_rest*x136))
-    del first_ba_at, first_ba_rest, first_ba_serves, x136
-    x144 = first_ba_per_square*x138*(2.0*x134 + 2.0*x135)
-    del x134, x135, x138
-    x145 = first_ba_per_square*(x137 - x139)
-    del first_ba_per_square, x137, x139
-    first_ba_c_second = first_ba_c_first*x145 + first_ba_s_first*x144
-    first_ba_s_second = first_ba_c_first*x144 - first_ba_s_first*x145
-    del first_ba_c_first, first_ba_s_first, x144, x145
-    first_ba_split = (first_ba_amplitude + x141 > bends_2) & (bends_1 + first_ba_amplitude - x140 > bends_2)
-    del first_ba_amplitude, x140, x141
+    x143 = x142 - bends_1
+    first_ba_serves = (first_ba_square <= 0.0) | (np.abs(x138 + x143) <= bends_2)
+    first_ba_at = np.where(first_ba_amplitude < -x143, first_ba_amplitude, np.where(first_ba_amplitude < x143, -first_ba_amplitude, -x143))
+    x145 = (first_ba_at*first_ba_at)
+    first_ba_rest = np.where(first_ba_square > x145, np.sqrt(first_ba_square - x145), 0.0)
+    del first_ba_square, x145
+    first_ba_c_first = np.where(first_ba_serves, 1.0, first_ba_per_square*(first_ba_at*x138 - first_ba_rest*x140))
+    first_ba_s_first = np.where(first_ba_serves, 0.0, first_ba_per_square*(first_ba_at*x140 + first_ba_rest*x138))
+    del first_ba_at, first_ba_rest, first_ba_serves, x138
+    x146 = first_ba_per_square*x140*(2.0*x136 + 2.0*x137)
+    del x136, x137, x140
+    x147 = first_ba_per_square*(x139 - x141)
+    del first_ba_per_square, x139, x141
+    first_ba_c_second = first_ba_c_first*x147 + first_ba_s_first*x146
+    first_ba_s_second = first_ba_c_first*x146 - first_ba_s_first*x147
+    del first_ba_c_first, first_ba_s_first, x146, x147
+    first_ba_split = (first_ba_amplitude + x143 > bends_2) & (bends_1 + first_ba_amplitude - x142 > bends_2)
+    del first_ba_amplitude, x142, x143
     c_1_ba = np.where(first_free, first_ba_c_second, first_c_b)
     del first_ba_c_second
     s_1_ba = np.where(first_free, first_ba_s_second, first_s_b)
@@ -693,37 +715,39 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del first_ba_split
     axes_ba_1_1 = c_1_ba*pose_1_1 + pose_2_1*s_1_ba
     axes_ba_1_3 = c_1_ba*pose_1_3 + pose_2_3*s_1_ba
-    x146 = c_1_ba*pose_2_1 - pose_1_1*s_1_ba
-    axes_ba_2_1 = cosine_1*x146 + x59
-    x147 = c_1_ba*pose_2_3 - pose_1_3*s_1_ba
-    axes_ba_2_3 = cosine_1*x147 + x15
-    axes_ba_3_1 = x62 - sine_1*x146
-    del x146
-    axes_ba_3_3 = x17 - sine_1*x147
-    del x147
+    x148 = c_1_ba*pose_2_1 - pose_1_1*s_1_ba
+    axes_ba_2_1 = cosine_1*x148 + x61
+    x149 = c_1_ba*pose_2_3 - pose_1_3*s_1_ba
+    axes_ba_2_3 = cosine_1*x149 + x18
+    axes_ba_3_1 = x64 - sine_1*x148
+    del x148
+    axes_ba_3_3 = x20 - sine_1*x149
+    del x149
     N_ba_1_1 = axes_ba_1_1*c_23_ba + axes_ba_2_1*s_23_ba
     N_ba_1_3 = axes_ba_1_3*c_23_ba + axes_ba_2_3*s_23_ba
-    x148 = axes_ba_2_1*c_23_ba - axes_ba_1_1*s_23_ba
+    x150 = axes_ba_2_1*c_23_ba - axes_ba_1_1*s_23_ba
     del axes_ba_1_1, axes_ba_2_1
-    N_ba_2_1 = axes_ba_3_1*sine_3 + cosine_3*x148
-    x149 = axes_ba_2_3*c_23_ba - axes_ba_1_3*s_23_ba
+    N_ba_2_1 = axes_ba_3_1*sine_3 + cosine_3*x150
+    x151 = axes_ba_2_3*c_23_ba - axes_ba_1_3*s_23_ba
     del axes_ba_1_3, axes_ba_2_3, c_23_ba, s_23_ba
-    N_ba_2_3 = axes_ba_3_3*sine_3 + cosine_3*x149
-    N_ba_3_1 = axes_ba_3_1*cosine_3 - sine_3*x148
-    del axes_ba_3_1, x148
-    N_ba_3_3 = axes_ba_3_3*cosine_3 - sine_3*x149
-    del axes_ba_3_3, x149
+    N_ba_2_3 = axes_ba_3_3*sine_3 + cosine_3*x151
+    N_ba_3_1 = axes_ba_3_1*cosine_3 - sine_3*x150
+    del axes_ba_3_1, x150
+    N_ba_3_3 = axes_ba_3_3*cosine_3 - sine_3*x151
+    del axes_ba_3_3, x151
     h_ba = np.sqrt((N_ba_1_3*N_ba_1_3) + (N_ba_2_3*N_ba_2_3))
     bend_ba_denominator = np.abs(N_ba_3_3) + 1.0
-    bend_ba_apart = np.where(N_ba_3_3 >= 0.0, x65, x66)
+    bend_ba_apart = np.where(N_ba_3_3 >= 0.0, x67, x68)
     bend_ba_product = np.where(N_ba_3_3 >= 0.0, x3, -x3)
-    x150 = (bend_ba_apart*bend_ba_apart)
+    x152 = (bend_ba_apart*bend_ba_apart)
     del bend_ba_apart
-    bend_ba_gram = (h_ba*h_ba)*(1.0 - 2.0*bend_ba_product/bend_ba_denominator) - x150
+    bend_ba_gram = (h_ba*h_ba)*(1.0 - 2.0*bend_ba_product/bend_ba_denominator) - x152
     del bend_ba_denominator, bend_ba_product
-    bend_ba_tolerance = x19*(h_ba + x150)
-    del x150
-    bend_ba_free = (bend_ba_gram >= -bend_ba_tolerance) & (h_ba <= x260)
+    bend_ba_tolerance = error_b*(error_b + 2.0*h_ba) + x14*(h_ba + x152)
+    del x152
+    x264 = error_b + x261
+    del x261
+    bend_ba_free = (bend_ba_gram >= -bend_ba_tolerance) & (h_ba <= x264)
     del h_ba
     bend_ba_double = (np.abs(bend_ba_gram) <= bend_ba_tolerance) & (~(bend_ba_free))
     bend_ba_exists = bend_ba_gram >= -bend_ba_tolerance
@@ -733,22 +757,22 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     bend_ba_along = x3 - N_ba_3_3
     del N_ba_3_3
     bend_ba_size = np.sqrt((bend_ba_along*bend_ba_along) + (bend_ba_q*bend_ba_q))
-    bend_ba_scale = x69*np.where(bend_ba_size > 0.0, 1.0/bend_ba_size, 1.0)
+    bend_ba_scale = x71*np.where(bend_ba_size > 0.0, 1.0/bend_ba_size, 1.0)
     del bend_ba_size
     bend_ba_c = bend_ba_along*bend_ba_scale
     del bend_ba_along
     bend_ba_s = bend_ba_q*bend_ba_scale
     del bend_ba_q, bend_ba_scale
     bend_ba_two = (bend_ba_exists) & (~((bend_ba_double) | (bend_ba_free)))
-    x151 = bend_ba_s*sine_5
-    x152 = N_ba_1_3*x151
-    x153 = -bend_ba_c*x73 - x72
-    fourth_baa_dot = N_ba_2_3*x153 + x152
-    x154 = N_ba_2_3*x151
-    del x151
-    x155 = N_ba_1_3*x153
+    x153 = bend_ba_s*sine_5
+    x154 = N_ba_1_3*x153
+    x155 = -bend_ba_c*x75 - x74
+    fourth_baa_dot = N_ba_2_3*x155 + x154
+    x156 = N_ba_2_3*x153
+    del x153
+    x157 = N_ba_1_3*x155
     del N_ba_1_3
-    fourth_baa_cross = x154 - x155
+    fourth_baa_cross = x156 - x157
     fourth_baa_size = np.sqrt((fourth_baa_cross*fourth_baa_cross) + (fourth_baa_dot*fourth_baa_dot))
     fourth_baa_scale = np.where(fourth_baa_size > 0.0, 1.0/fourth_baa_size, 1.0)
     del fourth_baa_size
@@ -756,19 +780,19 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del fourth_baa_dot
     fourth_baa_s = np.where(bend_ba_free, 0.0, fourth_baa_cross*fourth_baa_scale)
     del fourth_baa_cross, fourth_baa_scale
-    x156 = N_ba_1_1*fourth_baa_c + N_ba_2_1*fourth_baa_s
-    x157 = N_ba_3_1*sine_4
-    x158 = N_ba_2_1*fourth_baa_c - N_ba_1_1*fourth_baa_s
-    x159 = cosine_4*x158 + x157
-    c_6_baa = bend_ba_c*x156 + bend_ba_s*x159
-    x160 = N_ba_3_1*cosine_4
+    x158 = N_ba_1_1*fourth_baa_c + N_ba_2_1*fourth_baa_s
+    x159 = N_ba_3_1*sine_4
+    x160 = N_ba_2_1*fourth_baa_c - N_ba_1_1*fourth_baa_s
+    x161 = cosine_4*x160 + x159
+    c_6_baa = bend_ba_c*x158 + bend_ba_s*x161
+    x162 = N_ba_3_1*cosine_4
     del N_ba_3_1
-    s_6_baa = cosine_5*(bend_ba_c*x159 - bend_ba_s*x156) + sine_5*(x160 - sine_4*x158)
-    del x156, x158, x159
-    fourth_bab_dot = N_ba_2_3*x153 - x152
-    del N_ba_2_3, x152, x153
-    fourth_bab_cross = -x154 - x155
-    del x154, x155
+    s_6_baa = cosine_5*(bend_ba_c*x161 - bend_ba_s*x158) + sine_5*(x162 - sine_4*x160)
+    del x158, x160, x161
+    fourth_bab_dot = N_ba_2_3*x155 - x154
+    del N_ba_2_3, x154, x155
+    fourth_bab_cross = -x156 - x157
+    del x156, x157
     fourth_bab_size = np.sqrt((fourth_bab_cross*fourth_bab_cross) + (fourth_bab_dot*fourth_bab_dot))
     fourth_bab_scale = np.where(fourth_bab_size > 0.0, 1.0/fourth_bab_size, 1.0)
     del fourth_bab_size
@@ -776,52 +800,52 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del fourth_bab_dot
     fourth_bab_s = np.where(bend_ba_free, 0.0, fourth_bab_cross*fourth_bab_scale)
     del fourth_bab_cross, fourth_bab_scale
-    x161 = N_ba_1_1*fourth_bab_c + N_ba_2_1*fourth_bab_s
-    x162 = N_ba_2_1*fourth_bab_c - N_ba_1_1*fourth_bab_s
+    x163 = N_ba_1_1*fourth_bab_c + N_ba_2_1*fourth_bab_s
+    x164 = N_ba_2_1*fourth_bab_c - N_ba_1_1*fourth_bab_s
     del N_ba_1_1, N_ba_2_1
-    x163 = cosine_4*x162 + x157
-    del x157
-    c_6_bab = bend_ba_c*x161 - bend_ba_s*x163
-    s_6_bab = cosine_5*(bend_ba_c*x163 + bend_ba_s*x161) + sine_5*(x160 - sine_4*x162)
-    del x160, x161, x162, x163
+    x165 = cosine_4*x164 + x159
+    del x159
+    c_6_bab = bend_ba_c*x163 - bend_ba_s*x165
+    s_6_bab = cosine_5*(bend_ba_c*x165 + bend_ba_s*x163) + sine_5*(x162 - sine_4*x164)
+    del x162, x163, x164, x165
     c_23_bb = triangle_b_3_c_b*triangle_b_chosen_c_b - triangle_b_3_s_b*triangle_b_chosen_s_b
     s_23_bb = triangle_b_3_c_b*triangle_b_chosen_s_b + triangle_b_3_s_b*triangle_b_chosen_c_b
     axis_4_bb_1 = s_23_bb*sine_3
-    x164 = c_23_bb*sine_3
-    axis_4_bb_2 = -cosine_1*x164 - x51
-    del x51
-    axis_4_bb_3 = -sine_1*x164 - x53
-    del x164, x53
-    x165 = axis_4_bb_1*pose_1_3
-    x166 = axis_4_bb_2*pose_2_3
-    x167 = x165 + x166
-    x168 = (x167*x167)
-    x169 = axis_4_bb_1*pose_2_3 - axis_4_bb_2*pose_1_3
-    del axis_4_bb_1, axis_4_bb_2
+    x166 = c_23_bb*sine_3
+    axis_4_bb_2 = -cosine_1*x166 - x53
+    del x53
+    axis_4_bb_3 = -sine_1*x166 - x55
+    del x166, x55
+    x167 = axis_4_bb_1*pose_1_3
+    x168 = axis_4_bb_2*pose_2_3
+    x169 = x167 + x168
     x170 = (x169*x169)
-    first_bb_square = x168 + x170
+    x171 = axis_4_bb_1*pose_2_3 - axis_4_bb_2*pose_1_3
+    del axis_4_bb_1, axis_4_bb_2
+    x172 = (x171*x171)
+    first_bb_square = x170 + x172
     first_bb_amplitude = np.sqrt(first_bb_square)
     first_bb_per_square = np.where(first_bb_square > 0.0, 1.0/first_bb_square, 1.0)
-    x171 = axis_4_bb_3*pose_3_3
+    x173 = axis_4_bb_3*pose_3_3
     del axis_4_bb_3
-    x172 = x171 - bends_1
-    first_bb_serves = (first_bb_square <= 0.0) | (np.abs(x167 + x172) <= bends_2)
-    first_bb_at = np.where(first_bb_amplitude < -x172, first_bb_amplitude, np.where(first_bb_amplitude < x172, -first_bb_amplitude, -x172))
-    x174 = (first_bb_at*first_bb_at)
-    first_bb_rest = np.where(first_bb_square > x174, np.sqrt(first_bb_square - x174), 0.0)
-    del first_bb_square, x174
-    first_bb_c_first = np.where(first_bb_serves, 1.0, first_bb_per_square*(first_bb_at*x167 - first_bb_rest*x169))
-    first_bb_s_first = np.where(first_bb_serves, 0.0, first_bb_per_square*(first_bb_at*x169 + first_bb_rest*x167))
-    del first_bb_at, first_bb_rest, first_bb_serves, x167
-    x175 = first_bb_per_square*x169*(2.0*x165 + 2.0*x166)
-    del x165, x166, x169
-    x176 = first_bb_per_square*(x168 - x170)
-    del first_bb_per_square, x168, x170
-    first_bb_c_second = first_bb_c_first*x176 + first_bb_s_first*x175
-    first_bb_s_second = first_bb_c_first*x175 - first_bb_s_first*x176
-    del first_bb_c_first, first_bb_s_first, x175, x176
-    first_bb_split = (first_bb_amplitude + x172 > bends_2) & (bends_1 + first_bb_amplitude - x171 > bends_2)
-    del bends_1, bends_2, first_bb_amplitude, x171, x172
+    x174 = x173 - bends_1
+    first_bb_serves = (first_bb_square <= 0.0) | (np.abs(x169 + x174) <= bends_2)
+    first_bb_at = np.where(first_bb_amplitude < -x174, first_bb_amplitude, np.where(first_bb_amplitude < x174, -first_bb_amplitude, -x174))
+    x176 = (first_bb_at*first_bb_at)
+    first_bb_rest = np.where(first_bb_square > x176, np.sqrt(first_bb_square - x176), 0.0)
+    del first_bb_square, x176
+    first_bb_c_first = np.where(first_bb_serves, 1.0, first_bb_per_square*(first_bb_at*x169 - first_bb_rest*x171))
+    first_bb_s_first = np.where(first_bb_serves, 0.0, first_bb_per_square*(first_bb_at*x171 + first_bb_rest*x169))
+    del first_bb_at, first_bb_rest, first_bb_serves, x169
+    x177 = first_bb_per_square*x171*(2.0*x167 + 2.0*x168)
+    del x167, x168, x171
+    x178 = first_bb_per_square*(x170 - x172)
+    del first_bb_per_square, x170, x172
+    first_bb_c_second = first_bb_c_first*x178 + first_bb_s_first*x177
+    first_bb_s_second = first_bb_c_first*x177 - first_bb_s_first*x178
+    del first_bb_c_first, first_bb_s_first, x177, x178
+    first_bb_split = (first_bb_amplitude + x174 > bends_2) & (bends_1 + first_bb_amplitude - x173 > bends_2)
+    del bends_1, bends_2, first_bb_amplitude, x173, x174
     c_1_bb = np.where(first_free, first_bb_c_second, first_c_b)
     del first_bb_c_second, first_c_b
     s_1_bb = np.where(first_free, first_bb_s_second, first_s_b)
@@ -830,41 +854,41 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del first_bb_split, first_two
     axes_bb_1_1 = c_1_bb*pose_1_1 + pose_2_1*s_1_bb
     axes_bb_1_3 = c_1_bb*pose_1_3 + pose_2_3*s_1_bb
-    x177 = c_1_bb*pose_2_1 - pose_1_1*s_1_bb
-    axes_bb_2_1 = cosine_1*x177 + x59
-    del x59
-    x178 = c_1_bb*pose_2_3 - pose_1_3*s_1_bb
-    axes_bb_2_3 = cosine_1*x178 + x15
-    del x15
-    axes_bb_3_1 = x62 - sine_1*x177
-    del x177, x62
-    axes_bb_3_3 = x17 - sine_1*x178
-    del x17, x178
+    x179 = c_1_bb*pose_2_1 - pose_1_1*s_1_bb
+    axes_bb_2_1 = cosine_1*x179 + x61
+    del x61
+    x180 = c_1_bb*pose_2_3 - pose_1_3*s_1_bb
+    axes_bb_2_3 = cosine_1*x180 + x18
+    del x18
+    axes_bb_3_1 = x64 - sine_1*x179
+    del x179, x64
+    axes_bb_3_3 = x20 - sine_1*x180
+    del x180, x20
     N_bb_1_1 = axes_bb_1_1*c_23_bb + axes_bb_2_1*s_23_bb
     N_bb_1_3 = axes_bb_1_3*c_23_bb + axes_bb_2_3*s_23_bb
-    x179 = axes_bb_2_1*c_23_bb - axes_bb_1_1*s_23_bb
+    x181 = axes_bb_2_1*c_23_bb - axes_bb_1_1*s_23_bb
     del axes_bb_1_1, axes_bb_2_1
-    N_bb_2_1 = axes_bb_3_1*sine_3 + cosine_3*x179
-    x180 = axes_bb_2_3*c_23_bb - axes_bb_1_3*s_23_bb
+    N_bb_2_1 = axes_bb_3_1*sine_3 + cosine_3*x181
+    x182 = axes_bb_2_3*c_23_bb - axes_bb_1_3*s_23_bb
     del axes_bb_1_3, axes_bb_2_3, c_23_bb, s_23_bb
-    N_bb_2_3 = axes_bb_3_3*sine_3 + cosine_3*x180
-    N_bb_3_1 = axes_bb_3_1*cosine_3 - sine_3*x179
-    del axes_bb_3_1, x179
-    N_bb_3_3 = axes_bb_3_3*cosine_3 - sine_3*x180
-    del axes_bb_3_3, x180
+    N_bb_2_3 = axes_bb_3_3*sine_3 + cosine_3*x182
+    N_bb_3_1 = axes_bb_3_1*cosine_3 - sine_3*x181
+    del axes_bb_3_1, x181
+    N_bb_3_3 = axes_bb_3_3*cosine_3 - sine_3*x182
+    del axes_bb_3_3, x182
     h_bb = np.sqrt((N_bb_1_3*N_bb_1_3) + (N_bb_2_3*N_bb_2_3))
     bend_bb_denominator = np.abs(N_bb_3_3) + 1.0
-    bend_bb_apart = np.where(N_bb_3_3 >= 0.0, x65, x66)
-    del x65, x66
+    bend_bb_apart = np.where(N_bb_3_3 >= 0.0, x67, x68)
+    del x67, x68
     bend_bb_product = np.where(N_bb_3_3 >= 0.0, x3, -x3)
-    x181 = (bend_bb_apart*bend_bb_apart)
+    x183 = (bend_bb_apart*bend_bb_apart)
     del bend_bb_apart
-    bend_bb_gram = (h_bb*h_bb)*(1.0 - 2.0*bend_bb_product/bend_bb_denominator) - x181
+    bend_bb_gram = (h_bb*h_bb)*(1.0 - 2.0*bend_bb_product/bend_bb_denominator) - x183
     del bend_bb_denominator, bend_bb_product
-    bend_bb_tolerance = x19*(h_bb + x181)
-    del x181, x19
-    bend_bb_free = (bend_bb_gram >= -bend_bb_tolerance) & (h_bb <= x260)
-    del h_bb, x260
+    bend_bb_tolerance = error_b*(error_b + 2.0*h_bb) + x14*(h_bb + x183)
+    del error_b, x14, x183
+    bend_bb_free = (bend_bb_gram >= -bend_bb_tolerance) & (h_bb <= x264)
+    del h_bb, x264
     bend_bb_double = (np.abs(bend_bb_gram) <= bend_bb_tolerance) & (~(bend_bb_free))
     bend_bb_exists = bend_bb_gram >= -bend_bb_tolerance
     del bend_bb_tolerance
@@ -873,23 +897,23 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     bend_bb_along = x3 - N_bb_3_3
     del N_bb_3_3, x3
     bend_bb_size = np.sqrt((bend_bb_along*bend_bb_along) + (bend_bb_q*bend_bb_q))
-    bend_bb_scale = x69*np.where(bend_bb_size > 0.0, 1.0/bend_bb_size, 1.0)
-    del bend_bb_size, x69
+    bend_bb_scale = x71*np.where(bend_bb_size > 0.0, 1.0/bend_bb_size, 1.0)
+    del bend_bb_size, x71
     bend_bb_c = bend_bb_along*bend_bb_scale
     del bend_bb_along
     bend_bb_s = bend_bb_q*bend_bb_scale
     del bend_bb_q, bend_bb_scale
     bend_bb_two = (bend_bb_exists) & (~((bend_bb_double) | (bend_bb_free)))
-    x182 = bend_bb_s*sine_5
-    x183 = N_bb_1_3*x182
-    x184 = -bend_bb_c*x73 - x72
-    del x72, x73
-    fourth_bba_dot = N_bb_2_3*x184 + x183
-    x185 = N_bb_2_3*x182
-    del x182
-    x186 = N_bb_1_3*x184
+    x184 = bend_bb_s*sine_5
+    x185 = N_bb_1_3*x184
+    x186 = -bend_bb_c*x75 - x74
+    del x74, x75
+    fourth_bba_dot = N_bb_2_3*x186 + x185
+    x187 = N_bb_2_3*x184
+    del x184
+    x188 = N_bb_1_3*x186
     del N_bb_1_3
-    fourth_bba_cross = x185 - x186
+    fourth_bba_cross = x187 - x188
     fourth_bba_size = np.sqrt((fourth_bba_cross*fourth_bba_cross) + (fourth_bba_dot*fourth_bba_dot))
     fourth_bba_scale = np.where(fourth_bba_size > 0.0, 1.0/fourth_bba_size, 1.0)
     del fourth_bba_size
@@ -897,19 +921,19 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del fourth_bba_dot
     fourth_bba_s = np.where(bend_bb_free, 0.0, fourth_bba_cross*fourth_bba_scale)
     del fourth_bba_cross, fourth_bba_scale
-    x187 = N_bb_1_1*fourth_bba_c + N_bb_2_1*fourth_bba_s
-    x188 = N_bb_3_1*sine_4
-    x189 = N_bb_2_1*fourth_bba_c - N_bb_1_1*fourth_bba_s
-    x190 = cosine_4*x189 + x188
-    c_6_bba = bend_bb_c*x187 + bend_bb_s*x190
-    x191 = N_bb_3_1*cosine_4
+    x189 = N_bb_1_1*fourth_bba_c + N_bb_2_1*fourth_bba_s
+    x190 = N_bb_3_1*sine_4
+    x191 = N_bb_2_1*fourth_bba_c - N_bb_1_1*fourth_bba_s
+    x192 = cosine_4*x191 + x190
+    c_6_bba = bend_bb_c*x189 + bend_bb_s*x192
+    x193 = N_bb_3_1*cosine_4
     del N_bb_3_1
-    s_6_bba = cosine_5*(bend_bb_c*x190 - bend_bb_s*x187) + sine_5*(x191 - sine_4*x189)
-    del x187, x189, x190
-    fourth_bbb_dot = N_bb_2_3*x184 - x183
-    del N_bb_2_3, x183, x184
-    fourth_bbb_cross = -x185 - x186
-    del x185, x186
+    s_6_bba = cosine_5*(bend_bb_c*x192 - bend_bb_s*x189) + sine_5*(x193 - sine_4*x191)
+    del x189, x191, x192
+    fourth_bbb_dot = N_bb_2_3*x186 - x185
+    del N_bb_2_3, x185, x186
+    fourth_bbb_cross = -x187 - x188
+    del x187, x188
     fourth_bbb_size = np.sqrt((fourth_bbb_cross*fourth_bbb_cross) + (fourth_bbb_dot*fourth_bbb_dot))
     fourth_bbb_scale = np.where(fourth_bbb_size > 0.0, 1.0/fourth_bbb_size, 1.0)
     del fourth_bbb_size
@@ -917,173 +941,173 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del fourth_bbb_dot
     fourth_bbb_s = np.where(bend_bb_free, 0.0, fourth_bbb_cross*fourth_bbb_scale)
     del fourth_bbb_cross, fourth_bbb_scale
-    x192 = N_bb_1_1*fourth_bbb_c + N_bb_2_1*fourth_bbb_s
-    x193 = N_bb_2_1*fourth_bbb_c - N_bb_1_1*fourth_bbb_s
+    x194 = N_bb_1_1*fourth_bbb_c + N_bb_2_1*fourth_bbb_s
+    x195 = N_bb_2_1*fourth_bbb_c - N_bb_1_1*fourth_bbb_s
     del N_bb_1_1, N_bb_2_1
-    x194 = cosine_4*x193 + x188
-    del x188
-    c_6_bbb = bend_bb_c*x192 - bend_bb_s*x194
-    s_6_bbb = cosine_5*(bend_bb_c*x194 + bend_bb_s*x192) + sine_5*(x191 - sine_4*x193)
-    del x191, x192, x193, x194
+    x196 = cosine_4*x195 + x190
+    del x190
+    c_6_bbb = bend_bb_c*x194 - bend_bb_s*x196
+    s_6_bbb = cosine_5*(bend_bb_c*x196 + bend_bb_s*x194) + sine_5*(x193 - sine_4*x195)
+    del x193, x194, x195, x196
     there_1 = (bend_aa_exists) & (first_exists) & (near) & (triangle_a_3_exists)
     del bend_aa_exists
-    x195 = np.arctan2(s_1_aa, c_1_aa)
+    x197 = np.arctan2(s_1_aa, c_1_aa)
     del c_1_aa, s_1_aa
-    angle_1_1 = x195
-    x196 = np.arctan2(triangle_a_chosen_s_a, triangle_a_chosen_c_a)
+    angle_1_1 = x197
+    x198 = np.arctan2(triangle_a_chosen_s_a, triangle_a_chosen_c_a)
     del triangle_a_chosen_c_a, triangle_a_chosen_s_a
-    angle_1_2 = x196
-    x197 = np.arctan2(triangle_a_3_s_a, triangle_a_3_c_a)
+    angle_1_2 = x198
+    x199 = np.arctan2(triangle_a_3_s_a, triangle_a_3_c_a)
     del triangle_a_3_c_a, triangle_a_3_s_a
-    angle_1_3 = x197
+    angle_1_3 = x199
     angle_1_4 = np.arctan2(fourth_aaa_s, fourth_aaa_c)
     del fourth_aaa_c, fourth_aaa_s
     angle_1_5 = np.arctan2(bend_aa_s, bend_aa_c)
     angle_1_6 = np.arctan2(s_6_aaa, c_6_aaa)
     del c_6_aaa, s_6_aaa
-    x198 = np.where((bend_aa_free) | (first_free) | (triangle_a_3_free) | (triangle_a_any), 2.0, np.where((bend_aa_double) | (first_double) | (triangle_a_3_double), 1.0, 0.0))
+    x200 = np.where((bend_aa_free) | (first_free) | (triangle_a_3_free) | (triangle_a_any), 2.0, np.where((bend_aa_double) | (first_double) | (triangle_a_3_double), 1.0, 0.0))
     del bend_aa_double, bend_aa_free
-    code_1 = x198
+    code_1 = x200
     there_2 = (bend_aa_two) & (first_exists) & (near) & (triangle_a_3_exists)
     del bend_aa_two, triangle_a_3_exists
-    angle_2_1 = x195
-    del x195
-    angle_2_2 = x196
-    del x196
-    angle_2_3 = x197
+    angle_2_1 = x197
     del x197
+    angle_2_2 = x198
+    del x198
+    angle_2_3 = x199
+    del x199
     angle_2_4 = np.arctan2(fourth_aab_s, fourth_aab_c)
     del fourth_aab_c, fourth_aab_s
     angle_2_5 = np.arctan2(-bend_aa_s, bend_aa_c)
     del bend_aa_c, bend_aa_s
     angle_2_6 = np.arctan2(s_6_aab, c_6_aab)
     del c_6_aab, s_6_aab
-    code_2 = x198
-    del x198
+    code_2 = x200
+    del x200
     there_3 = (bend_ab_exists) & (first_exists) & (near) & (triangle_a_more)
     del bend_ab_exists
-    x199 = np.arctan2(s_1_ab, c_1_ab)
+    x201 = np.arctan2(s_1_ab, c_1_ab)
     del c_1_ab, s_1_ab
-    angle_3_1 = x199
-    x200 = np.arctan2(triangle_a_chosen_s_b, triangle_a_chosen_c_b)
+    angle_3_1 = x201
+    x202 = np.arctan2(triangle_a_chosen_s_b, triangle_a_chosen_c_b)
     del triangle_a_chosen_c_b, triangle_a_chosen_s_b
-    angle_3_2 = x200
-    x201 = np.arctan2(triangle_a_3_s_b, triangle_a_3_c_b)
+    angle_3_2 = x202
+    x203 = np.arctan2(triangle_a_3_s_b, triangle_a_3_c_b)
     del triangle_a_3_c_b, triangle_a_3_s_b
-    angle_3_3 = x201
+    angle_3_3 = x203
     angle_3_4 = np.arctan2(fourth_aba_s, fourth_aba_c)
     del fourth_aba_c, fourth_aba_s
     angle_3_5 = np.arctan2(bend_ab_s, bend_ab_c)
     angle_3_6 = np.arctan2(s_6_aba, c_6_aba)
     del c_6_aba, s_6_aba
-    x202 = np.where((bend_ab_free) | (first_free) | (triangle_a_3_free) | (triangle_a_any), 2.0, np.where((bend_ab_double) | (first_double) | (triangle_a_3_double), 1.0, 0.0))
+    x204 = np.where((bend_ab_free) | (first_free) | (triangle_a_3_free) | (triangle_a_any), 2.0, np.where((bend_ab_double) | (first_double) | (triangle_a_3_double), 1.0, 0.0))
     del bend_ab_double, bend_ab_free, triangle_a_3_double, triangle_a_3_free, triangle_a_any
-    code_3 = x202
+    code_3 = x204
     there_4 = (bend_ab_two) & (first_exists) & (near) & (triangle_a_more)
     del bend_ab_two, first_exists, triangle_a_more
-    angle_4_1 = x199
-    del x199
-    angle_4_2 = x200
-    del x200
-    angle_4_3 = x201
+    angle_4_1 = x201
     del x201
+    angle_4_2 = x202
+    del x202
+    angle_4_3 = x203
+    del x203
     angle_4_4 = np.arctan2(fourth_abb_s, fourth_abb_c)
     del fourth_abb_c, fourth_abb_s
     angle_4_5 = np.arctan2(-bend_ab_s, bend_ab_c)
     del bend_ab_c, bend_ab_s
     angle_4_6 = np.arctan2(s_6_abb, c_6_abb)
     del c_6_abb, s_6_abb
-    code_4 = x202
-    del x202
+    code_4 = x204
+    del x204
     there_5 = (bend_ba_exists) & (more_ba) & (near) & (triangle_b_3_exists)
     del bend_ba_exists
-    x203 = np.arctan2(s_1_ba, c_1_ba)
+    x205 = np.arctan2(s_1_ba, c_1_ba)
     del c_1_ba, s_1_ba
-    angle_5_1 = x203
-    x204 = np.arctan2(triangle_b_chosen_s_a, triangle_b_chosen_c_a)
+    angle_5_1 = x205
+    x206 = np.arctan2(triangle_b_chosen_s_a, triangle_b_chosen_c_a)
     del triangle_b_chosen_c_a, triangle_b_chosen_s_a
-    angle_5_2 = x204
-    x205 = np.arctan2(triangle_b_3_s_a, triangle_b_3_c_a)
+    angle_5_2 = x206
+    x207 = np.arctan2(triangle_b_3_s_a, triangle_b_3_c_a)
     del triangle_b_3_c_a, triangle_b_3_s_a
-    angle_5_3 = x205
+    angle_5_3 = x207
     angle_5_4 = np.arctan2(fourth_baa_s, fourth_baa_c)
     del fourth_baa_c, fourth_baa_s
     angle_5_5 = np.arctan2(bend_ba_s, bend_ba_c)
     angle_5_6 = np.arctan2(s_6_baa, c_6_baa)
     del c_6_baa, s_6_baa
-    x206 = np.where((bend_ba_free) | (first_free) | (triangle_b_3_free) | (triangle_b_any), 2.0, np.where((bend_ba_double) | (first_double) | (triangle_b_3_double), 1.0, 0.0))
+    x208 = np.where((bend_ba_free) | (first_free) | (triangle_b_3_free) | (triangle_b_any), 2.0, np.where((bend_ba_double) | (first_double) | (triangle_b_3_double), 1.0, 0.0))
     del bend_ba_double, bend_ba_free
-    code_5 = x206
+    code_5 = x208
     there_6 = (bend_ba_two) & (more_ba) & (near) & (triangle_b_3_exists)
     del bend_ba_two, more_ba, triangle_b_3_exists
-    angle_6_1 = x203
-    del x203
-    angle_6_2 = x204
-    del x204
-    angle_6_3 = x205
+    angle_6_1 = x205
     del x205
+    angle_6_2 = x206
+    del x206
+    angle_6_3 = x207
+    del x207
     angle_6_4 = np.arctan2(fourth_bab_s, fourth_bab_c)
     del fourth_bab_c, fourth_bab_s
     angle_6_5 = np.arctan2(-bend_ba_s, bend_ba_c)
     del bend_ba_c, bend_ba_s
     angle_6_6 = np.arctan2(s_6_bab, c_6_bab)
     del c_6_bab, s_6_bab
-    code_6 = x206
-    del x206
+    code_6 = x208
+    del x208
     there_7 = (bend_bb_exists) & (more_bb) & (near) & (triangle_b_more)
     del bend_bb_exists
-    x207 = np.arctan2(s_1_bb, c_1_bb)
+    x209 = np.arctan2(s_1_bb, c_1_bb)
     del c_1_bb, s_1_bb
-    angle_7_1 = x207
-    x208 = np.arctan2(triangle_b_chosen_s_b, triangle_b_chosen_c_b)
+    angle_7_1 = x209
+    x210 = np.arctan2(triangle_b_chosen_s_b, triangle_b_chosen_c_b)
     del triangle_b_chosen_c_b, triangle_b_chosen_s_b
-    angle_7_2 = x208
-    x209 = np.arctan2(triangle_b_3_s_b, triangle_b_3_c_b)
+    angle_7_2 = x210
+    x211 = np.arctan2(triangle_b_3_s_b, triangle_b_3_c_b)
     del triangle_b_3_c_b, triangle_b_3_s_b
-    angle_7_3 = x209
+    angle_7_3 = x211
     angle_7_4 = np.arctan2(fourth_bba_s, fourth_bba_c)
     del fourth_bba_c, fourth_bba_s
     angle_7_5 = np.arctan2(bend_bb_s, bend_bb_c)
     angle_7_6 = np.arctan2(s_6_bba, c_6_bba)
     del c_6_bba, s_6_bba
-    x210 = np.where((bend_bb_free) | (first_free) | (triangle_b_3_free) | (triangle_b_any), 2.0, np.where((bend_bb_double) | (first_double) | (triangle_b_3_double), 1.0, 0.0))
+    x212 = np.where((bend_bb_free) | (first_free) | (triangle_b_3_free) | (triangle_b_any), 2.0, np.where((bend_bb_double) | (first_double) | (triangle_b_3_double), 1.0, 0.0))
     del bend_bb_double, bend_bb_free, first_double, first_free, triangle_b_3_double, triangle_b_3_free, triangle_b_any
-    code_7 = x210
+    code_7 = x212
     there_8 = (bend_bb_two) & (more_bb) & (near) & (triangle_b_more)
     del bend_bb_two, more_bb, near, triangle_b_more
-    angle_8_1 = x207
-    del x207
-    angle_8_2 = x208
-    del x208
-    angle_8_3 = x209
+    angle_8_1 = x209
     del x209
+    angle_8_2 = x210
+    del x210
+    angle_8_3 = x211
+    del x211
     angle_8_4 = np.arctan2(fourth_bbb_s, fourth_bbb_c)
     del fourth_bbb_c, fourth_bbb_s
     angle_8_5 = np.arctan2(-bend_bb_s, bend_bb_c)
     del bend_bb_c, bend_bb_s
     angle_8_6 = np.arctan2(s_6_bbb, c_6_bbb)
     del c_6_bbb, s_6_bbb
-    code_8 = x210
-    del x210
-    x211 = np.where(there_1, 0.0, 1.0)
-    holes_1 = x211
-    x212 = x211 + np.where(there_2, 0.0, 1.0)
-    del x211
-    holes_2 = x212
-    x213 = x212 + np.where(there_3, 0.0, 1.0)
+    code_8 = x212
     del x212
-    holes_3 = x213
-    x214 = x213 + np.where(there_4, 0.0, 1.0)
+    x213 = np.where(there_1, 0.0, 1.0)
+    holes_1 = x213
+    x214 = x213 + np.where(there_2, 0.0, 1.0)
     del x213
-    holes_4 = x214
-    x215 = x214 + np.where(there_5, 0.0, 1.0)
+    holes_2 = x214
+    x215 = x214 + np.where(there_3, 0.0, 1.0)
     del x214
-    holes_5 = x215
-    x216 = x215 + np.where(there_6, 0.0, 1.0)
+    holes_3 = x215
+    x216 = x215 + np.where(there_4, 0.0, 1.0)
     del x215
-    holes_6 = x216
-    holes_7 = x216 + np.where(there_7, 0.0, 1.0)
+    holes_4 = x216
+    x217 = x216 + np.where(there_5, 0.0, 1.0)
     del x216
+    holes_5 = x217
+    x218 = x217 + np.where(there_6, 0.0, 1.0)
+    del x217
+    holes_6 = x218
+    holes_7 = x218 + np.where(there_7, 0.0, 1.0)
+    del x218
     moves_1_1 = (there_2) & ((holes_1 == 1.0) | (holes_1 == 3.0) | (holes_1 == 5.0) | (holes_1 == 7.0))
     del holes_1
     moves_1_2 = (there_3) & ((holes_2 == 1.0) | (holes_2 == 3.0) | (holes_2 == 5.0) | (holes_2 == 7.0))
@@ -1096,209 +1120,209 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del there_1
     row_1_0_1 = np.where(moves_1_1, code_2, code_1)
     del code_1
-    x263 = -3.141592653589793
-    x217 = np.where(angle_2_1 > x263, angle_2_1, 3.141592653589793)
+    x266 = -3.141592653589793
+    x219 = np.where(angle_2_1 > x266, angle_2_1, 3.141592653589793)
     del angle_2_1
-    row_1_0_2 = np.where(moves_1_1, x217, np.where(angle_1_1 > x263, angle_1_1, 3.141592653589793))
+    row_1_0_2 = np.where(moves_1_1, x219, np.where(angle_1_1 > x266, angle_1_1, 3.141592653589793))
     del angle_1_1
-    x218 = np.where(angle_2_2 > x263, angle_2_2, 3.141592653589793)
+    x220 = np.where(angle_2_2 > x266, angle_2_2, 3.141592653589793)
     del angle_2_2
-    row_1_0_3 = np.where(moves_1_1, x218, np.where(angle_1_2 > x263, angle_1_2, 3.141592653589793))
+    row_1_0_3 = np.where(moves_1_1, x220, np.where(angle_1_2 > x266, angle_1_2, 3.141592653589793))
     del angle_1_2
-    x219 = np.where(angle_2_3 > x263, angle_2_3, 3.141592653589793)
+    x221 = np.where(angle_2_3 > x266, angle_2_3, 3.141592653589793)
     del angle_2_3
-    row_1_0_4 = np.where(moves_1_1, x219, np.where(angle_1_3 > x263, angle_1_3, 3.141592653589793))
+    row_1_0_4 = np.where(moves_1_1, x221, np.where(angle_1_3 > x266, angle_1_3, 3.141592653589793))
     del angle_1_3
-    x220 = np.where(angle_2_4 > x263, angle_2_4, 3.141592653589793)
+    x222 = np.where(angle_2_4 > x266, angle_2_4, 3.141592653589793)
     del angle_2_4
-    row_1_0_5 = np.where(moves_1_1, x220, np.where(angle_1_4 > x263, angle_1_4, 3.141592653589793))
+    row_1_0_5 = np.where(moves_1_1, x222, np.where(angle_1_4 > x266, angle_1_4, 3.141592653589793))
     del angle_1_4
-    x221 = np.where(angle_2_5 > x263, angle_2_5, 3.141592653589793)
+    x223 = np.where(angle_2_5 > x266, angle_2_5, 3.141592653589793)
     del angle_2_5
-    row_1_0_6 = np.where(moves_1_1, x221, np.where(angle_1_5 > x263, angle_1_5, 3.141592653589793))
+    row_1_0_6 = np.where(moves_1_1, x223, np.where(angle_1_5 > x266, angle_1_5, 3.141592653589793))
     del angle_1_5
-    x222 = np.where(angle_2_6 > x263, angle_2_6, 3.141592653589793)
+    x224 = np.where(angle_2_6 > x266, angle_2_6, 3.141592653589793)
     del angle_2_6
-    row_1_0_7 = np.where(moves_1_1, x222, np.where(angle_1_6 > x263, angle_1_6, 3.141592653589793))
+    row_1_0_7 = np.where(moves_1_1, x224, np.where(angle_1_6 > x266, angle_1_6, 3.141592653589793))
     del angle_1_6
     there_1_1 = (moves_1_2) | ((there_2) & (~(moves_1_1)))
     del moves_1_1, there_2
     row_1_1_1 = np.where(moves_1_2, code_3, code_2)
     del code_2
-    x223 = np.where(angle_3_1 > x263, angle_3_1, 3.141592653589793)
+    x225 = np.where(angle_3_1 > x266, angle_3_1, 3.141592653589793)
     del angle_3_1
-    row_1_1_2 = np.where(moves_1_2, x223, x217)
-    del x217
-    x224 = np.where(angle_3_2 > x263, angle_3_2, 3.141592653589793)
-    del angle_3_2
-    row_1_1_3 = np.where(moves_1_2, x224, x218)
-    del x218
-    x225 = np.where(angle_3_3 > x263, angle_3_3, 3.141592653589793)
-    del angle_3_3
-    row_1_1_4 = np.where(moves_1_2, x225, x219)
+    row_1_1_2 = np.where(moves_1_2, x225, x219)
     del x219
-    x226 = np.where(angle_3_4 > x263, angle_3_4, 3.141592653589793)
-    del angle_3_4
-    row_1_1_5 = np.where(moves_1_2, x226, x220)
+    x226 = np.where(angle_3_2 > x266, angle_3_2, 3.141592653589793)
+    del angle_3_2
+    row_1_1_3 = np.where(moves_1_2, x226, x220)
     del x220
-    x227 = np.where(angle_3_5 > x263, angle_3_5, 3.141592653589793)
-    del angle_3_5
-    row_1_1_6 = np.where(moves_1_2, x227, x221)
+    x227 = np.where(angle_3_3 > x266, angle_3_3, 3.141592653589793)
+    del angle_3_3
+    row_1_1_4 = np.where(moves_1_2, x227, x221)
     del x221
-    x228 = np.where(angle_3_6 > x263, angle_3_6, 3.141592653589793)
-    del angle_3_6
-    row_1_1_7 = np.where(moves_1_2, x228, x222)
+    x228 = np.where(angle_3_4 > x266, angle_3_4, 3.141592653589793)
+    del angle_3_4
+    row_1_1_5 = np.where(moves_1_2, x228, x222)
     del x222
+    x229 = np.where(angle_3_5 > x266, angle_3_5, 3.141592653589793)
+    del angle_3_5
+    row_1_1_6 = np.where(moves_1_2, x229, x223)
+    del x223
+    x230 = np.where(angle_3_6 > x266, angle_3_6, 3.141592653589793)
+    del angle_3_6
+    row_1_1_7 = np.where(moves_1_2, x230, x224)
+    del x224
     there_1_2 = (moves_1_3) | ((there_3) & (~(moves_1_2)))
     del moves_1_2, there_3
     row_1_2_0 = np.where(moves_1_3, holes_3 - 1.0, holes_2)
     del holes_2
     row_1_2_1 = np.where(moves_1_3, code_4, code_3)
     del code_3
-    x229 = np.where(angle_4_1 > x263, angle_4_1, 3.141592653589793)
+    x231 = np.where(angle_4_1 > x266, angle_4_1, 3.141592653589793)
     del angle_4_1
-    row_1_2_2 = np.where(moves_1_3, x229, x223)
-    del x223
-    x230 = np.where(angle_4_2 > x263, angle_4_2, 3.141592653589793)
-    del angle_4_2
-    row_1_2_3 = np.where(moves_1_3, x230, x224)
-    del x224
-    x231 = np.where(angle_4_3 > x263, angle_4_3, 3.141592653589793)
-    del angle_4_3
-    row_1_2_4 = np.where(moves_1_3, x231, x225)
+    row_1_2_2 = np.where(moves_1_3, x231, x225)
     del x225
-    x232 = np.where(angle_4_4 > x263, angle_4_4, 3.141592653589793)
-    del angle_4_4
-    row_1_2_5 = np.where(moves_1_3, x232, x226)
+    x232 = np.where(angle_4_2 > x266, angle_4_2, 3.141592653589793)
+    del angle_4_2
+    row_1_2_3 = np.where(moves_1_3, x232, x226)
     del x226
-    x233 = np.where(angle_4_5 > x263, angle_4_5, 3.141592653589793)
-    del angle_4_5
-    row_1_2_6 = np.where(moves_1_3, x233, x227)
+    x233 = np.where(angle_4_3 > x266, angle_4_3, 3.141592653589793)
+    del angle_4_3
+    row_1_2_4 = np.where(moves_1_3, x233, x227)
     del x227
-    x234 = np.where(angle_4_6 > x263, angle_4_6, 3.141592653589793)
-    del angle_4_6
-    row_1_2_7 = np.where(moves_1_3, x234, x228)
+    x234 = np.where(angle_4_4 > x266, angle_4_4, 3.141592653589793)
+    del angle_4_4
+    row_1_2_5 = np.where(moves_1_3, x234, x228)
     del x228
+    x235 = np.where(angle_4_5 > x266, angle_4_5, 3.141592653589793)
+    del angle_4_5
+    row_1_2_6 = np.where(moves_1_3, x235, x229)
+    del x229
+    x236 = np.where(angle_4_6 > x266, angle_4_6, 3.141592653589793)
+    del angle_4_6
+    row_1_2_7 = np.where(moves_1_3, x236, x230)
+    del x230
     there_1_3 = (moves_1_4) | ((there_4) & (~(moves_1_3)))
     del moves_1_3, there_4
     row_1_3_0 = np.where(moves_1_4, holes_4 - 1.0, holes_3)
     del holes_3
     row_1_3_1 = np.where(moves_1_4, code_5, code_4)
     del code_4
-    x235 = np.where(angle_5_1 > x263, angle_5_1, 3.141592653589793)
+    x237 = np.where(angle_5_1 > x266, angle_5_1, 3.141592653589793)
     del angle_5_1
-    row_1_3_2 = np.where(moves_1_4, x235, x229)
-    del x229
-    x236 = np.where(angle_5_2 > x263, angle_5_2, 3.141592653589793)
-    del angle_5_2
-    row_1_3_3 = np.where(moves_1_4, x236, x230)
-    del x230
-    x237 = np.where(angle_5_3 > x263, angle_5_3, 3.141592653589793)
-    del angle_5_3
-    row_1_3_4 = np.where(moves_1_4, x237, x231)
+    row_1_3_2 = np.where(moves_1_4, x237, x231)
     del x231
-    x238 = np.where(angle_5_4 > x263, angle_5_4, 3.141592653589793)
-    del angle_5_4
-    row_1_3_5 = np.where(moves_1_4, x238, x232)
+    x238 = np.where(angle_5_2 > x266, angle_5_2, 3.141592653589793)
+    del angle_5_2
+    row_1_3_3 = np.where(moves_1_4, x238, x232)
     del x232
-    x239 = np.where(angle_5_5 > x263, angle_5_5, 3.141592653589793)
-    del angle_5_5
-    row_1_3_6 = np.where(moves_1_4, x239, x233)
+    x239 = np.where(angle_5_3 > x266, angle_5_3, 3.141592653589793)
+    del angle_5_3
+    row_1_3_4 = np.where(moves_1_4, x239, x233)
     del x233
-    x240 = np.where(angle_5_6 > x263, angle_5_6, 3.141592653589793)
-    del angle_5_6
-    row_1_3_7 = np.where(moves_1_4, x240, x234)
+    x240 = np.where(angle_5_4 > x266, angle_5_4, 3.141592653589793)
+    del angle_5_4
+    row_1_3_5 = np.where(moves_1_4, x240, x234)
     del x234
+    x241 = np.where(angle_5_5 > x266, angle_5_5, 3.141592653589793)
+    del angle_5_5
+    row_1_3_6 = np.where(moves_1_4, x241, x235)
+    del x235
+    x242 = np.where(angle_5_6 > x266, angle_5_6, 3.141592653589793)
+    del angle_5_6
+    row_1_3_7 = np.where(moves_1_4, x242, x236)
+    del x236
     there_1_4 = (moves_1_5) | ((there_5) & (~(moves_1_4)))
     del moves_1_4, there_5
     row_1_4_0 = np.where(moves_1_5, holes_5 - 1.0, holes_4)
     del holes_4
     row_1_4_1 = np.where(moves_1_5, code_6, code_5)
     del code_5
-    x241 = np.where(angle_6_1 > x263, angle_6_1, 3.141592653589793)
+    x243 = np.where(angle_6_1 > x266, angle_6_1, 3.141592653589793)
     del angle_6_1
-    row_1_4_2 = np.where(moves_1_5, x241, x235)
-    del x235
-    x242 = np.where(angle_6_2 > x263, angle_6_2, 3.141592653589793)
-    del angle_6_2
-    row_1_4_3 = np.where(moves_1_5, x242, x236)
-    del x236
-    x243 = np.where(angle_6_3 > x263, angle_6_3, 3.141592653589793)
-    del angle_6_3
-    row_1_4_4 = np.where(moves_1_5, x243, x237)
+    row_1_4_2 = np.where(moves_1_5, x243, x237)
     del x237
-    x244 = np.where(angle_6_4 > x263, angle_6_4, 3.141592653589793)
-    del angle_6_4
-    row_1_4_5 = np.where(moves_1_5, x244, x238)
+    x244 = np.where(angle_6_2 > x266, angle_6_2, 3.141592653589793)
+    del angle_6_2
+    row_1_4_3 = np.where(moves_1_5, x244, x238)
     del x238
-    x245 = np.where(angle_6_5 > x263, angle_6_5, 3.141592653589793)
-    del angle_6_5
-    row_1_4_6 = np.where(moves_1_5, x245, x239)
+    x245 = np.where(angle_6_3 > x266, angle_6_3, 3.141592653589793)
+    del angle_6_3
+    row_1_4_4 = np.where(moves_1_5, x245, x239)
     del x239
-    x246 = np.where(angle_6_6 > x263, angle_6_6, 3.141592653589793)
-    del angle_6_6
-    row_1_4_7 = np.where(moves_1_5, x246, x240)
+    x246 = np.where(angle_6_4 > x266, angle_6_4, 3.141592653589793)
+    del angle_6_4
+    row_1_4_5 = np.where(moves_1_5, x246, x240)
     del x240
+    x247 = np.where(angle_6_5 > x266, angle_6_5, 3.141592653589793)
+    del angle_6_5
+    row_1_4_6 = np.where(moves_1_5, x247, x241)
+    del x241
+    x248 = np.where(angle_6_6 > x266, angle_6_6, 3.141592653589793)
+    del angle_6_6
+    row_1_4_7 = np.where(moves_1_5, x248, x242)
+    del x242
     there_1_5 = (moves_1_6) | ((there_6) & (~(moves_1_5)))
     del moves_1_5, there_6
     row_1_5_0 = np.where(moves_1_6, holes_6 - 1.0, holes_5)
     del holes_5
     row_1_5_1 = np.where(moves_1_6, code_7, code_6)
     del code_6
-    x247 = np.where(angle_7_1 > x263, angle_7_1, 3.141592653589793)
+    x249 = np.where(angle_7_1 > x266, angle_7_1, 3.141592653589793)
     del angle_7_1
-    row_1_5_2 = np.where(moves_1_6, x247, x241)
-    del x241
-    x248 = np.where(angle_7_2 > x263, angle_7_2, 3.141592653589793)
-    del angle_7_2
-    row_1_5_3 = np.where(moves_1_6, x248, x242)
-    del x242
-    x249 = np.where(angle_7_3 > x263, angle_7_3, 3.141592653589793)
-    del angle_7_3
-    row_1_5_4 = np.where(moves_1_6, x249, x243)
+    row_1_5_2 = np.where(moves_1_6, x249, x243)
     del x243
-    x250 = np.where(angle_7_4 > x263, angle_7_4, 3.141592653589793)
-    del angle_7_4
-    row_1_5_5 = np.where(moves_1_6, x250, x244)
+    x250 = np.where(angle_7_2 > x266, angle_7_2, 3.141592653589793)
+    del angle_7_2
+    row_1_5_3 = np.where(moves_1_6, x250, x244)
     del x244
-    x251 = np.where(angle_7_5 > x263, angle_7_5, 3.141592653589793)
-    del angle_7_5
-    row_1_5_6 = np.where(moves_1_6, x251, x245)
+    x251 = np.where(angle_7_3 > x266, angle_7_3, 3.141592653589793)
+    del angle_7_3
+    row_1_5_4 = np.where(moves_1_6, x251, x245)
     del x245
-    x252 = np.where(angle_7_6 > x263, angle_7_6, 3.141592653589793)
-    del angle_7_6
-    row_1_5_7 = np.where(moves_1_6, x252, x246)
+    x252 = np.where(angle_7_4 > x266, angle_7_4, 3.141592653589793)
+    del angle_7_4
+    row_1_5_5 = np.where(moves_1_6, x252, x246)
     del x246
+    x253 = np.where(angle_7_5 > x266, angle_7_5, 3.141592653589793)
+    del angle_7_5
+    row_1_5_6 = np.where(moves_1_6, x253, x247)
+    del x247
+    x254 = np.where(angle_7_6 > x266, angle_7_6, 3.141592653589793)
+    del angle_7_6
+    row_1_5_7 = np.where(moves_1_6, x254, x248)
+    del x248
     there_1_6 = (moves_1_7) | ((there_7) & (~(moves_1_6)))
     del moves_1_6, there_7
     row_1_6_0 = np.where(moves_1_7, holes_7 - 1.0, holes_6)
     del holes_6
     row_1_6_1 = np.where(moves_1_7, code_8, code_7)
     del code_7
-    x253 = np.where(angle_8_1 > x263, angle_8_1, 3.141592653589793)
+    x255 = np.where(angle_8_1 > x266, angle_8_1, 3.141592653589793)
     del angle_8_1
-    row_1_6_2 = np.where(moves_1_7, x253, x247)
-    del x247
-    x254 = np.where(angle_8_2 > x263, angle_8_2, 3.141592653589793)
-    del angle_8_2
-    row_1_6_3 = np.where(moves_1_7, x254, x248)
-    del x248
-    x255 = np.where(angle_8_3 > x263, angle_8_3, 3.141592653589793)
-    del angle_8_3
-    row_1_6_4 = np.where(moves_1_7, x255, x249)
+    row_1_6_2 = np.where(moves_1_7, x255, x249)
     del x249
-    x256 = np.where(angle_8_4 > x263, angle_8_4, 3.141592653589793)
-    del angle_8_4
-    row_1_6_5 = np.where(moves_1_7, x256, x250)
+    x256 = np.where(angle_8_2 > x266, angle_8_2, 3.141592653589793)
+    del angle_8_2
+    row_1_6_3 = np.where(moves_1_7, x256, x250)
     del x250
-    x257 = np.where(angle_8_5 > x263, angle_8_5, 3.141592653589793)
-    del angle_8_5
-    row_1_6_6 = np.where(moves_1_7, x257, x251)
+    x257 = np.where(angle_8_3 > x266, angle_8_3, 3.141592653589793)
+    del angle_8_3
+    row_1_6_4 = np.where(moves_1_7, x257, x251)
     del x251
-    x258 = np.where(angle_8_6 > x263, angle_8_6, 3.141592653589793)
-    del angle_8_6, x263
-    row_1_6_7 = np.where(moves_1_7, x258, x252)
+    x258 = np.where(angle_8_4 > x266, angle_8_4, 3.141592653589793)
+    del angle_8_4
+    row_1_6_5 = np.where(moves_1_7, x258, x252)
     del x252
+    x259 = np.where(angle_8_5 > x266, angle_8_5, 3.141592653589793)
+    del angle_8_5
+    row_1_6_6 = np.where(moves_1_7, x259, x253)
+    del x253
+    x260 = np.where(angle_8_6 > x266, angle_8_6, 3.141592653589793)
+    del angle_8_6, x266
+    row_1_6_7 = np.where(moves_1_7, x260, x254)
+    del x254
     there_1_7 = (there_8) & (~(moves_1_7))
     del moves_1_7, there_8
     moves_2_2 = (there_1_2) & ((row_1_2_0 == 2.0) | (row_1_2_0 == 6.0))
@@ -1397,17 +1421,17 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del row_1_5_0
     row_2_5_1 = np.where(moves_2_7, code_8, row_1_5_1)
     del row_1_5_1
-    row_2_5_2 = np.where(moves_2_7, x253, row_1_5_2)
+    row_2_5_2 = np.where(moves_2_7, x255, row_1_5_2)
     del row_1_5_2
-    row_2_5_3 = np.where(moves_2_7, x254, row_1_5_3)
+    row_2_5_3 = np.where(moves_2_7, x256, row_1_5_3)
     del row_1_5_3
-    row_2_5_4 = np.where(moves_2_7, x255, row_1_5_4)
+    row_2_5_4 = np.where(moves_2_7, x257, row_1_5_4)
     del row_1_5_4
-    row_2_5_5 = np.where(moves_2_7, x256, row_1_5_5)
+    row_2_5_5 = np.where(moves_2_7, x258, row_1_5_5)
     del row_1_5_5
-    row_2_5_6 = np.where(moves_2_7, x257, row_1_5_6)
+    row_2_5_6 = np.where(moves_2_7, x259, row_1_5_6)
     del row_1_5_6
-    row_2_5_7 = np.where(moves_2_7, x258, row_1_5_7)
+    row_2_5_7 = np.where(moves_2_7, x260, row_1_5_7)
     del row_1_5_7
     there_2_6 = (there_1_6) & (~(moves_2_6))
     del moves_2_6, there_1_6
@@ -1473,17 +1497,17 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del there_2_3
     row_4_3_1 = np.where(moves_4_7, code_8, row_2_3_1)
     del row_2_3_1
-    row_4_3_2 = np.where(moves_4_7, x253, row_2_3_2)
+    row_4_3_2 = np.where(moves_4_7, x255, row_2_3_2)
     del row_2_3_2
-    row_4_3_3 = np.where(moves_4_7, x254, row_2_3_3)
+    row_4_3_3 = np.where(moves_4_7, x256, row_2_3_3)
     del row_2_3_3
-    row_4_3_4 = np.where(moves_4_7, x255, row_2_3_4)
+    row_4_3_4 = np.where(moves_4_7, x257, row_2_3_4)
     del row_2_3_4
-    row_4_3_5 = np.where(moves_4_7, x256, row_2_3_5)
+    row_4_3_5 = np.where(moves_4_7, x258, row_2_3_5)
     del row_2_3_5
-    row_4_3_6 = np.where(moves_4_7, x257, row_2_3_6)
+    row_4_3_6 = np.where(moves_4_7, x259, row_2_3_6)
     del row_2_3_6
-    row_4_3_7 = np.where(moves_4_7, x258, row_2_3_7)
+    row_4_3_7 = np.where(moves_4_7, x260, row_2_3_7)
     del row_2_3_7
     there_4_4 = (there_2_4) & (~(moves_4_4))
     del moves_4_4, there_2_4
@@ -1577,18 +1601,18 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del row_1_6_6
     angles_7_6 = np.where(there_4_6, row_1_6_7, np.nan)
     del row_1_6_7
-    angles_8_1 = np.where(there_4_7, x253, np.nan)
-    del x253
-    angles_8_2 = np.where(there_4_7, x254, np.nan)
-    del x254
-    angles_8_3 = np.where(there_4_7, x255, np.nan)
+    angles_8_1 = np.where(there_4_7, x255, np.nan)
     del x255
-    angles_8_4 = np.where(there_4_7, x256, np.nan)
+    angles_8_2 = np.where(there_4_7, x256, np.nan)
     del x256
-    angles_8_5 = np.where(there_4_7, x257, np.nan)
+    angles_8_3 = np.where(there_4_7, x257, np.nan)
     del x257
-    angles_8_6 = np.where(there_4_7, x258, np.nan)
+    angles_8_4 = np.where(there_4_7, x258, np.nan)
     del x258
+    angles_8_5 = np.where(there_4_7, x259, np.nan)
+    del x259
+    angles_8_6 = np.where(there_4_7, x260, np.nan)
+    del x260
     status_1 = np.where(~(good), 5.0, np.where(~(there_4_0), 3.0, row_4_0_1))
     del row_4_0_1, there_4_0
     status_2 = np.where(~(good), 5.0, np.where(~(there_4_1), 3.0, row_4_1_1))
@@ -1650,14 +1674,15 @@ robot_parallel_reverse.types = ["ddddd->db", "fffff->fb"]
 
 
 def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
-    # 347 add, 568 mul, 26 div, 40 sqrt, 378 select, 204 compare, 53 abs, 34 atan2
+    # 361 add, 591 mul, 29 div, 45 sqrt, 386 select, 210 compare, 54 abs, 34 atan2
     x0 = (pose_1_3*pose_1_3)
     x1 = (pose_2_3*pose_2_3)
     rough = np.abs(pose_4_1) + np.abs(pose_4_2) + np.abs(pose_4_3) + np.abs(pose_4_4 - 1.0) + 2.0*np.abs(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + 2.0*np.abs(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + 2.0*np.abs(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3) + np.abs((pose_1_1*pose_1_1) + (pose_2_1*pose_2_1) + (pose_3_1*pose_3_1) - 1.0) + np.abs((pose_1_2*pose_1_2) + (pose_2_2*pose_2_2) + (pose_3_2*pose_3_2) - 1.0) + np.abs((pose_3_3*pose_3_3) + x0 + x1 - 1.0)
     handed = pose_1_1*(pose_2_2*pose_3_3 - pose_2_3*pose_3_2) + pose_2_1*(pose_1_3*pose_3_2 - pose_1_2*pose_3_3) + pose_3_1*(pose_1_2*pose_2_3 - pose_1_3*pose_2_2)
     x2 = np.abs(a_2)
     x3 = np.abs(a_3)
-    spare = x2 + x3 + np.abs(a_1) + np.abs(a_4) + np.abs(a_5) + np.abs(offset_1) + np.abs(offset_2) + np.abs(offset_3) + np.abs(offset_4) + np.abs(offset_5) + np.abs(offset_6) + np.abs(pose_1_4) + np.abs(pose_2_4) + np.abs(pose_3_4)
+    x4 = np.abs(a_4)
+    spare = x2 + x3 + x4 + np.abs(a_1) + np.abs(a_5) + np.abs(offset_1) + np.abs(offset_2) + np.abs(offset_3) + np.abs(offset_4) + np.abs(offset_5) + np.abs(offset_6) + np.abs(pose_1_4) + np.abs(pose_2_4) + np.abs(pose_3_4)
     good = (rough <= 1.0/1000000.0) & (spare <= largest) & (handed > 0.0)
     del handed, rough
     near = (good) & (spare <= eps*np.sqrt(largest))
@@ -1666,144 +1691,147 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     centre_3 = pose_3_4 - offset_1 - offset_6*pose_3_3
     height = cosine_4*offset_5 + offset_2 + offset_3 + offset_4
     square = (a_2*a_2) + (a_3*a_3)
-    x4 = a_2*a_3
-    width = 2.0*np.abs(x4)
-    x5 = (sine_1*sine_1)
-    x6 = x0*x5
+    x5 = a_2*a_3
+    width = 2.0*np.abs(x5)
+    x6 = (sine_1*sine_1)
+    x7 = x0*x6
     del x0
-    first_free_square = x1*x5 + x6
+    first_free_square = x1*x6 + x7
     first_free_amplitude = np.sqrt(first_free_square)
     first_free_per_square = np.where(first_free_square > 0.0, 1.0/first_free_square, 1.0)
-    x13 = pose_2_3*sine_1
-    x7 = cosine_1*pose_3_3
-    x8 = cosine_4*cosine_5
-    x217 = x8 - x7
-    x218 = sine_4*sine_5
-    x219 = np.abs(x218)
-    first_free_serves = (first_free_square <= 0.0) | (np.abs(x13 + x217) <= x219)
-    x10 = x7 - x8
-    first_free_at = np.where(first_free_amplitude < -x10, first_free_amplitude, np.where(first_free_amplitude < x10, -first_free_amplitude, -x10))
-    x12 = (first_free_at*first_free_at)
-    first_free_rest = np.where(first_free_square > x12, np.sqrt(first_free_square - x12), 0.0)
-    del first_free_square, x12
-    x14 = pose_1_3*sine_1
-    first_free_c_first = np.where(first_free_serves, 1.0, first_free_per_square*(-first_free_at*x13 - first_free_rest*x14))
-    first_free_s_first = np.where(first_free_serves, 0.0, first_free_per_square*(first_free_at*x14 - first_free_rest*x13))
-    del first_free_at, first_free_rest, first_free_serves, x13, x14
-    x15 = 2.0*first_free_per_square*pose_1_3*pose_2_3*x5
-    x16 = first_free_per_square*(x1*x5 - x6)
-    del first_free_per_square, x1, x6
-    first_free_c_second = first_free_c_first*x16 - first_free_s_first*x15
-    first_free_s_second = -first_free_c_first*x15 - first_free_s_first*x16
-    del x15, x16
-    first_free_split = (first_free_amplitude + x10 > x219) & (first_free_amplitude + x217 > x219)
-    del first_free_amplitude, x10, x217, x219
-    first_r = np.sqrt((centre_1*centre_1)*x5 + (centre_2*centre_2)*x5)
-    del x5
-    x17 = centre_3*cosine_1 - height
+    x14 = pose_2_3*sine_1
+    x8 = cosine_1*pose_3_3
+    x9 = cosine_4*cosine_5
+    x221 = x9 - x8
+    x222 = sine_4*sine_5
+    x223 = np.abs(x222)
+    first_free_serves = (first_free_square <= 0.0) | (np.abs(x14 + x221) <= x223)
+    x11 = x8 - x9
+    first_free_at = np.where(first_free_amplitude < -x11, first_free_amplitude, np.where(first_free_amplitude < x11, -first_free_amplitude, -x11))
+    x13 = (first_free_at*first_free_at)
+    first_free_rest = np.where(first_free_square > x13, np.sqrt(first_free_square - x13), 0.0)
+    del first_free_square, x13
+    x15 = pose_1_3*sine_1
+    first_free_c_first = np.where(first_free_serves, 1.0, first_free_per_square*(-first_free_at*x14 - first_free_rest*x15))
+    first_free_s_first = np.where(first_free_serves, 0.0, first_free_per_square*(first_free_at*x15 - first_free_rest*x14))
+    del first_free_at, first_free_rest, first_free_serves, x14, x15
+    x16 = 2.0*first_free_per_square*pose_1_3*pose_2_3*x6
+    x17 = first_free_per_square*(x1*x6 - x7)
+    del first_free_per_square, x1, x7
+    first_free_c_second = first_free_c_first*x17 - first_free_s_first*x16
+    first_free_s_second = -first_free_c_first*x16 - first_free_s_first*x17
+    del x16, x17
+    first_free_split = (first_free_amplitude + x11 > x223) & (first_free_amplitude + x221 > x223)
+    del first_free_amplitude, x11, x221, x223
+    first_r = np.sqrt((centre_1*centre_1)*x6 + (centre_2*centre_2)*x6)
+    del x6
+    x18 = centre_3*cosine_1 - height
     del height
-    x18 = np.abs(x17)
-    first_room = first_r - x18
-    x214 = 4096.0*eps
-    x215 = spare*x214
-    first_free = (first_r <= x215) & (x18 <= x215)
-    x37 = 64.0*eps
-    x213 = spare*x37
-    first_double = (np.abs(first_room) <= x213) & (~(first_free))
-    first_exists = (first_free) | ((first_room >= -x213) & (first_r > 0.0))
-    del x213
-    first_q = np.where((~(first_double)) & (first_room > 0.0), np.sqrt(first_room*(first_r + x18)), 0.0)
-    del first_room, x18
-    first_size = first_r*np.sqrt((first_q*first_q) + (x17*x17))
-    del first_r
+    x19 = np.abs(x18)
+    first_room = first_r - x19
+    x217 = 4096.0*eps
+    x218 = spare*x217
+    first_free = (first_r <= x218) & (x19 <= x218)
+    x26 = 64.0*eps
+    x27 = spare*x26
+    first_double = (np.abs(first_room) <= x27) & (~(first_free))
+    first_exists = (first_free) | ((first_room >= -x27) & (first_r > 0.0))
+    first_q = np.where((~(first_double)) & (first_room > 0.0), np.sqrt(first_room*(first_r + x19)), 0.0)
+    del first_room, x19
+    x20 = (first_q*first_q)
+    first_size = first_r*np.sqrt((x18*x18) + x20)
     first_scale = np.where(first_size > 0.0, 1.0/first_size, 1.0)
     del first_size
-    x19 = first_q*sine_1
+    x21 = first_q*sine_1
     del first_q
-    x20 = centre_1*x19
-    first_c_a = np.where(first_free, 1.0, first_scale*(centre_2*sine_1*x17 - x20))
-    x21 = centre_2*x19
-    del x19
-    x22 = sine_1*x17
-    del x17
-    x23 = centre_1*x22
-    first_s_a = np.where(first_free, 0.0, first_scale*(-x21 - x23))
-    first_c_b = np.where(first_free, 1.0, first_scale*(centre_2*x22 + x20))
-    del x20, x22
-    first_s_b = np.where(first_free, 0.0, first_scale*(x21 - x23))
-    del first_scale, x21, x23
+    x22 = centre_1*x21
+    first_c_a = np.where(first_free, 1.0, first_scale*(centre_2*sine_1*x18 - x22))
+    x23 = centre_2*x21
+    del x21
+    x24 = sine_1*x18
+    del x18
+    x25 = centre_1*x24
+    first_s_a = np.where(first_free, 0.0, first_scale*(-x23 - x25))
+    first_c_b = np.where(first_free, 1.0, first_scale*(centre_2*x24 + x22))
+    del x22, x24
+    first_s_b = np.where(first_free, 0.0, first_scale*(x23 - x25))
+    del first_scale, x23, x25
     first_two = (first_exists) & (~((first_double) | (first_free)))
+    first_slope = first_r*x27 + x20
+    del first_r, x20
+    first_error = np.where((~(first_free)) & (first_slope > 0.0), x27*np.where(first_slope > 0.0, 1.0/np.sqrt(first_slope), 1.0), 0.0)
+    del first_slope, x27
     c_1_a = np.where(first_free, first_free_c_first, first_c_a)
     del first_c_a, first_free_c_first
     s_1_a = np.where(first_free, first_free_s_first, first_s_a)
     del first_free_s_first, first_s_a
     side_a = c_1_a*centre_2 - centre_1*s_1_a
     end_a_1 = c_1_a*centre_1 + centre_2*s_1_a - a_1
-    x25 = centre_3*sine_1
+    x29 = centre_3*sine_1
     del centre_3
-    end_a_2 = cosine_1*side_a + x25
+    end_a_2 = cosine_1*side_a + x29
     del side_a
     axes_a_1_1 = c_1_a*pose_1_1 + pose_2_1*s_1_a
     axes_a_1_2 = c_1_a*pose_1_2 + pose_2_2*s_1_a
     axes_a_1_3 = c_1_a*pose_1_3 + pose_2_3*s_1_a
-    x26 = pose_3_1*sine_1
-    x27 = c_1_a*pose_2_1 - pose_1_1*s_1_a
-    axes_a_2_1 = cosine_1*x27 + x26
-    x28 = pose_3_2*sine_1
-    x29 = c_1_a*pose_2_2 - pose_1_2*s_1_a
-    axes_a_2_2 = cosine_1*x29 + x28
-    x30 = pose_3_3*sine_1
-    x31 = c_1_a*pose_2_3 - pose_1_3*s_1_a
-    axes_a_2_3 = cosine_1*x31 + x30
-    x32 = cosine_1*pose_3_1
-    axes_a_3_1 = x32 - sine_1*x27
-    del x27
-    x33 = cosine_1*pose_3_2
-    axes_a_3_2 = x33 - sine_1*x29
-    del x29
-    axes_a_3_3 = x7 - sine_1*x31
+    x30 = pose_3_1*sine_1
+    x31 = c_1_a*pose_2_1 - pose_1_1*s_1_a
+    axes_a_2_1 = cosine_1*x31 + x30
+    x32 = pose_3_2*sine_1
+    x33 = c_1_a*pose_2_2 - pose_1_2*s_1_a
+    axes_a_2_2 = cosine_1*x33 + x32
+    x34 = pose_3_3*sine_1
+    x35 = c_1_a*pose_2_3 - pose_1_3*s_1_a
+    axes_a_2_3 = cosine_1*x35 + x34
+    x36 = cosine_1*pose_3_1
+    axes_a_3_1 = x36 - sine_1*x31
     del x31
+    x37 = cosine_1*pose_3_2
+    axes_a_3_2 = x37 - sine_1*x33
+    del x33
+    axes_a_3_3 = x8 - sine_1*x35
+    del x35
     h_a = np.sqrt((axes_a_3_1*axes_a_3_1) + (axes_a_3_2*axes_a_3_2))
     bend_a_denominator = np.abs(axes_a_3_3) + 1.0
-    x34 = cosine_4 - cosine_5
-    x35 = cosine_4 + cosine_5
-    bend_a_apart = np.where(axes_a_3_3 >= 0.0, x34, x35)
-    bend_a_product = np.where(axes_a_3_3 >= 0.0, x8, -x8)
-    x36 = (bend_a_apart*bend_a_apart)
+    x38 = cosine_4 - cosine_5
+    x39 = cosine_4 + cosine_5
+    bend_a_apart = np.where(axes_a_3_3 >= 0.0, x38, x39)
+    bend_a_product = np.where(axes_a_3_3 >= 0.0, x9, -x9)
+    x40 = (bend_a_apart*bend_a_apart)
     del bend_a_apart
-    bend_a_gram = (h_a*h_a)*(1.0 - 2.0*bend_a_product/bend_a_denominator) - x36
+    bend_a_gram = (h_a*h_a)*(1.0 - 2.0*bend_a_product/bend_a_denominator) - x40
     del bend_a_denominator, bend_a_product
-    bend_a_tolerance = x37*(h_a + x36)
-    del x36
-    bend_a_free = (bend_a_gram >= -bend_a_tolerance) & (h_a <= x214)
-    del h_a
+    bend_a_tolerance = first_error*(first_error + 2.0*h_a) + x26*(h_a + x40)
+    del x40
+    x219 = first_error + x217
+    bend_a_free = (bend_a_gram >= -bend_a_tolerance) & (h_a <= x219)
     bend_a_double = (np.abs(bend_a_gram) <= bend_a_tolerance) & (~(bend_a_free))
     bend_a_exists = bend_a_gram >= -bend_a_tolerance
     del bend_a_tolerance
     bend_a_q = np.where((~(bend_a_double)) & (bend_a_gram > 0.0), np.sqrt(bend_a_gram), 0.0)
     del bend_a_gram
-    bend_a_along = x8 - axes_a_3_3
+    bend_a_along = x9 - axes_a_3_3
     bend_a_size = np.sqrt((bend_a_along*bend_a_along) + (bend_a_q*bend_a_q))
-    x38 = np.where(x218 < 0.0, -1.0, 1.0)
-    del x218
-    bend_a_scale = x38*np.where(bend_a_size > 0.0, 1.0/bend_a_size, 1.0)
+    x41 = np.where(x222 < 0.0, -1.0, 1.0)
+    del x222
+    bend_a_scale = x41*np.where(bend_a_size > 0.0, 1.0/bend_a_size, 1.0)
     del bend_a_size
     bend_a_c = bend_a_along*bend_a_scale
     del bend_a_along
     bend_a_s = bend_a_q*bend_a_scale
     del bend_a_q, bend_a_scale
     bend_a_two = (bend_a_exists) & (~((bend_a_double) | (bend_a_free)))
-    x39 = bend_a_s*sine_4
-    x40 = axes_a_3_1*x39
-    x41 = cosine_4*sine_5
-    x42 = cosine_5*sine_4
-    x43 = bend_a_c*x42 + x41
-    sixth_aa_dot = axes_a_3_2*x43 + x40
-    x44 = axes_a_3_2*x39
-    del x39
-    x45 = axes_a_3_1*x43
+    x42 = bend_a_s*sine_4
+    x43 = axes_a_3_1*x42
+    x44 = cosine_4*sine_5
+    x45 = cosine_5*sine_4
+    x46 = bend_a_c*x45 + x44
+    sixth_aa_dot = axes_a_3_2*x46 + x43
+    x47 = axes_a_3_2*x42
+    del x42
+    x48 = axes_a_3_1*x46
     del axes_a_3_1
-    sixth_aa_cross = x45 - x44
+    sixth_aa_cross = x48 - x47
     sixth_aa_size = np.sqrt((sixth_aa_cross*sixth_aa_cross) + (sixth_aa_dot*sixth_aa_dot))
     sixth_aa_scale = np.where(sixth_aa_size > 0.0, 1.0/sixth_aa_size, 1.0)
     del sixth_aa_size
@@ -1811,42 +1839,42 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del sixth_aa_dot
     sixth_aa_s = np.where(bend_a_free, 0.0, sixth_aa_cross*sixth_aa_scale)
     del sixth_aa_cross, sixth_aa_scale
-    x46 = bend_a_s*sine_5
-    x47 = axes_a_1_3*x46
+    x49 = bend_a_s*sine_5
+    x50 = axes_a_1_3*x49
     del axes_a_1_3
-    x48 = bend_a_s*cosine_5
-    x49 = bend_a_c*sixth_aa_c - sixth_aa_s*x48
-    x50 = -bend_a_c*sixth_aa_s - sixth_aa_c*x48
-    c_zero_aa = axes_a_1_1*x49 + axes_a_1_2*x50 + x47
-    x51 = axes_a_2_3*x46
-    del axes_a_2_3, x46
-    s_zero_aa = axes_a_2_1*x49 + axes_a_2_2*x50 + x51
-    del x49, x50
-    x52 = offset_5*sine_4
-    hand_aa_1 = a_4*c_zero_aa + s_zero_aa*x52
-    hand_aa_2 = a_4*s_zero_aa - c_zero_aa*x52
-    x53 = 2.0*hand_aa_1
-    x54 = end_a_1*x53
-    x55 = 2.0*hand_aa_2
-    x56 = end_a_2*x55
-    x57 = -x54 - x56
-    x58 = end_a_1*x55 - end_a_2*x53
-    del x53, x55
-    turn_aa_square = (x57*x57) + (x58*x58)
+    x51 = bend_a_s*cosine_5
+    x52 = bend_a_c*sixth_aa_c - sixth_aa_s*x51
+    x53 = -bend_a_c*sixth_aa_s - sixth_aa_c*x51
+    c_zero_aa = axes_a_1_1*x52 + axes_a_1_2*x53 + x50
+    x54 = axes_a_2_3*x49
+    del axes_a_2_3, x49
+    s_zero_aa = axes_a_2_1*x52 + axes_a_2_2*x53 + x54
+    del x52, x53
+    x55 = offset_5*sine_4
+    hand_aa_1 = a_4*c_zero_aa + s_zero_aa*x55
+    hand_aa_2 = a_4*s_zero_aa - c_zero_aa*x55
+    x56 = 2.0*hand_aa_1
+    x57 = end_a_1*x56
+    x58 = 2.0*hand_aa_2
+    x59 = end_a_2*x58
+    x60 = -x57 - x59
+    x61 = end_a_1*x58 - end_a_2*x56
+    del x56, x58
+    turn_aa_square = (x60*x60) + (x61*x61)
     turn_aa_amplitude = np.sqrt(turn_aa_square)
     turn_aa_per_square = np.where(turn_aa_square > 0.0, 1.0/turn_aa_square, 1.0)
-    x60 = (end_a_1*end_a_1) + (end_a_2*end_a_2) - square
-    x61 = (hand_aa_1*hand_aa_1) + (hand_aa_2*hand_aa_2) + x60
-    turn_aa_serves = (turn_aa_square <= 0.0) | (np.abs(x54 + x56 - x61) <= width)
-    del x54, x56
-    turn_aa_at = np.where(turn_aa_amplitude < -x61, turn_aa_amplitude, np.where(turn_aa_amplitude < x61, -turn_aa_amplitude, -x61))
-    del turn_aa_amplitude, x61
-    x63 = (turn_aa_at*turn_aa_at)
-    turn_aa_rest = np.where(turn_aa_square > x63, np.sqrt(turn_aa_square - x63), 0.0)
-    del turn_aa_square, x63
-    turn_aa_c_first = np.where(turn_aa_serves, 1.0, turn_aa_per_square*(turn_aa_at*x57 - turn_aa_rest*x58))
-    turn_aa_s_first = np.where(turn_aa_serves, 0.0, turn_aa_per_square*(turn_aa_at*x58 + turn_aa_rest*x57))
-    del turn_aa_at, turn_aa_per_square, turn_aa_rest, turn_aa_serves, x57, x58
+    x63 = (end_a_1*end_a_1) + (end_a_2*end_a_2) - square
+    x64 = (hand_aa_1*hand_aa_1) + (hand_aa_2*hand_aa_2) + x63
+    turn_aa_serves = (turn_aa_square <= 0.0) | (np.abs(x57 + x59 - x64) <= width)
+    del x57, x59
+    turn_aa_at = np.where(turn_aa_amplitude < -x64, turn_aa_amplitude, np.where(turn_aa_amplitude < x64, -turn_aa_amplitude, -x64))
+    del turn_aa_amplitude, x64
+    x66 = (turn_aa_at*turn_aa_at)
+    turn_aa_rest = np.where(turn_aa_square > x66, np.sqrt(turn_aa_square - x66), 0.0)
+    del turn_aa_square, x66
+    turn_aa_c_first = np.where(turn_aa_serves, 1.0, turn_aa_per_square*(turn_aa_at*x60 - turn_aa_rest*x61))
+    turn_aa_s_first = np.where(turn_aa_serves, 0.0, turn_aa_per_square*(turn_aa_at*x61 + turn_aa_rest*x60))
+    del turn_aa_at, turn_aa_per_square, turn_aa_rest, turn_aa_serves, x60, x61
     c_turn_aa = np.where(bend_a_free, turn_aa_c_first, 1.0)
     del turn_aa_c_first
     s_turn_aa = np.where(bend_a_free, turn_aa_s_first, 0.0)
@@ -1861,44 +1889,53 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     corner_aa_1 = end_a_1 + hand_aa_2*s_turn_aa - c_turn_aa*hand_aa_1
     corner_aa_2 = end_a_2 - c_turn_aa*hand_aa_2 - hand_aa_1*s_turn_aa
     del c_turn_aa, hand_aa_1, hand_aa_2, s_turn_aa
-    x65 = (spare*spare)
-    del spare
-    x66 = x37*x65
-    triangle_aa_area = x66
-    x67 = 2.0*x2*x3
+    x68 = first_error + x26
+    x69 = spare*x68
+    x70 = x4 + np.abs(x55)
+    del x4
+    x71 = np.where(spare > x69, x69 + x70*np.where(bend_a_free, 0.0, x68*np.where(h_a > 0.0, 1.0/h_a, 1.0)), spare)
+    del h_a
+    off_aa = x71
+    triangle_aa_side = np.sqrt((corner_aa_1*corner_aa_1) + (corner_aa_2*corner_aa_2))
+    x72 = (spare*spare)
+    x73 = x26*x72
+    triangle_aa_area = 2.0*off_aa*triangle_aa_side + x73
+    del off_aa
+    x74 = 2.0*x2*x3
     del x2, x3
-    triangle_aa_3_r = x67
-    x68 = (corner_aa_1*corner_aa_1) + (corner_aa_2*corner_aa_2) - square
-    x69 = np.abs(x68)
-    triangle_aa_3_room = triangle_aa_3_r - x69
-    x216 = x214*x65
-    del x65
-    triangle_aa_3_free = (triangle_aa_3_r <= x216) & (x69 <= x216)
+    triangle_aa_3_r = x74
+    x75 = square - (triangle_aa_side*triangle_aa_side)
+    del triangle_aa_side
+    x76 = np.abs(x75)
+    triangle_aa_3_room = triangle_aa_3_r - x76
+    x220 = x217*x72
+    del x217, x72
+    triangle_aa_3_free = (triangle_aa_3_r <= x220) & (x76 <= x220)
     triangle_aa_3_double = (np.abs(triangle_aa_3_room) <= triangle_aa_area) & (~(triangle_aa_3_free))
     triangle_aa_3_exists = (triangle_aa_3_free) | ((triangle_aa_3_room >= -triangle_aa_area) & (triangle_aa_3_r > 0.0))
     del triangle_aa_area
-    triangle_aa_3_q = np.where((~(triangle_aa_3_double)) & (triangle_aa_3_room > 0.0), np.sqrt(triangle_aa_3_room*(triangle_aa_3_r + x69)), 0.0)
-    del triangle_aa_3_room, x69
-    triangle_aa_3_size = triangle_aa_3_r*np.sqrt((triangle_aa_3_q*triangle_aa_3_q) + (x68*x68))
+    triangle_aa_3_q = np.where((~(triangle_aa_3_double)) & (triangle_aa_3_room > 0.0), np.sqrt(triangle_aa_3_room*(triangle_aa_3_r + x76)), 0.0)
+    del triangle_aa_3_room, x76
+    triangle_aa_3_size = triangle_aa_3_r*np.sqrt((triangle_aa_3_q*triangle_aa_3_q) + (x75*x75))
     del triangle_aa_3_r
     triangle_aa_3_scale = np.where(triangle_aa_3_size > 0.0, 1.0/triangle_aa_3_size, 1.0)
     del triangle_aa_3_size
-    x71 = 2.0*x4
-    del x4
-    x72 = triangle_aa_3_scale*x71
+    x77 = 2.0*x5
+    del x5
+    x78 = triangle_aa_3_scale*x77
     del triangle_aa_3_scale
-    x73 = np.where(triangle_aa_3_free, 1.0, x68*x72)
-    del x68
-    triangle_aa_3_c_a = x73
-    x74 = triangle_aa_3_q*x72
-    del triangle_aa_3_q, x72
-    triangle_aa_3_s_a = np.where(triangle_aa_3_free, 0.0, x74)
-    triangle_aa_3_c_b = x73
-    del x73
-    triangle_aa_3_s_b = np.where(triangle_aa_3_free, 0.0, -x74)
-    del x74
+    x79 = np.where(triangle_aa_3_free, 1.0, -x75*x78)
+    del x75
+    triangle_aa_3_c_a = x79
+    x80 = triangle_aa_3_q*x78
+    del triangle_aa_3_q, x78
+    triangle_aa_3_s_a = np.where(triangle_aa_3_free, 0.0, x80)
+    triangle_aa_3_c_b = x79
+    del x79
+    triangle_aa_3_s_b = np.where(triangle_aa_3_free, 0.0, -x80)
+    del x80
     triangle_aa_3_two = (triangle_aa_3_exists) & (~((triangle_aa_3_double) | (triangle_aa_3_free)))
-    triangle_aa_any = np.abs(corner_aa_1) + np.abs(corner_aa_2) <= x215
+    triangle_aa_any = np.abs(corner_aa_1) + np.abs(corner_aa_2) <= x218
     triangle_aa_arm_a_1 = a_2 + a_3*triangle_aa_3_c_a
     triangle_aa_arm_a_2 = a_3*triangle_aa_3_s_a
     triangle_aa_2_a_dot = corner_aa_1*triangle_aa_arm_a_1 + corner_aa_2*triangle_aa_arm_a_2
@@ -1933,10 +1970,10 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     c_4_aab = c_234_aa*c_23_aab + s_234_aa*s_23_aab
     s_4_aab = c_23_aab*s_234_aa - c_234_aa*s_23_aab
     del c_234_aa, c_23_aab, s_234_aa, s_23_aab
-    sixth_ab_dot = axes_a_3_2*x43 - x40
-    del axes_a_3_2, x40, x43
-    sixth_ab_cross = x44 + x45
-    del x44, x45
+    sixth_ab_dot = axes_a_3_2*x46 - x43
+    del axes_a_3_2, x43, x46
+    sixth_ab_cross = x47 + x48
+    del x47, x48
     sixth_ab_size = np.sqrt((sixth_ab_cross*sixth_ab_cross) + (sixth_ab_dot*sixth_ab_dot))
     sixth_ab_scale = np.where(sixth_ab_size > 0.0, 1.0/sixth_ab_size, 1.0)
     del sixth_ab_size
@@ -1944,47 +1981,47 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del sixth_ab_dot
     sixth_ab_s = np.where(bend_a_free, 0.0, sixth_ab_cross*sixth_ab_scale)
     del sixth_ab_cross, sixth_ab_scale
-    x75 = bend_a_c*sixth_ab_c + sixth_ab_s*x48
-    del x48
-    x76 = bend_a_s*cosine_5*sixth_ab_c - bend_a_c*sixth_ab_s
-    c_zero_ab = axes_a_1_1*x75 + axes_a_1_2*x76 - x47
-    del axes_a_1_1, axes_a_1_2, x47
-    s_zero_ab = axes_a_2_1*x75 + axes_a_2_2*x76 - x51
-    del axes_a_2_1, axes_a_2_2, x51, x75, x76
-    hand_ab_1 = a_4*c_zero_ab + s_zero_ab*x52
-    hand_ab_2 = a_4*s_zero_ab - c_zero_ab*x52
-    x77 = 2.0*hand_ab_1
-    x78 = end_a_1*x77
-    x79 = 2.0*hand_ab_2
-    x80 = end_a_2*x79
-    x81 = -x78 - x80
-    x82 = (x81*x81)
-    x83 = end_a_1*x79 - end_a_2*x77
-    del x77, x79
-    x84 = (x83*x83)
-    turn_ab_square = x82 + x84
+    x81 = bend_a_c*sixth_ab_c + sixth_ab_s*x51
+    del x51
+    x82 = bend_a_s*cosine_5*sixth_ab_c - bend_a_c*sixth_ab_s
+    c_zero_ab = axes_a_1_1*x81 + axes_a_1_2*x82 - x50
+    del axes_a_1_1, axes_a_1_2, x50
+    s_zero_ab = axes_a_2_1*x81 + axes_a_2_2*x82 - x54
+    del axes_a_2_1, axes_a_2_2, x54, x81, x82
+    hand_ab_1 = a_4*c_zero_ab + s_zero_ab*x55
+    hand_ab_2 = a_4*s_zero_ab - c_zero_ab*x55
+    x83 = 2.0*hand_ab_1
+    x84 = end_a_1*x83
+    x85 = 2.0*hand_ab_2
+    x86 = end_a_2*x85
+    x87 = -x84 - x86
+    x88 = (x87*x87)
+    x89 = end_a_1*x85 - end_a_2*x83
+    del x83, x85
+    x90 = (x89*x89)
+    turn_ab_square = x88 + x90
     turn_ab_amplitude = np.sqrt(turn_ab_square)
     turn_ab_per_square = np.where(turn_ab_square > 0.0, 1.0/turn_ab_square, 1.0)
-    x86 = (hand_ab_1*hand_ab_1) + (hand_ab_2*hand_ab_2) + x60
-    del x60
-    turn_ab_serves = (turn_ab_square <= 0.0) | (np.abs(x78 + x80 - x86) <= width)
-    del x78, x80
-    turn_ab_at = np.where(turn_ab_amplitude < -x86, turn_ab_amplitude, np.where(turn_ab_amplitude < x86, -turn_ab_amplitude, -x86))
-    x88 = (turn_ab_at*turn_ab_at)
-    turn_ab_rest = np.where(turn_ab_square > x88, np.sqrt(turn_ab_square - x88), 0.0)
-    del turn_ab_square, x88
-    turn_ab_c_first = np.where(turn_ab_serves, 1.0, turn_ab_per_square*(turn_ab_at*x81 - turn_ab_rest*x83))
-    turn_ab_s_first = np.where(turn_ab_serves, 0.0, turn_ab_per_square*(turn_ab_at*x83 + turn_ab_rest*x81))
-    del turn_ab_at, turn_ab_rest, turn_ab_serves, x81
-    x89 = turn_ab_per_square*x83*(-4.0*end_a_1*hand_ab_1 - 4.0*end_a_2*hand_ab_2)
-    del x83
-    x90 = turn_ab_per_square*(x82 - x84)
-    del turn_ab_per_square, x82, x84
-    turn_ab_c_second = turn_ab_c_first*x90 + turn_ab_s_first*x89
-    turn_ab_s_second = turn_ab_c_first*x89 - turn_ab_s_first*x90
-    del turn_ab_c_first, turn_ab_s_first, x89, x90
-    turn_ab_split = (turn_ab_amplitude - x86 > width) & (turn_ab_amplitude + x86 > width)
-    del turn_ab_amplitude, x86
+    x92 = (hand_ab_1*hand_ab_1) + (hand_ab_2*hand_ab_2) + x63
+    del x63
+    turn_ab_serves = (turn_ab_square <= 0.0) | (np.abs(x84 + x86 - x92) <= width)
+    del x84, x86
+    turn_ab_at = np.where(turn_ab_amplitude < -x92, turn_ab_amplitude, np.where(turn_ab_amplitude < x92, -turn_ab_amplitude, -x92))
+    x94 = (turn_ab_at*turn_ab_at)
+    turn_ab_rest = np.where(turn_ab_square > x94, np.sqrt(turn_ab_square - x94), 0.0)
+    del turn_ab_square, x94
+    turn_ab_c_first = np.where(turn_ab_serves, 1.0, turn_ab_per_square*(turn_ab_at*x87 - turn_ab_rest*x89))
+    turn_ab_s_first = np.where(turn_ab_serves, 0.0, turn_ab_per_square*(turn_ab_at*x89 + turn_ab_rest*x87))
+    del turn_ab_at, turn_ab_rest, turn_ab_serves, x87
+    x95 = turn_ab_per_square*x89*(-4.0*end_a_1*hand_ab_1 - 4.0*end_a_2*hand_ab_2)
+    del x89
+    x96 = turn_ab_per_square*(x88 - x90)
+    del turn_ab_per_square, x88, x90
+    turn_ab_c_second = turn_ab_c_first*x96 + turn_ab_s_first*x95
+    turn_ab_s_second = turn_ab_c_first*x95 - turn_ab_s_first*x96
+    del turn_ab_c_first, turn_ab_s_first, x95, x96
+    turn_ab_split = (turn_ab_amplitude - x92 > width) & (turn_ab_amplitude + x92 > width)
+    del turn_ab_amplitude, x92
     c_turn_ab = np.where(bend_a_free, turn_ab_c_second, 1.0)
     del turn_ab_c_second
     s_turn_ab = np.where(bend_a_free, turn_ab_s_second, 0.0)
@@ -2002,35 +2039,40 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del end_a_1
     corner_ab_2 = end_a_2 - c_turn_ab*hand_ab_2 - hand_ab_1*s_turn_ab
     del c_turn_ab, end_a_2, hand_ab_1, hand_ab_2, s_turn_ab
-    triangle_ab_area = x66
-    triangle_ab_3_r = x67
-    x91 = (corner_ab_1*corner_ab_1) + (corner_ab_2*corner_ab_2) - square
-    x92 = np.abs(x91)
-    triangle_ab_3_room = triangle_ab_3_r - x92
-    triangle_ab_3_free = (triangle_ab_3_r <= x216) & (x92 <= x216)
+    off_ab = x71
+    del x71
+    triangle_ab_side = np.sqrt((corner_ab_1*corner_ab_1) + (corner_ab_2*corner_ab_2))
+    triangle_ab_area = 2.0*off_ab*triangle_ab_side + x73
+    del off_ab
+    triangle_ab_3_r = x74
+    x97 = square - (triangle_ab_side*triangle_ab_side)
+    del triangle_ab_side
+    x98 = np.abs(x97)
+    triangle_ab_3_room = triangle_ab_3_r - x98
+    triangle_ab_3_free = (triangle_ab_3_r <= x220) & (x98 <= x220)
     triangle_ab_3_double = (np.abs(triangle_ab_3_room) <= triangle_ab_area) & (~(triangle_ab_3_free))
     triangle_ab_3_exists = (triangle_ab_3_free) | ((triangle_ab_3_room >= -triangle_ab_area) & (triangle_ab_3_r > 0.0))
     del triangle_ab_area
-    triangle_ab_3_q = np.where((~(triangle_ab_3_double)) & (triangle_ab_3_room > 0.0), np.sqrt(triangle_ab_3_room*(triangle_ab_3_r + x92)), 0.0)
-    del triangle_ab_3_room, x92
-    triangle_ab_3_size = triangle_ab_3_r*np.sqrt((triangle_ab_3_q*triangle_ab_3_q) + (x91*x91))
+    triangle_ab_3_q = np.where((~(triangle_ab_3_double)) & (triangle_ab_3_room > 0.0), np.sqrt(triangle_ab_3_room*(triangle_ab_3_r + x98)), 0.0)
+    del triangle_ab_3_room, x98
+    triangle_ab_3_size = triangle_ab_3_r*np.sqrt((triangle_ab_3_q*triangle_ab_3_q) + (x97*x97))
     del triangle_ab_3_r
     triangle_ab_3_scale = np.where(triangle_ab_3_size > 0.0, 1.0/triangle_ab_3_size, 1.0)
     del triangle_ab_3_size
-    x94 = triangle_ab_3_scale*x71
+    x99 = triangle_ab_3_scale*x77
     del triangle_ab_3_scale
-    x95 = np.where(triangle_ab_3_free, 1.0, x91*x94)
-    del x91
-    triangle_ab_3_c_a = x95
-    x96 = triangle_ab_3_q*x94
-    del triangle_ab_3_q, x94
-    triangle_ab_3_s_a = np.where(triangle_ab_3_free, 0.0, x96)
-    triangle_ab_3_c_b = x95
-    del x95
-    triangle_ab_3_s_b = np.where(triangle_ab_3_free, 0.0, -x96)
-    del x96
+    x100 = np.where(triangle_ab_3_free, 1.0, -x97*x99)
+    del x97
+    triangle_ab_3_c_a = x100
+    x101 = triangle_ab_3_q*x99
+    del triangle_ab_3_q, x99
+    triangle_ab_3_s_a = np.where(triangle_ab_3_free, 0.0, x101)
+    triangle_ab_3_c_b = x100
+    del x100
+    triangle_ab_3_s_b = np.where(triangle_ab_3_free, 0.0, -x101)
+    del x101
     triangle_ab_3_two = (triangle_ab_3_exists) & (~((triangle_ab_3_double) | (triangle_ab_3_free)))
-    triangle_ab_any = np.abs(corner_ab_1) + np.abs(corner_ab_2) <= x215
+    triangle_ab_any = np.abs(corner_ab_1) + np.abs(corner_ab_2) <= x218
     triangle_ab_arm_a_1 = a_2 + a_3*triangle_ab_3_c_a
     triangle_ab_arm_a_2 = a_3*triangle_ab_3_s_a
     triangle_ab_2_a_dot = corner_ab_1*triangle_ab_arm_a_1 + corner_ab_2*triangle_ab_arm_a_2
@@ -2074,64 +2116,64 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     side_b = c_1_b*centre_2 - centre_1*s_1_b
     end_b_1 = c_1_b*centre_1 + centre_2*s_1_b - a_1
     del centre_1, centre_2
-    end_b_2 = cosine_1*side_b + x25
-    del side_b, x25
+    end_b_2 = cosine_1*side_b + x29
+    del side_b, x29
     axes_b_1_1 = c_1_b*pose_1_1 + pose_2_1*s_1_b
     axes_b_1_2 = c_1_b*pose_1_2 + pose_2_2*s_1_b
     axes_b_1_3 = c_1_b*pose_1_3 + pose_2_3*s_1_b
-    x97 = c_1_b*pose_2_1 - pose_1_1*s_1_b
-    axes_b_2_1 = cosine_1*x97 + x26
-    del x26
-    x98 = c_1_b*pose_2_2 - pose_1_2*s_1_b
-    axes_b_2_2 = cosine_1*x98 + x28
-    del x28
-    x99 = c_1_b*pose_2_3 - pose_1_3*s_1_b
-    axes_b_2_3 = cosine_1*x99 + x30
+    x102 = c_1_b*pose_2_1 - pose_1_1*s_1_b
+    axes_b_2_1 = cosine_1*x102 + x30
     del x30
-    axes_b_3_1 = x32 - sine_1*x97
-    del x32, x97
-    axes_b_3_2 = x33 - sine_1*x98
-    del x33, x98
-    axes_b_3_3 = x7 - sine_1*x99
-    del x7, x99
+    x103 = c_1_b*pose_2_2 - pose_1_2*s_1_b
+    axes_b_2_2 = cosine_1*x103 + x32
+    del x32
+    x104 = c_1_b*pose_2_3 - pose_1_3*s_1_b
+    axes_b_2_3 = cosine_1*x104 + x34
+    del x34
+    axes_b_3_1 = x36 - sine_1*x102
+    del x102, x36
+    axes_b_3_2 = x37 - sine_1*x103
+    del x103, x37
+    axes_b_3_3 = x8 - sine_1*x104
+    del x104, x8
     h_b = np.sqrt((axes_b_3_1*axes_b_3_1) + (axes_b_3_2*axes_b_3_2))
     bend_b_denominator = np.abs(axes_b_3_3) + 1.0
-    bend_b_apart = np.where(axes_b_3_3 >= 0.0, x34, x35)
-    del x34, x35
-    bend_b_product = np.where(axes_b_3_3 >= 0.0, x8, -x8)
-    x100 = (bend_b_apart*bend_b_apart)
+    bend_b_apart = np.where(axes_b_3_3 >= 0.0, x38, x39)
+    del x38, x39
+    bend_b_product = np.where(axes_b_3_3 >= 0.0, x9, -x9)
+    x105 = (bend_b_apart*bend_b_apart)
     del bend_b_apart
-    bend_b_gram = (h_b*h_b)*(1.0 - 2.0*bend_b_product/bend_b_denominator) - x100
+    bend_b_gram = (h_b*h_b)*(1.0 - 2.0*bend_b_product/bend_b_denominator) - x105
     del bend_b_denominator, bend_b_product
-    bend_b_tolerance = x37*(h_b + x100)
-    del x100, x37
-    bend_b_free = (bend_b_gram >= -bend_b_tolerance) & (h_b <= x214)
-    del h_b, x214
+    bend_b_tolerance = first_error*(first_error + 2.0*h_b) + x26*(h_b + x105)
+    del first_error, x105, x26
+    bend_b_free = (bend_b_gram >= -bend_b_tolerance) & (h_b <= x219)
+    del x219
     bend_b_double = (np.abs(bend_b_gram) <= bend_b_tolerance) & (~(bend_b_free))
     bend_b_exists = bend_b_gram >= -bend_b_tolerance
     del bend_b_tolerance
     bend_b_q = np.where((~(bend_b_double)) & (bend_b_gram > 0.0), np.sqrt(bend_b_gram), 0.0)
     del bend_b_gram
-    bend_b_along = x8 - axes_b_3_3
-    del x8
+    bend_b_along = x9 - axes_b_3_3
+    del x9
     bend_b_size = np.sqrt((bend_b_along*bend_b_along) + (bend_b_q*bend_b_q))
-    bend_b_scale = x38*np.where(bend_b_size > 0.0, 1.0/bend_b_size, 1.0)
-    del bend_b_size, x38
+    bend_b_scale = x41*np.where(bend_b_size > 0.0, 1.0/bend_b_size, 1.0)
+    del bend_b_size, x41
     bend_b_c = bend_b_along*bend_b_scale
     del bend_b_along
     bend_b_s = bend_b_q*bend_b_scale
     del bend_b_q, bend_b_scale
     bend_b_two = (bend_b_exists) & (~((bend_b_double) | (bend_b_free)))
-    x101 = bend_b_s*sine_4
-    x102 = axes_b_3_1*x101
-    x103 = bend_b_c*x42 + x41
-    del x41, x42
-    sixth_ba_dot = axes_b_3_2*x103 + x102
-    x104 = axes_b_3_2*x101
-    del x101
-    x105 = axes_b_3_1*x103
+    x106 = bend_b_s*sine_4
+    x107 = axes_b_3_1*x106
+    x108 = bend_b_c*x45 + x44
+    del x44, x45
+    sixth_ba_dot = axes_b_3_2*x108 + x107
+    x109 = axes_b_3_2*x106
+    del x106
+    x110 = axes_b_3_1*x108
     del axes_b_3_1
-    sixth_ba_cross = x105 - x104
+    sixth_ba_cross = x110 - x109
     sixth_ba_size = np.sqrt((sixth_ba_cross*sixth_ba_cross) + (sixth_ba_dot*sixth_ba_dot))
     sixth_ba_scale = np.where(sixth_ba_size > 0.0, 1.0/sixth_ba_size, 1.0)
     del sixth_ba_size
@@ -2139,41 +2181,41 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del sixth_ba_dot
     sixth_ba_s = np.where(bend_b_free, 0.0, sixth_ba_cross*sixth_ba_scale)
     del sixth_ba_cross, sixth_ba_scale
-    x106 = bend_b_s*sine_5
-    x107 = axes_b_1_3*x106
+    x111 = bend_b_s*sine_5
+    x112 = axes_b_1_3*x111
     del axes_b_1_3
-    x108 = bend_b_s*cosine_5
-    x109 = bend_b_c*sixth_ba_c - sixth_ba_s*x108
-    x110 = -bend_b_c*sixth_ba_s - sixth_ba_c*x108
-    c_zero_ba = axes_b_1_1*x109 + axes_b_1_2*x110 + x107
-    x111 = axes_b_2_3*x106
-    del axes_b_2_3, x106
-    s_zero_ba = axes_b_2_1*x109 + axes_b_2_2*x110 + x111
-    del x109, x110
-    hand_ba_1 = a_4*c_zero_ba + s_zero_ba*x52
-    hand_ba_2 = a_4*s_zero_ba - c_zero_ba*x52
-    x112 = 2.0*hand_ba_1
-    x113 = end_b_1*x112
-    x114 = 2.0*hand_ba_2
-    x115 = end_b_2*x114
-    x116 = -x113 - x115
-    x117 = end_b_1*x114 - end_b_2*x112
-    del x112, x114
-    turn_ba_square = (x116*x116) + (x117*x117)
+    x113 = bend_b_s*cosine_5
+    x114 = bend_b_c*sixth_ba_c - sixth_ba_s*x113
+    x115 = -bend_b_c*sixth_ba_s - sixth_ba_c*x113
+    c_zero_ba = axes_b_1_1*x114 + axes_b_1_2*x115 + x112
+    x116 = axes_b_2_3*x111
+    del axes_b_2_3, x111
+    s_zero_ba = axes_b_2_1*x114 + axes_b_2_2*x115 + x116
+    del x114, x115
+    hand_ba_1 = a_4*c_zero_ba + s_zero_ba*x55
+    hand_ba_2 = a_4*s_zero_ba - c_zero_ba*x55
+    x117 = 2.0*hand_ba_1
+    x118 = end_b_1*x117
+    x119 = 2.0*hand_ba_2
+    x120 = end_b_2*x119
+    x121 = -x118 - x120
+    x122 = end_b_1*x119 - end_b_2*x117
+    del x117, x119
+    turn_ba_square = (x121*x121) + (x122*x122)
     turn_ba_amplitude = np.sqrt(turn_ba_square)
     turn_ba_per_square = np.where(turn_ba_square > 0.0, 1.0/turn_ba_square, 1.0)
-    x118 = (end_b_1*end_b_1) + (end_b_2*end_b_2) - square
-    x119 = (hand_ba_1*hand_ba_1) + (hand_ba_2*hand_ba_2) + x118
-    turn_ba_serves = (turn_ba_square <= 0.0) | (np.abs(x113 + x115 - x119) <= width)
-    del x113, x115
-    turn_ba_at = np.where(turn_ba_amplitude < -x119, turn_ba_amplitude, np.where(turn_ba_amplitude < x119, -turn_ba_amplitude, -x119))
-    del turn_ba_amplitude, x119
-    x121 = (turn_ba_at*turn_ba_at)
-    turn_ba_rest = np.where(turn_ba_square > x121, np.sqrt(turn_ba_square - x121), 0.0)
-    del turn_ba_square, x121
-    turn_ba_c_first = np.where(turn_ba_serves, 1.0, turn_ba_per_square*(turn_ba_at*x116 - turn_ba_rest*x117))
-    turn_ba_s_first = np.where(turn_ba_serves, 0.0, turn_ba_per_square*(turn_ba_at*x117 + turn_ba_rest*x116))
-    del turn_ba_at, turn_ba_per_square, turn_ba_rest, turn_ba_serves, x116, x117
+    x123 = (end_b_1*end_b_1) + (end_b_2*end_b_2) - square
+    x124 = (hand_ba_1*hand_ba_1) + (hand_ba_2*hand_ba_2) + x123
+    turn_ba_serves = (turn_ba_square <= 0.0) | (np.abs(x118 + x120 - x124) <= width)
+    del x118, x120
+    turn_ba_at = np.where(turn_ba_amplitude < -x124, turn_ba_amplitude, np.where(turn_ba_amplitude < x124, -turn_ba_amplitude, -x124))
+    del turn_ba_amplitude, x124
+    x126 = (turn_ba_at*turn_ba_at)
+    turn_ba_rest = np.where(turn_ba_square > x126, np.sqrt(turn_ba_square - x126), 0.0)
+    del turn_ba_square, x126
+    turn_ba_c_first = np.where(turn_ba_serves, 1.0, turn_ba_per_square*(turn_ba_at*x121 - turn_ba_rest*x122))
+    turn_ba_s_first = np.where(turn_ba_serves, 0.0, turn_ba_per_square*(turn_ba_at*x122 + turn_ba_rest*x121))
+    del turn_ba_at, turn_ba_per_square, turn_ba_rest, turn_ba_serves, x121, x122
     c_turn_ba = np.where(bend_b_free, turn_ba_c_first, 1.0)
     del turn_ba_c_first
     s_turn_ba = np.where(bend_b_free, turn_ba_s_first, 0.0)
@@ -2188,35 +2230,41 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     corner_ba_1 = end_b_1 + hand_ba_2*s_turn_ba - c_turn_ba*hand_ba_1
     corner_ba_2 = end_b_2 - c_turn_ba*hand_ba_2 - hand_ba_1*s_turn_ba
     del c_turn_ba, hand_ba_1, hand_ba_2, s_turn_ba
-    triangle_ba_area = x66
-    triangle_ba_3_r = x67
-    x123 = (corner_ba_1*corner_ba_1) + (corner_ba_2*corner_ba_2) - square
-    x124 = np.abs(x123)
-    triangle_ba_3_room = triangle_ba_3_r - x124
-    triangle_ba_3_free = (triangle_ba_3_r <= x216) & (x124 <= x216)
+    x128 = np.where(spare > x69, x69 + x70*np.where(bend_b_free, 0.0, x68*np.where(h_b > 0.0, 1.0/h_b, 1.0)), spare)
+    del h_b, spare, x68, x69, x70
+    off_ba = x128
+    triangle_ba_side = np.sqrt((corner_ba_1*corner_ba_1) + (corner_ba_2*corner_ba_2))
+    triangle_ba_area = 2.0*off_ba*triangle_ba_side + x73
+    del off_ba
+    triangle_ba_3_r = x74
+    x129 = square - (triangle_ba_side*triangle_ba_side)
+    del triangle_ba_side
+    x130 = np.abs(x129)
+    triangle_ba_3_room = triangle_ba_3_r - x130
+    triangle_ba_3_free = (triangle_ba_3_r <= x220) & (x130 <= x220)
     triangle_ba_3_double = (np.abs(triangle_ba_3_room) <= triangle_ba_area) & (~(triangle_ba_3_free))
     triangle_ba_3_exists = (triangle_ba_3_free) | ((triangle_ba_3_room >= -triangle_ba_area) & (triangle_ba_3_r > 0.0))
     del triangle_ba_area
-    triangle_ba_3_q = np.where((~(triangle_ba_3_double)) & (triangle_ba_3_room > 0.0), np.sqrt(triangle_ba_3_room*(triangle_ba_3_r + x124)), 0.0)
-    del triangle_ba_3_room, x124
-    triangle_ba_3_size = triangle_ba_3_r*np.sqrt((triangle_ba_3_q*triangle_ba_3_q) + (x123*x123))
+    triangle_ba_3_q = np.where((~(triangle_ba_3_double)) & (triangle_ba_3_room > 0.0), np.sqrt(triangle_ba_3_room*(triangle_ba_3_r + x130)), 0.0)
+    del triangle_ba_3_room, x130
+    triangle_ba_3_size = triangle_ba_3_r*np.sqrt((triangle_ba_3_q*triangle_ba_3_q) + (x129*x129))
     del triangle_ba_3_r
     triangle_ba_3_scale = np.where(triangle_ba_3_size > 0.0, 1.0/triangle_ba_3_size, 1.0)
     del triangle_ba_3_size
-    x126 = triangle_ba_3_scale*x71
+    x131 = triangle_ba_3_scale*x77
     del triangle_ba_3_scale
-    x127 = np.where(triangle_ba_3_free, 1.0, x123*x126)
-    del x123
-    triangle_ba_3_c_a = x127
-    x128 = triangle_ba_3_q*x126
-    del triangle_ba_3_q, x126
-    triangle_ba_3_s_a = np.where(triangle_ba_3_free, 0.0, x128)
-    triangle_ba_3_c_b = x127
-    del x127
-    triangle_ba_3_s_b = np.where(triangle_ba_3_free, 0.0, -x128)
-    del x128
+    x132 = np.where(triangle_ba_3_free, 1.0, -x129*x131)
+    del x129
+    triangle_ba_3_c_a = x132
+    x133 = triangle_ba_3_q*x131
+    del triangle_ba_3_q, x131
+    triangle_ba_3_s_a = np.where(triangle_ba_3_free, 0.0, x133)
+    triangle_ba_3_c_b = x132
+    del x132
+    triangle_ba_3_s_b = np.where(triangle_ba_3_free, 0.0, -x133)
+    del x133
     triangle_ba_3_two = (triangle_ba_3_exists) & (~((triangle_ba_3_double) | (triangle_ba_3_free)))
-    triangle_ba_any = np.abs(corner_ba_1) + np.abs(corner_ba_2) <= x215
+    triangle_ba_any = np.abs(corner_ba_1) + np.abs(corner_ba_2) <= x218
     triangle_ba_arm_a_1 = a_2 + a_3*triangle_ba_3_c_a
     triangle_ba_arm_a_2 = a_3*triangle_ba_3_s_a
     triangle_ba_2_a_dot = corner_ba_1*triangle_ba_arm_a_1 + corner_ba_2*triangle_ba_arm_a_2
@@ -2251,10 +2299,10 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     c_4_bab = c_234_ba*c_23_bab + s_234_ba*s_23_bab
     s_4_bab = c_23_bab*s_234_ba - c_234_ba*s_23_bab
     del c_234_ba, c_23_bab, s_234_ba, s_23_bab
-    sixth_bb_dot = axes_b_3_2*x103 - x102
-    del axes_b_3_2, x102, x103
-    sixth_bb_cross = x104 + x105
-    del x104, x105
+    sixth_bb_dot = axes_b_3_2*x108 - x107
+    del axes_b_3_2, x107, x108
+    sixth_bb_cross = x109 + x110
+    del x109, x110
     sixth_bb_size = np.sqrt((sixth_bb_cross*sixth_bb_cross) + (sixth_bb_dot*sixth_bb_dot))
     sixth_bb_scale = np.where(sixth_bb_size > 0.0, 1.0/sixth_bb_size, 1.0)
     del sixth_bb_size
@@ -2262,48 +2310,48 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del sixth_bb_dot
     sixth_bb_s = np.where(bend_b_free, 0.0, sixth_bb_cross*sixth_bb_scale)
     del sixth_bb_cross, sixth_bb_scale
-    x129 = bend_b_c*sixth_bb_c + sixth_bb_s*x108
-    del x108
-    x130 = bend_b_s*cosine_5*sixth_bb_c - bend_b_c*sixth_bb_s
-    c_zero_bb = axes_b_1_1*x129 + axes_b_1_2*x130 - x107
-    del axes_b_1_1, axes_b_1_2, x107
-    s_zero_bb = axes_b_2_1*x129 + axes_b_2_2*x130 - x111
-    del axes_b_2_1, axes_b_2_2, x111, x129, x130
-    hand_bb_1 = a_4*c_zero_bb + s_zero_bb*x52
-    hand_bb_2 = a_4*s_zero_bb - c_zero_bb*x52
-    del x52
-    x131 = 2.0*hand_bb_1
-    x132 = end_b_1*x131
-    x133 = 2.0*hand_bb_2
-    x134 = end_b_2*x133
-    x135 = -x132 - x134
-    x136 = (x135*x135)
-    x137 = end_b_1*x133 - end_b_2*x131
-    del x131, x133
-    x138 = (x137*x137)
-    turn_bb_square = x136 + x138
+    x134 = bend_b_c*sixth_bb_c + sixth_bb_s*x113
+    del x113
+    x135 = bend_b_s*cosine_5*sixth_bb_c - bend_b_c*sixth_bb_s
+    c_zero_bb = axes_b_1_1*x134 + axes_b_1_2*x135 - x112
+    del axes_b_1_1, axes_b_1_2, x112
+    s_zero_bb = axes_b_2_1*x134 + axes_b_2_2*x135 - x116
+    del axes_b_2_1, axes_b_2_2, x116, x134, x135
+    hand_bb_1 = a_4*c_zero_bb + s_zero_bb*x55
+    hand_bb_2 = a_4*s_zero_bb - c_zero_bb*x55
+    del x55
+    x136 = 2.0*hand_bb_1
+    x137 = end_b_1*x136
+    x138 = 2.0*hand_bb_2
+    x139 = end_b_2*x138
+    x140 = -x137 - x139
+    x141 = (x140*x140)
+    x142 = end_b_1*x138 - end_b_2*x136
+    del x136, x138
+    x143 = (x142*x142)
+    turn_bb_square = x141 + x143
     turn_bb_amplitude = np.sqrt(turn_bb_square)
     turn_bb_per_square = np.where(turn_bb_square > 0.0, 1.0/turn_bb_square, 1.0)
-    x140 = (hand_bb_1*hand_bb_1) + (hand_bb_2*hand_bb_2) + x118
-    del x118
-    turn_bb_serves = (turn_bb_square <= 0.0) | (np.abs(x132 + x134 - x140) <= width)
-    del x132, x134
-    turn_bb_at = np.where(turn_bb_amplitude < -x140, turn_bb_amplitude, np.where(turn_bb_amplitude < x140, -turn_bb_amplitude, -x140))
-    x142 = (turn_bb_at*turn_bb_at)
-    turn_bb_rest = np.where(turn_bb_square > x142, np.sqrt(turn_bb_square - x142), 0.0)
-    del turn_bb_square, x142
-    turn_bb_c_first = np.where(turn_bb_serves, 1.0, turn_bb_per_square*(turn_bb_at*x135 - turn_bb_rest*x137))
-    turn_bb_s_first = np.where(turn_bb_serves, 0.0, turn_bb_per_square*(turn_bb_at*x137 + turn_bb_rest*x135))
-    del turn_bb_at, turn_bb_rest, turn_bb_serves, x135
-    x143 = turn_bb_per_square*x137*(-4.0*end_b_1*hand_bb_1 - 4.0*end_b_2*hand_bb_2)
-    del x137
-    x144 = turn_bb_per_square*(x136 - x138)
-    del turn_bb_per_square, x136, x138
-    turn_bb_c_second = turn_bb_c_first*x144 + turn_bb_s_first*x143
-    turn_bb_s_second = turn_bb_c_first*x143 - turn_bb_s_first*x144
-    del turn_bb_c_first, turn_bb_s_first, x143, x144
-    turn_bb_split = (turn_bb_amplitude - x140 > width) & (turn_bb_amplitude + x140 > width)
-    del turn_bb_amplitude, width, x140
+    x145 = (hand_bb_1*hand_bb_1) + (hand_bb_2*hand_bb_2) + x123
+    del x123
+    turn_bb_serves = (turn_bb_square <= 0.0) | (np.abs(x137 + x139 - x145) <= width)
+    del x137, x139
+    turn_bb_at = np.where(turn_bb_amplitude < -x145, turn_bb_amplitude, np.where(turn_bb_amplitude < x145, -turn_bb_amplitude, -x145))
+    x147 = (turn_bb_at*turn_bb_at)
+    turn_bb_rest = np.where(turn_bb_square > x147, np.sqrt(turn_bb_square - x147), 0.0)
+    del turn_bb_square, x147
+    turn_bb_c_first = np.where(turn_bb_serves, 1.0, turn_bb_per_square*(turn_bb_at*x140 - turn_bb_rest*x142))
+    turn_bb_s_first = np.where(turn_bb_serves, 0.0, turn_bb_per_square*(turn_bb_at*x142 + turn_bb_rest*x140))
+    del turn_bb_at, turn_bb_rest, turn_bb_serves, x140
+    x148 = turn_bb_per_square*x142*(-4.0*end_b_1*hand_bb_1 - 4.0*end_b_2*hand_bb_2)
+    del x142
+    x149 = turn_bb_per_square*(x141 - x143)
+    del turn_bb_per_square, x141, x143
+    turn_bb_c_second = turn_bb_c_first*x149 + turn_bb_s_first*x148
+    turn_bb_s_second = turn_bb_c_first*x148 - turn_bb_s_first*x149
+    del turn_bb_c_first, turn_bb_s_first, x148, x149
+    turn_bb_split = (turn_bb_amplitude - x145 > width) & (turn_bb_amplitude + x145 > width)
+    del turn_bb_amplitude, width, x145
     c_turn_bb = np.where(bend_b_free, turn_bb_c_second, 1.0)
     del turn_bb_c_second
     s_turn_bb = np.where(bend_b_free, turn_bb_s_second, 0.0)
@@ -2321,40 +2369,43 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del end_b_1
     corner_bb_2 = end_b_2 - c_turn_bb*hand_bb_2 - hand_bb_1*s_turn_bb
     del c_turn_bb, end_b_2, hand_bb_1, hand_bb_2, s_turn_bb
-    triangle_bb_area = x66
-    del x66
-    triangle_bb_3_r = x67
-    del x67
-    x145 = (corner_bb_1*corner_bb_1) + (corner_bb_2*corner_bb_2) - square
-    del square
-    x146 = np.abs(x145)
-    triangle_bb_3_room = triangle_bb_3_r - x146
-    triangle_bb_3_free = (triangle_bb_3_r <= x216) & (x146 <= x216)
-    del x216
+    off_bb = x128
+    del x128
+    triangle_bb_side = np.sqrt((corner_bb_1*corner_bb_1) + (corner_bb_2*corner_bb_2))
+    triangle_bb_area = 2.0*off_bb*triangle_bb_side + x73
+    del off_bb, x73
+    triangle_bb_3_r = x74
+    del x74
+    x150 = square - (triangle_bb_side*triangle_bb_side)
+    del square, triangle_bb_side
+    x151 = np.abs(x150)
+    triangle_bb_3_room = triangle_bb_3_r - x151
+    triangle_bb_3_free = (triangle_bb_3_r <= x220) & (x151 <= x220)
+    del x220
     triangle_bb_3_double = (np.abs(triangle_bb_3_room) <= triangle_bb_area) & (~(triangle_bb_3_free))
     triangle_bb_3_exists = (triangle_bb_3_free) | ((triangle_bb_3_room >= -triangle_bb_area) & (triangle_bb_3_r > 0.0))
     del triangle_bb_area
-    triangle_bb_3_q = np.where((~(triangle_bb_3_double)) & (triangle_bb_3_room > 0.0), np.sqrt(triangle_bb_3_room*(triangle_bb_3_r + x146)), 0.0)
-    del triangle_bb_3_room, x146
-    triangle_bb_3_size = triangle_bb_3_r*np.sqrt((triangle_bb_3_q*triangle_bb_3_q) + (x145*x145))
+    triangle_bb_3_q = np.where((~(triangle_bb_3_double)) & (triangle_bb_3_room > 0.0), np.sqrt(triangle_bb_3_room*(triangle_bb_3_r + x151)), 0.0)
+    del triangle_bb_3_room, x151
+    triangle_bb_3_size = triangle_bb_3_r*np.sqrt((triangle_bb_3_q*triangle_bb_3_q) + (x150*x150))
     del triangle_bb_3_r
     triangle_bb_3_scale = np.where(triangle_bb_3_size > 0.0, 1.0/triangle_bb_3_size, 1.0)
     del triangle_bb_3_size
-    x148 = triangle_bb_3_scale*x71
-    del triangle_bb_3_scale, x71
-    x149 = np.where(triangle_bb_3_free, 1.0, x145*x148)
-    del x145
-    triangle_bb_3_c_a = x149
-    x150 = triangle_bb_3_q*x148
-    del triangle_bb_3_q, x148
-    triangle_bb_3_s_a = np.where(triangle_bb_3_free, 0.0, x150)
-    triangle_bb_3_c_b = x149
-    del x149
-    triangle_bb_3_s_b = np.where(triangle_bb_3_free, 0.0, -x150)
+    x152 = triangle_bb_3_scale*x77
+    del triangle_bb_3_scale, x77
+    x153 = np.where(triangle_bb_3_free, 1.0, -x150*x152)
     del x150
+    triangle_bb_3_c_a = x153
+    x154 = triangle_bb_3_q*x152
+    del triangle_bb_3_q, x152
+    triangle_bb_3_s_a = np.where(triangle_bb_3_free, 0.0, x154)
+    triangle_bb_3_c_b = x153
+    del x153
+    triangle_bb_3_s_b = np.where(triangle_bb_3_free, 0.0, -x154)
+    del x154
     triangle_bb_3_two = (triangle_bb_3_exists) & (~((triangle_bb_3_double) | (triangle_bb_3_free)))
-    triangle_bb_any = np.abs(corner_bb_1) + np.abs(corner_bb_2) <= x215
-    del x215
+    triangle_bb_any = np.abs(corner_bb_1) + np.abs(corner_bb_2) <= x218
+    del x218
     triangle_bb_arm_a_1 = a_2 + a_3*triangle_bb_3_c_a
     triangle_bb_arm_a_2 = a_3*triangle_bb_3_s_a
     triangle_bb_2_a_dot = corner_bb_1*triangle_bb_arm_a_1 + corner_bb_2*triangle_bb_arm_a_2
@@ -2391,159 +2442,159 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del c_234_bb, c_23_bbb, s_234_bb, s_23_bbb
     there_1 = (bend_a_exists) & (first_exists) & (near) & (triangle_aa_3_exists)
     del triangle_aa_3_exists
-    x151 = np.arctan2(s_1_a, c_1_a)
+    x155 = np.arctan2(s_1_a, c_1_a)
     del c_1_a, s_1_a
-    angle_1_1 = x151
+    angle_1_1 = x155
     angle_1_2 = np.arctan2(triangle_aa_2_a_s, triangle_aa_2_a_c)
     del triangle_aa_2_a_c, triangle_aa_2_a_s
     angle_1_3 = np.arctan2(triangle_aa_3_s_a, triangle_aa_3_c_a)
     del triangle_aa_3_c_a, triangle_aa_3_s_a
     angle_1_4 = np.arctan2(s_4_aaa, c_4_aaa)
     del c_4_aaa, s_4_aaa
-    x152 = np.arctan2(bend_a_s, bend_a_c)
-    angle_1_5 = x152
-    x153 = np.arctan2(s_6_aa, c_6_aa)
+    x156 = np.arctan2(bend_a_s, bend_a_c)
+    angle_1_5 = x156
+    x157 = np.arctan2(s_6_aa, c_6_aa)
     del c_6_aa, s_6_aa
-    angle_1_6 = x153
-    x154 = np.where((bend_a_free) | (first_free) | (triangle_aa_3_free) | (triangle_aa_any), 2.0, np.where((bend_a_double) | (first_double) | (triangle_aa_3_double), 1.0, 0.0))
+    angle_1_6 = x157
+    x158 = np.where((bend_a_free) | (first_free) | (triangle_aa_3_free) | (triangle_aa_any), 2.0, np.where((bend_a_double) | (first_double) | (triangle_aa_3_double), 1.0, 0.0))
     del triangle_aa_3_double, triangle_aa_3_free, triangle_aa_any
-    code_1 = x154
+    code_1 = x158
     there_2 = (bend_a_exists) & (first_exists) & (near) & (triangle_aa_3_two)
     del bend_a_exists, triangle_aa_3_two
-    angle_2_1 = x151
+    angle_2_1 = x155
     angle_2_2 = np.arctan2(triangle_aa_2_b_s, triangle_aa_2_b_c)
     del triangle_aa_2_b_c, triangle_aa_2_b_s
     angle_2_3 = np.arctan2(triangle_aa_3_s_b, triangle_aa_3_c_b)
     del triangle_aa_3_c_b, triangle_aa_3_s_b
     angle_2_4 = np.arctan2(s_4_aab, c_4_aab)
     del c_4_aab, s_4_aab
-    angle_2_5 = x152
-    del x152
-    angle_2_6 = x153
-    del x153
-    code_2 = x154
-    del x154
+    angle_2_5 = x156
+    del x156
+    angle_2_6 = x157
+    del x157
+    code_2 = x158
+    del x158
     there_3 = (bend_more_ab) & (first_exists) & (near) & (triangle_ab_3_exists)
     del triangle_ab_3_exists
-    angle_3_1 = x151
+    angle_3_1 = x155
     angle_3_2 = np.arctan2(triangle_ab_2_a_s, triangle_ab_2_a_c)
     del triangle_ab_2_a_c, triangle_ab_2_a_s
     angle_3_3 = np.arctan2(triangle_ab_3_s_a, triangle_ab_3_c_a)
     del triangle_ab_3_c_a, triangle_ab_3_s_a
     angle_3_4 = np.arctan2(s_4_aba, c_4_aba)
     del c_4_aba, s_4_aba
-    x155 = np.arctan2(-bend_a_s, bend_a_c)
+    x159 = np.arctan2(-bend_a_s, bend_a_c)
     del bend_a_c, bend_a_s
-    angle_3_5 = x155
-    x156 = np.arctan2(s_6_ab, c_6_ab)
+    angle_3_5 = x159
+    x160 = np.arctan2(s_6_ab, c_6_ab)
     del c_6_ab, s_6_ab
-    angle_3_6 = x156
-    x157 = np.where((bend_a_free) | (first_free) | (triangle_ab_3_free) | (triangle_ab_any), 2.0, np.where((bend_a_double) | (first_double) | (triangle_ab_3_double), 1.0, 0.0))
+    angle_3_6 = x160
+    x161 = np.where((bend_a_free) | (first_free) | (triangle_ab_3_free) | (triangle_ab_any), 2.0, np.where((bend_a_double) | (first_double) | (triangle_ab_3_double), 1.0, 0.0))
     del bend_a_double, bend_a_free, triangle_ab_3_double, triangle_ab_3_free, triangle_ab_any
-    code_3 = x157
+    code_3 = x161
     there_4 = (bend_more_ab) & (first_exists) & (near) & (triangle_ab_3_two)
     del bend_more_ab, first_exists, triangle_ab_3_two
-    angle_4_1 = x151
-    del x151
+    angle_4_1 = x155
+    del x155
     angle_4_2 = np.arctan2(triangle_ab_2_b_s, triangle_ab_2_b_c)
     del triangle_ab_2_b_c, triangle_ab_2_b_s
     angle_4_3 = np.arctan2(triangle_ab_3_s_b, triangle_ab_3_c_b)
     del triangle_ab_3_c_b, triangle_ab_3_s_b
     angle_4_4 = np.arctan2(s_4_abb, c_4_abb)
     del c_4_abb, s_4_abb
-    angle_4_5 = x155
-    del x155
-    angle_4_6 = x156
-    del x156
-    code_4 = x157
-    del x157
+    angle_4_5 = x159
+    del x159
+    angle_4_6 = x160
+    del x160
+    code_4 = x161
+    del x161
     there_5 = (bend_b_exists) & (first_more) & (near) & (triangle_ba_3_exists)
     del triangle_ba_3_exists
-    x158 = np.arctan2(s_1_b, c_1_b)
+    x162 = np.arctan2(s_1_b, c_1_b)
     del c_1_b, s_1_b
-    angle_5_1 = x158
+    angle_5_1 = x162
     angle_5_2 = np.arctan2(triangle_ba_2_a_s, triangle_ba_2_a_c)
     del triangle_ba_2_a_c, triangle_ba_2_a_s
     angle_5_3 = np.arctan2(triangle_ba_3_s_a, triangle_ba_3_c_a)
     del triangle_ba_3_c_a, triangle_ba_3_s_a
     angle_5_4 = np.arctan2(s_4_baa, c_4_baa)
     del c_4_baa, s_4_baa
-    x159 = np.arctan2(bend_b_s, bend_b_c)
-    angle_5_5 = x159
-    x160 = np.arctan2(s_6_ba, c_6_ba)
+    x163 = np.arctan2(bend_b_s, bend_b_c)
+    angle_5_5 = x163
+    x164 = np.arctan2(s_6_ba, c_6_ba)
     del c_6_ba, s_6_ba
-    angle_5_6 = x160
-    x161 = np.where((bend_b_free) | (first_free) | (triangle_ba_3_free) | (triangle_ba_any), 2.0, np.where((bend_b_double) | (first_double) | (triangle_ba_3_double), 1.0, 0.0))
+    angle_5_6 = x164
+    x165 = np.where((bend_b_free) | (first_free) | (triangle_ba_3_free) | (triangle_ba_any), 2.0, np.where((bend_b_double) | (first_double) | (triangle_ba_3_double), 1.0, 0.0))
     del triangle_ba_3_double, triangle_ba_3_free, triangle_ba_any
-    code_5 = x161
+    code_5 = x165
     there_6 = (bend_b_exists) & (first_more) & (near) & (triangle_ba_3_two)
     del bend_b_exists, triangle_ba_3_two
-    angle_6_1 = x158
+    angle_6_1 = x162
     angle_6_2 = np.arctan2(triangle_ba_2_b_s, triangle_ba_2_b_c)
     del triangle_ba_2_b_c, triangle_ba_2_b_s
     angle_6_3 = np.arctan2(triangle_ba_3_s_b, triangle_ba_3_c_b)
     del triangle_ba_3_c_b, triangle_ba_3_s_b
     angle_6_4 = np.arctan2(s_4_bab, c_4_bab)
     del c_4_bab, s_4_bab
-    angle_6_5 = x159
-    del x159
-    angle_6_6 = x160
-    del x160
-    code_6 = x161
-    del x161
+    angle_6_5 = x163
+    del x163
+    angle_6_6 = x164
+    del x164
+    code_6 = x165
+    del x165
     there_7 = (bend_more_bb) & (first_more) & (near) & (triangle_bb_3_exists)
     del triangle_bb_3_exists
-    angle_7_1 = x158
+    angle_7_1 = x162
     angle_7_2 = np.arctan2(triangle_bb_2_a_s, triangle_bb_2_a_c)
     del triangle_bb_2_a_c, triangle_bb_2_a_s
     angle_7_3 = np.arctan2(triangle_bb_3_s_a, triangle_bb_3_c_a)
     del triangle_bb_3_c_a, triangle_bb_3_s_a
     angle_7_4 = np.arctan2(s_4_bba, c_4_bba)
     del c_4_bba, s_4_bba
-    x162 = np.arctan2(-bend_b_s, bend_b_c)
+    x166 = np.arctan2(-bend_b_s, bend_b_c)
     del bend_b_c, bend_b_s
-    angle_7_5 = x162
-    x163 = np.arctan2(s_6_bb, c_6_bb)
+    angle_7_5 = x166
+    x167 = np.arctan2(s_6_bb, c_6_bb)
     del c_6_bb, s_6_bb
-    angle_7_6 = x163
-    x164 = np.where((bend_b_free) | (first_free) | (triangle_bb_3_free) | (triangle_bb_any), 2.0, np.where((bend_b_double) | (first_double) | (triangle_bb_3_double), 1.0, 0.0))
+    angle_7_6 = x167
+    x168 = np.where((bend_b_free) | (first_free) | (triangle_bb_3_free) | (triangle_bb_any), 2.0, np.where((bend_b_double) | (first_double) | (triangle_bb_3_double), 1.0, 0.0))
     del bend_b_double, bend_b_free, first_double, first_free, triangle_bb_3_double, triangle_bb_3_free, triangle_bb_any
-    code_7 = x164
+    code_7 = x168
     there_8 = (bend_more_bb) & (first_more) & (near) & (triangle_bb_3_two)
     del bend_more_bb, first_more, near, triangle_bb_3_two
-    angle_8_1 = x158
-    del x158
+    angle_8_1 = x162
+    del x162
     angle_8_2 = np.arctan2(triangle_bb_2_b_s, triangle_bb_2_b_c)
     del triangle_bb_2_b_c, triangle_bb_2_b_s
     angle_8_3 = np.arctan2(triangle_bb_3_s_b, triangle_bb_3_c_b)
     del triangle_bb_3_c_b, triangle_bb_3_s_b
     angle_8_4 = np.arctan2(s_4_bbb, c_4_bbb)
     del c_4_bbb, s_4_bbb
-    angle_8_5 = x162
-    del x162
-    angle_8_6 = x163
-    del x163
-    code_8 = x164
-    del x164
-    x165 = np.where(there_1, 0.0, 1.0)
-    holes_1 = x165
-    x166 = x165 + np.where(there_2, 0.0, 1.0)
-    del x165
-    holes_2 = x166
-    x167 = x166 + np.where(there_3, 0.0, 1.0)
+    angle_8_5 = x166
     del x166
-    holes_3 = x167
-    x168 = x167 + np.where(there_4, 0.0, 1.0)
+    angle_8_6 = x167
     del x167
-    holes_4 = x168
-    x169 = x168 + np.where(there_5, 0.0, 1.0)
+    code_8 = x168
     del x168
-    holes_5 = x169
-    x170 = x169 + np.where(there_6, 0.0, 1.0)
+    x169 = np.where(there_1, 0.0, 1.0)
+    holes_1 = x169
+    x170 = x169 + np.where(there_2, 0.0, 1.0)
     del x169
-    holes_6 = x170
-    holes_7 = x170 + np.where(there_7, 0.0, 1.0)
+    holes_2 = x170
+    x171 = x170 + np.where(there_3, 0.0, 1.0)
     del x170
+    holes_3 = x171
+    x172 = x171 + np.where(there_4, 0.0, 1.0)
+    del x171
+    holes_4 = x172
+    x173 = x172 + np.where(there_5, 0.0, 1.0)
+    del x172
+    holes_5 = x173
+    x174 = x173 + np.where(there_6, 0.0, 1.0)
+    del x173
+    holes_6 = x174
+    holes_7 = x174 + np.where(there_7, 0.0, 1.0)
+    del x174
     moves_1_1 = (there_2) & ((holes_1 == 1.0) | (holes_1 == 3.0) | (holes_1 == 5.0) | (holes_1 == 7.0))
     del holes_1
     moves_1_2 = (there_3) & ((holes_2 == 1.0) | (holes_2 == 3.0) | (holes_2 == 5.0) | (holes_2 == 7.0))
@@ -2556,209 +2607,209 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del there_1
     row_1_0_1 = np.where(moves_1_1, code_2, code_1)
     del code_1
-    x220 = -3.141592653589793
-    x171 = np.where(angle_2_1 > x220, angle_2_1, 3.141592653589793)
+    x224 = -3.141592653589793
+    x175 = np.where(angle_2_1 > x224, angle_2_1, 3.141592653589793)
     del angle_2_1
-    row_1_0_2 = np.where(moves_1_1, x171, np.where(angle_1_1 > x220, angle_1_1, 3.141592653589793))
+    row_1_0_2 = np.where(moves_1_1, x175, np.where(angle_1_1 > x224, angle_1_1, 3.141592653589793))
     del angle_1_1
-    x172 = np.where(angle_2_2 > x220, angle_2_2, 3.141592653589793)
+    x176 = np.where(angle_2_2 > x224, angle_2_2, 3.141592653589793)
     del angle_2_2
-    row_1_0_3 = np.where(moves_1_1, x172, np.where(angle_1_2 > x220, angle_1_2, 3.141592653589793))
+    row_1_0_3 = np.where(moves_1_1, x176, np.where(angle_1_2 > x224, angle_1_2, 3.141592653589793))
     del angle_1_2
-    x173 = np.where(angle_2_3 > x220, angle_2_3, 3.141592653589793)
+    x177 = np.where(angle_2_3 > x224, angle_2_3, 3.141592653589793)
     del angle_2_3
-    row_1_0_4 = np.where(moves_1_1, x173, np.where(angle_1_3 > x220, angle_1_3, 3.141592653589793))
+    row_1_0_4 = np.where(moves_1_1, x177, np.where(angle_1_3 > x224, angle_1_3, 3.141592653589793))
     del angle_1_3
-    x174 = np.where(angle_2_4 > x220, angle_2_4, 3.141592653589793)
+    x178 = np.where(angle_2_4 > x224, angle_2_4, 3.141592653589793)
     del angle_2_4
-    row_1_0_5 = np.where(moves_1_1, x174, np.where(angle_1_4 > x220, angle_1_4, 3.141592653589793))
+    row_1_0_5 = np.where(moves_1_1, x178, np.where(angle_1_4 > x224, angle_1_4, 3.141592653589793))
     del angle_1_4
-    x175 = np.where(angle_2_5 > x220, angle_2_5, 3.141592653589793)
+    x179 = np.where(angle_2_5 > x224, angle_2_5, 3.141592653589793)
     del angle_2_5
-    row_1_0_6 = np.where(moves_1_1, x175, np.where(angle_1_5 > x220, angle_1_5, 3.141592653589793))
+    row_1_0_6 = np.where(moves_1_1, x179, np.where(angle_1_5 > x224, angle_1_5, 3.141592653589793))
     del angle_1_5
-    x176 = np.where(angle_2_6 > x220, angle_2_6, 3.141592653589793)
+    x180 = np.where(angle_2_6 > x224, angle_2_6, 3.141592653589793)
     del angle_2_6
-    row_1_0_7 = np.where(moves_1_1, x176, np.where(angle_1_6 > x220, angle_1_6, 3.141592653589793))
+    row_1_0_7 = np.where(moves_1_1, x180, np.where(angle_1_6 > x224, angle_1_6, 3.141592653589793))
     del angle_1_6
     there_1_1 = (moves_1_2) | ((there_2) & (~(moves_1_1)))
     del moves_1_1, there_2
     row_1_1_1 = np.where(moves_1_2, code_3, code_2)
     del code_2
-    x177 = np.where(angle_3_1 > x220, angle_3_1, 3.141592653589793)
+    x181 = np.where(angle_3_1 > x224, angle_3_1, 3.141592653589793)
     del angle_3_1
-    row_1_1_2 = np.where(moves_1_2, x177, x171)
-    del x171
-    x178 = np.where(angle_3_2 > x220, angle_3_2, 3.141592653589793)
-    del angle_3_2
-    row_1_1_3 = np.where(moves_1_2, x178, x172)
-    del x172
-    x179 = np.where(angle_3_3 > x220, angle_3_3, 3.141592653589793)
-    del angle_3_3
-    row_1_1_4 = np.where(moves_1_2, x179, x173)
-    del x173
-    x180 = np.where(angle_3_4 > x220, angle_3_4, 3.141592653589793)
-    del angle_3_4
-    row_1_1_5 = np.where(moves_1_2, x180, x174)
-    del x174
-    x181 = np.where(angle_3_5 > x220, angle_3_5, 3.141592653589793)
-    del angle_3_5
-    row_1_1_6 = np.where(moves_1_2, x181, x175)
+    row_1_1_2 = np.where(moves_1_2, x181, x175)
     del x175
-    x182 = np.where(angle_3_6 > x220, angle_3_6, 3.141592653589793)
-    del angle_3_6
-    row_1_1_7 = np.where(moves_1_2, x182, x176)
+    x182 = np.where(angle_3_2 > x224, angle_3_2, 3.141592653589793)
+    del angle_3_2
+    row_1_1_3 = np.where(moves_1_2, x182, x176)
     del x176
+    x183 = np.where(angle_3_3 > x224, angle_3_3, 3.141592653589793)
+    del angle_3_3
+    row_1_1_4 = np.where(moves_1_2, x183, x177)
+    del x177
+    x184 = np.where(angle_3_4 > x224, angle_3_4, 3.141592653589793)
+    del angle_3_4
+    row_1_1_5 = np.where(moves_1_2, x184, x178)
+    del x178
+    x185 = np.where(angle_3_5 > x224, angle_3_5, 3.141592653589793)
+    del angle_3_5
+    row_1_1_6 = np.where(moves_1_2, x185, x179)
+    del x179
+    x186 = np.where(angle_3_6 > x224, angle_3_6, 3.141592653589793)
+    del angle_3_6
+    row_1_1_7 = np.where(moves_1_2, x186, x180)
+    del x180
     there_1_2 = (moves_1_3) | ((there_3) & (~(moves_1_2)))
     del moves_1_2, there_3
     row_1_2_0 = np.where(moves_1_3, holes_3 - 1.0, holes_2)
     del holes_2
     row_1_2_1 = np.where(moves_1_3, code_4, code_3)
     del code_3
-    x183 = np.where(angle_4_1 > x220, angle_4_1, 3.141592653589793)
+    x187 = np.where(angle_4_1 > x224, angle_4_1, 3.141592653589793)
     del angle_4_1
-    row_1_2_2 = np.where(moves_1_3, x183, x177)
-    del x177
-    x184 = np.where(angle_4_2 > x220, angle_4_2, 3.141592653589793)
-    del angle_4_2
-    row_1_2_3 = np.where(moves_1_3, x184, x178)
-    del x178
-    x185 = np.where(angle_4_3 > x220, angle_4_3, 3.141592653589793)
-    del angle_4_3
-    row_1_2_4 = np.where(moves_1_3, x185, x179)
-    del x179
-    x186 = np.where(angle_4_4 > x220, angle_4_4, 3.141592653589793)
-    del angle_4_4
-    row_1_2_5 = np.where(moves_1_3, x186, x180)
-    del x180
-    x187 = np.where(angle_4_5 > x220, angle_4_5, 3.141592653589793)
-    del angle_4_5
-    row_1_2_6 = np.where(moves_1_3, x187, x181)
+    row_1_2_2 = np.where(moves_1_3, x187, x181)
     del x181
-    x188 = np.where(angle_4_6 > x220, angle_4_6, 3.141592653589793)
-    del angle_4_6
-    row_1_2_7 = np.where(moves_1_3, x188, x182)
+    x188 = np.where(angle_4_2 > x224, angle_4_2, 3.141592653589793)
+    del angle_4_2
+    row_1_2_3 = np.where(moves_1_3, x188, x182)
     del x182
+    x189 = np.where(angle_4_3 > x224, angle_4_3, 3.141592653589793)
+    del angle_4_3
+    row_1_2_4 = np.where(moves_1_3, x189, x183)
+    del x183
+    x190 = np.where(angle_4_4 > x224, angle_4_4, 3.141592653589793)
+    del angle_4_4
+    row_1_2_5 = np.where(moves_1_3, x190, x184)
+    del x184
+    x191 = np.where(angle_4_5 > x224, angle_4_5, 3.141592653589793)
+    del angle_4_5
+    row_1_2_6 = np.where(moves_1_3, x191, x185)
+    del x185
+    x192 = np.where(angle_4_6 > x224, angle_4_6, 3.141592653589793)
+    del angle_4_6
+    row_1_2_7 = np.where(moves_1_3, x192, x186)
+    del x186
     there_1_3 = (moves_1_4) | ((there_4) & (~(moves_1_3)))
     del moves_1_3, there_4
     row_1_3_0 = np.where(moves_1_4, holes_4 - 1.0, holes_3)
     del holes_3
     row_1_3_1 = np.where(moves_1_4, code_5, code_4)
     del code_4
-    x189 = np.where(angle_5_1 > x220, angle_5_1, 3.141592653589793)
+    x193 = np.where(angle_5_1 > x224, angle_5_1, 3.141592653589793)
     del angle_5_1
-    row_1_3_2 = np.where(moves_1_4, x189, x183)
-    del x183
-    x190 = np.where(angle_5_2 > x220, angle_5_2, 3.141592653589793)
-    del angle_5_2
-    row_1_3_3 = np.where(moves_1_4, x190, x184)
-    del x184
-    x191 = np.where(angle_5_3 > x220, angle_5_3, 3.141592653589793)
-    del angle_5_3
-    row_1_3_4 = np.where(moves_1_4, x191, x185)
-    del x185
-    x192 = np.where(angle_5_4 > x220, angle_5_4, 3.141592653589793)
-    del angle_5_4
-    row_1_3_5 = np.where(moves_1_4, x192, x186)
-    del x186
-    x193 = np.where(angle_5_5 > x220, angle_5_5, 3.141592653589793)
-    del angle_5_5
-    row_1_3_6 = np.where(moves_1_4, x193, x187)
+    row_1_3_2 = np.where(moves_1_4, x193, x187)
     del x187
-    x194 = np.where(angle_5_6 > x220, angle_5_6, 3.141592653589793)
-    del angle_5_6
-    row_1_3_7 = np.where(moves_1_4, x194, x188)
+    x194 = np.where(angle_5_2 > x224, angle_5_2, 3.141592653589793)
+    del angle_5_2
+    row_1_3_3 = np.where(moves_1_4, x194, x188)
     del x188
+    x195 = np.where(angle_5_3 > x224, angle_5_3, 3.141592653589793)
+    del angle_5_3
+    row_1_3_4 = np.where(moves_1_4, x195, x189)
+    del x189
+    x196 = np.where(angle_5_4 > x224, angle_5_4, 3.141592653589793)
+    del angle_5_4
+    row_1_3_5 = np.where(moves_1_4, x196, x190)
+    del x190
+    x197 = np.where(angle_5_5 > x224, angle_5_5, 3.141592653589793)
+    del angle_5_5
+    row_1_3_6 = np.where(moves_1_4, x197, x191)
+    del x191
+    x198 = np.where(angle_5_6 > x224, angle_5_6, 3.141592653589793)
+    del angle_5_6
+    row_1_3_7 = np.where(moves_1_4, x198, x192)
+    del x192
     there_1_4 = (moves_1_5) | ((there_5) & (~(moves_1_4)))
     del moves_1_4, there_5
     row_1_4_0 = np.where(moves_1_5, holes_5 - 1.0, holes_4)
     del holes_4
     row_1_4_1 = np.where(moves_1_5, code_6, code_5)
     del code_5
-    x195 = np.where(angle_6_1 > x220, angle_6_1, 3.141592653589793)
+    x199 = np.where(angle_6_1 > x224, angle_6_1, 3.141592653589793)
     del angle_6_1
-    row_1_4_2 = np.where(moves_1_5, x195, x189)
-    del x189
-    x196 = np.where(angle_6_2 > x220, angle_6_2, 3.141592653589793)
-    del angle_6_2
-    row_1_4_3 = np.where(moves_1_5, x196, x190)
-    del x190
-    x197 = np.where(angle_6_3 > x220, angle_6_3, 3.141592653589793)
-    del angle_6_3
-    row_1_4_4 = np.where(moves_1_5, x197, x191)
-    del x191
-    x198 = np.where(angle_6_4 > x220, angle_6_4, 3.141592653589793)
-    del angle_6_4
-    row_1_4_5 = np.where(moves_1_5, x198, x192)
-    del x192
-    x199 = np.where(angle_6_5 > x220, angle_6_5, 3.141592653589793)
-    del angle_6_5
-    row_1_4_6 = np.where(moves_1_5, x199, x193)
+    row_1_4_2 = np.where(moves_1_5, x199, x193)
     del x193
-    x200 = np.where(angle_6_6 > x220, angle_6_6, 3.141592653589793)
-    del angle_6_6
-    row_1_4_7 = np.where(moves_1_5, x200, x194)
+    x200 = np.where(angle_6_2 > x224, angle_6_2, 3.141592653589793)
+    del angle_6_2
+    row_1_4_3 = np.where(moves_1_5, x200, x194)
     del x194
+    x201 = np.where(angle_6_3 > x224, angle_6_3, 3.141592653589793)
+    del angle_6_3
+    row_1_4_4 = np.where(moves_1_5, x201, x195)
+    del x195
+    x202 = np.where(angle_6_4 > x224, angle_6_4, 3.141592653589793)
+    del angle_6_4
+    row_1_4_5 = np.where(moves_1_5, x202, x196)
+    del x196
+    x203 = np.where(angle_6_5 > x224, angle_6_5, 3.141592653589793)
+    del angle_6_5
+    row_1_4_6 = np.where(moves_1_5, x203, x197)
+    del x197
+    x204 = np.where(angle_6_6 > x224, angle_6_6, 3.141592653589793)
+    del angle_6_6
+    row_1_4_7 = np.where(moves_1_5, x204, x198)
+    del x198
     there_1_5 = (moves_1_6) | ((there_6) & (~(moves_1_5)))
     del moves_1_5, there_6
     row_1_5_0 = np.where(moves_1_6, holes_6 - 1.0, holes_5)
     del holes_5
     row_1_5_1 = np.where(moves_1_6, code_7, code_6)
     del code_6
-    x201 = np.where(angle_7_1 > x220, angle_7_1, 3.141592653589793)
+    x205 = np.where(angle_7_1 > x224, angle_7_1, 3.141592653589793)
     del angle_7_1
-    row_1_5_2 = np.where(moves_1_6, x201, x195)
-    del x195
-    x202 = np.where(angle_7_2 > x220, angle_7_2, 3.141592653589793)
-    del angle_7_2
-    row_1_5_3 = np.where(moves_1_6, x202, x196)
-    del x196
-    x203 = np.where(angle_7_3 > x220, angle_7_3, 3.141592653589793)
-    del angle_7_3
-    row_1_5_4 = np.where(moves_1_6, x203, x197)
-    del x197
-    x204 = np.where(angle_7_4 > x220, angle_7_4, 3.141592653589793)
-    del angle_7_4
-    row_1_5_5 = np.where(moves_1_6, x204, x198)
-    del x198
-    x205 = np.where(angle_7_5 > x220, angle_7_5, 3.141592653589793)
-    del angle_7_5
-    row_1_5_6 = np.where(moves_1_6, x205, x199)
+    row_1_5_2 = np.where(moves_1_6, x205, x199)
     del x199
-    x206 = np.where(angle_7_6 > x220, angle_7_6, 3.141592653589793)
-    del angle_7_6
-    row_1_5_7 = np.where(moves_1_6, x206, x200)
+    x206 = np.where(angle_7_2 > x224, angle_7_2, 3.141592653589793)
+    del angle_7_2
+    row_1_5_3 = np.where(moves_1_6, x206, x200)
     del x200
+    x207 = np.where(angle_7_3 > x224, angle_7_3, 3.141592653589793)
+    del angle_7_3
+    row_1_5_4 = np.where(moves_1_6, x207, x201)
+    del x201
+    x208 = np.where(angle_7_4 > x224, angle_7_4, 3.141592653589793)
+    del angle_7_4
+    row_1_5_5 = np.where(moves_1_6, x208, x202)
+    del x202
+    x209 = np.where(angle_7_5 > x224, angle_7_5, 3.141592653589793)
+    del angle_7_5
+    row_1_5_6 = np.where(moves_1_6, x209, x203)
+    del x203
+    x210 = np.where(angle_7_6 > x224, angle_7_6, 3.141592653589793)
+    del angle_7_6
+    row_1_5_7 = np.where(moves_1_6, x210, x204)
+    del x204
     there_1_6 = (moves_1_7) | ((there_7) & (~(moves_1_6)))
     del moves_1_6, there_7
     row_1_6_0 = np.where(moves_1_7, holes_7 - 1.0, holes_6)
     del holes_6
     row_1_6_1 = np.where(moves_1_7, code_8, code_7)
     del code_7
-    x207 = np.where(angle_8_1 > x220, angle_8_1, 3.141592653589793)
+    x211 = np.where(angle_8_1 > x224, angle_8_1, 3.141592653589793)
     del angle_8_1
-    row_1_6_2 = np.where(moves_1_7, x207, x201)
-    del x201
-    x208 = np.where(angle_8_2 > x220, angle_8_2, 3.141592653589793)
-    del angle_8_2
-    row_1_6_3 = np.where(moves_1_7, x208, x202)
-    del x202
-    x209 = np.where(angle_8_3 > x220, angle_8_3, 3.141592653589793)
-    del angle_8_3
-    row_1_6_4 = np.where(moves_1_7, x209, x203)
-    del x203
-    x210 = np.where(angle_8_4 > x220, angle_8_4, 3.141592653589793)
-    del angle_8_4
-    row_1_6_5 = np.where(moves_1_7, x210, x204)
-    del x204
-    x211 = np.where(angle_8_5 > x220, angle_8_5, 3.141592653589793)
-    del angle_8_5
-    row_1_6_6 = np.where(moves_1_7, x211, x205)
+    row_1_6_2 = np.where(moves_1_7, x211, x205)
     del x205
-    x212 = np.where(angle_8_6 > x220, angle_8_6, 3.141592653589793)
-    del angle_8_6, x220
-    row_1_6_7 = np.where(moves_1_7, x212, x206)
+    x212 = np.where(angle_8_2 > x224, angle_8_2, 3.141592653589793)
+    del angle_8_2
+    row_1_6_3 = np.where(moves_1_7, x212, x206)
     del x206
+    x213 = np.where(angle_8_3 > x224, angle_8_3, 3.141592653589793)
+    del angle_8_3
+    row_1_6_4 = np.where(moves_1_7, x213, x207)
+    del x207
+    x214 = np.where(angle_8_4 > x224, angle_8_4, 3.141592653589793)
+    del angle_8_4
+    row_1_6_5 = np.where(moves_1_7, x214, x208)
+    del x208
+    x215 = np.where(angle_8_5 > x224, angle_8_5, 3.141592653589793)
+    del angle_8_5
+    row_1_6_6 = np.where(moves_1_7, x215, x209)
+    del x209
+    x216 = np.where(angle_8_6 > x224, angle_8_6, 3.141592653589793)
+    del angle_8_6, x224
+    row_1_6_7 = np.where(moves_1_7, x216, x210)
+    del x210
     there_1_7 = (there_8) & (~(moves_1_7))
     del moves_1_7, there_8
     moves_2_2 = (there_1_2) & ((row_1_2_0 == 2.0) | (row_1_2_0 == 6.0))
@@ -2857,17 +2908,17 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del row_1_5_0
     row_2_5_1 = np.where(moves_2_7, code_8, row_1_5_1)
     del row_1_5_1
-    row_2_5_2 = np.where(moves_2_7, x207, row_1_5_2)
+    row_2_5_2 = np.where(moves_2_7, x211, row_1_5_2)
     del row_1_5_2
-    row_2_5_3 = np.where(moves_2_7, x208, row_1_5_3)
+    row_2_5_3 = np.where(moves_2_7, x212, row_1_5_3)
     del row_1_5_3
-    row_2_5_4 = np.where(moves_2_7, x209, row_1_5_4)
+    row_2_5_4 = np.where(moves_2_7, x213, row_1_5_4)
     del row_1_5_4
-    row_2_5_5 = np.where(moves_2_7, x210, row_1_5_5)
+    row_2_5_5 = np.where(moves_2_7, x214, row_1_5_5)
     del row_1_5_5
-    row_2_5_6 = np.where(moves_2_7, x211, row_1_5_6)
+    row_2_5_6 = np.where(moves_2_7, x215, row_1_5_6)
     del row_1_5_6
-    row_2_5_7 = np.where(moves_2_7, x212, row_1_5_7)
+    row_2_5_7 = np.where(moves_2_7, x216, row_1_5_7)
     del row_1_5_7
     there_2_6 = (there_1_6) & (~(moves_2_6))
     del moves_2_6, there_1_6
@@ -2933,17 +2984,17 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del there_2_3
     row_4_3_1 = np.where(moves_4_7, code_8, row_2_3_1)
     del row_2_3_1
-    row_4_3_2 = np.where(moves_4_7, x207, row_2_3_2)
+    row_4_3_2 = np.where(moves_4_7, x211, row_2_3_2)
     del row_2_3_2
-    row_4_3_3 = np.where(moves_4_7, x208, row_2_3_3)
+    row_4_3_3 = np.where(moves_4_7, x212, row_2_3_3)
     del row_2_3_3
-    row_4_3_4 = np.where(moves_4_7, x209, row_2_3_4)
+    row_4_3_4 = np.where(moves_4_7, x213, row_2_3_4)
     del row_2_3_4
-    row_4_3_5 = np.where(moves_4_7, x210, row_2_3_5)
+    row_4_3_5 = np.where(moves_4_7, x214, row_2_3_5)
     del row_2_3_5
-    row_4_3_6 = np.where(moves_4_7, x211, row_2_3_6)
+    row_4_3_6 = np.where(moves_4_7, x215, row_2_3_6)
     del row_2_3_6
-    row_4_3_7 = np.where(moves_4_7, x212, row_2_3_7)
+    row_4_3_7 = np.where(moves_4_7, x216, row_2_3_7)
     del row_2_3_7
     there_4_4 = (there_2_4) & (~(moves_4_4))
     del moves_4_4, there_2_4
@@ -3037,18 +3088,18 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del row_1_6_6
     angles_7_6 = np.where(there_4_6, row_1_6_7, np.nan)
     del row_1_6_7
-    angles_8_1 = np.where(there_4_7, x207, np.nan)
-    del x207
-    angles_8_2 = np.where(there_4_7, x208, np.nan)
-    del x208
-    angles_8_3 = np.where(there_4_7, x209, np.nan)
-    del x209
-    angles_8_4 = np.where(there_4_7, x210, np.nan)
-    del x210
-    angles_8_5 = np.where(there_4_7, x211, np.nan)
+    angles_8_1 = np.where(there_4_7, x211, np.nan)
     del x211
-    angles_8_6 = np.where(there_4_7, x212, np.nan)
+    angles_8_2 = np.where(there_4_7, x212, np.nan)
     del x212
+    angles_8_3 = np.where(there_4_7, x213, np.nan)
+    del x213
+    angles_8_4 = np.where(there_4_7, x214, np.nan)
+    del x214
+    angles_8_5 = np.where(there_4_7, x215, np.nan)
+    del x215
+    angles_8_6 = np.where(there_4_7, x216, np.nan)
+    del x216
     status_1 = np.where(~(good), 5.0, np.where(~(there_4_0), 3.0, row_4_0_1))
     del row_4_0_1, there_4_0
     status_2 = np.where(~(good), 5.0, np.where(~(there_4_1), 3.0, row_4_1_1))
