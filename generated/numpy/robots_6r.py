@@ -76,7 +76,7 @@ robot_wrist_reverse.types = ["ddddd->db", "fffff->fb"]
 
 
 def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
-    # 438 add, 717 mul, 36 div, 54 sqrt, 398 select, 228 compare, 51 abs, 36 atan2
+    # 438 add, 717 mul, 36 div, 54 sqrt, 398 select, 228 compare, 48 abs, 36 atan2
     rough = np.abs(pose_4_1) + np.abs(pose_4_2) + np.abs(pose_4_3) + np.abs(pose_4_4 - 1.0) + 2.0*np.abs(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + 2.0*np.abs(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + 2.0*np.abs(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3) + np.abs((pose_1_1*pose_1_1) + (pose_2_1*pose_2_1) + (pose_3_1*pose_3_1) - 1.0) + np.abs((pose_1_2*pose_1_2) + (pose_2_2*pose_2_2) + (pose_3_2*pose_3_2) - 1.0) + np.abs((pose_1_3*pose_1_3) + (pose_2_3*pose_2_3) + (pose_3_3*pose_3_3) - 1.0)
     handed = pose_1_1*(pose_2_2*pose_3_3 - pose_2_3*pose_3_2) + pose_2_1*(pose_1_3*pose_3_2 - pose_1_2*pose_3_3) + pose_3_1*(pose_1_2*pose_2_3 - pose_1_3*pose_2_2)
     spare = np.abs(a_1) + np.abs(a_2) + np.abs(a_3) + np.abs(a_4) + np.abs(a_5) + np.abs(offset_1) + np.abs(offset_2) + np.abs(offset_3) + np.abs(offset_4) + np.abs(offset_5) + np.abs(offset_6) + np.abs(pose_1_4) + np.abs(pose_2_4) + np.abs(pose_3_4)
@@ -109,7 +109,7 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     first_free = (first_r <= x262) & (x7 <= x262)
     x14 = 64.0*eps
     x15 = spare*x14
-    first_double = (np.abs(first_room) <= x15) & (~(first_free))
+    first_double = (first_room <= x15) & (~(first_free))
     first_exists = (first_free) | ((first_room >= -x15) & (first_r > 0.0))
     first_q = np.where((~(first_double)) & (first_room > 0.0), np.sqrt(first_room*(first_r + x7)), 0.0)
     del first_room, x7
@@ -167,7 +167,7 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     x265 = x22*x261
     del x22
     triangle_a_3_free = (triangle_a_3_r <= x265) & (x27 <= x265)
-    triangle_a_3_double = (np.abs(triangle_a_3_room) <= triangle_a_area) & (~(triangle_a_3_free))
+    triangle_a_3_double = (triangle_a_3_room <= triangle_a_area) & (~(triangle_a_3_free))
     triangle_a_3_exists = (triangle_a_3_free) | ((triangle_a_3_room >= -triangle_a_area) & (triangle_a_3_r > 0.0))
     triangle_a_3_q = np.where((~(triangle_a_3_double)) & (triangle_a_3_room > 0.0), np.sqrt(triangle_a_3_room*(triangle_a_3_r + x27)), 0.0)
     del triangle_a_3_room, x27
@@ -556,7 +556,7 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     triangle_b_3_room = triangle_b_3_r - x113
     triangle_b_3_free = (triangle_b_3_r <= x265) & (x113 <= x265)
     del x265
-    triangle_b_3_double = (np.abs(triangle_b_3_room) <= triangle_b_area) & (~(triangle_b_3_free))
+    triangle_b_3_double = (triangle_b_3_room <= triangle_b_area) & (~(triangle_b_3_free))
     triangle_b_3_exists = (triangle_b_3_free) | ((triangle_b_3_room >= -triangle_b_area) & (triangle_b_3_r > 0.0))
     triangle_b_3_q = np.where((~(triangle_b_3_double)) & (triangle_b_3_room > 0.0), np.sqrt(triangle_b_3_room*(triangle_b_3_r + x113)), 0.0)
     del triangle_b_3_room, x113
@@ -1674,7 +1674,7 @@ robot_parallel_reverse.types = ["ddddd->db", "fffff->fb"]
 
 
 def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
-    # 361 add, 591 mul, 29 div, 45 sqrt, 386 select, 210 compare, 54 abs, 34 atan2
+    # 363 add, 597 mul, 29 div, 45 sqrt, 386 select, 210 compare, 49 abs, 34 atan2
     x0 = (pose_1_3*pose_1_3)
     x1 = (pose_2_3*pose_2_3)
     rough = np.abs(pose_4_1) + np.abs(pose_4_2) + np.abs(pose_4_3) + np.abs(pose_4_4 - 1.0) + 2.0*np.abs(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + 2.0*np.abs(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + 2.0*np.abs(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3) + np.abs((pose_1_1*pose_1_1) + (pose_2_1*pose_2_1) + (pose_3_1*pose_3_1) - 1.0) + np.abs((pose_1_2*pose_1_2) + (pose_2_2*pose_2_2) + (pose_3_2*pose_3_2) - 1.0) + np.abs((pose_3_3*pose_3_3) + x0 + x1 - 1.0)
@@ -1702,10 +1702,10 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     x14 = pose_2_3*sine_1
     x8 = cosine_1*pose_3_3
     x9 = cosine_4*cosine_5
-    x221 = x9 - x8
-    x222 = sine_4*sine_5
-    x223 = np.abs(x222)
-    first_free_serves = (first_free_square <= 0.0) | (np.abs(x14 + x221) <= x223)
+    x223 = x9 - x8
+    x224 = sine_4*sine_5
+    x225 = np.abs(x224)
+    first_free_serves = (first_free_square <= 0.0) | (np.abs(x14 + x223) <= x225)
     x11 = x8 - x9
     first_free_at = np.where(first_free_amplitude < -x11, first_free_amplitude, np.where(first_free_amplitude < x11, -first_free_amplitude, -x11))
     x13 = (first_free_at*first_free_at)
@@ -1721,20 +1721,20 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     first_free_c_second = first_free_c_first*x17 - first_free_s_first*x16
     first_free_s_second = -first_free_c_first*x16 - first_free_s_first*x17
     del x16, x17
-    first_free_split = (first_free_amplitude + x11 > x223) & (first_free_amplitude + x221 > x223)
-    del first_free_amplitude, x11, x221, x223
+    first_free_split = (first_free_amplitude + x11 > x225) & (first_free_amplitude + x223 > x225)
+    del first_free_amplitude, x11, x223, x225
     first_r = np.sqrt((centre_1*centre_1)*x6 + (centre_2*centre_2)*x6)
     del x6
     x18 = centre_3*cosine_1 - height
     del height
     x19 = np.abs(x18)
     first_room = first_r - x19
-    x217 = 4096.0*eps
-    x218 = spare*x217
-    first_free = (first_r <= x218) & (x19 <= x218)
+    x219 = 4096.0*eps
+    x220 = spare*x219
+    first_free = (first_r <= x220) & (x19 <= x220)
     x26 = 64.0*eps
     x27 = spare*x26
-    first_double = (np.abs(first_room) <= x27) & (~(first_free))
+    first_double = (first_room <= x27) & (~(first_free))
     first_exists = (first_free) | ((first_room >= -x27) & (first_r > 0.0))
     first_q = np.where((~(first_double)) & (first_room > 0.0), np.sqrt(first_room*(first_r + x19)), 0.0)
     del first_room, x19
@@ -1803,8 +1803,8 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del bend_a_denominator, bend_a_product
     bend_a_tolerance = first_error*(first_error + 2.0*h_a) + x26*(h_a + x40)
     del x40
-    x219 = first_error + x217
-    bend_a_free = (bend_a_gram >= -bend_a_tolerance) & (h_a <= x219)
+    x221 = first_error + x219
+    bend_a_free = (bend_a_gram >= -bend_a_tolerance) & (h_a <= x221)
     bend_a_double = (np.abs(bend_a_gram) <= bend_a_tolerance) & (~(bend_a_free))
     bend_a_exists = bend_a_gram >= -bend_a_tolerance
     del bend_a_tolerance
@@ -1812,8 +1812,8 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del bend_a_gram
     bend_a_along = x9 - axes_a_3_3
     bend_a_size = np.sqrt((bend_a_along*bend_a_along) + (bend_a_q*bend_a_q))
-    x41 = np.where(x222 < 0.0, -1.0, 1.0)
-    del x222
+    x41 = np.where(x224 < 0.0, -1.0, 1.0)
+    del x224
     bend_a_scale = x41*np.where(bend_a_size > 0.0, 1.0/bend_a_size, 1.0)
     del bend_a_size
     bend_a_c = bend_a_along*bend_a_scale
@@ -1821,17 +1821,20 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     bend_a_s = bend_a_q*bend_a_scale
     del bend_a_q, bend_a_scale
     bend_a_two = (bend_a_exists) & (~((bend_a_double) | (bend_a_free)))
-    x42 = bend_a_s*sine_4
-    x43 = axes_a_3_1*x42
-    x44 = cosine_4*sine_5
-    x45 = cosine_5*sine_4
-    x46 = bend_a_c*x45 + x44
-    sixth_aa_dot = axes_a_3_2*x46 + x43
-    x47 = axes_a_3_2*x42
-    del x42
-    x48 = axes_a_3_1*x46
+    x42 = first_error + x26
+    x43 = spare*x42
+    off_a = x43
+    x44 = bend_a_s*sine_4
+    x45 = axes_a_3_1*x44
+    x46 = cosine_4*sine_5
+    x47 = cosine_5*sine_4
+    x48 = bend_a_c*x47 + x46
+    sixth_aa_dot = axes_a_3_2*x48 + x45
+    x49 = axes_a_3_2*x44
+    del x44
+    x50 = axes_a_3_1*x48
     del axes_a_3_1
-    sixth_aa_cross = x48 - x47
+    sixth_aa_cross = x50 - x49
     sixth_aa_size = np.sqrt((sixth_aa_cross*sixth_aa_cross) + (sixth_aa_dot*sixth_aa_dot))
     sixth_aa_scale = np.where(sixth_aa_size > 0.0, 1.0/sixth_aa_size, 1.0)
     del sixth_aa_size
@@ -1839,42 +1842,42 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del sixth_aa_dot
     sixth_aa_s = np.where(bend_a_free, 0.0, sixth_aa_cross*sixth_aa_scale)
     del sixth_aa_cross, sixth_aa_scale
-    x49 = bend_a_s*sine_5
-    x50 = axes_a_1_3*x49
+    x51 = bend_a_s*sine_5
+    x52 = axes_a_1_3*x51
     del axes_a_1_3
-    x51 = bend_a_s*cosine_5
-    x52 = bend_a_c*sixth_aa_c - sixth_aa_s*x51
-    x53 = -bend_a_c*sixth_aa_s - sixth_aa_c*x51
-    c_zero_aa = axes_a_1_1*x52 + axes_a_1_2*x53 + x50
-    x54 = axes_a_2_3*x49
-    del axes_a_2_3, x49
-    s_zero_aa = axes_a_2_1*x52 + axes_a_2_2*x53 + x54
-    del x52, x53
-    x55 = offset_5*sine_4
-    hand_aa_1 = a_4*c_zero_aa + s_zero_aa*x55
-    hand_aa_2 = a_4*s_zero_aa - c_zero_aa*x55
-    x56 = 2.0*hand_aa_1
-    x57 = end_a_1*x56
-    x58 = 2.0*hand_aa_2
-    x59 = end_a_2*x58
-    x60 = -x57 - x59
-    x61 = end_a_1*x58 - end_a_2*x56
-    del x56, x58
-    turn_aa_square = (x60*x60) + (x61*x61)
+    x53 = bend_a_s*cosine_5
+    x54 = bend_a_c*sixth_aa_c - sixth_aa_s*x53
+    x55 = -bend_a_c*sixth_aa_s - sixth_aa_c*x53
+    c_zero_aa = axes_a_1_1*x54 + axes_a_1_2*x55 + x52
+    x56 = axes_a_2_3*x51
+    del axes_a_2_3, x51
+    s_zero_aa = axes_a_2_1*x54 + axes_a_2_2*x55 + x56
+    del x54, x55
+    x57 = offset_5*sine_4
+    hand_aa_1 = a_4*c_zero_aa + s_zero_aa*x57
+    hand_aa_2 = a_4*s_zero_aa - c_zero_aa*x57
+    x58 = 2.0*hand_aa_1
+    x59 = end_a_1*x58
+    x60 = 2.0*hand_aa_2
+    x61 = end_a_2*x60
+    x62 = -x59 - x61
+    x63 = end_a_1*x60 - end_a_2*x58
+    del x58, x60
+    turn_aa_square = (x62*x62) + (x63*x63)
     turn_aa_amplitude = np.sqrt(turn_aa_square)
     turn_aa_per_square = np.where(turn_aa_square > 0.0, 1.0/turn_aa_square, 1.0)
-    x63 = (end_a_1*end_a_1) + (end_a_2*end_a_2) - square
-    x64 = (hand_aa_1*hand_aa_1) + (hand_aa_2*hand_aa_2) + x63
-    turn_aa_serves = (turn_aa_square <= 0.0) | (np.abs(x57 + x59 - x64) <= width)
-    del x57, x59
-    turn_aa_at = np.where(turn_aa_amplitude < -x64, turn_aa_amplitude, np.where(turn_aa_amplitude < x64, -turn_aa_amplitude, -x64))
-    del turn_aa_amplitude, x64
-    x66 = (turn_aa_at*turn_aa_at)
-    turn_aa_rest = np.where(turn_aa_square > x66, np.sqrt(turn_aa_square - x66), 0.0)
-    del turn_aa_square, x66
-    turn_aa_c_first = np.where(turn_aa_serves, 1.0, turn_aa_per_square*(turn_aa_at*x60 - turn_aa_rest*x61))
-    turn_aa_s_first = np.where(turn_aa_serves, 0.0, turn_aa_per_square*(turn_aa_at*x61 + turn_aa_rest*x60))
-    del turn_aa_at, turn_aa_per_square, turn_aa_rest, turn_aa_serves, x60, x61
+    x65 = (end_a_1*end_a_1) + (end_a_2*end_a_2) - square
+    x66 = (hand_aa_1*hand_aa_1) + (hand_aa_2*hand_aa_2) + x65
+    turn_aa_serves = (turn_aa_square <= 0.0) | (np.abs(x59 + x61 - x66) <= width)
+    del x59, x61
+    turn_aa_at = np.where(turn_aa_amplitude < -x66, turn_aa_amplitude, np.where(turn_aa_amplitude < x66, -turn_aa_amplitude, -x66))
+    del turn_aa_amplitude, x66
+    x68 = (turn_aa_at*turn_aa_at)
+    turn_aa_rest = np.where(turn_aa_square > x68, np.sqrt(turn_aa_square - x68), 0.0)
+    del turn_aa_square, x68
+    turn_aa_c_first = np.where(turn_aa_serves, 1.0, turn_aa_per_square*(turn_aa_at*x62 - turn_aa_rest*x63))
+    turn_aa_s_first = np.where(turn_aa_serves, 0.0, turn_aa_per_square*(turn_aa_at*x63 + turn_aa_rest*x62))
+    del turn_aa_at, turn_aa_per_square, turn_aa_rest, turn_aa_serves, x62, x63
     c_turn_aa = np.where(bend_a_free, turn_aa_c_first, 1.0)
     del turn_aa_c_first
     s_turn_aa = np.where(bend_a_free, turn_aa_s_first, 0.0)
@@ -1889,53 +1892,51 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     corner_aa_1 = end_a_1 + hand_aa_2*s_turn_aa - c_turn_aa*hand_aa_1
     corner_aa_2 = end_a_2 - c_turn_aa*hand_aa_2 - hand_aa_1*s_turn_aa
     del c_turn_aa, hand_aa_1, hand_aa_2, s_turn_aa
-    x68 = first_error + x26
-    x69 = spare*x68
-    x70 = x4 + np.abs(x55)
+    x70 = x4 + np.abs(x57)
     del x4
-    x71 = np.where(spare > x69, x69 + x70*np.where(bend_a_free, 0.0, x68*np.where(h_a > 0.0, 1.0/h_a, 1.0)), spare)
+    x71 = np.where(spare > 0.0, x70*np.where(bend_a_free, 0.0, x42*np.where(h_a > 0.0, 1.0/h_a, 1.0)), spare)
     del h_a
-    off_aa = x71
+    more_aa = x71
     triangle_aa_side = np.sqrt((corner_aa_1*corner_aa_1) + (corner_aa_2*corner_aa_2))
-    x72 = (spare*spare)
-    x73 = x26*x72
-    triangle_aa_area = 2.0*off_aa*triangle_aa_side + x73
-    del off_aa
-    x74 = 2.0*x2*x3
+    x72 = 2.0*off_a
+    del off_a
+    x73 = (spare*spare)
+    x74 = x26*x73
+    triangle_aa_area = triangle_aa_side*x72 + x74
+    x75 = 2.0*x2*x3
     del x2, x3
-    triangle_aa_3_r = x74
-    x75 = square - (triangle_aa_side*triangle_aa_side)
-    del triangle_aa_side
-    x76 = np.abs(x75)
-    triangle_aa_3_room = triangle_aa_3_r - x76
-    x220 = x217*x72
-    del x217, x72
-    triangle_aa_3_free = (triangle_aa_3_r <= x220) & (x76 <= x220)
-    triangle_aa_3_double = (np.abs(triangle_aa_3_room) <= triangle_aa_area) & (~(triangle_aa_3_free))
-    triangle_aa_3_exists = (triangle_aa_3_free) | ((triangle_aa_3_room >= -triangle_aa_area) & (triangle_aa_3_r > 0.0))
-    del triangle_aa_area
-    triangle_aa_3_q = np.where((~(triangle_aa_3_double)) & (triangle_aa_3_room > 0.0), np.sqrt(triangle_aa_3_room*(triangle_aa_3_r + x76)), 0.0)
-    del triangle_aa_3_room, x76
-    triangle_aa_3_size = triangle_aa_3_r*np.sqrt((triangle_aa_3_q*triangle_aa_3_q) + (x75*x75))
+    triangle_aa_3_r = x75
+    x76 = square - (triangle_aa_side*triangle_aa_side)
+    x77 = np.abs(x76)
+    triangle_aa_3_room = triangle_aa_3_r - x77
+    x222 = x219*x73
+    del x219, x73
+    triangle_aa_3_free = (triangle_aa_3_r <= x222) & (x77 <= x222)
+    triangle_aa_3_double = (triangle_aa_3_room <= triangle_aa_area) & (~(triangle_aa_3_free))
+    triangle_aa_3_exists = (triangle_aa_3_free) | ((triangle_aa_3_room >= -2.0*more_aa*triangle_aa_side - triangle_aa_area) & (triangle_aa_3_r > 0.0))
+    del more_aa, triangle_aa_area, triangle_aa_side
+    triangle_aa_3_q = np.where((~(triangle_aa_3_double)) & (triangle_aa_3_room > 0.0), np.sqrt(triangle_aa_3_room*(triangle_aa_3_r + x77)), 0.0)
+    del triangle_aa_3_room, x77
+    triangle_aa_3_size = triangle_aa_3_r*np.sqrt((triangle_aa_3_q*triangle_aa_3_q) + (x76*x76))
     del triangle_aa_3_r
     triangle_aa_3_scale = np.where(triangle_aa_3_size > 0.0, 1.0/triangle_aa_3_size, 1.0)
     del triangle_aa_3_size
-    x77 = 2.0*x5
+    x78 = 2.0*x5
     del x5
-    x78 = triangle_aa_3_scale*x77
+    x79 = triangle_aa_3_scale*x78
     del triangle_aa_3_scale
-    x79 = np.where(triangle_aa_3_free, 1.0, -x75*x78)
-    del x75
-    triangle_aa_3_c_a = x79
-    x80 = triangle_aa_3_q*x78
-    del triangle_aa_3_q, x78
-    triangle_aa_3_s_a = np.where(triangle_aa_3_free, 0.0, x80)
-    triangle_aa_3_c_b = x79
-    del x79
-    triangle_aa_3_s_b = np.where(triangle_aa_3_free, 0.0, -x80)
+    x80 = np.where(triangle_aa_3_free, 1.0, -x76*x79)
+    del x76
+    triangle_aa_3_c_a = x80
+    x81 = triangle_aa_3_q*x79
+    del triangle_aa_3_q, x79
+    triangle_aa_3_s_a = np.where(triangle_aa_3_free, 0.0, x81)
+    triangle_aa_3_c_b = x80
     del x80
+    triangle_aa_3_s_b = np.where(triangle_aa_3_free, 0.0, -x81)
+    del x81
     triangle_aa_3_two = (triangle_aa_3_exists) & (~((triangle_aa_3_double) | (triangle_aa_3_free)))
-    triangle_aa_any = np.abs(corner_aa_1) + np.abs(corner_aa_2) <= x218
+    triangle_aa_any = np.abs(corner_aa_1) + np.abs(corner_aa_2) <= x220
     triangle_aa_arm_a_1 = a_2 + a_3*triangle_aa_3_c_a
     triangle_aa_arm_a_2 = a_3*triangle_aa_3_s_a
     triangle_aa_2_a_dot = corner_aa_1*triangle_aa_arm_a_1 + corner_aa_2*triangle_aa_arm_a_2
@@ -1970,10 +1971,10 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     c_4_aab = c_234_aa*c_23_aab + s_234_aa*s_23_aab
     s_4_aab = c_23_aab*s_234_aa - c_234_aa*s_23_aab
     del c_234_aa, c_23_aab, s_234_aa, s_23_aab
-    sixth_ab_dot = axes_a_3_2*x46 - x43
-    del axes_a_3_2, x43, x46
-    sixth_ab_cross = x47 + x48
-    del x47, x48
+    sixth_ab_dot = axes_a_3_2*x48 - x45
+    del axes_a_3_2, x45, x48
+    sixth_ab_cross = x49 + x50
+    del x49, x50
     sixth_ab_size = np.sqrt((sixth_ab_cross*sixth_ab_cross) + (sixth_ab_dot*sixth_ab_dot))
     sixth_ab_scale = np.where(sixth_ab_size > 0.0, 1.0/sixth_ab_size, 1.0)
     del sixth_ab_size
@@ -1981,47 +1982,47 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del sixth_ab_dot
     sixth_ab_s = np.where(bend_a_free, 0.0, sixth_ab_cross*sixth_ab_scale)
     del sixth_ab_cross, sixth_ab_scale
-    x81 = bend_a_c*sixth_ab_c + sixth_ab_s*x51
-    del x51
-    x82 = bend_a_s*cosine_5*sixth_ab_c - bend_a_c*sixth_ab_s
-    c_zero_ab = axes_a_1_1*x81 + axes_a_1_2*x82 - x50
-    del axes_a_1_1, axes_a_1_2, x50
-    s_zero_ab = axes_a_2_1*x81 + axes_a_2_2*x82 - x54
-    del axes_a_2_1, axes_a_2_2, x54, x81, x82
-    hand_ab_1 = a_4*c_zero_ab + s_zero_ab*x55
-    hand_ab_2 = a_4*s_zero_ab - c_zero_ab*x55
-    x83 = 2.0*hand_ab_1
-    x84 = end_a_1*x83
-    x85 = 2.0*hand_ab_2
-    x86 = end_a_2*x85
-    x87 = -x84 - x86
-    x88 = (x87*x87)
-    x89 = end_a_1*x85 - end_a_2*x83
-    del x83, x85
-    x90 = (x89*x89)
-    turn_ab_square = x88 + x90
+    x82 = bend_a_c*sixth_ab_c + sixth_ab_s*x53
+    del x53
+    x83 = bend_a_s*cosine_5*sixth_ab_c - bend_a_c*sixth_ab_s
+    c_zero_ab = axes_a_1_1*x82 + axes_a_1_2*x83 - x52
+    del axes_a_1_1, axes_a_1_2, x52
+    s_zero_ab = axes_a_2_1*x82 + axes_a_2_2*x83 - x56
+    del axes_a_2_1, axes_a_2_2, x56, x82, x83
+    hand_ab_1 = a_4*c_zero_ab + s_zero_ab*x57
+    hand_ab_2 = a_4*s_zero_ab - c_zero_ab*x57
+    x84 = 2.0*hand_ab_1
+    x85 = end_a_1*x84
+    x86 = 2.0*hand_ab_2
+    x87 = end_a_2*x86
+    x88 = -x85 - x87
+    x89 = (x88*x88)
+    x90 = end_a_1*x86 - end_a_2*x84
+    del x84, x86
+    x91 = (x90*x90)
+    turn_ab_square = x89 + x91
     turn_ab_amplitude = np.sqrt(turn_ab_square)
     turn_ab_per_square = np.where(turn_ab_square > 0.0, 1.0/turn_ab_square, 1.0)
-    x92 = (hand_ab_1*hand_ab_1) + (hand_ab_2*hand_ab_2) + x63
-    del x63
-    turn_ab_serves = (turn_ab_square <= 0.0) | (np.abs(x84 + x86 - x92) <= width)
-    del x84, x86
-    turn_ab_at = np.where(turn_ab_amplitude < -x92, turn_ab_amplitude, np.where(turn_ab_amplitude < x92, -turn_ab_amplitude, -x92))
-    x94 = (turn_ab_at*turn_ab_at)
-    turn_ab_rest = np.where(turn_ab_square > x94, np.sqrt(turn_ab_square - x94), 0.0)
-    del turn_ab_square, x94
-    turn_ab_c_first = np.where(turn_ab_serves, 1.0, turn_ab_per_square*(turn_ab_at*x87 - turn_ab_rest*x89))
-    turn_ab_s_first = np.where(turn_ab_serves, 0.0, turn_ab_per_square*(turn_ab_at*x89 + turn_ab_rest*x87))
-    del turn_ab_at, turn_ab_rest, turn_ab_serves, x87
-    x95 = turn_ab_per_square*x89*(-4.0*end_a_1*hand_ab_1 - 4.0*end_a_2*hand_ab_2)
-    del x89
-    x96 = turn_ab_per_square*(x88 - x90)
-    del turn_ab_per_square, x88, x90
-    turn_ab_c_second = turn_ab_c_first*x96 + turn_ab_s_first*x95
-    turn_ab_s_second = turn_ab_c_first*x95 - turn_ab_s_first*x96
-    del turn_ab_c_first, turn_ab_s_first, x95, x96
-    turn_ab_split = (turn_ab_amplitude - x92 > width) & (turn_ab_amplitude + x92 > width)
-    del turn_ab_amplitude, x92
+    x93 = (hand_ab_1*hand_ab_1) + (hand_ab_2*hand_ab_2) + x65
+    del x65
+    turn_ab_serves = (turn_ab_square <= 0.0) | (np.abs(x85 + x87 - x93) <= width)
+    del x85, x87
+    turn_ab_at = np.where(turn_ab_amplitude < -x93, turn_ab_amplitude, np.where(turn_ab_amplitude < x93, -turn_ab_amplitude, -x93))
+    x95 = (turn_ab_at*turn_ab_at)
+    turn_ab_rest = np.where(turn_ab_square > x95, np.sqrt(turn_ab_square - x95), 0.0)
+    del turn_ab_square, x95
+    turn_ab_c_first = np.where(turn_ab_serves, 1.0, turn_ab_per_square*(turn_ab_at*x88 - turn_ab_rest*x90))
+    turn_ab_s_first = np.where(turn_ab_serves, 0.0, turn_ab_per_square*(turn_ab_at*x90 + turn_ab_rest*x88))
+    del turn_ab_at, turn_ab_rest, turn_ab_serves, x88
+    x96 = turn_ab_per_square*x90*(-4.0*end_a_1*hand_ab_1 - 4.0*end_a_2*hand_ab_2)
+    del x90
+    x97 = turn_ab_per_square*(x89 - x91)
+    del turn_ab_per_square, x89, x91
+    turn_ab_c_second = turn_ab_c_first*x97 + turn_ab_s_first*x96
+    turn_ab_s_second = turn_ab_c_first*x96 - turn_ab_s_first*x97
+    del turn_ab_c_first, turn_ab_s_first, x96, x97
+    turn_ab_split = (turn_ab_amplitude - x93 > width) & (turn_ab_amplitude + x93 > width)
+    del turn_ab_amplitude, x93
     c_turn_ab = np.where(bend_a_free, turn_ab_c_second, 1.0)
     del turn_ab_c_second
     s_turn_ab = np.where(bend_a_free, turn_ab_s_second, 0.0)
@@ -2039,40 +2040,39 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del end_a_1
     corner_ab_2 = end_a_2 - c_turn_ab*hand_ab_2 - hand_ab_1*s_turn_ab
     del c_turn_ab, end_a_2, hand_ab_1, hand_ab_2, s_turn_ab
-    off_ab = x71
+    more_ab = x71
     del x71
     triangle_ab_side = np.sqrt((corner_ab_1*corner_ab_1) + (corner_ab_2*corner_ab_2))
-    triangle_ab_area = 2.0*off_ab*triangle_ab_side + x73
-    del off_ab
-    triangle_ab_3_r = x74
-    x97 = square - (triangle_ab_side*triangle_ab_side)
-    del triangle_ab_side
-    x98 = np.abs(x97)
-    triangle_ab_3_room = triangle_ab_3_r - x98
-    triangle_ab_3_free = (triangle_ab_3_r <= x220) & (x98 <= x220)
-    triangle_ab_3_double = (np.abs(triangle_ab_3_room) <= triangle_ab_area) & (~(triangle_ab_3_free))
-    triangle_ab_3_exists = (triangle_ab_3_free) | ((triangle_ab_3_room >= -triangle_ab_area) & (triangle_ab_3_r > 0.0))
-    del triangle_ab_area
-    triangle_ab_3_q = np.where((~(triangle_ab_3_double)) & (triangle_ab_3_room > 0.0), np.sqrt(triangle_ab_3_room*(triangle_ab_3_r + x98)), 0.0)
-    del triangle_ab_3_room, x98
-    triangle_ab_3_size = triangle_ab_3_r*np.sqrt((triangle_ab_3_q*triangle_ab_3_q) + (x97*x97))
+    triangle_ab_area = triangle_ab_side*x72 + x74
+    del x72
+    triangle_ab_3_r = x75
+    x98 = square - (triangle_ab_side*triangle_ab_side)
+    x99 = np.abs(x98)
+    triangle_ab_3_room = triangle_ab_3_r - x99
+    triangle_ab_3_free = (triangle_ab_3_r <= x222) & (x99 <= x222)
+    triangle_ab_3_double = (triangle_ab_3_room <= triangle_ab_area) & (~(triangle_ab_3_free))
+    triangle_ab_3_exists = (triangle_ab_3_free) | ((triangle_ab_3_room >= -2.0*more_ab*triangle_ab_side - triangle_ab_area) & (triangle_ab_3_r > 0.0))
+    del more_ab, triangle_ab_area, triangle_ab_side
+    triangle_ab_3_q = np.where((~(triangle_ab_3_double)) & (triangle_ab_3_room > 0.0), np.sqrt(triangle_ab_3_room*(triangle_ab_3_r + x99)), 0.0)
+    del triangle_ab_3_room, x99
+    triangle_ab_3_size = triangle_ab_3_r*np.sqrt((triangle_ab_3_q*triangle_ab_3_q) + (x98*x98))
     del triangle_ab_3_r
     triangle_ab_3_scale = np.where(triangle_ab_3_size > 0.0, 1.0/triangle_ab_3_size, 1.0)
     del triangle_ab_3_size
-    x99 = triangle_ab_3_scale*x77
+    x100 = triangle_ab_3_scale*x78
     del triangle_ab_3_scale
-    x100 = np.where(triangle_ab_3_free, 1.0, -x97*x99)
-    del x97
-    triangle_ab_3_c_a = x100
-    x101 = triangle_ab_3_q*x99
-    del triangle_ab_3_q, x99
-    triangle_ab_3_s_a = np.where(triangle_ab_3_free, 0.0, x101)
-    triangle_ab_3_c_b = x100
-    del x100
-    triangle_ab_3_s_b = np.where(triangle_ab_3_free, 0.0, -x101)
+    x101 = np.where(triangle_ab_3_free, 1.0, -x100*x98)
+    del x98
+    triangle_ab_3_c_a = x101
+    x102 = triangle_ab_3_q*x100
+    del triangle_ab_3_q, x100
+    triangle_ab_3_s_a = np.where(triangle_ab_3_free, 0.0, x102)
+    triangle_ab_3_c_b = x101
     del x101
+    triangle_ab_3_s_b = np.where(triangle_ab_3_free, 0.0, -x102)
+    del x102
     triangle_ab_3_two = (triangle_ab_3_exists) & (~((triangle_ab_3_double) | (triangle_ab_3_free)))
-    triangle_ab_any = np.abs(corner_ab_1) + np.abs(corner_ab_2) <= x218
+    triangle_ab_any = np.abs(corner_ab_1) + np.abs(corner_ab_2) <= x220
     triangle_ab_arm_a_1 = a_2 + a_3*triangle_ab_3_c_a
     triangle_ab_arm_a_2 = a_3*triangle_ab_3_s_a
     triangle_ab_2_a_dot = corner_ab_1*triangle_ab_arm_a_1 + corner_ab_2*triangle_ab_arm_a_2
@@ -2121,34 +2121,34 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     axes_b_1_1 = c_1_b*pose_1_1 + pose_2_1*s_1_b
     axes_b_1_2 = c_1_b*pose_1_2 + pose_2_2*s_1_b
     axes_b_1_3 = c_1_b*pose_1_3 + pose_2_3*s_1_b
-    x102 = c_1_b*pose_2_1 - pose_1_1*s_1_b
-    axes_b_2_1 = cosine_1*x102 + x30
+    x103 = c_1_b*pose_2_1 - pose_1_1*s_1_b
+    axes_b_2_1 = cosine_1*x103 + x30
     del x30
-    x103 = c_1_b*pose_2_2 - pose_1_2*s_1_b
-    axes_b_2_2 = cosine_1*x103 + x32
+    x104 = c_1_b*pose_2_2 - pose_1_2*s_1_b
+    axes_b_2_2 = cosine_1*x104 + x32
     del x32
-    x104 = c_1_b*pose_2_3 - pose_1_3*s_1_b
-    axes_b_2_3 = cosine_1*x104 + x34
+    x105 = c_1_b*pose_2_3 - pose_1_3*s_1_b
+    axes_b_2_3 = cosine_1*x105 + x34
     del x34
-    axes_b_3_1 = x36 - sine_1*x102
-    del x102, x36
-    axes_b_3_2 = x37 - sine_1*x103
-    del x103, x37
-    axes_b_3_3 = x8 - sine_1*x104
-    del x104, x8
+    axes_b_3_1 = x36 - sine_1*x103
+    del x103, x36
+    axes_b_3_2 = x37 - sine_1*x104
+    del x104, x37
+    axes_b_3_3 = x8 - sine_1*x105
+    del x105, x8
     h_b = np.sqrt((axes_b_3_1*axes_b_3_1) + (axes_b_3_2*axes_b_3_2))
     bend_b_denominator = np.abs(axes_b_3_3) + 1.0
     bend_b_apart = np.where(axes_b_3_3 >= 0.0, x38, x39)
     del x38, x39
     bend_b_product = np.where(axes_b_3_3 >= 0.0, x9, -x9)
-    x105 = (bend_b_apart*bend_b_apart)
+    x106 = (bend_b_apart*bend_b_apart)
     del bend_b_apart
-    bend_b_gram = (h_b*h_b)*(1.0 - 2.0*bend_b_product/bend_b_denominator) - x105
+    bend_b_gram = (h_b*h_b)*(1.0 - 2.0*bend_b_product/bend_b_denominator) - x106
     del bend_b_denominator, bend_b_product
-    bend_b_tolerance = first_error*(first_error + 2.0*h_b) + x26*(h_b + x105)
-    del first_error, x105, x26
-    bend_b_free = (bend_b_gram >= -bend_b_tolerance) & (h_b <= x219)
-    del x219
+    bend_b_tolerance = first_error*(first_error + 2.0*h_b) + x26*(h_b + x106)
+    del first_error, x106, x26
+    bend_b_free = (bend_b_gram >= -bend_b_tolerance) & (h_b <= x221)
+    del x221
     bend_b_double = (np.abs(bend_b_gram) <= bend_b_tolerance) & (~(bend_b_free))
     bend_b_exists = bend_b_gram >= -bend_b_tolerance
     del bend_b_tolerance
@@ -2164,16 +2164,18 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     bend_b_s = bend_b_q*bend_b_scale
     del bend_b_q, bend_b_scale
     bend_b_two = (bend_b_exists) & (~((bend_b_double) | (bend_b_free)))
-    x106 = bend_b_s*sine_4
-    x107 = axes_b_3_1*x106
-    x108 = bend_b_c*x45 + x44
-    del x44, x45
-    sixth_ba_dot = axes_b_3_2*x108 + x107
-    x109 = axes_b_3_2*x106
-    del x106
-    x110 = axes_b_3_1*x108
+    off_b = x43
+    del x43
+    x107 = bend_b_s*sine_4
+    x108 = axes_b_3_1*x107
+    x109 = bend_b_c*x47 + x46
+    del x46, x47
+    sixth_ba_dot = axes_b_3_2*x109 + x108
+    x110 = axes_b_3_2*x107
+    del x107
+    x111 = axes_b_3_1*x109
     del axes_b_3_1
-    sixth_ba_cross = x110 - x109
+    sixth_ba_cross = x111 - x110
     sixth_ba_size = np.sqrt((sixth_ba_cross*sixth_ba_cross) + (sixth_ba_dot*sixth_ba_dot))
     sixth_ba_scale = np.where(sixth_ba_size > 0.0, 1.0/sixth_ba_size, 1.0)
     del sixth_ba_size
@@ -2181,41 +2183,41 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del sixth_ba_dot
     sixth_ba_s = np.where(bend_b_free, 0.0, sixth_ba_cross*sixth_ba_scale)
     del sixth_ba_cross, sixth_ba_scale
-    x111 = bend_b_s*sine_5
-    x112 = axes_b_1_3*x111
+    x112 = bend_b_s*sine_5
+    x113 = axes_b_1_3*x112
     del axes_b_1_3
-    x113 = bend_b_s*cosine_5
-    x114 = bend_b_c*sixth_ba_c - sixth_ba_s*x113
-    x115 = -bend_b_c*sixth_ba_s - sixth_ba_c*x113
-    c_zero_ba = axes_b_1_1*x114 + axes_b_1_2*x115 + x112
-    x116 = axes_b_2_3*x111
-    del axes_b_2_3, x111
-    s_zero_ba = axes_b_2_1*x114 + axes_b_2_2*x115 + x116
-    del x114, x115
-    hand_ba_1 = a_4*c_zero_ba + s_zero_ba*x55
-    hand_ba_2 = a_4*s_zero_ba - c_zero_ba*x55
-    x117 = 2.0*hand_ba_1
-    x118 = end_b_1*x117
-    x119 = 2.0*hand_ba_2
-    x120 = end_b_2*x119
-    x121 = -x118 - x120
-    x122 = end_b_1*x119 - end_b_2*x117
-    del x117, x119
-    turn_ba_square = (x121*x121) + (x122*x122)
+    x114 = bend_b_s*cosine_5
+    x115 = bend_b_c*sixth_ba_c - sixth_ba_s*x114
+    x116 = -bend_b_c*sixth_ba_s - sixth_ba_c*x114
+    c_zero_ba = axes_b_1_1*x115 + axes_b_1_2*x116 + x113
+    x117 = axes_b_2_3*x112
+    del axes_b_2_3, x112
+    s_zero_ba = axes_b_2_1*x115 + axes_b_2_2*x116 + x117
+    del x115, x116
+    hand_ba_1 = a_4*c_zero_ba + s_zero_ba*x57
+    hand_ba_2 = a_4*s_zero_ba - c_zero_ba*x57
+    x118 = 2.0*hand_ba_1
+    x119 = end_b_1*x118
+    x120 = 2.0*hand_ba_2
+    x121 = end_b_2*x120
+    x122 = -x119 - x121
+    x123 = end_b_1*x120 - end_b_2*x118
+    del x118, x120
+    turn_ba_square = (x122*x122) + (x123*x123)
     turn_ba_amplitude = np.sqrt(turn_ba_square)
     turn_ba_per_square = np.where(turn_ba_square > 0.0, 1.0/turn_ba_square, 1.0)
-    x123 = (end_b_1*end_b_1) + (end_b_2*end_b_2) - square
-    x124 = (hand_ba_1*hand_ba_1) + (hand_ba_2*hand_ba_2) + x123
-    turn_ba_serves = (turn_ba_square <= 0.0) | (np.abs(x118 + x120 - x124) <= width)
-    del x118, x120
-    turn_ba_at = np.where(turn_ba_amplitude < -x124, turn_ba_amplitude, np.where(turn_ba_amplitude < x124, -turn_ba_amplitude, -x124))
-    del turn_ba_amplitude, x124
-    x126 = (turn_ba_at*turn_ba_at)
-    turn_ba_rest = np.where(turn_ba_square > x126, np.sqrt(turn_ba_square - x126), 0.0)
-    del turn_ba_square, x126
-    turn_ba_c_first = np.where(turn_ba_serves, 1.0, turn_ba_per_square*(turn_ba_at*x121 - turn_ba_rest*x122))
-    turn_ba_s_first = np.where(turn_ba_serves, 0.0, turn_ba_per_square*(turn_ba_at*x122 + turn_ba_rest*x121))
-    del turn_ba_at, turn_ba_per_square, turn_ba_rest, turn_ba_serves, x121, x122
+    x124 = (end_b_1*end_b_1) + (end_b_2*end_b_2) - square
+    x125 = (hand_ba_1*hand_ba_1) + (hand_ba_2*hand_ba_2) + x124
+    turn_ba_serves = (turn_ba_square <= 0.0) | (np.abs(x119 + x121 - x125) <= width)
+    del x119, x121
+    turn_ba_at = np.where(turn_ba_amplitude < -x125, turn_ba_amplitude, np.where(turn_ba_amplitude < x125, -turn_ba_amplitude, -x125))
+    del turn_ba_amplitude, x125
+    x127 = (turn_ba_at*turn_ba_at)
+    turn_ba_rest = np.where(turn_ba_square > x127, np.sqrt(turn_ba_square - x127), 0.0)
+    del turn_ba_square, x127
+    turn_ba_c_first = np.where(turn_ba_serves, 1.0, turn_ba_per_square*(turn_ba_at*x122 - turn_ba_rest*x123))
+    turn_ba_s_first = np.where(turn_ba_serves, 0.0, turn_ba_per_square*(turn_ba_at*x123 + turn_ba_rest*x122))
+    del turn_ba_at, turn_ba_per_square, turn_ba_rest, turn_ba_serves, x122, x123
     c_turn_ba = np.where(bend_b_free, turn_ba_c_first, 1.0)
     del turn_ba_c_first
     s_turn_ba = np.where(bend_b_free, turn_ba_s_first, 0.0)
@@ -2230,41 +2232,41 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     corner_ba_1 = end_b_1 + hand_ba_2*s_turn_ba - c_turn_ba*hand_ba_1
     corner_ba_2 = end_b_2 - c_turn_ba*hand_ba_2 - hand_ba_1*s_turn_ba
     del c_turn_ba, hand_ba_1, hand_ba_2, s_turn_ba
-    x128 = np.where(spare > x69, x69 + x70*np.where(bend_b_free, 0.0, x68*np.where(h_b > 0.0, 1.0/h_b, 1.0)), spare)
-    del h_b, spare, x68, x69, x70
-    off_ba = x128
+    x129 = np.where(spare > 0.0, x70*np.where(bend_b_free, 0.0, x42*np.where(h_b > 0.0, 1.0/h_b, 1.0)), spare)
+    del h_b, spare, x42, x70
+    more_ba = x129
     triangle_ba_side = np.sqrt((corner_ba_1*corner_ba_1) + (corner_ba_2*corner_ba_2))
-    triangle_ba_area = 2.0*off_ba*triangle_ba_side + x73
-    del off_ba
-    triangle_ba_3_r = x74
-    x129 = square - (triangle_ba_side*triangle_ba_side)
-    del triangle_ba_side
-    x130 = np.abs(x129)
-    triangle_ba_3_room = triangle_ba_3_r - x130
-    triangle_ba_3_free = (triangle_ba_3_r <= x220) & (x130 <= x220)
-    triangle_ba_3_double = (np.abs(triangle_ba_3_room) <= triangle_ba_area) & (~(triangle_ba_3_free))
-    triangle_ba_3_exists = (triangle_ba_3_free) | ((triangle_ba_3_room >= -triangle_ba_area) & (triangle_ba_3_r > 0.0))
-    del triangle_ba_area
-    triangle_ba_3_q = np.where((~(triangle_ba_3_double)) & (triangle_ba_3_room > 0.0), np.sqrt(triangle_ba_3_room*(triangle_ba_3_r + x130)), 0.0)
-    del triangle_ba_3_room, x130
-    triangle_ba_3_size = triangle_ba_3_r*np.sqrt((triangle_ba_3_q*triangle_ba_3_q) + (x129*x129))
+    x130 = 2.0*off_b
+    del off_b
+    triangle_ba_area = triangle_ba_side*x130 + x74
+    triangle_ba_3_r = x75
+    x131 = square - (triangle_ba_side*triangle_ba_side)
+    x132 = np.abs(x131)
+    triangle_ba_3_room = triangle_ba_3_r - x132
+    triangle_ba_3_free = (triangle_ba_3_r <= x222) & (x132 <= x222)
+    triangle_ba_3_double = (triangle_ba_3_room <= triangle_ba_area) & (~(triangle_ba_3_free))
+    triangle_ba_3_exists = (triangle_ba_3_free) | ((triangle_ba_3_room >= -2.0*more_ba*triangle_ba_side - triangle_ba_area) & (triangle_ba_3_r > 0.0))
+    del more_ba, triangle_ba_area, triangle_ba_side
+    triangle_ba_3_q = np.where((~(triangle_ba_3_double)) & (triangle_ba_3_room > 0.0), np.sqrt(triangle_ba_3_room*(triangle_ba_3_r + x132)), 0.0)
+    del triangle_ba_3_room, x132
+    triangle_ba_3_size = triangle_ba_3_r*np.sqrt((triangle_ba_3_q*triangle_ba_3_q) + (x131*x131))
     del triangle_ba_3_r
     triangle_ba_3_scale = np.where(triangle_ba_3_size > 0.0, 1.0/triangle_ba_3_size, 1.0)
     del triangle_ba_3_size
-    x131 = triangle_ba_3_scale*x77
+    x133 = triangle_ba_3_scale*x78
     del triangle_ba_3_scale
-    x132 = np.where(triangle_ba_3_free, 1.0, -x129*x131)
-    del x129
-    triangle_ba_3_c_a = x132
-    x133 = triangle_ba_3_q*x131
-    del triangle_ba_3_q, x131
-    triangle_ba_3_s_a = np.where(triangle_ba_3_free, 0.0, x133)
-    triangle_ba_3_c_b = x132
-    del x132
-    triangle_ba_3_s_b = np.where(triangle_ba_3_free, 0.0, -x133)
-    del x133
+    x134 = np.where(triangle_ba_3_free, 1.0, -x131*x133)
+    del x131
+    triangle_ba_3_c_a = x134
+    x135 = triangle_ba_3_q*x133
+    del triangle_ba_3_q, x133
+    triangle_ba_3_s_a = np.where(triangle_ba_3_free, 0.0, x135)
+    triangle_ba_3_c_b = x134
+    del x134
+    triangle_ba_3_s_b = np.where(triangle_ba_3_free, 0.0, -x135)
+    del x135
     triangle_ba_3_two = (triangle_ba_3_exists) & (~((triangle_ba_3_double) | (triangle_ba_3_free)))
-    triangle_ba_any = np.abs(corner_ba_1) + np.abs(corner_ba_2) <= x218
+    triangle_ba_any = np.abs(corner_ba_1) + np.abs(corner_ba_2) <= x220
     triangle_ba_arm_a_1 = a_2 + a_3*triangle_ba_3_c_a
     triangle_ba_arm_a_2 = a_3*triangle_ba_3_s_a
     triangle_ba_2_a_dot = corner_ba_1*triangle_ba_arm_a_1 + corner_ba_2*triangle_ba_arm_a_2
@@ -2299,10 +2301,10 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     c_4_bab = c_234_ba*c_23_bab + s_234_ba*s_23_bab
     s_4_bab = c_23_bab*s_234_ba - c_234_ba*s_23_bab
     del c_234_ba, c_23_bab, s_234_ba, s_23_bab
-    sixth_bb_dot = axes_b_3_2*x108 - x107
-    del axes_b_3_2, x107, x108
-    sixth_bb_cross = x109 + x110
-    del x109, x110
+    sixth_bb_dot = axes_b_3_2*x109 - x108
+    del axes_b_3_2, x108, x109
+    sixth_bb_cross = x110 + x111
+    del x110, x111
     sixth_bb_size = np.sqrt((sixth_bb_cross*sixth_bb_cross) + (sixth_bb_dot*sixth_bb_dot))
     sixth_bb_scale = np.where(sixth_bb_size > 0.0, 1.0/sixth_bb_size, 1.0)
     del sixth_bb_size
@@ -2310,48 +2312,48 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del sixth_bb_dot
     sixth_bb_s = np.where(bend_b_free, 0.0, sixth_bb_cross*sixth_bb_scale)
     del sixth_bb_cross, sixth_bb_scale
-    x134 = bend_b_c*sixth_bb_c + sixth_bb_s*x113
-    del x113
-    x135 = bend_b_s*cosine_5*sixth_bb_c - bend_b_c*sixth_bb_s
-    c_zero_bb = axes_b_1_1*x134 + axes_b_1_2*x135 - x112
-    del axes_b_1_1, axes_b_1_2, x112
-    s_zero_bb = axes_b_2_1*x134 + axes_b_2_2*x135 - x116
-    del axes_b_2_1, axes_b_2_2, x116, x134, x135
-    hand_bb_1 = a_4*c_zero_bb + s_zero_bb*x55
-    hand_bb_2 = a_4*s_zero_bb - c_zero_bb*x55
-    del x55
-    x136 = 2.0*hand_bb_1
-    x137 = end_b_1*x136
-    x138 = 2.0*hand_bb_2
-    x139 = end_b_2*x138
-    x140 = -x137 - x139
-    x141 = (x140*x140)
-    x142 = end_b_1*x138 - end_b_2*x136
-    del x136, x138
+    x136 = bend_b_c*sixth_bb_c + sixth_bb_s*x114
+    del x114
+    x137 = bend_b_s*cosine_5*sixth_bb_c - bend_b_c*sixth_bb_s
+    c_zero_bb = axes_b_1_1*x136 + axes_b_1_2*x137 - x113
+    del axes_b_1_1, axes_b_1_2, x113
+    s_zero_bb = axes_b_2_1*x136 + axes_b_2_2*x137 - x117
+    del axes_b_2_1, axes_b_2_2, x117, x136, x137
+    hand_bb_1 = a_4*c_zero_bb + s_zero_bb*x57
+    hand_bb_2 = a_4*s_zero_bb - c_zero_bb*x57
+    del x57
+    x138 = 2.0*hand_bb_1
+    x139 = end_b_1*x138
+    x140 = 2.0*hand_bb_2
+    x141 = end_b_2*x140
+    x142 = -x139 - x141
     x143 = (x142*x142)
-    turn_bb_square = x141 + x143
+    x144 = end_b_1*x140 - end_b_2*x138
+    del x138, x140
+    x145 = (x144*x144)
+    turn_bb_square = x143 + x145
     turn_bb_amplitude = np.sqrt(turn_bb_square)
     turn_bb_per_square = np.where(turn_bb_square > 0.0, 1.0/turn_bb_square, 1.0)
-    x145 = (hand_bb_1*hand_bb_1) + (hand_bb_2*hand_bb_2) + x123
-    del x123
-    turn_bb_serves = (turn_bb_square <= 0.0) | (np.abs(x137 + x139 - x145) <= width)
-    del x137, x139
-    turn_bb_at = np.where(turn_bb_amplitude < -x145, turn_bb_amplitude, np.where(turn_bb_amplitude < x145, -turn_bb_amplitude, -x145))
-    x147 = (turn_bb_at*turn_bb_at)
-    turn_bb_rest = np.where(turn_bb_square > x147, np.sqrt(turn_bb_square - x147), 0.0)
-    del turn_bb_square, x147
-    turn_bb_c_first = np.where(turn_bb_serves, 1.0, turn_bb_per_square*(turn_bb_at*x140 - turn_bb_rest*x142))
-    turn_bb_s_first = np.where(turn_bb_serves, 0.0, turn_bb_per_square*(turn_bb_at*x142 + turn_bb_rest*x140))
-    del turn_bb_at, turn_bb_rest, turn_bb_serves, x140
-    x148 = turn_bb_per_square*x142*(-4.0*end_b_1*hand_bb_1 - 4.0*end_b_2*hand_bb_2)
-    del x142
-    x149 = turn_bb_per_square*(x141 - x143)
-    del turn_bb_per_square, x141, x143
-    turn_bb_c_second = turn_bb_c_first*x149 + turn_bb_s_first*x148
-    turn_bb_s_second = turn_bb_c_first*x148 - turn_bb_s_first*x149
-    del turn_bb_c_first, turn_bb_s_first, x148, x149
-    turn_bb_split = (turn_bb_amplitude - x145 > width) & (turn_bb_amplitude + x145 > width)
-    del turn_bb_amplitude, width, x145
+    x147 = (hand_bb_1*hand_bb_1) + (hand_bb_2*hand_bb_2) + x124
+    del x124
+    turn_bb_serves = (turn_bb_square <= 0.0) | (np.abs(x139 + x141 - x147) <= width)
+    del x139, x141
+    turn_bb_at = np.where(turn_bb_amplitude < -x147, turn_bb_amplitude, np.where(turn_bb_amplitude < x147, -turn_bb_amplitude, -x147))
+    x149 = (turn_bb_at*turn_bb_at)
+    turn_bb_rest = np.where(turn_bb_square > x149, np.sqrt(turn_bb_square - x149), 0.0)
+    del turn_bb_square, x149
+    turn_bb_c_first = np.where(turn_bb_serves, 1.0, turn_bb_per_square*(turn_bb_at*x142 - turn_bb_rest*x144))
+    turn_bb_s_first = np.where(turn_bb_serves, 0.0, turn_bb_per_square*(turn_bb_at*x144 + turn_bb_rest*x142))
+    del turn_bb_at, turn_bb_rest, turn_bb_serves, x142
+    x150 = turn_bb_per_square*x144*(-4.0*end_b_1*hand_bb_1 - 4.0*end_b_2*hand_bb_2)
+    del x144
+    x151 = turn_bb_per_square*(x143 - x145)
+    del turn_bb_per_square, x143, x145
+    turn_bb_c_second = turn_bb_c_first*x151 + turn_bb_s_first*x150
+    turn_bb_s_second = turn_bb_c_first*x150 - turn_bb_s_first*x151
+    del turn_bb_c_first, turn_bb_s_first, x150, x151
+    turn_bb_split = (turn_bb_amplitude - x147 > width) & (turn_bb_amplitude + x147 > width)
+    del turn_bb_amplitude, width, x147
     c_turn_bb = np.where(bend_b_free, turn_bb_c_second, 1.0)
     del turn_bb_c_second
     s_turn_bb = np.where(bend_b_free, turn_bb_s_second, 0.0)
@@ -2369,43 +2371,43 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del end_b_1
     corner_bb_2 = end_b_2 - c_turn_bb*hand_bb_2 - hand_bb_1*s_turn_bb
     del c_turn_bb, end_b_2, hand_bb_1, hand_bb_2, s_turn_bb
-    off_bb = x128
-    del x128
+    more_bb = x129
+    del x129
     triangle_bb_side = np.sqrt((corner_bb_1*corner_bb_1) + (corner_bb_2*corner_bb_2))
-    triangle_bb_area = 2.0*off_bb*triangle_bb_side + x73
-    del off_bb, x73
-    triangle_bb_3_r = x74
-    del x74
-    x150 = square - (triangle_bb_side*triangle_bb_side)
-    del square, triangle_bb_side
-    x151 = np.abs(x150)
-    triangle_bb_3_room = triangle_bb_3_r - x151
-    triangle_bb_3_free = (triangle_bb_3_r <= x220) & (x151 <= x220)
-    del x220
-    triangle_bb_3_double = (np.abs(triangle_bb_3_room) <= triangle_bb_area) & (~(triangle_bb_3_free))
-    triangle_bb_3_exists = (triangle_bb_3_free) | ((triangle_bb_3_room >= -triangle_bb_area) & (triangle_bb_3_r > 0.0))
-    del triangle_bb_area
-    triangle_bb_3_q = np.where((~(triangle_bb_3_double)) & (triangle_bb_3_room > 0.0), np.sqrt(triangle_bb_3_room*(triangle_bb_3_r + x151)), 0.0)
-    del triangle_bb_3_room, x151
-    triangle_bb_3_size = triangle_bb_3_r*np.sqrt((triangle_bb_3_q*triangle_bb_3_q) + (x150*x150))
+    triangle_bb_area = triangle_bb_side*x130 + x74
+    del x130, x74
+    triangle_bb_3_r = x75
+    del x75
+    x152 = square - (triangle_bb_side*triangle_bb_side)
+    del square
+    x153 = np.abs(x152)
+    triangle_bb_3_room = triangle_bb_3_r - x153
+    triangle_bb_3_free = (triangle_bb_3_r <= x222) & (x153 <= x222)
+    del x222
+    triangle_bb_3_double = (triangle_bb_3_room <= triangle_bb_area) & (~(triangle_bb_3_free))
+    triangle_bb_3_exists = (triangle_bb_3_free) | ((triangle_bb_3_room >= -2.0*more_bb*triangle_bb_side - triangle_bb_area) & (triangle_bb_3_r > 0.0))
+    del more_bb, triangle_bb_area, triangle_bb_side
+    triangle_bb_3_q = np.where((~(triangle_bb_3_double)) & (triangle_bb_3_room > 0.0), np.sqrt(triangle_bb_3_room*(triangle_bb_3_r + x153)), 0.0)
+    del triangle_bb_3_room, x153
+    triangle_bb_3_size = triangle_bb_3_r*np.sqrt((triangle_bb_3_q*triangle_bb_3_q) + (x152*x152))
     del triangle_bb_3_r
     triangle_bb_3_scale = np.where(triangle_bb_3_size > 0.0, 1.0/triangle_bb_3_size, 1.0)
     del triangle_bb_3_size
-    x152 = triangle_bb_3_scale*x77
-    del triangle_bb_3_scale, x77
-    x153 = np.where(triangle_bb_3_free, 1.0, -x150*x152)
-    del x150
-    triangle_bb_3_c_a = x153
-    x154 = triangle_bb_3_q*x152
-    del triangle_bb_3_q, x152
-    triangle_bb_3_s_a = np.where(triangle_bb_3_free, 0.0, x154)
-    triangle_bb_3_c_b = x153
-    del x153
-    triangle_bb_3_s_b = np.where(triangle_bb_3_free, 0.0, -x154)
-    del x154
+    x154 = triangle_bb_3_scale*x78
+    del triangle_bb_3_scale, x78
+    x155 = np.where(triangle_bb_3_free, 1.0, -x152*x154)
+    del x152
+    triangle_bb_3_c_a = x155
+    x156 = triangle_bb_3_q*x154
+    del triangle_bb_3_q, x154
+    triangle_bb_3_s_a = np.where(triangle_bb_3_free, 0.0, x156)
+    triangle_bb_3_c_b = x155
+    del x155
+    triangle_bb_3_s_b = np.where(triangle_bb_3_free, 0.0, -x156)
+    del x156
     triangle_bb_3_two = (triangle_bb_3_exists) & (~((triangle_bb_3_double) | (triangle_bb_3_free)))
-    triangle_bb_any = np.abs(corner_bb_1) + np.abs(corner_bb_2) <= x218
-    del x218
+    triangle_bb_any = np.abs(corner_bb_1) + np.abs(corner_bb_2) <= x220
+    del x220
     triangle_bb_arm_a_1 = a_2 + a_3*triangle_bb_3_c_a
     triangle_bb_arm_a_2 = a_3*triangle_bb_3_s_a
     triangle_bb_2_a_dot = corner_bb_1*triangle_bb_arm_a_1 + corner_bb_2*triangle_bb_arm_a_2
@@ -2442,159 +2444,159 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del c_234_bb, c_23_bbb, s_234_bb, s_23_bbb
     there_1 = (bend_a_exists) & (first_exists) & (near) & (triangle_aa_3_exists)
     del triangle_aa_3_exists
-    x155 = np.arctan2(s_1_a, c_1_a)
+    x157 = np.arctan2(s_1_a, c_1_a)
     del c_1_a, s_1_a
-    angle_1_1 = x155
+    angle_1_1 = x157
     angle_1_2 = np.arctan2(triangle_aa_2_a_s, triangle_aa_2_a_c)
     del triangle_aa_2_a_c, triangle_aa_2_a_s
     angle_1_3 = np.arctan2(triangle_aa_3_s_a, triangle_aa_3_c_a)
     del triangle_aa_3_c_a, triangle_aa_3_s_a
     angle_1_4 = np.arctan2(s_4_aaa, c_4_aaa)
     del c_4_aaa, s_4_aaa
-    x156 = np.arctan2(bend_a_s, bend_a_c)
-    angle_1_5 = x156
-    x157 = np.arctan2(s_6_aa, c_6_aa)
+    x158 = np.arctan2(bend_a_s, bend_a_c)
+    angle_1_5 = x158
+    x159 = np.arctan2(s_6_aa, c_6_aa)
     del c_6_aa, s_6_aa
-    angle_1_6 = x157
-    x158 = np.where((bend_a_free) | (first_free) | (triangle_aa_3_free) | (triangle_aa_any), 2.0, np.where((bend_a_double) | (first_double) | (triangle_aa_3_double), 1.0, 0.0))
+    angle_1_6 = x159
+    x160 = np.where((bend_a_free) | (first_free) | (triangle_aa_3_free) | (triangle_aa_any), 2.0, np.where((bend_a_double) | (first_double) | (triangle_aa_3_double), 1.0, 0.0))
     del triangle_aa_3_double, triangle_aa_3_free, triangle_aa_any
-    code_1 = x158
+    code_1 = x160
     there_2 = (bend_a_exists) & (first_exists) & (near) & (triangle_aa_3_two)
     del bend_a_exists, triangle_aa_3_two
-    angle_2_1 = x155
+    angle_2_1 = x157
     angle_2_2 = np.arctan2(triangle_aa_2_b_s, triangle_aa_2_b_c)
     del triangle_aa_2_b_c, triangle_aa_2_b_s
     angle_2_3 = np.arctan2(triangle_aa_3_s_b, triangle_aa_3_c_b)
     del triangle_aa_3_c_b, triangle_aa_3_s_b
     angle_2_4 = np.arctan2(s_4_aab, c_4_aab)
     del c_4_aab, s_4_aab
-    angle_2_5 = x156
-    del x156
-    angle_2_6 = x157
-    del x157
-    code_2 = x158
+    angle_2_5 = x158
     del x158
+    angle_2_6 = x159
+    del x159
+    code_2 = x160
+    del x160
     there_3 = (bend_more_ab) & (first_exists) & (near) & (triangle_ab_3_exists)
     del triangle_ab_3_exists
-    angle_3_1 = x155
+    angle_3_1 = x157
     angle_3_2 = np.arctan2(triangle_ab_2_a_s, triangle_ab_2_a_c)
     del triangle_ab_2_a_c, triangle_ab_2_a_s
     angle_3_3 = np.arctan2(triangle_ab_3_s_a, triangle_ab_3_c_a)
     del triangle_ab_3_c_a, triangle_ab_3_s_a
     angle_3_4 = np.arctan2(s_4_aba, c_4_aba)
     del c_4_aba, s_4_aba
-    x159 = np.arctan2(-bend_a_s, bend_a_c)
+    x161 = np.arctan2(-bend_a_s, bend_a_c)
     del bend_a_c, bend_a_s
-    angle_3_5 = x159
-    x160 = np.arctan2(s_6_ab, c_6_ab)
+    angle_3_5 = x161
+    x162 = np.arctan2(s_6_ab, c_6_ab)
     del c_6_ab, s_6_ab
-    angle_3_6 = x160
-    x161 = np.where((bend_a_free) | (first_free) | (triangle_ab_3_free) | (triangle_ab_any), 2.0, np.where((bend_a_double) | (first_double) | (triangle_ab_3_double), 1.0, 0.0))
+    angle_3_6 = x162
+    x163 = np.where((bend_a_free) | (first_free) | (triangle_ab_3_free) | (triangle_ab_any), 2.0, np.where((bend_a_double) | (first_double) | (triangle_ab_3_double), 1.0, 0.0))
     del bend_a_double, bend_a_free, triangle_ab_3_double, triangle_ab_3_free, triangle_ab_any
-    code_3 = x161
+    code_3 = x163
     there_4 = (bend_more_ab) & (first_exists) & (near) & (triangle_ab_3_two)
     del bend_more_ab, first_exists, triangle_ab_3_two
-    angle_4_1 = x155
-    del x155
+    angle_4_1 = x157
+    del x157
     angle_4_2 = np.arctan2(triangle_ab_2_b_s, triangle_ab_2_b_c)
     del triangle_ab_2_b_c, triangle_ab_2_b_s
     angle_4_3 = np.arctan2(triangle_ab_3_s_b, triangle_ab_3_c_b)
     del triangle_ab_3_c_b, triangle_ab_3_s_b
     angle_4_4 = np.arctan2(s_4_abb, c_4_abb)
     del c_4_abb, s_4_abb
-    angle_4_5 = x159
-    del x159
-    angle_4_6 = x160
-    del x160
-    code_4 = x161
+    angle_4_5 = x161
     del x161
+    angle_4_6 = x162
+    del x162
+    code_4 = x163
+    del x163
     there_5 = (bend_b_exists) & (first_more) & (near) & (triangle_ba_3_exists)
     del triangle_ba_3_exists
-    x162 = np.arctan2(s_1_b, c_1_b)
+    x164 = np.arctan2(s_1_b, c_1_b)
     del c_1_b, s_1_b
-    angle_5_1 = x162
+    angle_5_1 = x164
     angle_5_2 = np.arctan2(triangle_ba_2_a_s, triangle_ba_2_a_c)
     del triangle_ba_2_a_c, triangle_ba_2_a_s
     angle_5_3 = np.arctan2(triangle_ba_3_s_a, triangle_ba_3_c_a)
     del triangle_ba_3_c_a, triangle_ba_3_s_a
     angle_5_4 = np.arctan2(s_4_baa, c_4_baa)
     del c_4_baa, s_4_baa
-    x163 = np.arctan2(bend_b_s, bend_b_c)
-    angle_5_5 = x163
-    x164 = np.arctan2(s_6_ba, c_6_ba)
+    x165 = np.arctan2(bend_b_s, bend_b_c)
+    angle_5_5 = x165
+    x166 = np.arctan2(s_6_ba, c_6_ba)
     del c_6_ba, s_6_ba
-    angle_5_6 = x164
-    x165 = np.where((bend_b_free) | (first_free) | (triangle_ba_3_free) | (triangle_ba_any), 2.0, np.where((bend_b_double) | (first_double) | (triangle_ba_3_double), 1.0, 0.0))
+    angle_5_6 = x166
+    x167 = np.where((bend_b_free) | (first_free) | (triangle_ba_3_free) | (triangle_ba_any), 2.0, np.where((bend_b_double) | (first_double) | (triangle_ba_3_double), 1.0, 0.0))
     del triangle_ba_3_double, triangle_ba_3_free, triangle_ba_any
-    code_5 = x165
+    code_5 = x167
     there_6 = (bend_b_exists) & (first_more) & (near) & (triangle_ba_3_two)
     del bend_b_exists, triangle_ba_3_two
-    angle_6_1 = x162
+    angle_6_1 = x164
     angle_6_2 = np.arctan2(triangle_ba_2_b_s, triangle_ba_2_b_c)
     del triangle_ba_2_b_c, triangle_ba_2_b_s
     angle_6_3 = np.arctan2(triangle_ba_3_s_b, triangle_ba_3_c_b)
     del triangle_ba_3_c_b, triangle_ba_3_s_b
     angle_6_4 = np.arctan2(s_4_bab, c_4_bab)
     del c_4_bab, s_4_bab
-    angle_6_5 = x163
-    del x163
-    angle_6_6 = x164
-    del x164
-    code_6 = x165
+    angle_6_5 = x165
     del x165
+    angle_6_6 = x166
+    del x166
+    code_6 = x167
+    del x167
     there_7 = (bend_more_bb) & (first_more) & (near) & (triangle_bb_3_exists)
     del triangle_bb_3_exists
-    angle_7_1 = x162
+    angle_7_1 = x164
     angle_7_2 = np.arctan2(triangle_bb_2_a_s, triangle_bb_2_a_c)
     del triangle_bb_2_a_c, triangle_bb_2_a_s
     angle_7_3 = np.arctan2(triangle_bb_3_s_a, triangle_bb_3_c_a)
     del triangle_bb_3_c_a, triangle_bb_3_s_a
     angle_7_4 = np.arctan2(s_4_bba, c_4_bba)
     del c_4_bba, s_4_bba
-    x166 = np.arctan2(-bend_b_s, bend_b_c)
+    x168 = np.arctan2(-bend_b_s, bend_b_c)
     del bend_b_c, bend_b_s
-    angle_7_5 = x166
-    x167 = np.arctan2(s_6_bb, c_6_bb)
+    angle_7_5 = x168
+    x169 = np.arctan2(s_6_bb, c_6_bb)
     del c_6_bb, s_6_bb
-    angle_7_6 = x167
-    x168 = np.where((bend_b_free) | (first_free) | (triangle_bb_3_free) | (triangle_bb_any), 2.0, np.where((bend_b_double) | (first_double) | (triangle_bb_3_double), 1.0, 0.0))
+    angle_7_6 = x169
+    x170 = np.where((bend_b_free) | (first_free) | (triangle_bb_3_free) | (triangle_bb_any), 2.0, np.where((bend_b_double) | (first_double) | (triangle_bb_3_double), 1.0, 0.0))
     del bend_b_double, bend_b_free, first_double, first_free, triangle_bb_3_double, triangle_bb_3_free, triangle_bb_any
-    code_7 = x168
+    code_7 = x170
     there_8 = (bend_more_bb) & (first_more) & (near) & (triangle_bb_3_two)
     del bend_more_bb, first_more, near, triangle_bb_3_two
-    angle_8_1 = x162
-    del x162
+    angle_8_1 = x164
+    del x164
     angle_8_2 = np.arctan2(triangle_bb_2_b_s, triangle_bb_2_b_c)
     del triangle_bb_2_b_c, triangle_bb_2_b_s
     angle_8_3 = np.arctan2(triangle_bb_3_s_b, triangle_bb_3_c_b)
     del triangle_bb_3_c_b, triangle_bb_3_s_b
     angle_8_4 = np.arctan2(s_4_bbb, c_4_bbb)
     del c_4_bbb, s_4_bbb
-    angle_8_5 = x166
-    del x166
-    angle_8_6 = x167
-    del x167
-    code_8 = x168
+    angle_8_5 = x168
     del x168
-    x169 = np.where(there_1, 0.0, 1.0)
-    holes_1 = x169
-    x170 = x169 + np.where(there_2, 0.0, 1.0)
+    angle_8_6 = x169
     del x169
-    holes_2 = x170
-    x171 = x170 + np.where(there_3, 0.0, 1.0)
+    code_8 = x170
     del x170
-    holes_3 = x171
-    x172 = x171 + np.where(there_4, 0.0, 1.0)
+    x171 = np.where(there_1, 0.0, 1.0)
+    holes_1 = x171
+    x172 = x171 + np.where(there_2, 0.0, 1.0)
     del x171
-    holes_4 = x172
-    x173 = x172 + np.where(there_5, 0.0, 1.0)
+    holes_2 = x172
+    x173 = x172 + np.where(there_3, 0.0, 1.0)
     del x172
-    holes_5 = x173
-    x174 = x173 + np.where(there_6, 0.0, 1.0)
+    holes_3 = x173
+    x174 = x173 + np.where(there_4, 0.0, 1.0)
     del x173
-    holes_6 = x174
-    holes_7 = x174 + np.where(there_7, 0.0, 1.0)
+    holes_4 = x174
+    x175 = x174 + np.where(there_5, 0.0, 1.0)
     del x174
+    holes_5 = x175
+    x176 = x175 + np.where(there_6, 0.0, 1.0)
+    del x175
+    holes_6 = x176
+    holes_7 = x176 + np.where(there_7, 0.0, 1.0)
+    del x176
     moves_1_1 = (there_2) & ((holes_1 == 1.0) | (holes_1 == 3.0) | (holes_1 == 5.0) | (holes_1 == 7.0))
     del holes_1
     moves_1_2 = (there_3) & ((holes_2 == 1.0) | (holes_2 == 3.0) | (holes_2 == 5.0) | (holes_2 == 7.0))
@@ -2607,209 +2609,209 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del there_1
     row_1_0_1 = np.where(moves_1_1, code_2, code_1)
     del code_1
-    x224 = -3.141592653589793
-    x175 = np.where(angle_2_1 > x224, angle_2_1, 3.141592653589793)
+    x226 = -3.141592653589793
+    x177 = np.where(angle_2_1 > x226, angle_2_1, 3.141592653589793)
     del angle_2_1
-    row_1_0_2 = np.where(moves_1_1, x175, np.where(angle_1_1 > x224, angle_1_1, 3.141592653589793))
+    row_1_0_2 = np.where(moves_1_1, x177, np.where(angle_1_1 > x226, angle_1_1, 3.141592653589793))
     del angle_1_1
-    x176 = np.where(angle_2_2 > x224, angle_2_2, 3.141592653589793)
+    x178 = np.where(angle_2_2 > x226, angle_2_2, 3.141592653589793)
     del angle_2_2
-    row_1_0_3 = np.where(moves_1_1, x176, np.where(angle_1_2 > x224, angle_1_2, 3.141592653589793))
+    row_1_0_3 = np.where(moves_1_1, x178, np.where(angle_1_2 > x226, angle_1_2, 3.141592653589793))
     del angle_1_2
-    x177 = np.where(angle_2_3 > x224, angle_2_3, 3.141592653589793)
+    x179 = np.where(angle_2_3 > x226, angle_2_3, 3.141592653589793)
     del angle_2_3
-    row_1_0_4 = np.where(moves_1_1, x177, np.where(angle_1_3 > x224, angle_1_3, 3.141592653589793))
+    row_1_0_4 = np.where(moves_1_1, x179, np.where(angle_1_3 > x226, angle_1_3, 3.141592653589793))
     del angle_1_3
-    x178 = np.where(angle_2_4 > x224, angle_2_4, 3.141592653589793)
+    x180 = np.where(angle_2_4 > x226, angle_2_4, 3.141592653589793)
     del angle_2_4
-    row_1_0_5 = np.where(moves_1_1, x178, np.where(angle_1_4 > x224, angle_1_4, 3.141592653589793))
+    row_1_0_5 = np.where(moves_1_1, x180, np.where(angle_1_4 > x226, angle_1_4, 3.141592653589793))
     del angle_1_4
-    x179 = np.where(angle_2_5 > x224, angle_2_5, 3.141592653589793)
+    x181 = np.where(angle_2_5 > x226, angle_2_5, 3.141592653589793)
     del angle_2_5
-    row_1_0_6 = np.where(moves_1_1, x179, np.where(angle_1_5 > x224, angle_1_5, 3.141592653589793))
+    row_1_0_6 = np.where(moves_1_1, x181, np.where(angle_1_5 > x226, angle_1_5, 3.141592653589793))
     del angle_1_5
-    x180 = np.where(angle_2_6 > x224, angle_2_6, 3.141592653589793)
+    x182 = np.where(angle_2_6 > x226, angle_2_6, 3.141592653589793)
     del angle_2_6
-    row_1_0_7 = np.where(moves_1_1, x180, np.where(angle_1_6 > x224, angle_1_6, 3.141592653589793))
+    row_1_0_7 = np.where(moves_1_1, x182, np.where(angle_1_6 > x226, angle_1_6, 3.141592653589793))
     del angle_1_6
     there_1_1 = (moves_1_2) | ((there_2) & (~(moves_1_1)))
     del moves_1_1, there_2
     row_1_1_1 = np.where(moves_1_2, code_3, code_2)
     del code_2
-    x181 = np.where(angle_3_1 > x224, angle_3_1, 3.141592653589793)
+    x183 = np.where(angle_3_1 > x226, angle_3_1, 3.141592653589793)
     del angle_3_1
-    row_1_1_2 = np.where(moves_1_2, x181, x175)
-    del x175
-    x182 = np.where(angle_3_2 > x224, angle_3_2, 3.141592653589793)
-    del angle_3_2
-    row_1_1_3 = np.where(moves_1_2, x182, x176)
-    del x176
-    x183 = np.where(angle_3_3 > x224, angle_3_3, 3.141592653589793)
-    del angle_3_3
-    row_1_1_4 = np.where(moves_1_2, x183, x177)
+    row_1_1_2 = np.where(moves_1_2, x183, x177)
     del x177
-    x184 = np.where(angle_3_4 > x224, angle_3_4, 3.141592653589793)
-    del angle_3_4
-    row_1_1_5 = np.where(moves_1_2, x184, x178)
+    x184 = np.where(angle_3_2 > x226, angle_3_2, 3.141592653589793)
+    del angle_3_2
+    row_1_1_3 = np.where(moves_1_2, x184, x178)
     del x178
-    x185 = np.where(angle_3_5 > x224, angle_3_5, 3.141592653589793)
-    del angle_3_5
-    row_1_1_6 = np.where(moves_1_2, x185, x179)
+    x185 = np.where(angle_3_3 > x226, angle_3_3, 3.141592653589793)
+    del angle_3_3
+    row_1_1_4 = np.where(moves_1_2, x185, x179)
     del x179
-    x186 = np.where(angle_3_6 > x224, angle_3_6, 3.141592653589793)
-    del angle_3_6
-    row_1_1_7 = np.where(moves_1_2, x186, x180)
+    x186 = np.where(angle_3_4 > x226, angle_3_4, 3.141592653589793)
+    del angle_3_4
+    row_1_1_5 = np.where(moves_1_2, x186, x180)
     del x180
+    x187 = np.where(angle_3_5 > x226, angle_3_5, 3.141592653589793)
+    del angle_3_5
+    row_1_1_6 = np.where(moves_1_2, x187, x181)
+    del x181
+    x188 = np.where(angle_3_6 > x226, angle_3_6, 3.141592653589793)
+    del angle_3_6
+    row_1_1_7 = np.where(moves_1_2, x188, x182)
+    del x182
     there_1_2 = (moves_1_3) | ((there_3) & (~(moves_1_2)))
     del moves_1_2, there_3
     row_1_2_0 = np.where(moves_1_3, holes_3 - 1.0, holes_2)
     del holes_2
     row_1_2_1 = np.where(moves_1_3, code_4, code_3)
     del code_3
-    x187 = np.where(angle_4_1 > x224, angle_4_1, 3.141592653589793)
+    x189 = np.where(angle_4_1 > x226, angle_4_1, 3.141592653589793)
     del angle_4_1
-    row_1_2_2 = np.where(moves_1_3, x187, x181)
-    del x181
-    x188 = np.where(angle_4_2 > x224, angle_4_2, 3.141592653589793)
-    del angle_4_2
-    row_1_2_3 = np.where(moves_1_3, x188, x182)
-    del x182
-    x189 = np.where(angle_4_3 > x224, angle_4_3, 3.141592653589793)
-    del angle_4_3
-    row_1_2_4 = np.where(moves_1_3, x189, x183)
+    row_1_2_2 = np.where(moves_1_3, x189, x183)
     del x183
-    x190 = np.where(angle_4_4 > x224, angle_4_4, 3.141592653589793)
-    del angle_4_4
-    row_1_2_5 = np.where(moves_1_3, x190, x184)
+    x190 = np.where(angle_4_2 > x226, angle_4_2, 3.141592653589793)
+    del angle_4_2
+    row_1_2_3 = np.where(moves_1_3, x190, x184)
     del x184
-    x191 = np.where(angle_4_5 > x224, angle_4_5, 3.141592653589793)
-    del angle_4_5
-    row_1_2_6 = np.where(moves_1_3, x191, x185)
+    x191 = np.where(angle_4_3 > x226, angle_4_3, 3.141592653589793)
+    del angle_4_3
+    row_1_2_4 = np.where(moves_1_3, x191, x185)
     del x185
-    x192 = np.where(angle_4_6 > x224, angle_4_6, 3.141592653589793)
-    del angle_4_6
-    row_1_2_7 = np.where(moves_1_3, x192, x186)
+    x192 = np.where(angle_4_4 > x226, angle_4_4, 3.141592653589793)
+    del angle_4_4
+    row_1_2_5 = np.where(moves_1_3, x192, x186)
     del x186
+    x193 = np.where(angle_4_5 > x226, angle_4_5, 3.141592653589793)
+    del angle_4_5
+    row_1_2_6 = np.where(moves_1_3, x193, x187)
+    del x187
+    x194 = np.where(angle_4_6 > x226, angle_4_6, 3.141592653589793)
+    del angle_4_6
+    row_1_2_7 = np.where(moves_1_3, x194, x188)
+    del x188
     there_1_3 = (moves_1_4) | ((there_4) & (~(moves_1_3)))
     del moves_1_3, there_4
     row_1_3_0 = np.where(moves_1_4, holes_4 - 1.0, holes_3)
     del holes_3
     row_1_3_1 = np.where(moves_1_4, code_5, code_4)
     del code_4
-    x193 = np.where(angle_5_1 > x224, angle_5_1, 3.141592653589793)
+    x195 = np.where(angle_5_1 > x226, angle_5_1, 3.141592653589793)
     del angle_5_1
-    row_1_3_2 = np.where(moves_1_4, x193, x187)
-    del x187
-    x194 = np.where(angle_5_2 > x224, angle_5_2, 3.141592653589793)
-    del angle_5_2
-    row_1_3_3 = np.where(moves_1_4, x194, x188)
-    del x188
-    x195 = np.where(angle_5_3 > x224, angle_5_3, 3.141592653589793)
-    del angle_5_3
-    row_1_3_4 = np.where(moves_1_4, x195, x189)
+    row_1_3_2 = np.where(moves_1_4, x195, x189)
     del x189
-    x196 = np.where(angle_5_4 > x224, angle_5_4, 3.141592653589793)
-    del angle_5_4
-    row_1_3_5 = np.where(moves_1_4, x196, x190)
+    x196 = np.where(angle_5_2 > x226, angle_5_2, 3.141592653589793)
+    del angle_5_2
+    row_1_3_3 = np.where(moves_1_4, x196, x190)
     del x190
-    x197 = np.where(angle_5_5 > x224, angle_5_5, 3.141592653589793)
-    del angle_5_5
-    row_1_3_6 = np.where(moves_1_4, x197, x191)
+    x197 = np.where(angle_5_3 > x226, angle_5_3, 3.141592653589793)
+    del angle_5_3
+    row_1_3_4 = np.where(moves_1_4, x197, x191)
     del x191
-    x198 = np.where(angle_5_6 > x224, angle_5_6, 3.141592653589793)
-    del angle_5_6
-    row_1_3_7 = np.where(moves_1_4, x198, x192)
+    x198 = np.where(angle_5_4 > x226, angle_5_4, 3.141592653589793)
+    del angle_5_4
+    row_1_3_5 = np.where(moves_1_4, x198, x192)
     del x192
+    x199 = np.where(angle_5_5 > x226, angle_5_5, 3.141592653589793)
+    del angle_5_5
+    row_1_3_6 = np.where(moves_1_4, x199, x193)
+    del x193
+    x200 = np.where(angle_5_6 > x226, angle_5_6, 3.141592653589793)
+    del angle_5_6
+    row_1_3_7 = np.where(moves_1_4, x200, x194)
+    del x194
     there_1_4 = (moves_1_5) | ((there_5) & (~(moves_1_4)))
     del moves_1_4, there_5
     row_1_4_0 = np.where(moves_1_5, holes_5 - 1.0, holes_4)
     del holes_4
     row_1_4_1 = np.where(moves_1_5, code_6, code_5)
     del code_5
-    x199 = np.where(angle_6_1 > x224, angle_6_1, 3.141592653589793)
+    x201 = np.where(angle_6_1 > x226, angle_6_1, 3.141592653589793)
     del angle_6_1
-    row_1_4_2 = np.where(moves_1_5, x199, x193)
-    del x193
-    x200 = np.where(angle_6_2 > x224, angle_6_2, 3.141592653589793)
-    del angle_6_2
-    row_1_4_3 = np.where(moves_1_5, x200, x194)
-    del x194
-    x201 = np.where(angle_6_3 > x224, angle_6_3, 3.141592653589793)
-    del angle_6_3
-    row_1_4_4 = np.where(moves_1_5, x201, x195)
+    row_1_4_2 = np.where(moves_1_5, x201, x195)
     del x195
-    x202 = np.where(angle_6_4 > x224, angle_6_4, 3.141592653589793)
-    del angle_6_4
-    row_1_4_5 = np.where(moves_1_5, x202, x196)
+    x202 = np.where(angle_6_2 > x226, angle_6_2, 3.141592653589793)
+    del angle_6_2
+    row_1_4_3 = np.where(moves_1_5, x202, x196)
     del x196
-    x203 = np.where(angle_6_5 > x224, angle_6_5, 3.141592653589793)
-    del angle_6_5
-    row_1_4_6 = np.where(moves_1_5, x203, x197)
+    x203 = np.where(angle_6_3 > x226, angle_6_3, 3.141592653589793)
+    del angle_6_3
+    row_1_4_4 = np.where(moves_1_5, x203, x197)
     del x197
-    x204 = np.where(angle_6_6 > x224, angle_6_6, 3.141592653589793)
-    del angle_6_6
-    row_1_4_7 = np.where(moves_1_5, x204, x198)
+    x204 = np.where(angle_6_4 > x226, angle_6_4, 3.141592653589793)
+    del angle_6_4
+    row_1_4_5 = np.where(moves_1_5, x204, x198)
     del x198
+    x205 = np.where(angle_6_5 > x226, angle_6_5, 3.141592653589793)
+    del angle_6_5
+    row_1_4_6 = np.where(moves_1_5, x205, x199)
+    del x199
+    x206 = np.where(angle_6_6 > x226, angle_6_6, 3.141592653589793)
+    del angle_6_6
+    row_1_4_7 = np.where(moves_1_5, x206, x200)
+    del x200
     there_1_5 = (moves_1_6) | ((there_6) & (~(moves_1_5)))
     del moves_1_5, there_6
     row_1_5_0 = np.where(moves_1_6, holes_6 - 1.0, holes_5)
     del holes_5
     row_1_5_1 = np.where(moves_1_6, code_7, code_6)
     del code_6
-    x205 = np.where(angle_7_1 > x224, angle_7_1, 3.141592653589793)
+    x207 = np.where(angle_7_1 > x226, angle_7_1, 3.141592653589793)
     del angle_7_1
-    row_1_5_2 = np.where(moves_1_6, x205, x199)
-    del x199
-    x206 = np.where(angle_7_2 > x224, angle_7_2, 3.141592653589793)
-    del angle_7_2
-    row_1_5_3 = np.where(moves_1_6, x206, x200)
-    del x200
-    x207 = np.where(angle_7_3 > x224, angle_7_3, 3.141592653589793)
-    del angle_7_3
-    row_1_5_4 = np.where(moves_1_6, x207, x201)
+    row_1_5_2 = np.where(moves_1_6, x207, x201)
     del x201
-    x208 = np.where(angle_7_4 > x224, angle_7_4, 3.141592653589793)
-    del angle_7_4
-    row_1_5_5 = np.where(moves_1_6, x208, x202)
+    x208 = np.where(angle_7_2 > x226, angle_7_2, 3.141592653589793)
+    del angle_7_2
+    row_1_5_3 = np.where(moves_1_6, x208, x202)
     del x202
-    x209 = np.where(angle_7_5 > x224, angle_7_5, 3.141592653589793)
-    del angle_7_5
-    row_1_5_6 = np.where(moves_1_6, x209, x203)
+    x209 = np.where(angle_7_3 > x226, angle_7_3, 3.141592653589793)
+    del angle_7_3
+    row_1_5_4 = np.where(moves_1_6, x209, x203)
     del x203
-    x210 = np.where(angle_7_6 > x224, angle_7_6, 3.141592653589793)
-    del angle_7_6
-    row_1_5_7 = np.where(moves_1_6, x210, x204)
+    x210 = np.where(angle_7_4 > x226, angle_7_4, 3.141592653589793)
+    del angle_7_4
+    row_1_5_5 = np.where(moves_1_6, x210, x204)
     del x204
+    x211 = np.where(angle_7_5 > x226, angle_7_5, 3.141592653589793)
+    del angle_7_5
+    row_1_5_6 = np.where(moves_1_6, x211, x205)
+    del x205
+    x212 = np.where(angle_7_6 > x226, angle_7_6, 3.141592653589793)
+    del angle_7_6
+    row_1_5_7 = np.where(moves_1_6, x212, x206)
+    del x206
     there_1_6 = (moves_1_7) | ((there_7) & (~(moves_1_6)))
     del moves_1_6, there_7
     row_1_6_0 = np.where(moves_1_7, holes_7 - 1.0, holes_6)
     del holes_6
     row_1_6_1 = np.where(moves_1_7, code_8, code_7)
     del code_7
-    x211 = np.where(angle_8_1 > x224, angle_8_1, 3.141592653589793)
+    x213 = np.where(angle_8_1 > x226, angle_8_1, 3.141592653589793)
     del angle_8_1
-    row_1_6_2 = np.where(moves_1_7, x211, x205)
-    del x205
-    x212 = np.where(angle_8_2 > x224, angle_8_2, 3.141592653589793)
-    del angle_8_2
-    row_1_6_3 = np.where(moves_1_7, x212, x206)
-    del x206
-    x213 = np.where(angle_8_3 > x224, angle_8_3, 3.141592653589793)
-    del angle_8_3
-    row_1_6_4 = np.where(moves_1_7, x213, x207)
+    row_1_6_2 = np.where(moves_1_7, x213, x207)
     del x207
-    x214 = np.where(angle_8_4 > x224, angle_8_4, 3.141592653589793)
-    del angle_8_4
-    row_1_6_5 = np.where(moves_1_7, x214, x208)
+    x214 = np.where(angle_8_2 > x226, angle_8_2, 3.141592653589793)
+    del angle_8_2
+    row_1_6_3 = np.where(moves_1_7, x214, x208)
     del x208
-    x215 = np.where(angle_8_5 > x224, angle_8_5, 3.141592653589793)
-    del angle_8_5
-    row_1_6_6 = np.where(moves_1_7, x215, x209)
+    x215 = np.where(angle_8_3 > x226, angle_8_3, 3.141592653589793)
+    del angle_8_3
+    row_1_6_4 = np.where(moves_1_7, x215, x209)
     del x209
-    x216 = np.where(angle_8_6 > x224, angle_8_6, 3.141592653589793)
-    del angle_8_6, x224
-    row_1_6_7 = np.where(moves_1_7, x216, x210)
+    x216 = np.where(angle_8_4 > x226, angle_8_4, 3.141592653589793)
+    del angle_8_4
+    row_1_6_5 = np.where(moves_1_7, x216, x210)
     del x210
+    x217 = np.where(angle_8_5 > x226, angle_8_5, 3.141592653589793)
+    del angle_8_5
+    row_1_6_6 = np.where(moves_1_7, x217, x211)
+    del x211
+    x218 = np.where(angle_8_6 > x226, angle_8_6, 3.141592653589793)
+    del angle_8_6, x226
+    row_1_6_7 = np.where(moves_1_7, x218, x212)
+    del x212
     there_1_7 = (there_8) & (~(moves_1_7))
     del moves_1_7, there_8
     moves_2_2 = (there_1_2) & ((row_1_2_0 == 2.0) | (row_1_2_0 == 6.0))
@@ -2908,17 +2910,17 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del row_1_5_0
     row_2_5_1 = np.where(moves_2_7, code_8, row_1_5_1)
     del row_1_5_1
-    row_2_5_2 = np.where(moves_2_7, x211, row_1_5_2)
+    row_2_5_2 = np.where(moves_2_7, x213, row_1_5_2)
     del row_1_5_2
-    row_2_5_3 = np.where(moves_2_7, x212, row_1_5_3)
+    row_2_5_3 = np.where(moves_2_7, x214, row_1_5_3)
     del row_1_5_3
-    row_2_5_4 = np.where(moves_2_7, x213, row_1_5_4)
+    row_2_5_4 = np.where(moves_2_7, x215, row_1_5_4)
     del row_1_5_4
-    row_2_5_5 = np.where(moves_2_7, x214, row_1_5_5)
+    row_2_5_5 = np.where(moves_2_7, x216, row_1_5_5)
     del row_1_5_5
-    row_2_5_6 = np.where(moves_2_7, x215, row_1_5_6)
+    row_2_5_6 = np.where(moves_2_7, x217, row_1_5_6)
     del row_1_5_6
-    row_2_5_7 = np.where(moves_2_7, x216, row_1_5_7)
+    row_2_5_7 = np.where(moves_2_7, x218, row_1_5_7)
     del row_1_5_7
     there_2_6 = (there_1_6) & (~(moves_2_6))
     del moves_2_6, there_1_6
@@ -2984,17 +2986,17 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del there_2_3
     row_4_3_1 = np.where(moves_4_7, code_8, row_2_3_1)
     del row_2_3_1
-    row_4_3_2 = np.where(moves_4_7, x211, row_2_3_2)
+    row_4_3_2 = np.where(moves_4_7, x213, row_2_3_2)
     del row_2_3_2
-    row_4_3_3 = np.where(moves_4_7, x212, row_2_3_3)
+    row_4_3_3 = np.where(moves_4_7, x214, row_2_3_3)
     del row_2_3_3
-    row_4_3_4 = np.where(moves_4_7, x213, row_2_3_4)
+    row_4_3_4 = np.where(moves_4_7, x215, row_2_3_4)
     del row_2_3_4
-    row_4_3_5 = np.where(moves_4_7, x214, row_2_3_5)
+    row_4_3_5 = np.where(moves_4_7, x216, row_2_3_5)
     del row_2_3_5
-    row_4_3_6 = np.where(moves_4_7, x215, row_2_3_6)
+    row_4_3_6 = np.where(moves_4_7, x217, row_2_3_6)
     del row_2_3_6
-    row_4_3_7 = np.where(moves_4_7, x216, row_2_3_7)
+    row_4_3_7 = np.where(moves_4_7, x218, row_2_3_7)
     del row_2_3_7
     there_4_4 = (there_2_4) & (~(moves_4_4))
     del moves_4_4, there_2_4
@@ -3088,18 +3090,18 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del row_1_6_6
     angles_7_6 = np.where(there_4_6, row_1_6_7, np.nan)
     del row_1_6_7
-    angles_8_1 = np.where(there_4_7, x211, np.nan)
-    del x211
-    angles_8_2 = np.where(there_4_7, x212, np.nan)
-    del x212
-    angles_8_3 = np.where(there_4_7, x213, np.nan)
+    angles_8_1 = np.where(there_4_7, x213, np.nan)
     del x213
-    angles_8_4 = np.where(there_4_7, x214, np.nan)
+    angles_8_2 = np.where(there_4_7, x214, np.nan)
     del x214
-    angles_8_5 = np.where(there_4_7, x215, np.nan)
+    angles_8_3 = np.where(there_4_7, x215, np.nan)
     del x215
-    angles_8_6 = np.where(there_4_7, x216, np.nan)
+    angles_8_4 = np.where(there_4_7, x216, np.nan)
     del x216
+    angles_8_5 = np.where(there_4_7, x217, np.nan)
+    del x217
+    angles_8_6 = np.where(there_4_7, x218, np.nan)
+    del x218
     status_1 = np.where(~(good), 5.0, np.where(~(there_4_0), 3.0, row_4_0_1))
     del row_4_0_1, there_4_0
     status_2 = np.where(~(good), 5.0, np.where(~(there_4_1), 3.0, row_4_1_1))
