@@ -1,7 +1,7 @@
 """How fast is rodgen, beside what else does the same, and beside the machine's limits?
 
 python benchmarks/run.py                # the full run, below ten minutes; writes docs/benchmarks.md and results/
-python benchmarks/run.py --only fits    # or axis, tricept, three_sps_s: only that part, the others stay as they were
+python benchmarks/run.py --only fits    # or axis, tricept, three_sps_s, robots: only that part, the others stay
 python benchmarks/run.py --quick        # a look, a minute or two; writes nothing
 """
 
@@ -28,7 +28,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="few rounds, no large sizes; writes no page")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")  # what a peer's package warns of on import is not this script's to mend
-    if arguments.only not in report.SUBJECTS:  # these need no peer but NumPy and SciPy
+    if arguments.only not in report.SUBJECTS:  # these see to their own peers, if any
         environments.ensure(environments.PEERS, environments.HERE / "requirements-peers.txt")
         environments.append_to_path(environments.PEERS)
     facts = report.machine(native.compiler)

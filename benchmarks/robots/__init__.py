@@ -1,0 +1,1 @@
+"""Forward and reverse analysis of three industrial robots, beside ssik's compiled solvers and EAIK."""
