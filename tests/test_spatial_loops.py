@@ -90,13 +90,13 @@ def test_every_way_that_a_search_finds(kinds):
 def test_every_way_that_a_search_finds_in_many_loops(kinds):
     rng = np.random.default_rng(sum(map(ord, kinds)))
     total = 0
-    for trial in range(200):
+    for trial in range(80):
         loop = a_loop(kinds, rng, special=trial % 2 == 1)
         angles = [v for v in loop.variables if v[1] == "theta" or kinds in GROUP_1]
         given = angles[rng.integers(len(angles))]
         value = float(rng.uniform(-3, 3) if rng.random() < 0.5 else np.radians(rng.choice([0, 30, 90, 180])))
         total += check_loop(loop, given, value)[0]
-    assert total > 100
+    assert total > 50
 
 
 @pytest.mark.parametrize("kinds", ["RCRCR", "RRRCC", "CCCR", "RPCRRR"])

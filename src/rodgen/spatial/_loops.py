@@ -63,7 +63,8 @@ def reverse_loop(mechanism: Mechanism, given: Mapping[Variable, ArrayLike]) -> L
     Returns
     -------
     LoopSolutions
-        Every way closes the loop to 1e-11 rad and, relative to its largest length, slides among them, to 1e-11.
+        Every way closes the loop to 1e-11 rad and, relative to its largest length, slides among them, to 1e-11. Ways
+        with a slide longer than a million times the loop are at infinity, and are none.
 
     Raises
     ------

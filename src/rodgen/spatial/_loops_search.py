@@ -27,7 +27,9 @@ STARTS = 64
 LONG_WAY = 30
 """Newton steps from a starting point; more than enough where it converges at all."""
 SAME = 1e-5
-"""Distance, in rad and in the loop's size, below which two solutions are one."""
+"""Distance, in rad and in the loop's size, below which two singular solutions are one."""
+EQUAL = 1e-9
+"""The same for others: two that Newton's method has brought to one point."""
 
 
 def moves(
@@ -76,9 +78,9 @@ def different(
 
 
 def repeated(theta: Array, slides: Array, size: Array, singular: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Tell which singular solutions (count, N) are the same as one in a slot before."""
+    """Tell which solutions (count, N) are the same as one in a slot before; singular ones are less certain."""
     turn = np.abs(np.angle(np.exp(1j * (theta[:, :, None] - theta[:, None])))).max(axis=-1)
     shift = np.abs(slides[:, :, None] - slides[:, None]).max(axis=-1) / size[:, None, None]
-    same = (np.maximum(turn, shift) <= SAME) & singular[:, :, None] & singular[:, None]
+    same = np.maximum(turn, shift) <= np.where(singular[:, :, None] & singular[:, None], SAME, EQUAL)
     found: NDArray[np.bool_] = np.tril(same, -1).any(axis=-1)
     return found

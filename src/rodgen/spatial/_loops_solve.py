@@ -32,6 +32,8 @@ Array = NDArray[np.float64]
 
 CLOSES = 1e-11
 """Largest error of a loop that is closed, in rad and in the loop's size. Newton's steps leave a few rounding units."""
+FAR = 1e6
+"""Slides beyond this multiple of the loop's size are at infinity: rounding would leave it open by 1e-10 of its size."""
 MEET = 1e-7
 """Relative smallest singular value of the derivative below which solutions meet: there the rounding of the equations
 moves a solution by more than its own distance to the next one."""
@@ -96,17 +98,21 @@ def solve_merged(
     wide = [_slot(link) for link in links]
     with np.errstate(invalid="ignore"):
         slides = offsets(wide, theta)
-        # a slide that is far out makes the loop large, and rounding with it
-        sizes = np.fmax(size[:, None], np.abs(slides).max(axis=-1))
-        theta, slides, error, smallest = polish(wide, theta, slides, sizes)
+        for _ in range(2):
+            # a slide that is far out makes the loop large, and rounding with it; it may come back in the first round
+            sizes = np.fmax(size[:, None], np.abs(slides).max(axis=-1))
+            theta, slides, error, smallest = polish(wide, theta, slides, sizes)
         there = status < ReverseStatus.NONE
-        closed = there & (error <= CLOSES)
+        closed = there & (error <= CLOSES) & (sizes <= FAR * size[:, None])
     status = np.where(there & ~closed, ReverseStatus.NONE, status)
     for n in map(int, np.flatnonzero(odd)):
         _add_searched(links, n, float(size[n]), theta, slides, status, smallest)
     singular = (status < ReverseStatus.NONE) & (smallest <= MEET)
     with np.errstate(invalid="ignore"):
-        status[repeated(theta, slides, size, singular)] = ReverseStatus.NONE
+        again = repeated(
+            np.where((status < ReverseStatus.NONE)[..., None], theta, np.nan), slides, size, singular
+        )
+    status[again] = ReverseStatus.NONE
     element, slot = np.nonzero(singular & (status < ReverseStatus.NONE))
     if len(element):
         parts = [_rows(link, element) for link in links]
