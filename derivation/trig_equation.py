@@ -263,7 +263,7 @@ def begin(k):
     return a, b, d_, root, there, status
 
 
-def end(k, angles, there, status):
+def end(k, angles, there, status, **known):
     k.output(
         "theta",
         select(there, sp.Matrix(angles), sp.ones(2, 1) * sp.nan),
@@ -271,6 +271,10 @@ def end(k, angles, there, status):
         doc="gamma + h and gamma - h, from -pi to pi",
     )
     k.status("status", status, TrigStatus, doc="how many angles there are")
+    # two angles, and no square that is too large or too small: then the scale changes no bit
+    size, square, bound = (sp.Symbol(name, real=True) for name in ("size", "square", "bound"))
+    usual = {"scale": 1, "is_double": False, "valid": True, "two": True, "empty": False, "there": True}
+    k.usual((size > EPS) & (size < 1 / EPS) & (square > bound), **usual, **known)
     return k.build()
 
 
@@ -314,7 +318,7 @@ def trig_half_angle():
         flip = select((below < 0) | (sp.Eq(below, 0) & (above < 0)), -1, 1)
         half_angle = k.let(f"half_{name}", sp.atan2(flip * above, flip * below))
         angles.append(2 * half_angle)
-    return end(k, angles, there, status)
+    return end(k, angles, there, status, alone=False)
 
 
 kernels = [trig_solve(), trig_half_angle()]
