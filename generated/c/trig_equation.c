@@ -126,7 +126,7 @@ void trig_equation_trig_solve_batch_f32(size_t count, const float *A, const floa
     trig_equation_trig_solve_f32(A[i], B[i], D[i], theta + 2 * i, status + i);
 }
 
-/* trig_half_angle: 10 add, 19 mul, 1 sqrt, 25 select, 18 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
+/* trig_half_angle: 10 add, 18 mul, 1 sqrt, 23 select, 16 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
 void trig_equation_trig_half_angle_f64(double A, double B, double D, double theta[2], int8_t *status) {
   /* inputs */
   /* intermediate terms */
@@ -151,19 +151,17 @@ void trig_equation_trig_half_angle_f64(double A, double B, double D, double thet
   const int positive = b >= 0.0;
   const double together = ((positive) ? b + w : w - b);
   const int alone = w <= 0.0;
-  const int lonely = together == 0.0;
-  const double x3 = ((a*d > 0.0) ? 1.0 : 0.0);
-  const double x4 = a + d;
-  const double x5 = ((positive) ? together : x4);
-  const double above_plus = ((lonely) ? x3 : x5);
-  const double x6 = ((a*d > 0.0) ? 0.0 : 1.0);
-  const double x7 = a - d;
-  const double x8 = ((positive) ? x7 : together);
-  const double below_plus = ((lonely) ? x6 : x8);
+  const int alike = a*d > 0.0;
+  const double x3 = a + d;
+  const double x5 = ((alike) ? x3 : -b);
+  const double above_plus = ((alone) ? x5 : ((positive) ? together : x3));
+  const double x6 = a - d;
+  const double x8 = ((alike) ? -b : -x6);
+  const double below_plus = ((alone) ? x8 : ((positive) ? x6 : together));
   const double x9 = ((((below_plus == 0.0) && (above_plus < 0.0)) || (below_plus < 0.0)) ? -1.0 : 1.0);
   const double half_plus = atan2(above_plus*x9, below_plus*x9);
-  const double above_minus = ((lonely) ? x3 : ((alone) ? x5 : ((positive) ? x4 : together)));
-  const double below_minus = ((lonely) ? x6 : ((alone) ? x8 : ((positive) ? -together : -x7)));
+  const double above_minus = ((alone) ? x5 : ((positive) ? x3 : together));
+  const double below_minus = ((alone) ? x8 : ((positive) ? -together : -x6));
   const double x10 = ((((below_minus == 0.0) && (above_minus < 0.0)) || (below_minus < 0.0)) ? -1.0 : 1.0);
   const double half_minus = atan2(above_minus*x10, below_minus*x10);
   const double status_value = ((!(valid)) ? 5.0 : (((empty) && (fabs(d) > 0.0)) ? 4.0 : ((empty) ? 3.0 : ((is_double) ? 1.0 : ((two) ? 0.0 : 2.0)))));
@@ -178,7 +176,7 @@ void trig_equation_trig_half_angle_batch_f64(size_t count, const double *A, cons
     trig_equation_trig_half_angle_f64(A[i], B[i], D[i], theta + 2 * i, status + i);
 }
 
-/* trig_half_angle: 10 add, 19 mul, 1 sqrt, 25 select, 18 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
+/* trig_half_angle: 10 add, 18 mul, 1 sqrt, 23 select, 16 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
 void trig_equation_trig_half_angle_f32(float A, float B, float D, float theta[2], int8_t *status) {
   /* inputs */
   /* intermediate terms */
@@ -203,19 +201,17 @@ void trig_equation_trig_half_angle_f32(float A, float B, float D, float theta[2]
   const int positive = b >= 0.0f;
   const float together = ((positive) ? b + w : w - b);
   const int alone = w <= 0.0f;
-  const int lonely = together == 0.0f;
-  const float x3 = ((a*d > 0.0f) ? 1.0f : 0.0f);
-  const float x4 = a + d;
-  const float x5 = ((positive) ? together : x4);
-  const float above_plus = ((lonely) ? x3 : x5);
-  const float x6 = ((a*d > 0.0f) ? 0.0f : 1.0f);
-  const float x7 = a - d;
-  const float x8 = ((positive) ? x7 : together);
-  const float below_plus = ((lonely) ? x6 : x8);
+  const int alike = a*d > 0.0f;
+  const float x3 = a + d;
+  const float x5 = ((alike) ? x3 : -b);
+  const float above_plus = ((alone) ? x5 : ((positive) ? together : x3));
+  const float x6 = a - d;
+  const float x8 = ((alike) ? -b : -x6);
+  const float below_plus = ((alone) ? x8 : ((positive) ? x6 : together));
   const float x9 = ((((below_plus == 0.0f) && (above_plus < 0.0f)) || (below_plus < 0.0f)) ? -1.0f : 1.0f);
   const float half_plus = atan2f(above_plus*x9, below_plus*x9);
-  const float above_minus = ((lonely) ? x3 : ((alone) ? x5 : ((positive) ? x4 : together)));
-  const float below_minus = ((lonely) ? x6 : ((alone) ? x8 : ((positive) ? -together : -x7)));
+  const float above_minus = ((alone) ? x5 : ((positive) ? x3 : together));
+  const float below_minus = ((alone) ? x8 : ((positive) ? -together : -x6));
   const float x10 = ((((below_minus == 0.0f) && (above_minus < 0.0f)) || (below_minus < 0.0f)) ? -1.0f : 1.0f);
   const float half_minus = atan2f(above_minus*x10, below_minus*x10);
   const float status_value = ((!(valid)) ? 5.0f : (((empty) && (fabsf(d) > 0.0f)) ? 4.0f : ((empty) ? 3.0f : ((is_double) ? 1.0f : ((two) ? 0.0f : 2.0f)))));

@@ -71,7 +71,52 @@ static inline void trig_solve_f64(double (*restrict input)[BLOCK], double (*rest
   }
 }
 
+/* 10 add, 12 mul, 1 div, 1 sqrt, 6 select, 9 compare, 3 abs, 2 atan2; returns whether all elements are usual */
+static inline int64_t trig_solve_usual_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  int64_t all_usual = -1;
+  VECTORISE_ALL(all_usual)
+  for (int i = 0; i < BLOCK; ++i) {
+    const double A = input[0][i];
+    const double B = input[1][i];
+    const double D = input[2][i];
+    const double x11 = fabs(A);
+    const double x12 = fabs(B);
+    const double size = 0.25*x11 + 0.25*x12 + 0.25*fabs(D);
+    const double x0 = x12;
+    const double x1 = x11;
+    const double larger = blend_f64(mask_f64(x1 < x0), x0, x1);
+    const double smaller = blend_f64(mask_f64(x1 < x0), x1, x0);
+    const double x2 = (smaller*smaller);
+    const double square = x2 + (larger - D)*(D + larger);
+    const double bound = 4.0*DBL_EPSILON*((larger*larger) + x2);
+    const double w = sqrt(square);
+    const double x3 = A*D;
+    const double x4 = B*w;
+    const double x5 = x3 + x4;
+    const double cosine_plus = blend_f64(mask_f64(x5 == 0.0), 0.0, -x5);
+    const double x6 = A*w;
+    const double x7 = B*D;
+    const double x8 = x6 - x7;
+    const double sine_plus = blend_f64(mask_f64(x8 == 0.0), 0.0, x8);
+    const double x9 = x3 - x4;
+    const double cosine_minus = blend_f64(mask_f64(x9 == 0.0), 0.0, -x9);
+    const double x10 = x6 + x7;
+    const double sine_minus = blend_f64(mask_f64(x10 == 0.0), 0.0, -x10);
+    const double theta_1 = vector_atan2_f64(sine_plus, cosine_plus);
+    const double theta_2 = vector_atan2_f64(sine_minus, cosine_minus);
+    const double status = 0.0;
+    const int64_t is_usual = (mask_f64(size > DBL_EPSILON)) & (mask_f64(square > bound)) & (mask_f64(size < 1.0/DBL_EPSILON));
+    output[0][i] = theta_1;
+    output[1][i] = theta_2;
+    output[2][i] = status;
+    all_usual &= is_usual;
+  }
+  return all_usual;
+}
+
 static inline void trig_solve_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  if (trig_solve_usual_f64(input, output))
+    return;
   trig_solve_f64(input, output);
 }
 
@@ -191,7 +236,52 @@ static inline void trig_solve_f32(float (*restrict input)[BLOCK], float (*restri
   }
 }
 
+/* 10 add, 12 mul, 1 div, 1 sqrt, 6 select, 9 compare, 3 abs, 2 atan2; returns whether all elements are usual */
+static inline int32_t trig_solve_usual_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  int32_t all_usual = -1;
+  VECTORISE_ALL(all_usual)
+  for (int i = 0; i < BLOCK; ++i) {
+    const float A = input[0][i];
+    const float B = input[1][i];
+    const float D = input[2][i];
+    const float x11 = fabsf(A);
+    const float x12 = fabsf(B);
+    const float size = 0.25f*x11 + 0.25f*x12 + 0.25f*fabsf(D);
+    const float x0 = x12;
+    const float x1 = x11;
+    const float larger = blend_f32(mask_f32(x1 < x0), x0, x1);
+    const float smaller = blend_f32(mask_f32(x1 < x0), x1, x0);
+    const float x2 = (smaller*smaller);
+    const float square = x2 + (larger - D)*(D + larger);
+    const float bound = 4.0f*FLT_EPSILON*((larger*larger) + x2);
+    const float w = sqrtf(square);
+    const float x3 = A*D;
+    const float x4 = B*w;
+    const float x5 = x3 + x4;
+    const float cosine_plus = blend_f32(mask_f32(x5 == 0.0f), 0.0f, -x5);
+    const float x6 = A*w;
+    const float x7 = B*D;
+    const float x8 = x6 - x7;
+    const float sine_plus = blend_f32(mask_f32(x8 == 0.0f), 0.0f, x8);
+    const float x9 = x3 - x4;
+    const float cosine_minus = blend_f32(mask_f32(x9 == 0.0f), 0.0f, -x9);
+    const float x10 = x6 + x7;
+    const float sine_minus = blend_f32(mask_f32(x10 == 0.0f), 0.0f, -x10);
+    const float theta_1 = vector_atan2_f32(sine_plus, cosine_plus);
+    const float theta_2 = vector_atan2_f32(sine_minus, cosine_minus);
+    const float status = 0.0f;
+    const int32_t is_usual = (mask_f32(size > FLT_EPSILON)) & (mask_f32(square > bound)) & (mask_f32(size < 1.0f/FLT_EPSILON));
+    output[0][i] = theta_1;
+    output[1][i] = theta_2;
+    output[2][i] = status;
+    all_usual &= is_usual;
+  }
+  return all_usual;
+}
+
 static inline void trig_solve_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  if (trig_solve_usual_f32(input, output))
+    return;
   trig_solve_f32(input, output);
 }
 
@@ -264,8 +354,8 @@ void LOOP(trig_equation_trig_solve_loop_f32)(char **args, const ptrdiff_t *dimen
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* trig_half_angle: 10 add, 19 mul, 1 sqrt, 25 select, 18 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
-/* 10 add, 19 mul, 1 sqrt, 25 select, 18 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
+/* trig_half_angle: 10 add, 18 mul, 1 sqrt, 23 select, 16 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
+/* 10 add, 18 mul, 1 sqrt, 23 select, 16 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
 static inline void trig_half_angle_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -293,19 +383,17 @@ static inline void trig_half_angle_f64(double (*restrict input)[BLOCK], double (
     const int64_t positive = mask_f64(b >= 0.0);
     const double together = blend_f64(positive, b + w, w - b);
     const int64_t alone = mask_f64(w <= 0.0);
-    const int64_t lonely = mask_f64(together == 0.0);
-    const double x3 = blend_f64(mask_f64(a*d > 0.0), 1.0, 0.0);
-    const double x4 = a + d;
-    const double x5 = blend_f64(positive, together, x4);
-    const double above_plus = blend_f64(lonely, x3, x5);
-    const double x6 = blend_f64(mask_f64(a*d > 0.0), 0.0, 1.0);
-    const double x7 = a - d;
-    const double x8 = blend_f64(positive, x7, together);
-    const double below_plus = blend_f64(lonely, x6, x8);
+    const int64_t alike = mask_f64(a*d > 0.0);
+    const double x3 = a + d;
+    const double x5 = blend_f64(alike, x3, -b);
+    const double above_plus = blend_f64(alone, x5, blend_f64(positive, together, x3));
+    const double x6 = a - d;
+    const double x8 = blend_f64(alike, -b, -x6);
+    const double below_plus = blend_f64(alone, x8, blend_f64(positive, x6, together));
     const double x9 = blend_f64(((mask_f64(below_plus == 0.0)) & (mask_f64(above_plus < 0.0))) | (mask_f64(below_plus < 0.0)), -1.0, 1.0);
     const double half_plus = vector_atan2_f64(above_plus*x9, below_plus*x9);
-    const double above_minus = blend_f64(lonely, x3, blend_f64(alone, x5, blend_f64(positive, x4, together)));
-    const double below_minus = blend_f64(lonely, x6, blend_f64(alone, x8, blend_f64(positive, -together, -x7)));
+    const double above_minus = blend_f64(alone, x5, blend_f64(positive, x3, together));
+    const double below_minus = blend_f64(alone, x8, blend_f64(positive, -together, -x6));
     const double x10 = blend_f64(((mask_f64(below_minus == 0.0)) & (mask_f64(above_minus < 0.0))) | (mask_f64(below_minus < 0.0)), -1.0, 1.0);
     const double half_minus = vector_atan2_f64(above_minus*x10, below_minus*x10);
     const double theta_1 = blend_f64(there, 2.0*half_plus, (double)NAN);
@@ -317,7 +405,52 @@ static inline void trig_half_angle_f64(double (*restrict input)[BLOCK], double (
   }
 }
 
+/* 10 add, 14 mul, 1 div, 1 sqrt, 9 select, 12 compare, 3 abs, 2 atan2; returns whether all elements are usual */
+static inline int64_t trig_half_angle_usual_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  int64_t all_usual = -1;
+  VECTORISE_ALL(all_usual)
+  for (int i = 0; i < BLOCK; ++i) {
+    const double A = input[0][i];
+    const double B = input[1][i];
+    const double D = input[2][i];
+    const double x4 = fabs(A);
+    const double x5 = fabs(B);
+    const double size = 0.25*x4 + 0.25*x5 + 0.25*fabs(D);
+    const double x0 = x5;
+    const double x1 = x4;
+    const double larger = blend_f64(mask_f64(x1 < x0), x0, x1);
+    const double smaller = blend_f64(mask_f64(x1 < x0), x1, x0);
+    const double x2 = (smaller*smaller);
+    const double square = x2 + (larger - D)*(D + larger);
+    const double bound = 4.0*DBL_EPSILON*((larger*larger) + x2);
+    const double w = sqrt(square);
+    const int64_t positive = mask_f64(B >= 0.0);
+    const double together = blend_f64(positive, B + w, w - B);
+    const double x3 = A + D;
+    const double above_plus = blend_f64(positive, together, x3);
+    const double x6 = A - D;
+    const double below_plus = blend_f64(positive, x6, together);
+    const double x9 = blend_f64(((mask_f64(below_plus == 0.0)) & (mask_f64(above_plus < 0.0))) | (mask_f64(below_plus < 0.0)), -1.0, 1.0);
+    const double half_plus = vector_atan2_f64(above_plus*x9, below_plus*x9);
+    const double above_minus = blend_f64(positive, x3, together);
+    const double below_minus = blend_f64(positive, -together, -x6);
+    const double x10 = blend_f64(((mask_f64(below_minus == 0.0)) & (mask_f64(above_minus < 0.0))) | (mask_f64(below_minus < 0.0)), -1.0, 1.0);
+    const double half_minus = vector_atan2_f64(above_minus*x10, below_minus*x10);
+    const double theta_1 = 2.0*half_plus;
+    const double theta_2 = 2.0*half_minus;
+    const double status = 0.0;
+    const int64_t is_usual = (mask_f64(size > DBL_EPSILON)) & (mask_f64(square > bound)) & (mask_f64(size < 1.0/DBL_EPSILON));
+    output[0][i] = theta_1;
+    output[1][i] = theta_2;
+    output[2][i] = status;
+    all_usual &= is_usual;
+  }
+  return all_usual;
+}
+
 static inline void trig_half_angle_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  if (trig_half_angle_usual_f64(input, output))
+    return;
   trig_half_angle_f64(input, output);
 }
 
@@ -390,8 +523,8 @@ void LOOP(trig_equation_trig_half_angle_loop_f64)(char **args, const ptrdiff_t *
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* trig_half_angle: 10 add, 19 mul, 1 sqrt, 25 select, 18 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
-/* 10 add, 19 mul, 1 sqrt, 25 select, 18 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
+/* trig_half_angle: 10 add, 18 mul, 1 sqrt, 23 select, 16 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
+/* 10 add, 18 mul, 1 sqrt, 23 select, 16 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
 static inline void trig_half_angle_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -419,19 +552,17 @@ static inline void trig_half_angle_f32(float (*restrict input)[BLOCK], float (*r
     const int32_t positive = mask_f32(b >= 0.0f);
     const float together = blend_f32(positive, b + w, w - b);
     const int32_t alone = mask_f32(w <= 0.0f);
-    const int32_t lonely = mask_f32(together == 0.0f);
-    const float x3 = blend_f32(mask_f32(a*d > 0.0f), 1.0f, 0.0f);
-    const float x4 = a + d;
-    const float x5 = blend_f32(positive, together, x4);
-    const float above_plus = blend_f32(lonely, x3, x5);
-    const float x6 = blend_f32(mask_f32(a*d > 0.0f), 0.0f, 1.0f);
-    const float x7 = a - d;
-    const float x8 = blend_f32(positive, x7, together);
-    const float below_plus = blend_f32(lonely, x6, x8);
+    const int32_t alike = mask_f32(a*d > 0.0f);
+    const float x3 = a + d;
+    const float x5 = blend_f32(alike, x3, -b);
+    const float above_plus = blend_f32(alone, x5, blend_f32(positive, together, x3));
+    const float x6 = a - d;
+    const float x8 = blend_f32(alike, -b, -x6);
+    const float below_plus = blend_f32(alone, x8, blend_f32(positive, x6, together));
     const float x9 = blend_f32(((mask_f32(below_plus == 0.0f)) & (mask_f32(above_plus < 0.0f))) | (mask_f32(below_plus < 0.0f)), -1.0f, 1.0f);
     const float half_plus = vector_atan2_f32(above_plus*x9, below_plus*x9);
-    const float above_minus = blend_f32(lonely, x3, blend_f32(alone, x5, blend_f32(positive, x4, together)));
-    const float below_minus = blend_f32(lonely, x6, blend_f32(alone, x8, blend_f32(positive, -together, -x7)));
+    const float above_minus = blend_f32(alone, x5, blend_f32(positive, x3, together));
+    const float below_minus = blend_f32(alone, x8, blend_f32(positive, -together, -x6));
     const float x10 = blend_f32(((mask_f32(below_minus == 0.0f)) & (mask_f32(above_minus < 0.0f))) | (mask_f32(below_minus < 0.0f)), -1.0f, 1.0f);
     const float half_minus = vector_atan2_f32(above_minus*x10, below_minus*x10);
     const float theta_1 = blend_f32(there, 2.0f*half_plus, (float)NAN);
@@ -443,7 +574,52 @@ static inline void trig_half_angle_f32(float (*restrict input)[BLOCK], float (*r
   }
 }
 
+/* 10 add, 14 mul, 1 div, 1 sqrt, 9 select, 12 compare, 3 abs, 2 atan2; returns whether all elements are usual */
+static inline int32_t trig_half_angle_usual_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  int32_t all_usual = -1;
+  VECTORISE_ALL(all_usual)
+  for (int i = 0; i < BLOCK; ++i) {
+    const float A = input[0][i];
+    const float B = input[1][i];
+    const float D = input[2][i];
+    const float x4 = fabsf(A);
+    const float x5 = fabsf(B);
+    const float size = 0.25f*x4 + 0.25f*x5 + 0.25f*fabsf(D);
+    const float x0 = x5;
+    const float x1 = x4;
+    const float larger = blend_f32(mask_f32(x1 < x0), x0, x1);
+    const float smaller = blend_f32(mask_f32(x1 < x0), x1, x0);
+    const float x2 = (smaller*smaller);
+    const float square = x2 + (larger - D)*(D + larger);
+    const float bound = 4.0f*FLT_EPSILON*((larger*larger) + x2);
+    const float w = sqrtf(square);
+    const int32_t positive = mask_f32(B >= 0.0f);
+    const float together = blend_f32(positive, B + w, w - B);
+    const float x3 = A + D;
+    const float above_plus = blend_f32(positive, together, x3);
+    const float x6 = A - D;
+    const float below_plus = blend_f32(positive, x6, together);
+    const float x9 = blend_f32(((mask_f32(below_plus == 0.0f)) & (mask_f32(above_plus < 0.0f))) | (mask_f32(below_plus < 0.0f)), -1.0f, 1.0f);
+    const float half_plus = vector_atan2_f32(above_plus*x9, below_plus*x9);
+    const float above_minus = blend_f32(positive, x3, together);
+    const float below_minus = blend_f32(positive, -together, -x6);
+    const float x10 = blend_f32(((mask_f32(below_minus == 0.0f)) & (mask_f32(above_minus < 0.0f))) | (mask_f32(below_minus < 0.0f)), -1.0f, 1.0f);
+    const float half_minus = vector_atan2_f32(above_minus*x10, below_minus*x10);
+    const float theta_1 = 2.0f*half_plus;
+    const float theta_2 = 2.0f*half_minus;
+    const float status = 0.0f;
+    const int32_t is_usual = (mask_f32(size > FLT_EPSILON)) & (mask_f32(square > bound)) & (mask_f32(size < 1.0f/FLT_EPSILON));
+    output[0][i] = theta_1;
+    output[1][i] = theta_2;
+    output[2][i] = status;
+    all_usual &= is_usual;
+  }
+  return all_usual;
+}
+
 static inline void trig_half_angle_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  if (trig_half_angle_usual_f32(input, output))
+    return;
   trig_half_angle_f32(input, output);
 }
 

@@ -60,7 +60,7 @@ def trig_solve(A, B, D, *, out=None):
         how many angles there are
     """
     return _evaluate(
-        _trig_solve, None,
+        _trig_solve, _trig_solve_usual,
         "trig_solve",
         (A, B, D),
         (("A", ()), ("B", ()), ("D", ())),
@@ -130,6 +130,53 @@ def _trig_solve(A, B, D, eps, largest):
     return (theta_1, theta_2, status)
 
 
+def _trig_solve_usual(A, B, D, eps, largest):
+    # 10 add, 12 mul, 1 div, 1 sqrt, 6 select, 9 compare, 3 abs, 2 atan2
+    x11 = np.abs(A)
+    x12 = np.abs(B)
+    size = 0.25*x11 + 0.25*x12 + 0.25*np.abs(D)
+    x0 = x12
+    del x12
+    x1 = x11
+    del x11
+    larger = np.where(x1 < x0, x0, x1)
+    smaller = np.where(x1 < x0, x1, x0)
+    del x0, x1
+    x2 = (smaller*smaller)
+    del smaller
+    square = x2 + (larger - D)*(D + larger)
+    bound = 4.0*eps*((larger*larger) + x2)
+    del larger, x2
+    w = np.sqrt(square)
+    x3 = A*D
+    x4 = B*w
+    x5 = x3 + x4
+    cosine_plus = np.where(x5 == 0.0, 0.0, -x5)
+    del x5
+    x6 = A*w
+    del w
+    x7 = B*D
+    x8 = x6 - x7
+    sine_plus = np.where(x8 == 0.0, 0.0, x8)
+    del x8
+    x9 = x3 - x4
+    del x3, x4
+    cosine_minus = np.where(x9 == 0.0, 0.0, -x9)
+    del x9
+    x10 = x6 + x7
+    del x6, x7
+    sine_minus = np.where(x10 == 0.0, 0.0, -x10)
+    del x10
+    theta_1 = np.arctan2(sine_plus, cosine_plus)
+    del cosine_plus, sine_plus
+    theta_2 = np.arctan2(sine_minus, cosine_minus)
+    del cosine_minus, sine_minus
+    status = 0.0
+    is_usual = (size > eps) & (square > bound) & (size < 1.0/eps)
+    del bound, size, square
+    return (theta_1, theta_2, status, is_usual)
+
+
 def trig_half_angle(A, B, D, *, out=None):
     """Both angles with A cos(theta) + B sin(theta) + D = 0, by the tangent of the half angle.
 
@@ -154,7 +201,7 @@ def trig_half_angle(A, B, D, *, out=None):
         how many angles there are
     """
     return _evaluate(
-        _trig_half_angle, None,
+        _trig_half_angle, _trig_half_angle_usual,
         "trig_half_angle",
         (A, B, D),
         (("A", ()), ("B", ()), ("D", ())),
@@ -168,7 +215,7 @@ trig_half_angle.types = ["ddd->db", "fff->fb"]
 
 
 def _trig_half_angle(A, B, D, eps, largest):
-    # 10 add, 19 mul, 1 sqrt, 25 select, 18 compare, 7 abs, 2 atan2, 1 power_of_two_scale
+    # 10 add, 18 mul, 1 sqrt, 23 select, 16 compare, 7 abs, 2 atan2, 1 power_of_two_scale
     size = 0.25*np.abs(A) + 0.25*np.abs(B) + 0.25*np.abs(D)
     scale = _power_of_two_scale(size)
     a = A*scale
@@ -197,26 +244,24 @@ def _trig_half_angle(A, B, D, eps, largest):
     there = (valid) & (~(empty)) & ((is_double) | (two))
     positive = b >= 0.0
     together = np.where(positive, b + w, w - b)
-    del b
     alone = w <= 0.0
     del w
-    lonely = together == 0.0
-    x3 = np.where(a*d > 0.0, 1.0, 0.0)
-    x4 = a + d
-    x5 = np.where(positive, together, x4)
-    above_plus = np.where(lonely, x3, x5)
-    x6 = np.where(a*d > 0.0, 0.0, 1.0)
-    x7 = a - d
+    alike = a*d > 0.0
+    x3 = a + d
+    x5 = np.where(alike, x3, -b)
+    above_plus = np.where(alone, x5, np.where(positive, together, x3))
+    x6 = a - d
     del a
-    x8 = np.where(positive, x7, together)
-    below_plus = np.where(lonely, x6, x8)
+    x8 = np.where(alike, -b, -x6)
+    del alike, b
+    below_plus = np.where(alone, x8, np.where(positive, x6, together))
     x9 = np.where(((below_plus == 0.0) & (above_plus < 0.0)) | (below_plus < 0.0), -1.0, 1.0)
     half_plus = np.arctan2(above_plus*x9, below_plus*x9)
     del above_plus, below_plus, x9
-    above_minus = np.where(lonely, x3, np.where(alone, x5, np.where(positive, x4, together)))
-    del x3, x4, x5
-    below_minus = np.where(lonely, x6, np.where(alone, x8, np.where(positive, -together, -x7)))
-    del alone, lonely, positive, together, x6, x7, x8
+    above_minus = np.where(alone, x5, np.where(positive, x3, together))
+    del x3, x5
+    below_minus = np.where(alone, x8, np.where(positive, -together, -x6))
+    del alone, positive, together, x6, x8
     x10 = np.where(((below_minus == 0.0) & (above_minus < 0.0)) | (below_minus < 0.0), -1.0, 1.0)
     half_minus = np.arctan2(above_minus*x10, below_minus*x10)
     del above_minus, below_minus, x10
@@ -227,6 +272,51 @@ def _trig_half_angle(A, B, D, eps, largest):
     status = np.where(~(valid), 5.0, np.where((empty) & (np.abs(d) > 0.0), 4.0, np.where(empty, 3.0, np.where(is_double, 1.0, np.where(two, 0.0, 2.0)))))
     del d, empty, is_double, two, valid
     return (theta_1, theta_2, status)
+
+
+def _trig_half_angle_usual(A, B, D, eps, largest):
+    # 10 add, 14 mul, 1 div, 1 sqrt, 9 select, 12 compare, 3 abs, 2 atan2
+    x4 = np.abs(A)
+    x5 = np.abs(B)
+    size = 0.25*x4 + 0.25*x5 + 0.25*np.abs(D)
+    x0 = x5
+    del x5
+    x1 = x4
+    del x4
+    larger = np.where(x1 < x0, x0, x1)
+    smaller = np.where(x1 < x0, x1, x0)
+    del x0, x1
+    x2 = (smaller*smaller)
+    del smaller
+    square = x2 + (larger - D)*(D + larger)
+    bound = 4.0*eps*((larger*larger) + x2)
+    del larger, x2
+    w = np.sqrt(square)
+    positive = B >= 0.0
+    together = np.where(positive, B + w, w - B)
+    del w
+    x3 = A + D
+    above_plus = np.where(positive, together, x3)
+    x6 = A - D
+    below_plus = np.where(positive, x6, together)
+    x9 = np.where(((below_plus == 0.0) & (above_plus < 0.0)) | (below_plus < 0.0), -1.0, 1.0)
+    half_plus = np.arctan2(above_plus*x9, below_plus*x9)
+    del above_plus, below_plus, x9
+    above_minus = np.where(positive, x3, together)
+    del x3
+    below_minus = np.where(positive, -together, -x6)
+    del positive, together, x6
+    x10 = np.where(((below_minus == 0.0) & (above_minus < 0.0)) | (below_minus < 0.0), -1.0, 1.0)
+    half_minus = np.arctan2(above_minus*x10, below_minus*x10)
+    del above_minus, below_minus, x10
+    theta_1 = 2.0*half_plus
+    del half_plus
+    theta_2 = 2.0*half_minus
+    del half_minus
+    status = 0.0
+    is_usual = (size > eps) & (square > bound) & (size < 1.0/eps)
+    del bound, size, square
+    return (theta_1, theta_2, status, is_usual)
 
 
 def _power_of_two_scale(x):
