@@ -482,6 +482,9 @@ ROUNDINGS = 64
 pose has as many."""
 FREE = 4096
 """Rounding units within which a direction is no direction: a pose that is written with 12 digits is that exact."""
+KNOWN = 8
+"""Square roots of rounding units to which an error of an angle is followed: where it is larger, as with the wrist's
+centre almost on S1, the steps after it make up for it, and nothing meets."""
 POSE = sp.Rational(1, 10**6)
 """How far a matrix may be from a rotation."""
 
@@ -505,7 +508,7 @@ def roots(k, name, A, B, D, tolerance, free, more=sp.S.Zero):
     any_angle = k.let(f"{name}_free", (r <= free) & (abs(D) <= free))
     double = k.let(f"{name}_double", (room <= tolerance) & sp.Not(any_angle))
     exists = k.let(f"{name}_exists", any_angle | ((room >= -tolerance - more) & (r > 0)))
-    q = k.let(f"{name}_q", sp.sqrt(select((room > 0) & sp.Not(double), room * (r + abs(D)), 0)))
+    q = k.let(f"{name}_q", sp.sqrt(select(room > 0, room * (r + abs(D)), 0)))
     size = k.let(f"{name}_size", r * sp.sqrt(D**2 + q**2))
     scale = k.let(f"{name}_scale", 1 / select(size > 0, size, 1))
     found = []
@@ -524,9 +527,10 @@ def roots(k, name, A, B, D, tolerance, free, more=sp.S.Zero):
 
 
 def bend(k, name, row3, h, cosine, sine, error):
-    """Both θ5 from the cosine and the sine between the outer axes: (c5, s5, exists, is double, is free).
+    """Both θ5 from the cosine and the sine between the outer axes: (c5, s5, exists, is double, is free, is any).
 
-    `error` is how far, in rad, the axes may be off by what was computed before.
+    `error` is how far, in rad, the axes may be off by what was computed before. The angle beside this one is told to be
+    free within that error; it is taken as any, though, only where its direction is nothing but rounding.
     """
     (c_45, c_56), (s_45, s_56) = cosine, sine
     ahead = row3 >= 0
@@ -535,18 +539,19 @@ def bend(k, name, row3, h, cosine, sine, error):
     product = k.let(f"{name}_product", select(ahead, c_45 * c_56, -c_45 * c_56))
     gram = k.let(f"{name}_gram", h**2 * (1 - 2 * product / denominator) - apart**2)
     tolerance = k.let(f"{name}_tolerance", ROUNDINGS * EPS * (h + apart**2) + (2 * h + error) * error)
-    any_angle = k.let(f"{name}_free", (h <= FREE * EPS + error) & (gram >= -tolerance))
-    double = k.let(f"{name}_double", (abs(gram) <= tolerance) & sp.Not(any_angle))
     exists = k.let(f"{name}_exists", gram >= -tolerance)
-    q = k.let(f"{name}_q", sp.sqrt(select((gram > 0) & sp.Not(double), gram, 0)))
+    free = k.let(f"{name}_free", (h <= FREE * EPS + 4 * error) & exists)
+    any_angle = k.let(f"{name}_any", (h <= FREE * EPS) & exists)
+    double = k.let(f"{name}_double", (gram <= tolerance) & sp.Not(free))
+    q = k.let(f"{name}_q", sp.sqrt(select(gram > 0, gram, 0)))
     along = k.let(f"{name}_along", c_45 * c_56 - row3)
     size = k.let(f"{name}_size", sp.sqrt(along**2 + q**2))
     scale = k.let(f"{name}_scale", select(s_45 * s_56 < 0, -1, 1) / select(size > 0, size, 1))
     cosine_5, sine_5 = k.let(f"{name}_c", along * scale), k.let(f"{name}_s", q * scale)
     two = k.let(f"{name}_two", exists & sp.Not(double | any_angle))
     return [
-        (cosine_5, sine_5, exists, double, any_angle),
-        (cosine_5, -sine_5, two, double, any_angle),
+        (cosine_5, sine_5, exists, double, free, any_angle),
+        (cosine_5, -sine_5, two, double, free, any_angle),
     ]
 
 
@@ -625,6 +630,11 @@ def triangle(k, name, end, forearm, a, square, spare, error, more=sp.S.Zero, nee
         found.append((c_2, s_2, c, s, exists, double, any_3 | any_2))
     error_2 = select(any_2, sp.S.Zero, error / select(side > 0, side, 1))
     return found, k.let(f"{name}_error", error_2 + error_3)
+
+
+def known(error):
+    """An error of an angle, no larger than is followed."""
+    return select(error < KNOWN * sp.sqrt(EPS), error, KNOWN * sp.sqrt(EPS))
 
 
 def angle(k, name, c, s):
@@ -752,7 +762,7 @@ def behind_wrist():
     wrist_bends = k.let("bends", sp.Matrix([cosine[3] * cosine[4], abs(sine[3] * sine[4])]))
     slots = []
     roots_1, error_1 = first_angle(k, W, cosine, sine, height, spare)
-    off = k.let("off", (ROUNDINGS * EPS + error_1) * spare)
+    off = k.let("off", (ROUNDINGS * EPS + known(error_1)) * spare)
     for number, (i, (c_1, s_1, exists_1, double_1, free_1)) in enumerate(zip("ab", roots_1, strict=True)):
         end, from_2 = seen_from_2(k, i, R, W, c_1, s_1, a[0], cosine[0], sine[0])
 
@@ -761,7 +771,7 @@ def behind_wrist():
             return *seen_through(axis_4, axis_6), *wrist_bends
 
         both, error_23 = triangle(k, f"triangle_{i}", end, forearm, a[1], square, spare, off, needs=if_folded)
-        error = k.let(f"error_{i}", error_1 + error_23)
+        error = k.let(f"error_{i}", known(error_1 + error_23))
         for j, (c_2, s_2, c_3, s_3, exists_3, double_3, free_3) in zip("ab", both, strict=True):
             here = f"{i}{j}"
             c_23 = k.let(f"c_23_{here}", c_2 * c_3 - s_2 * s_3)
@@ -779,11 +789,11 @@ def behind_wrist():
             N = k.let(f"N_{here}", about_x(cosine[2], sine[2]).T * (about_z(c_23, s_23).T * axes))
             h = k.let(f"h_{here}", sp.sqrt(N[0, 2] ** 2 + N[1, 2] ** 2))
             bends = bend(k, f"bend_{here}", N[2, 2], h, cosine[3:, 0], sine[3:, 0], error)
-            for m, (c_5, s_5, exists_5, double_5, free_5) in zip("ab", bends, strict=True):
+            for m, (c_5, s_5, exists_5, double_5, free_5, any_5) in zip("ab", bends, strict=True):
                 slot = f"{here}{m}"
                 x = sine[4] * s_5
                 y = -cosine[3] * sine[4] * c_5 - sine[3] * cosine[4]
-                c_4, s_4 = direction(k, f"fourth_{slot}", x, y, N[0, 2], N[1, 2], free_5)
+                c_4, s_4 = direction(k, f"fourth_{slot}", x, y, N[0, 2], N[1, 2], any_5)
                 u = c_4 * N[0, 0] + s_4 * N[1, 0]
                 v = -s_4 * N[0, 0] + c_4 * N[1, 0]
                 v_5 = cosine[3] * v + sine[3] * N[2, 0]
@@ -831,14 +841,18 @@ def three_parallel():
             exists_1 = k.let("first_more", exists_1 | (free_1 & split))
         whole, axes = seen_from_2(k, i, R, W, c_1, s_1, a[0], cosine[0], sine[0])
         h = k.let(f"h_{i}", sp.sqrt(axes[2, 0] ** 2 + axes[2, 1] ** 2))
-        bends = bend(k, f"bend_{i}", axes[2, 2], h, cosine[3:, 0], sine[3:, 0], error_1)
-        off = k.let(f"off_{i}", (ROUNDINGS * EPS + error_1) * spare)
+        bends = bend(
+            k, f"bend_{i}", axes[2, 2], h, cosine[3:, 0], sine[3:, 0], k.let(f"error_{i}", known(error_1))
+        )
+        off = k.let(f"off_{i}", (ROUNDINGS * EPS + known(error_1)) * spare)
         error_6 = (ROUNDINGS * EPS + error_1) / select(h > 0, h, 1)
-        for branch, (m, (c_5, s_5, exists_5, double_5, free_5)) in enumerate(zip("ab", bends, strict=True)):
+        for branch, (m, (c_5, s_5, exists_5, double_5, free_5, any_5)) in enumerate(
+            zip("ab", bends, strict=True)
+        ):
             here = f"{i}{m}"
             x = sine[3] * s_5
             y = cosine[4] * sine[3] * c_5 + sine[4] * cosine[3]
-            c_6, s_6 = direction(k, f"sixth_{here}", axes[2, 0], axes[2, 1], x, y, free_5)
+            c_6, s_6 = direction(k, f"sixth_{here}", axes[2, 0], axes[2, 1], x, y, any_5)
             u, v = c_5, -cosine[4] * s_5
             back = sp.Matrix([c_6 * u + s_6 * v, -s_6 * u + c_6 * v, sine[4] * s_5])
             c_234 = k.let(f"c_zero_{here}", (axes[0, :] * back)[0])
@@ -855,12 +869,12 @@ def three_parallel():
                 square,
                 width,
             )
-            c_t, s_t = (select(free_5, x, y) for x, y in zip(turns[branch], (1, 0), strict=True))
+            c_t, s_t = (select(any_5, x, y) for x, y in zip(turns[branch], (1, 0), strict=True))
             c_t, s_t = k.let(f"c_turn_{here}", c_t), k.let(f"s_turn_{here}", s_t)
-            c_6 = k.let(f"c_6_{here}", select(free_5, c_t, c_6))
-            s_6 = k.let(f"s_6_{here}", select(free_5, select(axes[2, 2] > 0, -s_t, s_t), s_6))
+            c_6 = k.let(f"c_6_{here}", select(any_5, c_t, c_6))
+            s_6 = k.let(f"s_6_{here}", select(any_5, select(axes[2, 2] > 0, -s_t, s_t), s_6))
             if branch:
-                exists_5 = k.let(f"bend_more_{here}", exists_5 | (free_5 & more))
+                exists_5 = k.let(f"bend_more_{here}", exists_5 | (any_5 & more))
             c_234, s_234 = (
                 k.let(f"c_234_{here}", c_234 * c_t - s_234 * s_t),
                 k.let(f"s_234_{here}", s_234 * c_t + c_234 * s_t),
@@ -870,7 +884,7 @@ def three_parallel():
                 whole - sp.Matrix([c_t * turned[0] - s_t * turned[1], s_t * turned[0] + c_t * turned[1]]),
             )
             # an error of θ6 turns a45 and S5, and no one sees it at the end
-            more = select(free_5, sp.S.Zero, error_6) * total(hand)
+            more = select(any_5, sp.S.Zero, error_6) * total(hand)
             more = k.let(f"more_{here}", select(more < spare, more, spare))
             forearm = (a[2], sp.S.Zero)
             both, _ = triangle(k, f"triangle_{here}", end, forearm, a[1], square, spare, off, more)

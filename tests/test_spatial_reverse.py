@@ -229,6 +229,34 @@ def test_shapes_are_those_of_the_poses() -> None:
         assert spatial.reverse(mechanism, T[:0]).status.shape == (0, 8)
 
 
+def test_a_chain_with_slides_is_solved_as_a_loop() -> None:
+    quarter = np.pi / 2
+    gantry = spatial.Mechanism(
+        "PPPRRR",
+        np.zeros(5),
+        [quarter, quarter, 0.0, quarter, quarter],
+        angle=[0.0, quarter, 0.0, np.nan, np.nan, np.nan],
+    )
+    T = spatial.forward(gantry, [1.0, 2.0, 3.0, 0.4, 0.5, 0.6])
+    found = spatial.reverse(gantry, T)
+    assert (found.status == ReverseStatus.REGULAR).sum() == 2
+    np.testing.assert_allclose(spatial.forward(gantry, found.solutions[:2]), [T, T], rtol=0, atol=1e-12)
+
+
+def test_lengths_may_have_any_size() -> None:
+    for kind in ("wrist", "parallel", "meet 456", "parallel 123"):
+        arm = arm_of(kind, 2)
+        q, _ = some_poses(arm, 5, 6)
+        counts = []
+        for unit in (1e-100, 1.0, 1e100):
+            scaled = spatial.Mechanism("R" * 6, arm.a * unit, arm.alpha, arm.offset * unit)
+            found = spatial.reverse(scaled, spatial.forward(scaled, q))
+            counts.append((found.status == ReverseStatus.REGULAR).sum())
+            off = np.abs(np.remainder(found.solutions - q[:, None] + np.pi, 2 * np.pi) - np.pi).max(axis=-1)
+            assert np.nanmin(off, axis=-1).max() < 1e-9
+        assert counts[0] == counts[1] == counts[2] >= 10
+
+
 def test_what_is_no_arm_of_six_revolute_joints_is_told() -> None:
     with pytest.raises(RodgenError, match="expected RRRRRR"):
         spatial.reverse(spatial.Mechanism("RP", [1.0], [0.5]), np.eye(4))

@@ -30,6 +30,8 @@ CLOSES = 1e-11
 """Largest distance of a solution's pose from the one wanted, in rad and relative to the reach; rounding leaves 1e-14,
 and near solutions that meet 1e-13."""
 SETTLED = 1e-14
+TRIES = 72
+"""First angles that are tried where it is free."""
 
 
 class Reverse(NamedTuple):
@@ -53,7 +55,7 @@ def reverse(mechanism: Mechanism, T: ArrayLike) -> Reverse:
     Parameters
     ----------
     mechanism : Mechanism
-        Open chain of six revolute joints.
+        Open chain of six revolute joints. A chain with two or three slides is handed to :func:`reverse_sliding`.
     T : array_like (..., 4, 4)
         Pose of the last joint's frame in the fixed frame F, as :func:`forward` returns it.
 
@@ -62,20 +64,22 @@ def reverse(mechanism: Mechanism, T: ArrayLike) -> Reverse:
     Reverse
         ``solutions`` (..., N, 6) and ``status`` (..., N). N is 8 where a closed form or a wrist's centre says that
         there are no more, else 16. Where the angles of one solution are not determined (a wrist that is singular, an
-        elbow folded onto its shoulder, a wrist's centre on S_1), the free angle of the representative is zero and the
-        status is FAMILY. Two solutions that meet (an elbow that is straight) are given once, as DOUBLE.
+        elbow folded onto its shoulder, a wrist's centre on S_1), the status is FAMILY, and the free angle of the
+        representative is zero wherever zero leaves a solution. Two solutions that meet (an elbow that is straight) are
+        given once, as DOUBLE. What meets is decided by rounding: within about 1e-6 rad of a degenerate pose either
+        status may be told.
 
     Raises
     ------
     RodgenError
-        When the mechanism is no open chain of six revolute joints, when `T` has another shape or is not real, and when
-        no three consecutive axes meet or are parallel and `ssik`, which solves such arms, is not installed.
+        When the mechanism is no open chain of six freedoms, when `T` has another shape or is not real, and when no
+        three consecutive axes meet or are parallel and `ssik`, which solves such arms, is not installed.
 
     Notes
     -----
     Crane and Duffy, reverse analysis of the Puma 560, the GE P60 and the Cincinnati T3-776; proved in the derivation
-    ``robots_6r``. :func:`reverse_method` tells which way is taken. Every solution has been put back into the forward
-    analysis or comes from a program that has been proved; it meets the pose to some 1e-13 of the reach.
+    ``robots_6r``. :func:`reverse_method` tells which way is taken. Regular solutions of a closed form meet the pose to
+    some 1e-14 of the reach; all others have been put back into the forward analysis, and meet it to 1e-11 and better.
 
     Examples
     --------
@@ -88,10 +92,15 @@ def reverse(mechanism: Mechanism, T: ArrayLike) -> Reverse:
     >>> bool(np.abs(spatial.forward(spatial.PUMA_560, solutions) - pose).max() < 1e-12)
     True
     """
-    chosen = plan(mechanism)
     pose = _checked(T)
+    if not mechanism.closed and set(mechanism.joints) & set("PC") and sum(mechanism.freedoms) == 6:
+        from rodgen.spatial._loops import reverse_sliding
+
+        slid = reverse_sliding(mechanism, pose)
+        return Reverse(slid.values, slid.status)
+    chosen = plan(mechanism)
     if chosen.way in ("wrist", "parallel"):
-        return _closed(chosen, pose)
+        return _closed(mechanism, chosen, pose)
     flat = pose.reshape(-1, 4, 4)
     if chosen.way == "general":
         from rodgen.spatial._reverse_general import general
@@ -178,11 +187,59 @@ def _is_pose(T: Any) -> Any:
         return (rough <= POSE) & (handed > 0) & np.isfinite(T[..., :3, 3]).all(axis=-1)
 
 
-def _closed(chosen: Plan, pose: Any) -> Reverse:
+def _closed(mechanism: Mechanism, chosen: Plan, pose: Any) -> Reverse:
+    """Solve by a kernel; what lies near a degenerate pose is put back into the forward analysis and polished."""
+    found, status = _by_kernel(chosen, pose)
+    flat, codes = found.reshape(-1, 8, 6), status.reshape(-1, 8)
+    poses = pose.reshape(-1, 4, 4)
+    if chosen.way == "parallel":
+        _free_first_angle(chosen, poses, flat, codes)
+    row, column = np.nonzero((codes == ReverseStatus.DOUBLE) | (codes == ReverseStatus.FAMILY))
+    if len(row):
+        better, error = _polished(mechanism, poses[row], flat[row, column], steps=40)
+        flat[row, column] = better
+        lost = error > CLOSES
+        flat[row[lost], column[lost]] = np.nan
+        codes[row[lost], column[lost]] = ReverseStatus.NONE
+        rows = np.unique(row[lost])
+        order = np.argsort(codes[rows] >= ReverseStatus.NONE, axis=-1, kind="stable")
+        flat[rows] = np.take_along_axis(flat[rows], order[..., None], axis=1)
+        codes[rows] = np.take_along_axis(codes[rows], order, axis=1)
+    return Reverse(found, status)
+
+
+def _by_kernel(chosen: Plan, pose: Any) -> tuple[Any, Any]:
     arm = chosen.arm
     kernel = {"wrist": kernels.robot_wrist_reverse, "parallel": kernels.robot_parallel_reverse}[chosen.way]
-    angles, status = kernel(arm.pose(pose), arm.a, arm.cosine, arm.sine, arm.offset)
-    return Reverse(arm.angles(angles), status)
+    found, status = kernel(arm.pose(pose), arm.a, arm.cosine, arm.sine, arm.offset)
+    return np.ascontiguousarray(arm.angles(found)), status  # written into, row by row
+
+
+def _free_first_angle(chosen: Plan, pose: Any, found: Any, status: Any) -> None:
+    """Try other first angles where any is possible, but zero leaves no solution, with the three parallel axes.
+
+    The point where axes 5 and 6 meet lies on the first axis then; the pose turned about that axis is such a pose, too.
+    """
+    arm = chosen.arm
+    rows = np.flatnonzero(status[:, 0] == ReverseStatus.NONE)
+    if not len(rows):
+        return
+    T = arm.pose(pose[rows])
+    W = T[:, :3, 3] - arm.offset[5] * T[:, :3, 2]
+    height = arm.cosine[0] * (W[:, 2] - arm.offset[0]) - arm.offset[1:4].sum() - arm.cosine[3] * arm.offset[4]
+    size = 1e-12 * (arm.reach + np.abs(T[:, :3, 3]).sum(axis=-1))
+    free = (np.hypot(W[:, 0], W[:, 1]) <= size) & (np.abs(height) <= size)
+    rows, T = rows[free], T[free]
+    for angle in np.linspace(0, 2 * np.pi, TRIES + 1)[1:-1]:
+        if not len(rows):
+            return
+        c, s = np.cos(angle), np.sin(angle)
+        back = np.array([[c, s, 0, 0], [-s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+        q, codes = kernels.robot_parallel_reverse(back @ T, arm.a, arm.cosine, arm.sine, arm.offset)
+        q[..., 0] = np.remainder(q[..., 0] + angle + np.pi, 2 * np.pi) - np.pi
+        there = codes[:, 0] <= ReverseStatus.FAMILY
+        found[rows[there]], status[rows[there]] = arm.angles(q[there]), codes[there]
+        rows, T = rows[~there], T[~there]
 
 
 def _proved(

@@ -45,6 +45,8 @@ class Arm:
     backwards: bool
     turned: bool
     """Whether the end is turned by half a turn about its x axis."""
+    unit: float
+    """Lengths of this arm over those of the given one."""
 
     @property
     def reach(self) -> float:
@@ -53,6 +55,9 @@ class Arm:
 
     def pose(self, T: Any) -> Any:
         """Bring poses (..., 4, 4) of the given chain to those of this one."""
+        if self.unit != 1:
+            T = T.copy()
+            T[..., :3, 3] *= self.unit
         if self.backwards:
             R = np.swapaxes(T[..., :3, :3], -1, -2)
             made = np.empty_like(T)
@@ -113,7 +118,7 @@ def plan(mechanism: Mechanism) -> Plan:
         raise RodgenError("the mechanism is a closed loop; expected an open chain, or use reverse_loop")
     if mechanism.joints != ("R",) * 6:
         raise RodgenError(
-            f"the joints are {''.join(mechanism.joints)}; expected RRRRRR: other chains have no reverse analysis here"
+            f"the joints are {''.join(mechanism.joints)}; expected RRRRRR, or six freedoms of joints R, P and C"
         )
     return _plan(mechanism)
 
@@ -151,13 +156,16 @@ _WAYS: dict[str, Callable[[Arm], bool]] = {
 def _arms(mechanism: Mechanism) -> Iterator[Arm]:
     """Yield the chain, and the chain read from its end."""
     a, alpha, offset = (np.array(x) for x in (mechanism.a, mechanism.alpha, mechanism.offset))
-    small = LENGTH * (np.abs(a).sum() + np.abs(offset).sum())
-    a, offset = (np.where(np.abs(x) <= small, 0.0, x) for x in (a, offset))
-    yield _aligned(a, alpha, offset, backwards=False)
-    yield _aligned(-a[::-1], -alpha[::-1], -offset[::-1], backwards=True)
+    size = np.abs(a).sum() + np.abs(offset).sum()
+    a, offset = (np.where(np.abs(x) <= LENGTH * size, 0.0, x) for x in (a, offset))
+    # squares of squares of lengths must be numbers
+    unit = 1.0 if size == 0 or 1e-30 < size < 1e30 else 2.0 ** -np.frexp(size)[1]
+    a, offset = a * unit, offset * unit
+    yield _aligned(a, alpha, offset, unit, backwards=False)
+    yield _aligned(-a[::-1], -alpha[::-1], -offset[::-1], unit, backwards=True)
 
 
-def _aligned(a: Array, alpha: Array, offset: Array, *, backwards: bool) -> Arm:
+def _aligned(a: Array, alpha: Array, offset: Array, unit: float, *, backwards: bool) -> Arm:
     """Let parallel axes point the same way: Rx(π) Tz(S) Rz(θ) = Tz(-S) Rz(-θ) Rx(π), and so on."""
     cosine, sine = np.cos(alpha), np.sin(alpha)
     sign, offset = np.ones(6), offset.copy()
@@ -176,4 +184,4 @@ def _aligned(a: Array, alpha: Array, offset: Array, *, backwards: bool) -> Arm:
     order = np.arange(6)
     if backwards:
         sign, order = -sign, order[::-1].copy()
-    return Arm(a, cosine, sine, offset, sign, order, backwards, bool(turned < 0))
+    return Arm(a, cosine, sine, offset, sign, order, backwards, bool(turned < 0), unit)
