@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from rodgen._kernels import kernels
 from rodgen.spatial._pair_common import grid, with_common_factor
+from rodgen.spatial._pair_complex import complex_solutions
 from rodgen.spatial._pair_eigenvalues import HALF, starts
 from rodgen.spatial._pair_roots import certain_solutions
 from rodgen.spatial._pair_solutions import collected, consistent
@@ -68,7 +69,9 @@ def pair_from_biquadratics(E: ArrayLike) -> Any:
     return np.einsum("jb,ia,...ba->...ij", back, back, given)
 
 
-def solve_pair(M: ArrayLike, *, method: Literal["fast", "sylvester", "bezout"] = "fast") -> Pair:
+def solve_pair(
+    M: ArrayLike, *, method: Literal["fast", "sylvester", "bezout"] = "fast", complex: bool = False
+) -> Pair:
     """Find every pair of real angles that solves two equations.
 
     Parameters
@@ -79,6 +82,10 @@ def solve_pair(M: ArrayLike, *, method: Literal["fast", "sylvester", "bezout"] =
     method : {"fast", "sylvester", "bezout"}, optional
         How the starts are found. The first takes eigenvalues only where it is in doubt; the others always, of
         Sylvester's or of Bezout's matrix. What is right to be a solution is the same for all.
+    complex : bool, optional
+        Whether complex solutions are wanted, too: then all eight roots of the octic are given, as complex angles, and a
+        slot with NONE is a root ±i, which is no angle. Where solutions meet both have a slot, as DOUBLE. Where the
+        equations have a common factor there are none, and every slot has COMMON_FACTOR.
 
     Returns
     -------
@@ -123,6 +130,9 @@ def solve_pair(M: ArrayLike, *, method: Literal["fast", "sylvester", "bezout"] =
     status = np.full((len(flat), SLOTS), PairStatus.INVALID, np.int8)
     valid = np.isfinite(one[:, 0, 0])
     left = np.flatnonzero(valid)
+    shape = (*given.shape[:-3], SLOTS)
+    if complex:
+        return _all_roots(one, two, loss, left, shape)
     if method == "fast":
         for exchanged in (False, True):
             if len(left):
@@ -130,7 +140,21 @@ def solve_pair(M: ArrayLike, *, method: Literal["fast", "sylvester", "bezout"] =
     if len(left):
         prepared = np.stack([one[left], two[left]], axis=1)
         angles[left], status[left] = _by_eigenvalues(prepared, loss[left], method)
-    shape = (*given.shape[:-3], SLOTS)
+    return Pair(angles[..., 0].reshape(shape), angles[..., 1].reshape(shape), status.reshape(shape))
+
+
+def _all_roots(one: Any, two: Any, loss: Any, rows: Any, shape: tuple[int, ...]) -> Pair:
+    """Find the complex solutions of the prepared equations in `rows`."""
+    angles = np.full((len(one), SLOTS, 2), np.nan + 0j)
+    status = np.full((len(one), SLOTS), PairStatus.INVALID, np.int8)
+    if len(rows):
+        M = np.stack([one[rows], two[rows]], axis=1)
+        _, _, distance = starts(M)
+        common = (distance <= COMMON) | (loss[rows] >= DEPENDENT)
+        status[rows[common]] = PairStatus.COMMON_FACTOR
+        usual = rows[~common]
+        if len(usual):
+            angles[usual], status[usual] = complex_solutions(M[~common], loss[usual])
     return Pair(angles[..., 0].reshape(shape), angles[..., 1].reshape(shape), status.reshape(shape))
 
 
