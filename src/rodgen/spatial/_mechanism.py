@@ -9,7 +9,7 @@ Tx(a_ij) Rx(alpha_ij) Tz(S_j) Rz(theta_j): Crane and Duffy's, which is also call
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -170,6 +170,55 @@ class Mechanism:
                     f"a joint {kind} has no variables in this convention; call expanded() first"
                 )
         return tuple((j, which) for j, kind in enumerate(self.joints) for which in _VARIABLES[kind])
+
+    def length_in(self, unit: str) -> float:
+        """Return what lengths are multiplied by to be in another unit.
+
+        Parameters
+        ----------
+        unit : str
+            A unit of length that Pint knows.
+
+        Returns
+        -------
+        float
+
+        Raises
+        ------
+        RodgenError
+            When it, or the mechanism's, is none.
+        """
+        from rodgen.tables import conversion_factor
+
+        return conversion_factor(self.unit, "length", unit)
+
+    def in_unit(self, unit: str) -> Mechanism:
+        """Return the same mechanism with its lengths in another unit.
+
+        Parameters
+        ----------
+        unit : str
+            A unit of length that Pint knows.
+
+        Returns
+        -------
+        Mechanism
+
+        Raises
+        ------
+        RodgenError
+            When it is none.
+
+        Examples
+        --------
+        >>> from rodgen import spatial
+        >>> spatial.GE_P60.in_unit("mm").a
+        array([  0., 700., 900.,   0.,   0.])
+        """
+        if unit == self.unit:
+            return self
+        k = self.length_in(unit)
+        return replace(self, a=self.a * k, offset=self.offset * k, pitch=self.pitch * k, unit=unit)
 
     def expanded(self) -> Mechanism:
         """Write joints E, T and S as joints R and P whose axes meet or are parallel.

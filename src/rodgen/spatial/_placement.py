@@ -8,7 +8,7 @@ and joints whose zero is anywhere. A placement holds the mechanism and these.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 from rodgen.errors import RodgenError
 from rodgen.spatial._forward import checked, forward
 from rodgen.spatial._mechanism import Mechanism
+
+if TYPE_CHECKING:
+    from rodgen.spatial._reverse import Reverse
 
 __all__ = ["Placement", "at_zero", "mechanism_at", "placed"]
 
@@ -99,6 +102,69 @@ class Placement:
         """
         q = checked(self.mechanism, coordinates)
         return self.base @ forward(self.mechanism, q + self.zero) @ self.end
+
+    def reverse(self, pose: ArrayLike) -> Reverse:
+        """Return all coordinates that bring the end frame to a pose in the base frame.
+
+        Parameters
+        ----------
+        pose : array_like (..., 4, 4)
+
+        Returns
+        -------
+        Reverse
+            As of :func:`reverse`, in the robot's coordinates; angles in (-pi, pi].
+
+        Raises
+        ------
+        RodgenError
+            As for :func:`reverse`.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from rodgen import spatial
+        >>> arm = spatial.Placement(spatial.PUMA_560, zero=[0, 0, 0, 0, np.pi, 0])
+        >>> q = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
+        >>> bool(np.abs(arm.reverse(arm.forward(q)).solutions - q).max(axis=1).min() < 1e-12)
+        True
+        """
+        from rodgen.spatial._reverse import Reverse, reverse
+
+        given = np.asarray(pose)
+        if given.dtype.kind in "fiub" and given.shape[-2:] == (4, 4):  # else reverse tells what is wrong
+            given = np.linalg.inv(self.base) @ given @ np.linalg.inv(self.end)
+        found = reverse(self.mechanism, given)
+        moved = found.solutions - self.zero
+        is_angle = np.array([which == "theta" for _, which in self.mechanism.variables])
+        wrapped = np.pi - np.mod(np.pi - moved, 2 * np.pi)
+        return Reverse(np.where(is_angle & (self.zero != 0), wrapped, moved), found.status)
+
+    def in_unit(self, unit: str) -> Placement:
+        """Return the same robot with its lengths in another unit.
+
+        Parameters
+        ----------
+        unit : str
+            A unit of length that Pint knows.
+
+        Returns
+        -------
+        Placement
+
+        Raises
+        ------
+        RodgenError
+            When it is none.
+        """
+        if unit == self.mechanism.unit:
+            return self
+        mechanism, factor = self.mechanism.in_unit(unit), self.mechanism.length_in(unit)
+        lengths = np.array([factor if which == "S" else 1.0 for _, which in mechanism.variables])
+        base, end = np.array(self.base), np.array(self.end)
+        base[:3, 3] *= factor
+        end[:3, 3] *= factor
+        return Placement(mechanism, base, end, self.zero * lengths)
 
 
 def placed(robot: Mechanism | Placement) -> Placement:
