@@ -62,7 +62,7 @@ check-c: .venv/installed
 notebooks: .venv/installed ## execute the derivations into build/notebooks, as .ipynb and .html
 	@$(BIN)/python docs/make_notebooks.py
 
-bench: .venv/installed ## measure the speed, beside other libraries and the machine's limits (ONLY=fits, axis, tricept, three_sps_s or robots: a part)
+bench: .venv/installed ## measure the speed, beside other libraries and the machine's limits (ONLY=fits, axis, tricept, three_sps_s, robots or spatial: a part)
 	$(BIN)/python benchmarks/run.py $(if $(ONLY),--only $(ONLY))
 
 study: .venv/installed ## measure how often a diagnosis and a plan are right (N=60 machines a group; ONLY=innocent or plan: a part)

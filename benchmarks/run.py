@@ -1,7 +1,7 @@
 """How fast is rodgen, beside what else does the same, and beside the machine's limits?
 
 python benchmarks/run.py                # the full run, below ten minutes; writes docs/benchmarks.md and results/
-python benchmarks/run.py --only fits    # or axis, tricept, three_sps_s, robots: only that part, the others stay
+python benchmarks/run.py --only fits    # or axis, tricept, three_sps_s, robots, spatial; the others stay
 python benchmarks/run.py --quick        # a look, a minute or two; writes nothing
 """
 
