@@ -76,7 +76,7 @@ robot_wrist_reverse.types = ["ddddd->db", "fffff->fb"]
 
 
 def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
-    # 438 add, 717 mul, 36 div, 54 sqrt, 398 select, 228 compare, 48 abs, 36 atan2
+    # 438 add, 720 mul, 36 div, 55 sqrt, 401 select, 231 compare, 44 abs, 36 atan2
     rough = np.abs(pose_4_1) + np.abs(pose_4_2) + np.abs(pose_4_3) + np.abs(pose_4_4 - 1.0) + 2.0*np.abs(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + 2.0*np.abs(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + 2.0*np.abs(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3) + np.abs((pose_1_1*pose_1_1) + (pose_2_1*pose_2_1) + (pose_3_1*pose_3_1) - 1.0) + np.abs((pose_1_2*pose_1_2) + (pose_2_2*pose_2_2) + (pose_3_2*pose_3_2) - 1.0) + np.abs((pose_1_3*pose_1_3) + (pose_2_3*pose_2_3) + (pose_3_3*pose_3_3) - 1.0)
     handed = pose_1_1*(pose_2_2*pose_3_3 - pose_2_3*pose_3_2) + pose_2_1*(pose_1_3*pose_3_2 - pose_1_2*pose_3_3) + pose_3_1*(pose_1_2*pose_2_3 - pose_1_3*pose_2_2)
     spare = np.abs(a_1) + np.abs(a_2) + np.abs(a_3) + np.abs(a_4) + np.abs(a_5) + np.abs(offset_1) + np.abs(offset_2) + np.abs(offset_3) + np.abs(offset_4) + np.abs(offset_5) + np.abs(offset_6) + np.abs(pose_1_4) + np.abs(pose_2_4) + np.abs(pose_3_4)
@@ -104,14 +104,14 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del height
     x7 = np.abs(x6)
     first_room = first_r - x7
-    x261 = 4096.0*eps
-    x262 = spare*x261
-    first_free = (first_r <= x262) & (x7 <= x262)
+    x264 = 4096.0*eps
+    x265 = spare*x264
+    first_free = (first_r <= x265) & (x7 <= x265)
     x14 = 64.0*eps
     x15 = spare*x14
     first_double = (first_room <= x15) & (~(first_free))
     first_exists = (first_free) | ((first_room >= -x15) & (first_r > 0.0))
-    first_q = np.where((~(first_double)) & (first_room > 0.0), np.sqrt(first_room*(first_r + x7)), 0.0)
+    first_q = np.where(first_room > 0.0, np.sqrt(first_room*(first_r + x7)), 0.0)
     del first_room, x7
     x8 = (first_q*first_q)
     first_size = first_r*np.sqrt((x6*x6) + x8)
@@ -136,65 +136,66 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del first_r, x8
     first_error = np.where((~(first_free)) & (first_slope > 0.0), x15*np.where(first_slope > 0.0, 1.0/np.sqrt(first_slope), 1.0), 0.0)
     del first_slope, x15
-    off = spare*(first_error + x14)
+    x16 = 8.0*np.sqrt(eps)
+    off = spare*(x14 + np.where(first_error < x16, first_error, x16))
     side_a = centre_2*first_c_a - centre_1*first_s_a
     end_a_1 = centre_1*first_c_a + centre_2*first_s_a - a_1
-    x17 = centre_3*sine_1
+    x18 = centre_3*sine_1
     del centre_3
-    end_a_2 = cosine_1*side_a + x17
+    end_a_2 = cosine_1*side_a + x18
     del side_a
     axes_a_1_3 = first_c_a*pose_1_3 + first_s_a*pose_2_3
-    x18 = pose_3_3*sine_1
-    x19 = first_c_a*pose_2_3 - first_s_a*pose_1_3
-    axes_a_2_3 = cosine_1*x19 + x18
-    x20 = cosine_1*pose_3_3
-    axes_a_3_3 = x20 - sine_1*x19
-    del x19
+    x19 = pose_3_3*sine_1
+    x20 = first_c_a*pose_2_3 - first_s_a*pose_1_3
+    axes_a_2_3 = cosine_1*x20 + x19
+    x21 = cosine_1*pose_3_3
+    axes_a_3_3 = x21 - sine_1*x20
+    del x20
     triangle_a_side = np.sqrt((end_a_1*end_a_1) + (end_a_2*end_a_2))
-    x21 = 2.0*off
-    x22 = (spare*spare)
+    x22 = 2.0*off
+    x23 = (spare*spare)
     del spare
-    x23 = x14*x22
-    triangle_a_area = triangle_a_side*x21 + x23
-    x24 = 4.0*x0
+    x24 = x14*x23
+    triangle_a_area = triangle_a_side*x22 + x24
+    x25 = 4.0*x0
     del x0
-    x25 = np.sqrt(x1*x24 + x2*x24)
-    del x1, x2, x24
-    triangle_a_3_r = x25
-    x26 = square - (triangle_a_side*triangle_a_side)
-    x27 = np.abs(x26)
-    triangle_a_3_room = triangle_a_3_r - x27
-    x265 = x22*x261
-    del x22
-    triangle_a_3_free = (triangle_a_3_r <= x265) & (x27 <= x265)
+    x26 = np.sqrt(x1*x25 + x2*x25)
+    del x1, x2, x25
+    triangle_a_3_r = x26
+    x27 = square - (triangle_a_side*triangle_a_side)
+    x28 = np.abs(x27)
+    triangle_a_3_room = triangle_a_3_r - x28
+    x268 = x23*x264
+    del x23
+    triangle_a_3_free = (triangle_a_3_r <= x268) & (x28 <= x268)
     triangle_a_3_double = (triangle_a_3_room <= triangle_a_area) & (~(triangle_a_3_free))
     triangle_a_3_exists = (triangle_a_3_free) | ((triangle_a_3_room >= -triangle_a_area) & (triangle_a_3_r > 0.0))
-    triangle_a_3_q = np.where((~(triangle_a_3_double)) & (triangle_a_3_room > 0.0), np.sqrt(triangle_a_3_room*(triangle_a_3_r + x27)), 0.0)
-    del triangle_a_3_room, x27
-    x28 = (triangle_a_3_q*triangle_a_3_q)
-    triangle_a_3_size = triangle_a_3_r*np.sqrt((x26*x26) + x28)
+    triangle_a_3_q = np.where(triangle_a_3_room > 0.0, np.sqrt(triangle_a_3_room*(triangle_a_3_r + x28)), 0.0)
+    del triangle_a_3_room, x28
+    x29 = (triangle_a_3_q*triangle_a_3_q)
+    triangle_a_3_size = triangle_a_3_r*np.sqrt((x27*x27) + x29)
     triangle_a_3_scale = np.where(triangle_a_3_size > 0.0, 1.0/triangle_a_3_size, 1.0)
     del triangle_a_3_size
-    x29 = 2.0*a_2
-    x30 = forearm_2*x29
-    x31 = triangle_a_3_q*x30
-    x32 = forearm_1*x29
-    del x29
-    x33 = x26*x32
-    triangle_a_3_c_a = np.where(triangle_a_3_free, 1.0, triangle_a_3_scale*(x31 - x33))
-    x34 = triangle_a_3_q*x32
+    x30 = 2.0*a_2
+    x31 = forearm_2*x30
+    x32 = triangle_a_3_q*x31
+    x33 = forearm_1*x30
+    del x30
+    x34 = x27*x33
+    triangle_a_3_c_a = np.where(triangle_a_3_free, 1.0, triangle_a_3_scale*(x32 - x34))
+    x35 = triangle_a_3_q*x33
     del triangle_a_3_q
-    triangle_a_3_s_a = np.where(triangle_a_3_free, 0.0, triangle_a_3_scale*(x26*x30 + x34))
-    triangle_a_3_c_b = np.where(triangle_a_3_free, 1.0, triangle_a_3_scale*(-x31 - x33))
-    del x31, x33
-    triangle_a_3_s_b = np.where(triangle_a_3_free, 0.0, triangle_a_3_scale*(2.0*a_2*forearm_2*x26 - x34))
-    del triangle_a_3_scale, x26, x34
+    triangle_a_3_s_a = np.where(triangle_a_3_free, 0.0, triangle_a_3_scale*(x27*x31 + x35))
+    triangle_a_3_c_b = np.where(triangle_a_3_free, 1.0, triangle_a_3_scale*(-x32 - x34))
+    del x32, x34
+    triangle_a_3_s_b = np.where(triangle_a_3_free, 0.0, triangle_a_3_scale*(2.0*a_2*forearm_2*x27 - x35))
+    del triangle_a_3_scale, x27, x35
     triangle_a_3_two = (triangle_a_3_exists) & (~((triangle_a_3_double) | (triangle_a_3_free)))
-    triangle_a_3_slope = triangle_a_3_r*triangle_a_area + x28
-    del triangle_a_3_r, x28
+    triangle_a_3_slope = triangle_a_3_r*triangle_a_area + x29
+    del triangle_a_3_r, x29
     triangle_a_3_error = np.where((~(triangle_a_3_free)) & (triangle_a_3_slope > 0.0), triangle_a_area*np.where(triangle_a_3_slope > 0.0, 1.0/np.sqrt(triangle_a_3_slope), 1.0), 0.0)
     del triangle_a_3_slope, triangle_a_area
-    triangle_a_any = np.abs(end_a_1) + np.abs(end_a_2) <= x262
+    triangle_a_any = np.abs(end_a_1) + np.abs(end_a_2) <= x265
     triangle_a_arm_a_1 = a_2 + forearm_1*triangle_a_3_c_a - forearm_2*triangle_a_3_s_a
     triangle_a_arm_a_2 = forearm_1*triangle_a_3_s_a + forearm_2*triangle_a_3_c_a
     triangle_a_2_a_dot = end_a_1*triangle_a_arm_a_1 + end_a_2*triangle_a_arm_a_2
@@ -207,27 +208,27 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del triangle_a_2_a_dot
     triangle_a_2_a_s = np.where(triangle_a_any, 0.0, triangle_a_2_a_cross*triangle_a_2_a_scale)
     del triangle_a_2_a_cross, triangle_a_2_a_scale
-    x35 = axes_a_1_3*sine_3
+    x36 = axes_a_1_3*sine_3
     del axes_a_1_3
-    x36 = axes_a_2_3*sine_3
+    x37 = axes_a_2_3*sine_3
     del axes_a_2_3
-    x37 = triangle_a_3_c_a*x35 + triangle_a_3_s_a*x36
-    x38 = triangle_a_3_s_a*x35 - triangle_a_3_c_a*x36
-    triangle_a_free_a_square = (x37*x37) + (x38*x38)
+    x38 = triangle_a_3_c_a*x36 + triangle_a_3_s_a*x37
+    x39 = triangle_a_3_s_a*x36 - triangle_a_3_c_a*x37
+    triangle_a_free_a_square = (x38*x38) + (x39*x39)
     triangle_a_free_a_amplitude = np.sqrt(triangle_a_free_a_square)
     triangle_a_free_a_per_square = np.where(triangle_a_free_a_square > 0.0, 1.0/triangle_a_free_a_square, 1.0)
-    x40 = axes_a_3_3*cosine_3
+    x41 = axes_a_3_3*cosine_3
     del axes_a_3_3
-    x41 = x40 - bends_1
-    triangle_a_free_a_serves = (triangle_a_free_a_square <= 0.0) | (np.abs(x38 + x41) <= bends_2)
-    triangle_a_free_a_at = np.where(triangle_a_free_a_amplitude < -x41, triangle_a_free_a_amplitude, np.where(triangle_a_free_a_amplitude < x41, -triangle_a_free_a_amplitude, -x41))
+    x42 = x41 - bends_1
+    triangle_a_free_a_serves = (triangle_a_free_a_square <= 0.0) | (np.abs(x39 + x42) <= bends_2)
+    triangle_a_free_a_at = np.where(triangle_a_free_a_amplitude < -x42, triangle_a_free_a_amplitude, np.where(triangle_a_free_a_amplitude < x42, -triangle_a_free_a_amplitude, -x42))
     del triangle_a_free_a_amplitude
-    x43 = (triangle_a_free_a_at*triangle_a_free_a_at)
-    triangle_a_free_a_rest = np.where(triangle_a_free_a_square > x43, np.sqrt(triangle_a_free_a_square - x43), 0.0)
-    del triangle_a_free_a_square, x43
-    triangle_a_free_a_c_first = np.where(triangle_a_free_a_serves, 1.0, triangle_a_free_a_per_square*(triangle_a_free_a_at*x38 - triangle_a_free_a_rest*x37))
-    triangle_a_free_a_s_first = np.where(triangle_a_free_a_serves, 0.0, triangle_a_free_a_per_square*(triangle_a_free_a_at*x37 + triangle_a_free_a_rest*x38))
-    del triangle_a_free_a_at, triangle_a_free_a_per_square, triangle_a_free_a_rest, triangle_a_free_a_serves, x37, x38
+    x44 = (triangle_a_free_a_at*triangle_a_free_a_at)
+    triangle_a_free_a_rest = np.where(triangle_a_free_a_square > x44, np.sqrt(triangle_a_free_a_square - x44), 0.0)
+    del triangle_a_free_a_square, x44
+    triangle_a_free_a_c_first = np.where(triangle_a_free_a_serves, 1.0, triangle_a_free_a_per_square*(triangle_a_free_a_at*x39 - triangle_a_free_a_rest*x38))
+    triangle_a_free_a_s_first = np.where(triangle_a_free_a_serves, 0.0, triangle_a_free_a_per_square*(triangle_a_free_a_at*x38 + triangle_a_free_a_rest*x39))
+    del triangle_a_free_a_at, triangle_a_free_a_per_square, triangle_a_free_a_rest, triangle_a_free_a_serves, x38, x39
     triangle_a_chosen_c_a = np.where(triangle_a_any, triangle_a_free_a_c_first, triangle_a_2_a_c)
     del triangle_a_2_a_c, triangle_a_free_a_c_first
     triangle_a_chosen_s_a = np.where(triangle_a_any, triangle_a_free_a_s_first, triangle_a_2_a_s)
@@ -244,34 +245,34 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del triangle_a_2_b_dot
     triangle_a_2_b_s = np.where(triangle_a_any, 0.0, triangle_a_2_b_cross*triangle_a_2_b_scale)
     del triangle_a_2_b_cross, triangle_a_2_b_scale
-    x44 = triangle_a_3_c_b*x35 + triangle_a_3_s_b*x36
-    x45 = (x44*x44)
-    x46 = triangle_a_3_s_b*x35
-    del x35
-    x47 = triangle_a_3_c_b*x36
+    x45 = triangle_a_3_c_b*x36 + triangle_a_3_s_b*x37
+    x46 = (x45*x45)
+    x47 = triangle_a_3_s_b*x36
     del x36
-    x48 = x46 - x47
-    x49 = (x48*x48)
-    triangle_a_free_b_square = x45 + x49
+    x48 = triangle_a_3_c_b*x37
+    del x37
+    x49 = x47 - x48
+    x50 = (x49*x49)
+    triangle_a_free_b_square = x46 + x50
     triangle_a_free_b_amplitude = np.sqrt(triangle_a_free_b_square)
     triangle_a_free_b_per_square = np.where(triangle_a_free_b_square > 0.0, 1.0/triangle_a_free_b_square, 1.0)
-    triangle_a_free_b_serves = (triangle_a_free_b_square <= 0.0) | (np.abs(x41 + x48) <= bends_2)
-    triangle_a_free_b_at = np.where(triangle_a_free_b_amplitude < -x41, triangle_a_free_b_amplitude, np.where(triangle_a_free_b_amplitude < x41, -triangle_a_free_b_amplitude, -x41))
-    x50 = (triangle_a_free_b_at*triangle_a_free_b_at)
-    triangle_a_free_b_rest = np.where(triangle_a_free_b_square > x50, np.sqrt(triangle_a_free_b_square - x50), 0.0)
-    del triangle_a_free_b_square, x50
-    triangle_a_free_b_c_first = np.where(triangle_a_free_b_serves, 1.0, triangle_a_free_b_per_square*(triangle_a_free_b_at*x48 - triangle_a_free_b_rest*x44))
-    triangle_a_free_b_s_first = np.where(triangle_a_free_b_serves, 0.0, triangle_a_free_b_per_square*(triangle_a_free_b_at*x44 + triangle_a_free_b_rest*x48))
-    del triangle_a_free_b_at, triangle_a_free_b_rest, triangle_a_free_b_serves, x48
-    x51 = triangle_a_free_b_per_square*x44*(2.0*x46 - 2.0*x47)
-    del x44, x46, x47
-    x52 = triangle_a_free_b_per_square*(x49 - x45)
-    del triangle_a_free_b_per_square, x45, x49
-    triangle_a_free_b_c_second = triangle_a_free_b_c_first*x52 + triangle_a_free_b_s_first*x51
-    triangle_a_free_b_s_second = triangle_a_free_b_c_first*x51 - triangle_a_free_b_s_first*x52
-    del triangle_a_free_b_c_first, triangle_a_free_b_s_first, x51, x52
-    triangle_a_free_b_split = (triangle_a_free_b_amplitude + x41 > bends_2) & (bends_1 + triangle_a_free_b_amplitude - x40 > bends_2)
-    del triangle_a_free_b_amplitude, x40, x41
+    triangle_a_free_b_serves = (triangle_a_free_b_square <= 0.0) | (np.abs(x42 + x49) <= bends_2)
+    triangle_a_free_b_at = np.where(triangle_a_free_b_amplitude < -x42, triangle_a_free_b_amplitude, np.where(triangle_a_free_b_amplitude < x42, -triangle_a_free_b_amplitude, -x42))
+    x51 = (triangle_a_free_b_at*triangle_a_free_b_at)
+    triangle_a_free_b_rest = np.where(triangle_a_free_b_square > x51, np.sqrt(triangle_a_free_b_square - x51), 0.0)
+    del triangle_a_free_b_square, x51
+    triangle_a_free_b_c_first = np.where(triangle_a_free_b_serves, 1.0, triangle_a_free_b_per_square*(triangle_a_free_b_at*x49 - triangle_a_free_b_rest*x45))
+    triangle_a_free_b_s_first = np.where(triangle_a_free_b_serves, 0.0, triangle_a_free_b_per_square*(triangle_a_free_b_at*x45 + triangle_a_free_b_rest*x49))
+    del triangle_a_free_b_at, triangle_a_free_b_rest, triangle_a_free_b_serves, x49
+    x52 = triangle_a_free_b_per_square*x45*(2.0*x47 - 2.0*x48)
+    del x45, x47, x48
+    x53 = triangle_a_free_b_per_square*(x50 - x46)
+    del triangle_a_free_b_per_square, x46, x50
+    triangle_a_free_b_c_second = triangle_a_free_b_c_first*x53 + triangle_a_free_b_s_first*x52
+    triangle_a_free_b_s_second = triangle_a_free_b_c_first*x52 - triangle_a_free_b_s_first*x53
+    del triangle_a_free_b_c_first, triangle_a_free_b_s_first, x52, x53
+    triangle_a_free_b_split = (triangle_a_free_b_amplitude + x42 > bends_2) & (bends_1 + triangle_a_free_b_amplitude - x41 > bends_2)
+    del triangle_a_free_b_amplitude, x41, x42
     triangle_a_chosen_c_b = np.where(triangle_a_any, triangle_a_free_b_c_second, triangle_a_2_b_c)
     del triangle_a_2_b_c, triangle_a_free_b_c_second
     triangle_a_chosen_s_b = np.where(triangle_a_any, triangle_a_free_b_s_second, triangle_a_2_b_s)
@@ -280,308 +281,313 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del triangle_a_3_two, triangle_a_free_b_split
     triangle_a_error = triangle_a_3_error + np.where(triangle_a_any, 0.0, off*np.where(triangle_a_side > 0.0, 1.0/triangle_a_side, 1.0))
     del triangle_a_3_error, triangle_a_side
-    error_a = first_error + triangle_a_error
+    x54 = first_error + triangle_a_error
     del triangle_a_error
+    error_a = np.where(x54 < x16, x54, x16)
+    del x54
     c_23_aa = triangle_a_3_c_a*triangle_a_chosen_c_a - triangle_a_3_s_a*triangle_a_chosen_s_a
     s_23_aa = triangle_a_3_c_a*triangle_a_chosen_s_a + triangle_a_3_s_a*triangle_a_chosen_c_a
     axis_4_aa_1 = s_23_aa*sine_3
-    x53 = cosine_3*sine_1
-    x54 = c_23_aa*sine_3
-    axis_4_aa_2 = -cosine_1*x54 - x53
-    x55 = -cosine_1*cosine_3
-    axis_4_aa_3 = -sine_1*x54 - x55
-    del x54
-    x56 = axis_4_aa_1*pose_1_3 + axis_4_aa_2*pose_2_3
-    x57 = axis_4_aa_1*pose_2_3 - axis_4_aa_2*pose_1_3
+    x55 = cosine_3*sine_1
+    x56 = c_23_aa*sine_3
+    axis_4_aa_2 = -cosine_1*x56 - x55
+    x57 = -cosine_1*cosine_3
+    axis_4_aa_3 = -sine_1*x56 - x57
+    del x56
+    x58 = axis_4_aa_1*pose_1_3 + axis_4_aa_2*pose_2_3
+    x59 = axis_4_aa_1*pose_2_3 - axis_4_aa_2*pose_1_3
     del axis_4_aa_1, axis_4_aa_2
-    first_aa_square = (x56*x56) + (x57*x57)
+    first_aa_square = (x58*x58) + (x59*x59)
     first_aa_amplitude = np.sqrt(first_aa_square)
     first_aa_per_square = np.where(first_aa_square > 0.0, 1.0/first_aa_square, 1.0)
-    x58 = axis_4_aa_3*pose_3_3 - bends_1
+    x60 = axis_4_aa_3*pose_3_3 - bends_1
     del axis_4_aa_3
-    first_aa_serves = (first_aa_square <= 0.0) | (np.abs(x56 + x58) <= bends_2)
-    first_aa_at = np.where(first_aa_amplitude < -x58, first_aa_amplitude, np.where(first_aa_amplitude < x58, -first_aa_amplitude, -x58))
-    del first_aa_amplitude, x58
-    x60 = (first_aa_at*first_aa_at)
-    first_aa_rest = np.where(first_aa_square > x60, np.sqrt(first_aa_square - x60), 0.0)
-    del first_aa_square, x60
-    first_aa_c_first = np.where(first_aa_serves, 1.0, first_aa_per_square*(first_aa_at*x56 - first_aa_rest*x57))
-    first_aa_s_first = np.where(first_aa_serves, 0.0, first_aa_per_square*(first_aa_at*x57 + first_aa_rest*x56))
-    del first_aa_at, first_aa_per_square, first_aa_rest, first_aa_serves, x56, x57
+    first_aa_serves = (first_aa_square <= 0.0) | (np.abs(x58 + x60) <= bends_2)
+    first_aa_at = np.where(first_aa_amplitude < -x60, first_aa_amplitude, np.where(first_aa_amplitude < x60, -first_aa_amplitude, -x60))
+    del first_aa_amplitude, x60
+    x62 = (first_aa_at*first_aa_at)
+    first_aa_rest = np.where(first_aa_square > x62, np.sqrt(first_aa_square - x62), 0.0)
+    del first_aa_square, x62
+    first_aa_c_first = np.where(first_aa_serves, 1.0, first_aa_per_square*(first_aa_at*x58 - first_aa_rest*x59))
+    first_aa_s_first = np.where(first_aa_serves, 0.0, first_aa_per_square*(first_aa_at*x59 + first_aa_rest*x58))
+    del first_aa_at, first_aa_per_square, first_aa_rest, first_aa_serves, x58, x59
     c_1_aa = np.where(first_free, first_aa_c_first, first_c_a)
     del first_aa_c_first
     s_1_aa = np.where(first_free, first_aa_s_first, first_s_a)
     del first_aa_s_first
     axes_aa_1_1 = c_1_aa*pose_1_1 + pose_2_1*s_1_aa
     axes_aa_1_3 = c_1_aa*pose_1_3 + pose_2_3*s_1_aa
-    x61 = pose_3_1*sine_1
-    x62 = c_1_aa*pose_2_1 - pose_1_1*s_1_aa
-    axes_aa_2_1 = cosine_1*x62 + x61
-    x63 = c_1_aa*pose_2_3 - pose_1_3*s_1_aa
-    axes_aa_2_3 = cosine_1*x63 + x18
-    x64 = cosine_1*pose_3_1
-    axes_aa_3_1 = x64 - sine_1*x62
-    del x62
-    axes_aa_3_3 = x20 - sine_1*x63
-    del x63
+    x63 = pose_3_1*sine_1
+    x64 = c_1_aa*pose_2_1 - pose_1_1*s_1_aa
+    axes_aa_2_1 = cosine_1*x64 + x63
+    x65 = c_1_aa*pose_2_3 - pose_1_3*s_1_aa
+    axes_aa_2_3 = cosine_1*x65 + x19
+    x66 = cosine_1*pose_3_1
+    axes_aa_3_1 = x66 - sine_1*x64
+    del x64
+    axes_aa_3_3 = x21 - sine_1*x65
+    del x65
     N_aa_1_1 = axes_aa_1_1*c_23_aa + axes_aa_2_1*s_23_aa
     N_aa_1_3 = axes_aa_1_3*c_23_aa + axes_aa_2_3*s_23_aa
-    x65 = axes_aa_2_1*c_23_aa - axes_aa_1_1*s_23_aa
+    x67 = axes_aa_2_1*c_23_aa - axes_aa_1_1*s_23_aa
     del axes_aa_1_1, axes_aa_2_1
-    N_aa_2_1 = axes_aa_3_1*sine_3 + cosine_3*x65
-    x66 = axes_aa_2_3*c_23_aa - axes_aa_1_3*s_23_aa
+    N_aa_2_1 = axes_aa_3_1*sine_3 + cosine_3*x67
+    x68 = axes_aa_2_3*c_23_aa - axes_aa_1_3*s_23_aa
     del axes_aa_1_3, axes_aa_2_3, c_23_aa, s_23_aa
-    N_aa_2_3 = axes_aa_3_3*sine_3 + cosine_3*x66
-    N_aa_3_1 = axes_aa_3_1*cosine_3 - sine_3*x65
-    del axes_aa_3_1, x65
-    N_aa_3_3 = axes_aa_3_3*cosine_3 - sine_3*x66
-    del axes_aa_3_3, x66
+    N_aa_2_3 = axes_aa_3_3*sine_3 + cosine_3*x68
+    N_aa_3_1 = axes_aa_3_1*cosine_3 - sine_3*x67
+    del axes_aa_3_1, x67
+    N_aa_3_3 = axes_aa_3_3*cosine_3 - sine_3*x68
+    del axes_aa_3_3, x68
     h_aa = np.sqrt((N_aa_1_3*N_aa_1_3) + (N_aa_2_3*N_aa_2_3))
     bend_aa_denominator = np.abs(N_aa_3_3) + 1.0
-    x67 = cosine_4 - cosine_5
-    x68 = cosine_4 + cosine_5
-    bend_aa_apart = np.where(N_aa_3_3 >= 0.0, x67, x68)
+    x69 = cosine_4 - cosine_5
+    x70 = cosine_4 + cosine_5
+    bend_aa_apart = np.where(N_aa_3_3 >= 0.0, x69, x70)
     bend_aa_product = np.where(N_aa_3_3 >= 0.0, x3, -x3)
-    x70 = (bend_aa_apart*bend_aa_apart)
+    x72 = (bend_aa_apart*bend_aa_apart)
     del bend_aa_apart
-    bend_aa_gram = (h_aa*h_aa)*(1.0 - 2.0*bend_aa_product/bend_aa_denominator) - x70
+    bend_aa_gram = (h_aa*h_aa)*(1.0 - 2.0*bend_aa_product/bend_aa_denominator) - x72
     del bend_aa_denominator, bend_aa_product
-    bend_aa_tolerance = error_a*(error_a + 2.0*h_aa) + x14*(h_aa + x70)
-    del x70
-    x263 = error_a + x261
-    bend_aa_free = (bend_aa_gram >= -bend_aa_tolerance) & (h_aa <= x263)
-    del h_aa
-    bend_aa_double = (np.abs(bend_aa_gram) <= bend_aa_tolerance) & (~(bend_aa_free))
+    bend_aa_tolerance = error_a*(error_a + 2.0*h_aa) + x14*(h_aa + x72)
+    del x72
     bend_aa_exists = bend_aa_gram >= -bend_aa_tolerance
+    x266 = 4.0*error_a + x264
+    bend_aa_free = (bend_aa_exists) & (h_aa <= x266)
+    bend_aa_any = (bend_aa_exists) & (h_aa <= x264)
+    del h_aa
+    bend_aa_double = (bend_aa_gram <= bend_aa_tolerance) & (~(bend_aa_free))
     del bend_aa_tolerance
-    bend_aa_q = np.where((~(bend_aa_double)) & (bend_aa_gram > 0.0), np.sqrt(bend_aa_gram), 0.0)
+    bend_aa_q = np.where(bend_aa_gram > 0.0, np.sqrt(bend_aa_gram), 0.0)
     del bend_aa_gram
     bend_aa_along = x3 - N_aa_3_3
     del N_aa_3_3
     bend_aa_size = np.sqrt((bend_aa_along*bend_aa_along) + (bend_aa_q*bend_aa_q))
-    x71 = np.where(x4 < 0.0, -1.0, 1.0)
+    x73 = np.where(x4 < 0.0, -1.0, 1.0)
     del x4
-    bend_aa_scale = x71*np.where(bend_aa_size > 0.0, 1.0/bend_aa_size, 1.0)
+    bend_aa_scale = x73*np.where(bend_aa_size > 0.0, 1.0/bend_aa_size, 1.0)
     del bend_aa_size
     bend_aa_c = bend_aa_along*bend_aa_scale
     del bend_aa_along
     bend_aa_s = bend_aa_q*bend_aa_scale
     del bend_aa_q, bend_aa_scale
-    bend_aa_two = (bend_aa_exists) & (~((bend_aa_double) | (bend_aa_free)))
-    x72 = bend_aa_s*sine_5
-    x73 = N_aa_1_3*x72
-    x74 = cosine_5*sine_4
-    x75 = cosine_4*sine_5
-    x76 = -bend_aa_c*x75 - x74
-    fourth_aaa_dot = N_aa_2_3*x76 + x73
-    x77 = N_aa_2_3*x72
-    del x72
-    x78 = N_aa_1_3*x76
+    bend_aa_two = (bend_aa_exists) & (~((bend_aa_any) | (bend_aa_double)))
+    x74 = bend_aa_s*sine_5
+    x75 = N_aa_1_3*x74
+    x76 = cosine_5*sine_4
+    x77 = cosine_4*sine_5
+    x78 = -bend_aa_c*x77 - x76
+    fourth_aaa_dot = N_aa_2_3*x78 + x75
+    x79 = N_aa_2_3*x74
+    del x74
+    x80 = N_aa_1_3*x78
     del N_aa_1_3
-    fourth_aaa_cross = x77 - x78
+    fourth_aaa_cross = x79 - x80
     fourth_aaa_size = np.sqrt((fourth_aaa_cross*fourth_aaa_cross) + (fourth_aaa_dot*fourth_aaa_dot))
     fourth_aaa_scale = np.where(fourth_aaa_size > 0.0, 1.0/fourth_aaa_size, 1.0)
     del fourth_aaa_size
-    fourth_aaa_c = np.where(bend_aa_free, 1.0, fourth_aaa_dot*fourth_aaa_scale)
+    fourth_aaa_c = np.where(bend_aa_any, 1.0, fourth_aaa_dot*fourth_aaa_scale)
     del fourth_aaa_dot
-    fourth_aaa_s = np.where(bend_aa_free, 0.0, fourth_aaa_cross*fourth_aaa_scale)
+    fourth_aaa_s = np.where(bend_aa_any, 0.0, fourth_aaa_cross*fourth_aaa_scale)
     del fourth_aaa_cross, fourth_aaa_scale
-    x79 = N_aa_1_1*fourth_aaa_c + N_aa_2_1*fourth_aaa_s
-    x80 = N_aa_3_1*sine_4
-    x81 = N_aa_2_1*fourth_aaa_c - N_aa_1_1*fourth_aaa_s
-    x82 = cosine_4*x81 + x80
-    c_6_aaa = bend_aa_c*x79 + bend_aa_s*x82
-    x83 = N_aa_3_1*cosine_4
+    x81 = N_aa_1_1*fourth_aaa_c + N_aa_2_1*fourth_aaa_s
+    x82 = N_aa_3_1*sine_4
+    x83 = N_aa_2_1*fourth_aaa_c - N_aa_1_1*fourth_aaa_s
+    x84 = cosine_4*x83 + x82
+    c_6_aaa = bend_aa_c*x81 + bend_aa_s*x84
+    x85 = N_aa_3_1*cosine_4
     del N_aa_3_1
-    s_6_aaa = cosine_5*(bend_aa_c*x82 - bend_aa_s*x79) + sine_5*(x83 - sine_4*x81)
-    del x79, x81, x82
-    fourth_aab_dot = N_aa_2_3*x76 - x73
-    del N_aa_2_3, x73, x76
-    fourth_aab_cross = -x77 - x78
-    del x77, x78
+    s_6_aaa = cosine_5*(bend_aa_c*x84 - bend_aa_s*x81) + sine_5*(x85 - sine_4*x83)
+    del x81, x83, x84
+    fourth_aab_dot = N_aa_2_3*x78 - x75
+    del N_aa_2_3, x75, x78
+    fourth_aab_cross = -x79 - x80
+    del x79, x80
     fourth_aab_size = np.sqrt((fourth_aab_cross*fourth_aab_cross) + (fourth_aab_dot*fourth_aab_dot))
     fourth_aab_scale = np.where(fourth_aab_size > 0.0, 1.0/fourth_aab_size, 1.0)
     del fourth_aab_size
-    fourth_aab_c = np.where(bend_aa_free, 1.0, fourth_aab_dot*fourth_aab_scale)
+    fourth_aab_c = np.where(bend_aa_any, 1.0, fourth_aab_dot*fourth_aab_scale)
     del fourth_aab_dot
-    fourth_aab_s = np.where(bend_aa_free, 0.0, fourth_aab_cross*fourth_aab_scale)
-    del fourth_aab_cross, fourth_aab_scale
-    x84 = N_aa_1_1*fourth_aab_c + N_aa_2_1*fourth_aab_s
-    x85 = N_aa_2_1*fourth_aab_c - N_aa_1_1*fourth_aab_s
+    fourth_aab_s = np.where(bend_aa_any, 0.0, fourth_aab_cross*fourth_aab_scale)
+    del bend_aa_any, fourth_aab_cross, fourth_aab_scale
+    x86 = N_aa_1_1*fourth_aab_c + N_aa_2_1*fourth_aab_s
+    x87 = N_aa_2_1*fourth_aab_c - N_aa_1_1*fourth_aab_s
     del N_aa_1_1, N_aa_2_1
-    x86 = cosine_4*x85 + x80
-    del x80
-    c_6_aab = bend_aa_c*x84 - bend_aa_s*x86
-    s_6_aab = cosine_5*(bend_aa_c*x86 + bend_aa_s*x84) + sine_5*(x83 - sine_4*x85)
-    del x83, x84, x85, x86
+    x88 = cosine_4*x87 + x82
+    del x82
+    c_6_aab = bend_aa_c*x86 - bend_aa_s*x88
+    s_6_aab = cosine_5*(bend_aa_c*x88 + bend_aa_s*x86) + sine_5*(x85 - sine_4*x87)
+    del x85, x86, x87, x88
     c_23_ab = triangle_a_3_c_b*triangle_a_chosen_c_b - triangle_a_3_s_b*triangle_a_chosen_s_b
     s_23_ab = triangle_a_3_c_b*triangle_a_chosen_s_b + triangle_a_3_s_b*triangle_a_chosen_c_b
     axis_4_ab_1 = s_23_ab*sine_3
-    x87 = c_23_ab*sine_3
-    axis_4_ab_2 = -cosine_1*x87 - x53
-    axis_4_ab_3 = -sine_1*x87 - x55
-    del x87
-    x88 = axis_4_ab_1*pose_1_3 + axis_4_ab_2*pose_2_3
-    x89 = axis_4_ab_1*pose_2_3 - axis_4_ab_2*pose_1_3
+    x89 = c_23_ab*sine_3
+    axis_4_ab_2 = -cosine_1*x89 - x55
+    axis_4_ab_3 = -sine_1*x89 - x57
+    del x89
+    x90 = axis_4_ab_1*pose_1_3 + axis_4_ab_2*pose_2_3
+    x91 = axis_4_ab_1*pose_2_3 - axis_4_ab_2*pose_1_3
     del axis_4_ab_1, axis_4_ab_2
-    first_ab_square = (x88*x88) + (x89*x89)
+    first_ab_square = (x90*x90) + (x91*x91)
     first_ab_amplitude = np.sqrt(first_ab_square)
     first_ab_per_square = np.where(first_ab_square > 0.0, 1.0/first_ab_square, 1.0)
-    x90 = axis_4_ab_3*pose_3_3 - bends_1
+    x92 = axis_4_ab_3*pose_3_3 - bends_1
     del axis_4_ab_3
-    first_ab_serves = (first_ab_square <= 0.0) | (np.abs(x88 + x90) <= bends_2)
-    first_ab_at = np.where(first_ab_amplitude < -x90, first_ab_amplitude, np.where(first_ab_amplitude < x90, -first_ab_amplitude, -x90))
-    del first_ab_amplitude, x90
-    x92 = (first_ab_at*first_ab_at)
-    first_ab_rest = np.where(first_ab_square > x92, np.sqrt(first_ab_square - x92), 0.0)
-    del first_ab_square, x92
-    first_ab_c_first = np.where(first_ab_serves, 1.0, first_ab_per_square*(first_ab_at*x88 - first_ab_rest*x89))
-    first_ab_s_first = np.where(first_ab_serves, 0.0, first_ab_per_square*(first_ab_at*x89 + first_ab_rest*x88))
-    del first_ab_at, first_ab_per_square, first_ab_rest, first_ab_serves, x88, x89
+    first_ab_serves = (first_ab_square <= 0.0) | (np.abs(x90 + x92) <= bends_2)
+    first_ab_at = np.where(first_ab_amplitude < -x92, first_ab_amplitude, np.where(first_ab_amplitude < x92, -first_ab_amplitude, -x92))
+    del first_ab_amplitude, x92
+    x94 = (first_ab_at*first_ab_at)
+    first_ab_rest = np.where(first_ab_square > x94, np.sqrt(first_ab_square - x94), 0.0)
+    del first_ab_square, x94
+    first_ab_c_first = np.where(first_ab_serves, 1.0, first_ab_per_square*(first_ab_at*x90 - first_ab_rest*x91))
+    first_ab_s_first = np.where(first_ab_serves, 0.0, first_ab_per_square*(first_ab_at*x91 + first_ab_rest*x90))
+    del first_ab_at, first_ab_per_square, first_ab_rest, first_ab_serves, x90, x91
     c_1_ab = np.where(first_free, first_ab_c_first, first_c_a)
     del first_ab_c_first, first_c_a
     s_1_ab = np.where(first_free, first_ab_s_first, first_s_a)
     del first_ab_s_first, first_s_a
     axes_ab_1_1 = c_1_ab*pose_1_1 + pose_2_1*s_1_ab
     axes_ab_1_3 = c_1_ab*pose_1_3 + pose_2_3*s_1_ab
-    x93 = c_1_ab*pose_2_1 - pose_1_1*s_1_ab
-    axes_ab_2_1 = cosine_1*x93 + x61
-    x94 = c_1_ab*pose_2_3 - pose_1_3*s_1_ab
-    axes_ab_2_3 = cosine_1*x94 + x18
-    axes_ab_3_1 = x64 - sine_1*x93
-    del x93
-    axes_ab_3_3 = x20 - sine_1*x94
-    del x94
+    x95 = c_1_ab*pose_2_1 - pose_1_1*s_1_ab
+    axes_ab_2_1 = cosine_1*x95 + x63
+    x96 = c_1_ab*pose_2_3 - pose_1_3*s_1_ab
+    axes_ab_2_3 = cosine_1*x96 + x19
+    axes_ab_3_1 = x66 - sine_1*x95
+    del x95
+    axes_ab_3_3 = x21 - sine_1*x96
+    del x96
     N_ab_1_1 = axes_ab_1_1*c_23_ab + axes_ab_2_1*s_23_ab
     N_ab_1_3 = axes_ab_1_3*c_23_ab + axes_ab_2_3*s_23_ab
-    x95 = axes_ab_2_1*c_23_ab - axes_ab_1_1*s_23_ab
+    x97 = axes_ab_2_1*c_23_ab - axes_ab_1_1*s_23_ab
     del axes_ab_1_1, axes_ab_2_1
-    N_ab_2_1 = axes_ab_3_1*sine_3 + cosine_3*x95
-    x96 = axes_ab_2_3*c_23_ab - axes_ab_1_3*s_23_ab
+    N_ab_2_1 = axes_ab_3_1*sine_3 + cosine_3*x97
+    x98 = axes_ab_2_3*c_23_ab - axes_ab_1_3*s_23_ab
     del axes_ab_1_3, axes_ab_2_3, c_23_ab, s_23_ab
-    N_ab_2_3 = axes_ab_3_3*sine_3 + cosine_3*x96
-    N_ab_3_1 = axes_ab_3_1*cosine_3 - sine_3*x95
-    del axes_ab_3_1, x95
-    N_ab_3_3 = axes_ab_3_3*cosine_3 - sine_3*x96
-    del axes_ab_3_3, x96
+    N_ab_2_3 = axes_ab_3_3*sine_3 + cosine_3*x98
+    N_ab_3_1 = axes_ab_3_1*cosine_3 - sine_3*x97
+    del axes_ab_3_1, x97
+    N_ab_3_3 = axes_ab_3_3*cosine_3 - sine_3*x98
+    del axes_ab_3_3, x98
     h_ab = np.sqrt((N_ab_1_3*N_ab_1_3) + (N_ab_2_3*N_ab_2_3))
     bend_ab_denominator = np.abs(N_ab_3_3) + 1.0
-    bend_ab_apart = np.where(N_ab_3_3 >= 0.0, x67, x68)
+    bend_ab_apart = np.where(N_ab_3_3 >= 0.0, x69, x70)
     bend_ab_product = np.where(N_ab_3_3 >= 0.0, x3, -x3)
-    x97 = (bend_ab_apart*bend_ab_apart)
+    x99 = (bend_ab_apart*bend_ab_apart)
     del bend_ab_apart
-    bend_ab_gram = (h_ab*h_ab)*(1.0 - 2.0*bend_ab_product/bend_ab_denominator) - x97
+    bend_ab_gram = (h_ab*h_ab)*(1.0 - 2.0*bend_ab_product/bend_ab_denominator) - x99
     del bend_ab_denominator, bend_ab_product
-    bend_ab_tolerance = error_a*(error_a + 2.0*h_ab) + x14*(h_ab + x97)
-    del error_a, x97
-    bend_ab_free = (bend_ab_gram >= -bend_ab_tolerance) & (h_ab <= x263)
-    del h_ab, x263
-    bend_ab_double = (np.abs(bend_ab_gram) <= bend_ab_tolerance) & (~(bend_ab_free))
+    bend_ab_tolerance = error_a*(error_a + 2.0*h_ab) + x14*(h_ab + x99)
+    del error_a, x99
     bend_ab_exists = bend_ab_gram >= -bend_ab_tolerance
+    bend_ab_free = (bend_ab_exists) & (h_ab <= x266)
+    del x266
+    bend_ab_any = (bend_ab_exists) & (h_ab <= x264)
+    del h_ab
+    bend_ab_double = (bend_ab_gram <= bend_ab_tolerance) & (~(bend_ab_free))
     del bend_ab_tolerance
-    bend_ab_q = np.where((~(bend_ab_double)) & (bend_ab_gram > 0.0), np.sqrt(bend_ab_gram), 0.0)
+    bend_ab_q = np.where(bend_ab_gram > 0.0, np.sqrt(bend_ab_gram), 0.0)
     del bend_ab_gram
     bend_ab_along = x3 - N_ab_3_3
     del N_ab_3_3
     bend_ab_size = np.sqrt((bend_ab_along*bend_ab_along) + (bend_ab_q*bend_ab_q))
-    bend_ab_scale = x71*np.where(bend_ab_size > 0.0, 1.0/bend_ab_size, 1.0)
+    bend_ab_scale = x73*np.where(bend_ab_size > 0.0, 1.0/bend_ab_size, 1.0)
     del bend_ab_size
     bend_ab_c = bend_ab_along*bend_ab_scale
     del bend_ab_along
     bend_ab_s = bend_ab_q*bend_ab_scale
     del bend_ab_q, bend_ab_scale
-    bend_ab_two = (bend_ab_exists) & (~((bend_ab_double) | (bend_ab_free)))
-    x98 = bend_ab_s*sine_5
-    x99 = N_ab_1_3*x98
-    x100 = -bend_ab_c*x75 - x74
-    fourth_aba_dot = N_ab_2_3*x100 + x99
-    x101 = N_ab_2_3*x98
-    del x98
-    x102 = N_ab_1_3*x100
+    bend_ab_two = (bend_ab_exists) & (~((bend_ab_any) | (bend_ab_double)))
+    x100 = bend_ab_s*sine_5
+    x101 = N_ab_1_3*x100
+    x102 = -bend_ab_c*x77 - x76
+    fourth_aba_dot = N_ab_2_3*x102 + x101
+    x103 = N_ab_2_3*x100
+    del x100
+    x104 = N_ab_1_3*x102
     del N_ab_1_3
-    fourth_aba_cross = x101 - x102
+    fourth_aba_cross = x103 - x104
     fourth_aba_size = np.sqrt((fourth_aba_cross*fourth_aba_cross) + (fourth_aba_dot*fourth_aba_dot))
     fourth_aba_scale = np.where(fourth_aba_size > 0.0, 1.0/fourth_aba_size, 1.0)
     del fourth_aba_size
-    fourth_aba_c = np.where(bend_ab_free, 1.0, fourth_aba_dot*fourth_aba_scale)
+    fourth_aba_c = np.where(bend_ab_any, 1.0, fourth_aba_dot*fourth_aba_scale)
     del fourth_aba_dot
-    fourth_aba_s = np.where(bend_ab_free, 0.0, fourth_aba_cross*fourth_aba_scale)
+    fourth_aba_s = np.where(bend_ab_any, 0.0, fourth_aba_cross*fourth_aba_scale)
     del fourth_aba_cross, fourth_aba_scale
-    x103 = N_ab_1_1*fourth_aba_c + N_ab_2_1*fourth_aba_s
-    x104 = N_ab_3_1*sine_4
-    x105 = N_ab_2_1*fourth_aba_c - N_ab_1_1*fourth_aba_s
-    x106 = cosine_4*x105 + x104
-    c_6_aba = bend_ab_c*x103 + bend_ab_s*x106
-    x107 = N_ab_3_1*cosine_4
+    x105 = N_ab_1_1*fourth_aba_c + N_ab_2_1*fourth_aba_s
+    x106 = N_ab_3_1*sine_4
+    x107 = N_ab_2_1*fourth_aba_c - N_ab_1_1*fourth_aba_s
+    x108 = cosine_4*x107 + x106
+    c_6_aba = bend_ab_c*x105 + bend_ab_s*x108
+    x109 = N_ab_3_1*cosine_4
     del N_ab_3_1
-    s_6_aba = cosine_5*(bend_ab_c*x106 - bend_ab_s*x103) + sine_5*(x107 - sine_4*x105)
-    del x103, x105, x106
-    fourth_abb_dot = N_ab_2_3*x100 - x99
-    del N_ab_2_3, x100, x99
-    fourth_abb_cross = -x101 - x102
-    del x101, x102
+    s_6_aba = cosine_5*(bend_ab_c*x108 - bend_ab_s*x105) + sine_5*(x109 - sine_4*x107)
+    del x105, x107, x108
+    fourth_abb_dot = N_ab_2_3*x102 - x101
+    del N_ab_2_3, x101, x102
+    fourth_abb_cross = -x103 - x104
+    del x103, x104
     fourth_abb_size = np.sqrt((fourth_abb_cross*fourth_abb_cross) + (fourth_abb_dot*fourth_abb_dot))
     fourth_abb_scale = np.where(fourth_abb_size > 0.0, 1.0/fourth_abb_size, 1.0)
     del fourth_abb_size
-    fourth_abb_c = np.where(bend_ab_free, 1.0, fourth_abb_dot*fourth_abb_scale)
+    fourth_abb_c = np.where(bend_ab_any, 1.0, fourth_abb_dot*fourth_abb_scale)
     del fourth_abb_dot
-    fourth_abb_s = np.where(bend_ab_free, 0.0, fourth_abb_cross*fourth_abb_scale)
-    del fourth_abb_cross, fourth_abb_scale
-    x108 = N_ab_1_1*fourth_abb_c + N_ab_2_1*fourth_abb_s
-    x109 = N_ab_2_1*fourth_abb_c - N_ab_1_1*fourth_abb_s
+    fourth_abb_s = np.where(bend_ab_any, 0.0, fourth_abb_cross*fourth_abb_scale)
+    del bend_ab_any, fourth_abb_cross, fourth_abb_scale
+    x110 = N_ab_1_1*fourth_abb_c + N_ab_2_1*fourth_abb_s
+    x111 = N_ab_2_1*fourth_abb_c - N_ab_1_1*fourth_abb_s
     del N_ab_1_1, N_ab_2_1
-    x110 = cosine_4*x109 + x104
-    del x104
-    c_6_abb = bend_ab_c*x108 - bend_ab_s*x110
-    s_6_abb = cosine_5*(bend_ab_c*x110 + bend_ab_s*x108) + sine_5*(x107 - sine_4*x109)
-    del x107, x108, x109, x110
+    x112 = cosine_4*x111 + x106
+    del x106
+    c_6_abb = bend_ab_c*x110 - bend_ab_s*x112
+    s_6_abb = cosine_5*(bend_ab_c*x112 + bend_ab_s*x110) + sine_5*(x109 - sine_4*x111)
+    del x109, x110, x111, x112
     side_b = centre_2*first_c_b - centre_1*first_s_b
     end_b_1 = centre_1*first_c_b + centre_2*first_s_b - a_1
     del centre_1, centre_2
-    end_b_2 = cosine_1*side_b + x17
-    del side_b, x17
+    end_b_2 = cosine_1*side_b + x18
+    del side_b, x18
     axes_b_1_3 = first_c_b*pose_1_3 + first_s_b*pose_2_3
-    x111 = first_c_b*pose_2_3 - first_s_b*pose_1_3
-    axes_b_2_3 = cosine_1*x111 + x18
-    axes_b_3_3 = x20 - sine_1*x111
-    del x111
+    x113 = first_c_b*pose_2_3 - first_s_b*pose_1_3
+    axes_b_2_3 = cosine_1*x113 + x19
+    axes_b_3_3 = x21 - sine_1*x113
+    del x113
     triangle_b_side = np.sqrt((end_b_1*end_b_1) + (end_b_2*end_b_2))
-    triangle_b_area = triangle_b_side*x21 + x23
-    del x21, x23
-    triangle_b_3_r = x25
-    del x25
-    x112 = square - (triangle_b_side*triangle_b_side)
+    triangle_b_area = triangle_b_side*x22 + x24
+    del x22, x24
+    triangle_b_3_r = x26
+    del x26
+    x114 = square - (triangle_b_side*triangle_b_side)
     del square
-    x113 = np.abs(x112)
-    triangle_b_3_room = triangle_b_3_r - x113
-    triangle_b_3_free = (triangle_b_3_r <= x265) & (x113 <= x265)
-    del x265
+    x115 = np.abs(x114)
+    triangle_b_3_room = triangle_b_3_r - x115
+    triangle_b_3_free = (triangle_b_3_r <= x268) & (x115 <= x268)
+    del x268
     triangle_b_3_double = (triangle_b_3_room <= triangle_b_area) & (~(triangle_b_3_free))
     triangle_b_3_exists = (triangle_b_3_free) | ((triangle_b_3_room >= -triangle_b_area) & (triangle_b_3_r > 0.0))
-    triangle_b_3_q = np.where((~(triangle_b_3_double)) & (triangle_b_3_room > 0.0), np.sqrt(triangle_b_3_room*(triangle_b_3_r + x113)), 0.0)
-    del triangle_b_3_room, x113
-    x114 = (triangle_b_3_q*triangle_b_3_q)
-    triangle_b_3_size = triangle_b_3_r*np.sqrt((x112*x112) + x114)
+    triangle_b_3_q = np.where(triangle_b_3_room > 0.0, np.sqrt(triangle_b_3_room*(triangle_b_3_r + x115)), 0.0)
+    del triangle_b_3_room, x115
+    x116 = (triangle_b_3_q*triangle_b_3_q)
+    triangle_b_3_size = triangle_b_3_r*np.sqrt((x114*x114) + x116)
     triangle_b_3_scale = np.where(triangle_b_3_size > 0.0, 1.0/triangle_b_3_size, 1.0)
     del triangle_b_3_size
-    x115 = triangle_b_3_q*x30
-    x116 = x112*x32
-    triangle_b_3_c_a = np.where(triangle_b_3_free, 1.0, triangle_b_3_scale*(x115 - x116))
-    x117 = triangle_b_3_q*x32
-    del triangle_b_3_q, x32
-    triangle_b_3_s_a = np.where(triangle_b_3_free, 0.0, triangle_b_3_scale*(x112*x30 + x117))
-    del x30
-    triangle_b_3_c_b = np.where(triangle_b_3_free, 1.0, triangle_b_3_scale*(-x115 - x116))
-    del x115, x116
-    triangle_b_3_s_b = np.where(triangle_b_3_free, 0.0, triangle_b_3_scale*(2.0*a_2*forearm_2*x112 - x117))
-    del triangle_b_3_scale, x112, x117
+    x117 = triangle_b_3_q*x31
+    x118 = x114*x33
+    triangle_b_3_c_a = np.where(triangle_b_3_free, 1.0, triangle_b_3_scale*(x117 - x118))
+    x119 = triangle_b_3_q*x33
+    del triangle_b_3_q, x33
+    triangle_b_3_s_a = np.where(triangle_b_3_free, 0.0, triangle_b_3_scale*(x114*x31 + x119))
+    del x31
+    triangle_b_3_c_b = np.where(triangle_b_3_free, 1.0, triangle_b_3_scale*(-x117 - x118))
+    del x117, x118
+    triangle_b_3_s_b = np.where(triangle_b_3_free, 0.0, triangle_b_3_scale*(2.0*a_2*forearm_2*x114 - x119))
+    del triangle_b_3_scale, x114, x119
     triangle_b_3_two = (triangle_b_3_exists) & (~((triangle_b_3_double) | (triangle_b_3_free)))
-    triangle_b_3_slope = triangle_b_3_r*triangle_b_area + x114
-    del triangle_b_3_r, x114
+    triangle_b_3_slope = triangle_b_3_r*triangle_b_area + x116
+    del triangle_b_3_r, x116
     triangle_b_3_error = np.where((~(triangle_b_3_free)) & (triangle_b_3_slope > 0.0), triangle_b_area*np.where(triangle_b_3_slope > 0.0, 1.0/np.sqrt(triangle_b_3_slope), 1.0), 0.0)
     del triangle_b_3_slope, triangle_b_area
-    triangle_b_any = np.abs(end_b_1) + np.abs(end_b_2) <= x262
-    del x262
+    triangle_b_any = np.abs(end_b_1) + np.abs(end_b_2) <= x265
+    del x265
     triangle_b_arm_a_1 = a_2 + forearm_1*triangle_b_3_c_a - forearm_2*triangle_b_3_s_a
     triangle_b_arm_a_2 = forearm_1*triangle_b_3_s_a + forearm_2*triangle_b_3_c_a
     triangle_b_2_a_dot = end_b_1*triangle_b_arm_a_1 + end_b_2*triangle_b_arm_a_2
@@ -594,27 +600,27 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del triangle_b_2_a_dot
     triangle_b_2_a_s = np.where(triangle_b_any, 0.0, triangle_b_2_a_cross*triangle_b_2_a_scale)
     del triangle_b_2_a_cross, triangle_b_2_a_scale
-    x118 = axes_b_1_3*sine_3
+    x120 = axes_b_1_3*sine_3
     del axes_b_1_3
-    x119 = axes_b_2_3*sine_3
+    x121 = axes_b_2_3*sine_3
     del axes_b_2_3
-    x120 = triangle_b_3_c_a*x118 + triangle_b_3_s_a*x119
-    x121 = triangle_b_3_s_a*x118 - triangle_b_3_c_a*x119
-    triangle_b_free_a_square = (x120*x120) + (x121*x121)
+    x122 = triangle_b_3_c_a*x120 + triangle_b_3_s_a*x121
+    x123 = triangle_b_3_s_a*x120 - triangle_b_3_c_a*x121
+    triangle_b_free_a_square = (x122*x122) + (x123*x123)
     triangle_b_free_a_amplitude = np.sqrt(triangle_b_free_a_square)
     triangle_b_free_a_per_square = np.where(triangle_b_free_a_square > 0.0, 1.0/triangle_b_free_a_square, 1.0)
-    x122 = axes_b_3_3*cosine_3
+    x124 = axes_b_3_3*cosine_3
     del axes_b_3_3
-    x123 = x122 - bends_1
-    triangle_b_free_a_serves = (triangle_b_free_a_square <= 0.0) | (np.abs(x121 + x123) <= bends_2)
-    triangle_b_free_a_at = np.where(triangle_b_free_a_amplitude < -x123, triangle_b_free_a_amplitude, np.where(triangle_b_free_a_amplitude < x123, -triangle_b_free_a_amplitude, -x123))
+    x125 = x124 - bends_1
+    triangle_b_free_a_serves = (triangle_b_free_a_square <= 0.0) | (np.abs(x123 + x125) <= bends_2)
+    triangle_b_free_a_at = np.where(triangle_b_free_a_amplitude < -x125, triangle_b_free_a_amplitude, np.where(triangle_b_free_a_amplitude < x125, -triangle_b_free_a_amplitude, -x125))
     del triangle_b_free_a_amplitude
-    x125 = (triangle_b_free_a_at*triangle_b_free_a_at)
-    triangle_b_free_a_rest = np.where(triangle_b_free_a_square > x125, np.sqrt(triangle_b_free_a_square - x125), 0.0)
-    del triangle_b_free_a_square, x125
-    triangle_b_free_a_c_first = np.where(triangle_b_free_a_serves, 1.0, triangle_b_free_a_per_square*(triangle_b_free_a_at*x121 - triangle_b_free_a_rest*x120))
-    triangle_b_free_a_s_first = np.where(triangle_b_free_a_serves, 0.0, triangle_b_free_a_per_square*(triangle_b_free_a_at*x120 + triangle_b_free_a_rest*x121))
-    del triangle_b_free_a_at, triangle_b_free_a_per_square, triangle_b_free_a_rest, triangle_b_free_a_serves, x120, x121
+    x127 = (triangle_b_free_a_at*triangle_b_free_a_at)
+    triangle_b_free_a_rest = np.where(triangle_b_free_a_square > x127, np.sqrt(triangle_b_free_a_square - x127), 0.0)
+    del triangle_b_free_a_square, x127
+    triangle_b_free_a_c_first = np.where(triangle_b_free_a_serves, 1.0, triangle_b_free_a_per_square*(triangle_b_free_a_at*x123 - triangle_b_free_a_rest*x122))
+    triangle_b_free_a_s_first = np.where(triangle_b_free_a_serves, 0.0, triangle_b_free_a_per_square*(triangle_b_free_a_at*x122 + triangle_b_free_a_rest*x123))
+    del triangle_b_free_a_at, triangle_b_free_a_per_square, triangle_b_free_a_rest, triangle_b_free_a_serves, x122, x123
     triangle_b_chosen_c_a = np.where(triangle_b_any, triangle_b_free_a_c_first, triangle_b_2_a_c)
     del triangle_b_2_a_c, triangle_b_free_a_c_first
     triangle_b_chosen_s_a = np.where(triangle_b_any, triangle_b_free_a_s_first, triangle_b_2_a_s)
@@ -632,34 +638,34 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del triangle_b_2_b_dot
     triangle_b_2_b_s = np.where(triangle_b_any, 0.0, triangle_b_2_b_cross*triangle_b_2_b_scale)
     del triangle_b_2_b_cross, triangle_b_2_b_scale
-    x126 = triangle_b_3_c_b*x118 + triangle_b_3_s_b*x119
-    x127 = (x126*x126)
-    x128 = triangle_b_3_s_b*x118
-    del x118
-    x129 = triangle_b_3_c_b*x119
-    del x119
-    x130 = x128 - x129
-    x131 = (x130*x130)
-    triangle_b_free_b_square = x127 + x131
+    x128 = triangle_b_3_c_b*x120 + triangle_b_3_s_b*x121
+    x129 = (x128*x128)
+    x130 = triangle_b_3_s_b*x120
+    del x120
+    x131 = triangle_b_3_c_b*x121
+    del x121
+    x132 = x130 - x131
+    x133 = (x132*x132)
+    triangle_b_free_b_square = x129 + x133
     triangle_b_free_b_amplitude = np.sqrt(triangle_b_free_b_square)
     triangle_b_free_b_per_square = np.where(triangle_b_free_b_square > 0.0, 1.0/triangle_b_free_b_square, 1.0)
-    triangle_b_free_b_serves = (triangle_b_free_b_square <= 0.0) | (np.abs(x123 + x130) <= bends_2)
-    triangle_b_free_b_at = np.where(triangle_b_free_b_amplitude < -x123, triangle_b_free_b_amplitude, np.where(triangle_b_free_b_amplitude < x123, -triangle_b_free_b_amplitude, -x123))
-    x132 = (triangle_b_free_b_at*triangle_b_free_b_at)
-    triangle_b_free_b_rest = np.where(triangle_b_free_b_square > x132, np.sqrt(triangle_b_free_b_square - x132), 0.0)
-    del triangle_b_free_b_square, x132
-    triangle_b_free_b_c_first = np.where(triangle_b_free_b_serves, 1.0, triangle_b_free_b_per_square*(triangle_b_free_b_at*x130 - triangle_b_free_b_rest*x126))
-    triangle_b_free_b_s_first = np.where(triangle_b_free_b_serves, 0.0, triangle_b_free_b_per_square*(triangle_b_free_b_at*x126 + triangle_b_free_b_rest*x130))
-    del triangle_b_free_b_at, triangle_b_free_b_rest, triangle_b_free_b_serves, x130
-    x133 = triangle_b_free_b_per_square*x126*(2.0*x128 - 2.0*x129)
-    del x126, x128, x129
-    x134 = triangle_b_free_b_per_square*(x131 - x127)
-    del triangle_b_free_b_per_square, x127, x131
-    triangle_b_free_b_c_second = triangle_b_free_b_c_first*x134 + triangle_b_free_b_s_first*x133
-    triangle_b_free_b_s_second = triangle_b_free_b_c_first*x133 - triangle_b_free_b_s_first*x134
-    del triangle_b_free_b_c_first, triangle_b_free_b_s_first, x133, x134
-    triangle_b_free_b_split = (triangle_b_free_b_amplitude + x123 > bends_2) & (bends_1 + triangle_b_free_b_amplitude - x122 > bends_2)
-    del triangle_b_free_b_amplitude, x122, x123
+    triangle_b_free_b_serves = (triangle_b_free_b_square <= 0.0) | (np.abs(x125 + x132) <= bends_2)
+    triangle_b_free_b_at = np.where(triangle_b_free_b_amplitude < -x125, triangle_b_free_b_amplitude, np.where(triangle_b_free_b_amplitude < x125, -triangle_b_free_b_amplitude, -x125))
+    x134 = (triangle_b_free_b_at*triangle_b_free_b_at)
+    triangle_b_free_b_rest = np.where(triangle_b_free_b_square > x134, np.sqrt(triangle_b_free_b_square - x134), 0.0)
+    del triangle_b_free_b_square, x134
+    triangle_b_free_b_c_first = np.where(triangle_b_free_b_serves, 1.0, triangle_b_free_b_per_square*(triangle_b_free_b_at*x132 - triangle_b_free_b_rest*x128))
+    triangle_b_free_b_s_first = np.where(triangle_b_free_b_serves, 0.0, triangle_b_free_b_per_square*(triangle_b_free_b_at*x128 + triangle_b_free_b_rest*x132))
+    del triangle_b_free_b_at, triangle_b_free_b_rest, triangle_b_free_b_serves, x132
+    x135 = triangle_b_free_b_per_square*x128*(2.0*x130 - 2.0*x131)
+    del x128, x130, x131
+    x136 = triangle_b_free_b_per_square*(x133 - x129)
+    del triangle_b_free_b_per_square, x129, x133
+    triangle_b_free_b_c_second = triangle_b_free_b_c_first*x136 + triangle_b_free_b_s_first*x135
+    triangle_b_free_b_s_second = triangle_b_free_b_c_first*x135 - triangle_b_free_b_s_first*x136
+    del triangle_b_free_b_c_first, triangle_b_free_b_s_first, x135, x136
+    triangle_b_free_b_split = (triangle_b_free_b_amplitude + x125 > bends_2) & (bends_1 + triangle_b_free_b_amplitude - x124 > bends_2)
+    del triangle_b_free_b_amplitude, x124, x125
     triangle_b_chosen_c_b = np.where(triangle_b_any, triangle_b_free_b_c_second, triangle_b_2_b_c)
     del triangle_b_2_b_c, triangle_b_free_b_c_second
     triangle_b_chosen_s_b = np.where(triangle_b_any, triangle_b_free_b_s_second, triangle_b_2_b_s)
@@ -668,45 +674,47 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del triangle_b_3_two, triangle_b_free_b_split
     triangle_b_error = triangle_b_3_error + np.where(triangle_b_any, 0.0, off*np.where(triangle_b_side > 0.0, 1.0/triangle_b_side, 1.0))
     del off, triangle_b_3_error, triangle_b_side
-    error_b = first_error + triangle_b_error
+    x137 = first_error + triangle_b_error
     del first_error, triangle_b_error
+    error_b = np.where(x137 < x16, x137, x16)
+    del x137, x16
     c_23_ba = triangle_b_3_c_a*triangle_b_chosen_c_a - triangle_b_3_s_a*triangle_b_chosen_s_a
     s_23_ba = triangle_b_3_c_a*triangle_b_chosen_s_a + triangle_b_3_s_a*triangle_b_chosen_c_a
     axis_4_ba_1 = s_23_ba*sine_3
-    x135 = c_23_ba*sine_3
-    axis_4_ba_2 = -cosine_1*x135 - x53
-    axis_4_ba_3 = -sine_1*x135 - x55
-    del x135
-    x136 = axis_4_ba_1*pose_1_3
-    x137 = axis_4_ba_2*pose_2_3
-    x138 = x136 + x137
-    x139 = (x138*x138)
-    x140 = axis_4_ba_1*pose_2_3 - axis_4_ba_2*pose_1_3
+    x138 = c_23_ba*sine_3
+    axis_4_ba_2 = -cosine_1*x138 - x55
+    axis_4_ba_3 = -sine_1*x138 - x57
+    del x138
+    x139 = axis_4_ba_1*pose_1_3
+    x140 = axis_4_ba_2*pose_2_3
+    x141 = x139 + x140
+    x142 = (x141*x141)
+    x143 = axis_4_ba_1*pose_2_3 - axis_4_ba_2*pose_1_3
     del axis_4_ba_1, axis_4_ba_2
-    x141 = (x140*x140)
-    first_ba_square = x139 + x141
+    x144 = (x143*x143)
+    first_ba_square = x142 + x144
     first_ba_amplitude = np.sqrt(first_ba_square)
     first_ba_per_square = np.where(first_ba_square > 0.0, 1.0/first_ba_square, 1.0)
-    x142 = axis_4_ba_3*pose_3_3
+    x145 = axis_4_ba_3*pose_3_3
     del axis_4_ba_3
-    x143 = x142 - bends_1
-    first_ba_serves = (first_ba_square <= 0.0) | (np.abs(x138 + x143) <= bends_2)
-    first_ba_at = np.where(first_ba_amplitude < -x143, first_ba_amplitude, np.where(first_ba_amplitude < x143, -first_ba_amplitude, -x143))
-    x145 = (first_ba_at*first_ba_at)
-    first_ba_rest = np.where(first_ba_square > x145, np.sqrt(first_ba_square - x145), 0.0)
-    del first_ba_square, x145
-    first_ba_c_first = np.where(first_ba_serves, 1.0, first_ba_per_square*(first_ba_at*x138 - first_ba_rest*x140))
-    first_ba_s_first = np.where(first_ba_serves, 0.0, first_ba_per_square*(first_ba_at*x140 + first_ba_rest*x138))
-    del first_ba_at, first_ba_rest, first_ba_serves, x138
-    x146 = first_ba_per_square*x140*(2.0*x136 + 2.0*x137)
-    del x136, x137, x140
-    x147 = first_ba_per_square*(x139 - x141)
-    del first_ba_per_square, x139, x141
-    first_ba_c_second = first_ba_c_first*x147 + first_ba_s_first*x146
-    first_ba_s_second = first_ba_c_first*x146 - first_ba_s_first*x147
-    del first_ba_c_first, first_ba_s_first, x146, x147
-    first_ba_split = (first_ba_amplitude + x143 > bends_2) & (bends_1 + first_ba_amplitude - x142 > bends_2)
-    del first_ba_amplitude, x142, x143
+    x146 = x145 - bends_1
+    first_ba_serves = (first_ba_square <= 0.0) | (np.abs(x141 + x146) <= bends_2)
+    first_ba_at = np.where(first_ba_amplitude < -x146, first_ba_amplitude, np.where(first_ba_amplitude < x146, -first_ba_amplitude, -x146))
+    x148 = (first_ba_at*first_ba_at)
+    first_ba_rest = np.where(first_ba_square > x148, np.sqrt(first_ba_square - x148), 0.0)
+    del first_ba_square, x148
+    first_ba_c_first = np.where(first_ba_serves, 1.0, first_ba_per_square*(first_ba_at*x141 - first_ba_rest*x143))
+    first_ba_s_first = np.where(first_ba_serves, 0.0, first_ba_per_square*(first_ba_at*x143 + first_ba_rest*x141))
+    del first_ba_at, first_ba_rest, first_ba_serves, x141
+    x149 = first_ba_per_square*x143*(2.0*x139 + 2.0*x140)
+    del x139, x140, x143
+    x150 = first_ba_per_square*(x142 - x144)
+    del first_ba_per_square, x142, x144
+    first_ba_c_second = first_ba_c_first*x150 + first_ba_s_first*x149
+    first_ba_s_second = first_ba_c_first*x149 - first_ba_s_first*x150
+    del first_ba_c_first, first_ba_s_first, x149, x150
+    first_ba_split = (first_ba_amplitude + x146 > bends_2) & (bends_1 + first_ba_amplitude - x145 > bends_2)
+    del first_ba_amplitude, x145, x146
     c_1_ba = np.where(first_free, first_ba_c_second, first_c_b)
     del first_ba_c_second
     s_1_ba = np.where(first_free, first_ba_s_second, first_s_b)
@@ -715,137 +723,137 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del first_ba_split
     axes_ba_1_1 = c_1_ba*pose_1_1 + pose_2_1*s_1_ba
     axes_ba_1_3 = c_1_ba*pose_1_3 + pose_2_3*s_1_ba
-    x148 = c_1_ba*pose_2_1 - pose_1_1*s_1_ba
-    axes_ba_2_1 = cosine_1*x148 + x61
-    x149 = c_1_ba*pose_2_3 - pose_1_3*s_1_ba
-    axes_ba_2_3 = cosine_1*x149 + x18
-    axes_ba_3_1 = x64 - sine_1*x148
-    del x148
-    axes_ba_3_3 = x20 - sine_1*x149
-    del x149
+    x151 = c_1_ba*pose_2_1 - pose_1_1*s_1_ba
+    axes_ba_2_1 = cosine_1*x151 + x63
+    x152 = c_1_ba*pose_2_3 - pose_1_3*s_1_ba
+    axes_ba_2_3 = cosine_1*x152 + x19
+    axes_ba_3_1 = x66 - sine_1*x151
+    del x151
+    axes_ba_3_3 = x21 - sine_1*x152
+    del x152
     N_ba_1_1 = axes_ba_1_1*c_23_ba + axes_ba_2_1*s_23_ba
     N_ba_1_3 = axes_ba_1_3*c_23_ba + axes_ba_2_3*s_23_ba
-    x150 = axes_ba_2_1*c_23_ba - axes_ba_1_1*s_23_ba
+    x153 = axes_ba_2_1*c_23_ba - axes_ba_1_1*s_23_ba
     del axes_ba_1_1, axes_ba_2_1
-    N_ba_2_1 = axes_ba_3_1*sine_3 + cosine_3*x150
-    x151 = axes_ba_2_3*c_23_ba - axes_ba_1_3*s_23_ba
+    N_ba_2_1 = axes_ba_3_1*sine_3 + cosine_3*x153
+    x154 = axes_ba_2_3*c_23_ba - axes_ba_1_3*s_23_ba
     del axes_ba_1_3, axes_ba_2_3, c_23_ba, s_23_ba
-    N_ba_2_3 = axes_ba_3_3*sine_3 + cosine_3*x151
-    N_ba_3_1 = axes_ba_3_1*cosine_3 - sine_3*x150
-    del axes_ba_3_1, x150
-    N_ba_3_3 = axes_ba_3_3*cosine_3 - sine_3*x151
-    del axes_ba_3_3, x151
+    N_ba_2_3 = axes_ba_3_3*sine_3 + cosine_3*x154
+    N_ba_3_1 = axes_ba_3_1*cosine_3 - sine_3*x153
+    del axes_ba_3_1, x153
+    N_ba_3_3 = axes_ba_3_3*cosine_3 - sine_3*x154
+    del axes_ba_3_3, x154
     h_ba = np.sqrt((N_ba_1_3*N_ba_1_3) + (N_ba_2_3*N_ba_2_3))
     bend_ba_denominator = np.abs(N_ba_3_3) + 1.0
-    bend_ba_apart = np.where(N_ba_3_3 >= 0.0, x67, x68)
+    bend_ba_apart = np.where(N_ba_3_3 >= 0.0, x69, x70)
     bend_ba_product = np.where(N_ba_3_3 >= 0.0, x3, -x3)
-    x152 = (bend_ba_apart*bend_ba_apart)
+    x155 = (bend_ba_apart*bend_ba_apart)
     del bend_ba_apart
-    bend_ba_gram = (h_ba*h_ba)*(1.0 - 2.0*bend_ba_product/bend_ba_denominator) - x152
+    bend_ba_gram = (h_ba*h_ba)*(1.0 - 2.0*bend_ba_product/bend_ba_denominator) - x155
     del bend_ba_denominator, bend_ba_product
-    bend_ba_tolerance = error_b*(error_b + 2.0*h_ba) + x14*(h_ba + x152)
-    del x152
-    x264 = error_b + x261
-    del x261
-    bend_ba_free = (bend_ba_gram >= -bend_ba_tolerance) & (h_ba <= x264)
-    del h_ba
-    bend_ba_double = (np.abs(bend_ba_gram) <= bend_ba_tolerance) & (~(bend_ba_free))
+    bend_ba_tolerance = error_b*(error_b + 2.0*h_ba) + x14*(h_ba + x155)
+    del x155
     bend_ba_exists = bend_ba_gram >= -bend_ba_tolerance
+    x267 = 4.0*error_b + x264
+    bend_ba_free = (bend_ba_exists) & (h_ba <= x267)
+    bend_ba_any = (bend_ba_exists) & (h_ba <= x264)
+    del h_ba
+    bend_ba_double = (bend_ba_gram <= bend_ba_tolerance) & (~(bend_ba_free))
     del bend_ba_tolerance
-    bend_ba_q = np.where((~(bend_ba_double)) & (bend_ba_gram > 0.0), np.sqrt(bend_ba_gram), 0.0)
+    bend_ba_q = np.where(bend_ba_gram > 0.0, np.sqrt(bend_ba_gram), 0.0)
     del bend_ba_gram
     bend_ba_along = x3 - N_ba_3_3
     del N_ba_3_3
     bend_ba_size = np.sqrt((bend_ba_along*bend_ba_along) + (bend_ba_q*bend_ba_q))
-    bend_ba_scale = x71*np.where(bend_ba_size > 0.0, 1.0/bend_ba_size, 1.0)
+    bend_ba_scale = x73*np.where(bend_ba_size > 0.0, 1.0/bend_ba_size, 1.0)
     del bend_ba_size
     bend_ba_c = bend_ba_along*bend_ba_scale
     del bend_ba_along
     bend_ba_s = bend_ba_q*bend_ba_scale
     del bend_ba_q, bend_ba_scale
-    bend_ba_two = (bend_ba_exists) & (~((bend_ba_double) | (bend_ba_free)))
-    x153 = bend_ba_s*sine_5
-    x154 = N_ba_1_3*x153
-    x155 = -bend_ba_c*x75 - x74
-    fourth_baa_dot = N_ba_2_3*x155 + x154
-    x156 = N_ba_2_3*x153
-    del x153
-    x157 = N_ba_1_3*x155
+    bend_ba_two = (bend_ba_exists) & (~((bend_ba_any) | (bend_ba_double)))
+    x156 = bend_ba_s*sine_5
+    x157 = N_ba_1_3*x156
+    x158 = -bend_ba_c*x77 - x76
+    fourth_baa_dot = N_ba_2_3*x158 + x157
+    x159 = N_ba_2_3*x156
+    del x156
+    x160 = N_ba_1_3*x158
     del N_ba_1_3
-    fourth_baa_cross = x156 - x157
+    fourth_baa_cross = x159 - x160
     fourth_baa_size = np.sqrt((fourth_baa_cross*fourth_baa_cross) + (fourth_baa_dot*fourth_baa_dot))
     fourth_baa_scale = np.where(fourth_baa_size > 0.0, 1.0/fourth_baa_size, 1.0)
     del fourth_baa_size
-    fourth_baa_c = np.where(bend_ba_free, 1.0, fourth_baa_dot*fourth_baa_scale)
+    fourth_baa_c = np.where(bend_ba_any, 1.0, fourth_baa_dot*fourth_baa_scale)
     del fourth_baa_dot
-    fourth_baa_s = np.where(bend_ba_free, 0.0, fourth_baa_cross*fourth_baa_scale)
+    fourth_baa_s = np.where(bend_ba_any, 0.0, fourth_baa_cross*fourth_baa_scale)
     del fourth_baa_cross, fourth_baa_scale
-    x158 = N_ba_1_1*fourth_baa_c + N_ba_2_1*fourth_baa_s
-    x159 = N_ba_3_1*sine_4
-    x160 = N_ba_2_1*fourth_baa_c - N_ba_1_1*fourth_baa_s
-    x161 = cosine_4*x160 + x159
-    c_6_baa = bend_ba_c*x158 + bend_ba_s*x161
-    x162 = N_ba_3_1*cosine_4
+    x161 = N_ba_1_1*fourth_baa_c + N_ba_2_1*fourth_baa_s
+    x162 = N_ba_3_1*sine_4
+    x163 = N_ba_2_1*fourth_baa_c - N_ba_1_1*fourth_baa_s
+    x164 = cosine_4*x163 + x162
+    c_6_baa = bend_ba_c*x161 + bend_ba_s*x164
+    x165 = N_ba_3_1*cosine_4
     del N_ba_3_1
-    s_6_baa = cosine_5*(bend_ba_c*x161 - bend_ba_s*x158) + sine_5*(x162 - sine_4*x160)
-    del x158, x160, x161
-    fourth_bab_dot = N_ba_2_3*x155 - x154
-    del N_ba_2_3, x154, x155
-    fourth_bab_cross = -x156 - x157
-    del x156, x157
+    s_6_baa = cosine_5*(bend_ba_c*x164 - bend_ba_s*x161) + sine_5*(x165 - sine_4*x163)
+    del x161, x163, x164
+    fourth_bab_dot = N_ba_2_3*x158 - x157
+    del N_ba_2_3, x157, x158
+    fourth_bab_cross = -x159 - x160
+    del x159, x160
     fourth_bab_size = np.sqrt((fourth_bab_cross*fourth_bab_cross) + (fourth_bab_dot*fourth_bab_dot))
     fourth_bab_scale = np.where(fourth_bab_size > 0.0, 1.0/fourth_bab_size, 1.0)
     del fourth_bab_size
-    fourth_bab_c = np.where(bend_ba_free, 1.0, fourth_bab_dot*fourth_bab_scale)
+    fourth_bab_c = np.where(bend_ba_any, 1.0, fourth_bab_dot*fourth_bab_scale)
     del fourth_bab_dot
-    fourth_bab_s = np.where(bend_ba_free, 0.0, fourth_bab_cross*fourth_bab_scale)
-    del fourth_bab_cross, fourth_bab_scale
-    x163 = N_ba_1_1*fourth_bab_c + N_ba_2_1*fourth_bab_s
-    x164 = N_ba_2_1*fourth_bab_c - N_ba_1_1*fourth_bab_s
+    fourth_bab_s = np.where(bend_ba_any, 0.0, fourth_bab_cross*fourth_bab_scale)
+    del bend_ba_any, fourth_bab_cross, fourth_bab_scale
+    x166 = N_ba_1_1*fourth_bab_c + N_ba_2_1*fourth_bab_s
+    x167 = N_ba_2_1*fourth_bab_c - N_ba_1_1*fourth_bab_s
     del N_ba_1_1, N_ba_2_1
-    x165 = cosine_4*x164 + x159
-    del x159
-    c_6_bab = bend_ba_c*x163 - bend_ba_s*x165
-    s_6_bab = cosine_5*(bend_ba_c*x165 + bend_ba_s*x163) + sine_5*(x162 - sine_4*x164)
-    del x162, x163, x164, x165
+    x168 = cosine_4*x167 + x162
+    del x162
+    c_6_bab = bend_ba_c*x166 - bend_ba_s*x168
+    s_6_bab = cosine_5*(bend_ba_c*x168 + bend_ba_s*x166) + sine_5*(x165 - sine_4*x167)
+    del x165, x166, x167, x168
     c_23_bb = triangle_b_3_c_b*triangle_b_chosen_c_b - triangle_b_3_s_b*triangle_b_chosen_s_b
     s_23_bb = triangle_b_3_c_b*triangle_b_chosen_s_b + triangle_b_3_s_b*triangle_b_chosen_c_b
     axis_4_bb_1 = s_23_bb*sine_3
-    x166 = c_23_bb*sine_3
-    axis_4_bb_2 = -cosine_1*x166 - x53
-    del x53
-    axis_4_bb_3 = -sine_1*x166 - x55
-    del x166, x55
-    x167 = axis_4_bb_1*pose_1_3
-    x168 = axis_4_bb_2*pose_2_3
-    x169 = x167 + x168
-    x170 = (x169*x169)
-    x171 = axis_4_bb_1*pose_2_3 - axis_4_bb_2*pose_1_3
+    x169 = c_23_bb*sine_3
+    axis_4_bb_2 = -cosine_1*x169 - x55
+    del x55
+    axis_4_bb_3 = -sine_1*x169 - x57
+    del x169, x57
+    x170 = axis_4_bb_1*pose_1_3
+    x171 = axis_4_bb_2*pose_2_3
+    x172 = x170 + x171
+    x173 = (x172*x172)
+    x174 = axis_4_bb_1*pose_2_3 - axis_4_bb_2*pose_1_3
     del axis_4_bb_1, axis_4_bb_2
-    x172 = (x171*x171)
-    first_bb_square = x170 + x172
+    x175 = (x174*x174)
+    first_bb_square = x173 + x175
     first_bb_amplitude = np.sqrt(first_bb_square)
     first_bb_per_square = np.where(first_bb_square > 0.0, 1.0/first_bb_square, 1.0)
-    x173 = axis_4_bb_3*pose_3_3
+    x176 = axis_4_bb_3*pose_3_3
     del axis_4_bb_3
-    x174 = x173 - bends_1
-    first_bb_serves = (first_bb_square <= 0.0) | (np.abs(x169 + x174) <= bends_2)
-    first_bb_at = np.where(first_bb_amplitude < -x174, first_bb_amplitude, np.where(first_bb_amplitude < x174, -first_bb_amplitude, -x174))
-    x176 = (first_bb_at*first_bb_at)
-    first_bb_rest = np.where(first_bb_square > x176, np.sqrt(first_bb_square - x176), 0.0)
-    del first_bb_square, x176
-    first_bb_c_first = np.where(first_bb_serves, 1.0, first_bb_per_square*(first_bb_at*x169 - first_bb_rest*x171))
-    first_bb_s_first = np.where(first_bb_serves, 0.0, first_bb_per_square*(first_bb_at*x171 + first_bb_rest*x169))
-    del first_bb_at, first_bb_rest, first_bb_serves, x169
-    x177 = first_bb_per_square*x171*(2.0*x167 + 2.0*x168)
-    del x167, x168, x171
-    x178 = first_bb_per_square*(x170 - x172)
-    del first_bb_per_square, x170, x172
-    first_bb_c_second = first_bb_c_first*x178 + first_bb_s_first*x177
-    first_bb_s_second = first_bb_c_first*x177 - first_bb_s_first*x178
-    del first_bb_c_first, first_bb_s_first, x177, x178
-    first_bb_split = (first_bb_amplitude + x174 > bends_2) & (bends_1 + first_bb_amplitude - x173 > bends_2)
-    del bends_1, bends_2, first_bb_amplitude, x173, x174
+    x177 = x176 - bends_1
+    first_bb_serves = (first_bb_square <= 0.0) | (np.abs(x172 + x177) <= bends_2)
+    first_bb_at = np.where(first_bb_amplitude < -x177, first_bb_amplitude, np.where(first_bb_amplitude < x177, -first_bb_amplitude, -x177))
+    x179 = (first_bb_at*first_bb_at)
+    first_bb_rest = np.where(first_bb_square > x179, np.sqrt(first_bb_square - x179), 0.0)
+    del first_bb_square, x179
+    first_bb_c_first = np.where(first_bb_serves, 1.0, first_bb_per_square*(first_bb_at*x172 - first_bb_rest*x174))
+    first_bb_s_first = np.where(first_bb_serves, 0.0, first_bb_per_square*(first_bb_at*x174 + first_bb_rest*x172))
+    del first_bb_at, first_bb_rest, first_bb_serves, x172
+    x180 = first_bb_per_square*x174*(2.0*x170 + 2.0*x171)
+    del x170, x171, x174
+    x181 = first_bb_per_square*(x173 - x175)
+    del first_bb_per_square, x173, x175
+    first_bb_c_second = first_bb_c_first*x181 + first_bb_s_first*x180
+    first_bb_s_second = first_bb_c_first*x180 - first_bb_s_first*x181
+    del first_bb_c_first, first_bb_s_first, x180, x181
+    first_bb_split = (first_bb_amplitude + x177 > bends_2) & (bends_1 + first_bb_amplitude - x176 > bends_2)
+    del bends_1, bends_2, first_bb_amplitude, x176, x177
     c_1_bb = np.where(first_free, first_bb_c_second, first_c_b)
     del first_bb_c_second, first_c_b
     s_1_bb = np.where(first_free, first_bb_s_second, first_s_b)
@@ -854,260 +862,262 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del first_bb_split, first_two
     axes_bb_1_1 = c_1_bb*pose_1_1 + pose_2_1*s_1_bb
     axes_bb_1_3 = c_1_bb*pose_1_3 + pose_2_3*s_1_bb
-    x179 = c_1_bb*pose_2_1 - pose_1_1*s_1_bb
-    axes_bb_2_1 = cosine_1*x179 + x61
-    del x61
-    x180 = c_1_bb*pose_2_3 - pose_1_3*s_1_bb
-    axes_bb_2_3 = cosine_1*x180 + x18
-    del x18
-    axes_bb_3_1 = x64 - sine_1*x179
-    del x179, x64
-    axes_bb_3_3 = x20 - sine_1*x180
-    del x180, x20
+    x182 = c_1_bb*pose_2_1 - pose_1_1*s_1_bb
+    axes_bb_2_1 = cosine_1*x182 + x63
+    del x63
+    x183 = c_1_bb*pose_2_3 - pose_1_3*s_1_bb
+    axes_bb_2_3 = cosine_1*x183 + x19
+    del x19
+    axes_bb_3_1 = x66 - sine_1*x182
+    del x182, x66
+    axes_bb_3_3 = x21 - sine_1*x183
+    del x183, x21
     N_bb_1_1 = axes_bb_1_1*c_23_bb + axes_bb_2_1*s_23_bb
     N_bb_1_3 = axes_bb_1_3*c_23_bb + axes_bb_2_3*s_23_bb
-    x181 = axes_bb_2_1*c_23_bb - axes_bb_1_1*s_23_bb
+    x184 = axes_bb_2_1*c_23_bb - axes_bb_1_1*s_23_bb
     del axes_bb_1_1, axes_bb_2_1
-    N_bb_2_1 = axes_bb_3_1*sine_3 + cosine_3*x181
-    x182 = axes_bb_2_3*c_23_bb - axes_bb_1_3*s_23_bb
+    N_bb_2_1 = axes_bb_3_1*sine_3 + cosine_3*x184
+    x185 = axes_bb_2_3*c_23_bb - axes_bb_1_3*s_23_bb
     del axes_bb_1_3, axes_bb_2_3, c_23_bb, s_23_bb
-    N_bb_2_3 = axes_bb_3_3*sine_3 + cosine_3*x182
-    N_bb_3_1 = axes_bb_3_1*cosine_3 - sine_3*x181
-    del axes_bb_3_1, x181
-    N_bb_3_3 = axes_bb_3_3*cosine_3 - sine_3*x182
-    del axes_bb_3_3, x182
+    N_bb_2_3 = axes_bb_3_3*sine_3 + cosine_3*x185
+    N_bb_3_1 = axes_bb_3_1*cosine_3 - sine_3*x184
+    del axes_bb_3_1, x184
+    N_bb_3_3 = axes_bb_3_3*cosine_3 - sine_3*x185
+    del axes_bb_3_3, x185
     h_bb = np.sqrt((N_bb_1_3*N_bb_1_3) + (N_bb_2_3*N_bb_2_3))
     bend_bb_denominator = np.abs(N_bb_3_3) + 1.0
-    bend_bb_apart = np.where(N_bb_3_3 >= 0.0, x67, x68)
-    del x67, x68
+    bend_bb_apart = np.where(N_bb_3_3 >= 0.0, x69, x70)
+    del x69, x70
     bend_bb_product = np.where(N_bb_3_3 >= 0.0, x3, -x3)
-    x183 = (bend_bb_apart*bend_bb_apart)
+    x186 = (bend_bb_apart*bend_bb_apart)
     del bend_bb_apart
-    bend_bb_gram = (h_bb*h_bb)*(1.0 - 2.0*bend_bb_product/bend_bb_denominator) - x183
+    bend_bb_gram = (h_bb*h_bb)*(1.0 - 2.0*bend_bb_product/bend_bb_denominator) - x186
     del bend_bb_denominator, bend_bb_product
-    bend_bb_tolerance = error_b*(error_b + 2.0*h_bb) + x14*(h_bb + x183)
-    del error_b, x14, x183
-    bend_bb_free = (bend_bb_gram >= -bend_bb_tolerance) & (h_bb <= x264)
-    del h_bb, x264
-    bend_bb_double = (np.abs(bend_bb_gram) <= bend_bb_tolerance) & (~(bend_bb_free))
+    bend_bb_tolerance = error_b*(error_b + 2.0*h_bb) + x14*(h_bb + x186)
+    del error_b, x14, x186
     bend_bb_exists = bend_bb_gram >= -bend_bb_tolerance
+    bend_bb_free = (bend_bb_exists) & (h_bb <= x267)
+    del x267
+    bend_bb_any = (bend_bb_exists) & (h_bb <= x264)
+    del h_bb, x264
+    bend_bb_double = (bend_bb_gram <= bend_bb_tolerance) & (~(bend_bb_free))
     del bend_bb_tolerance
-    bend_bb_q = np.where((~(bend_bb_double)) & (bend_bb_gram > 0.0), np.sqrt(bend_bb_gram), 0.0)
+    bend_bb_q = np.where(bend_bb_gram > 0.0, np.sqrt(bend_bb_gram), 0.0)
     del bend_bb_gram
     bend_bb_along = x3 - N_bb_3_3
     del N_bb_3_3, x3
     bend_bb_size = np.sqrt((bend_bb_along*bend_bb_along) + (bend_bb_q*bend_bb_q))
-    bend_bb_scale = x71*np.where(bend_bb_size > 0.0, 1.0/bend_bb_size, 1.0)
-    del bend_bb_size, x71
+    bend_bb_scale = x73*np.where(bend_bb_size > 0.0, 1.0/bend_bb_size, 1.0)
+    del bend_bb_size, x73
     bend_bb_c = bend_bb_along*bend_bb_scale
     del bend_bb_along
     bend_bb_s = bend_bb_q*bend_bb_scale
     del bend_bb_q, bend_bb_scale
-    bend_bb_two = (bend_bb_exists) & (~((bend_bb_double) | (bend_bb_free)))
-    x184 = bend_bb_s*sine_5
-    x185 = N_bb_1_3*x184
-    x186 = -bend_bb_c*x75 - x74
-    del x74, x75
-    fourth_bba_dot = N_bb_2_3*x186 + x185
-    x187 = N_bb_2_3*x184
-    del x184
-    x188 = N_bb_1_3*x186
+    bend_bb_two = (bend_bb_exists) & (~((bend_bb_any) | (bend_bb_double)))
+    x187 = bend_bb_s*sine_5
+    x188 = N_bb_1_3*x187
+    x189 = -bend_bb_c*x77 - x76
+    del x76, x77
+    fourth_bba_dot = N_bb_2_3*x189 + x188
+    x190 = N_bb_2_3*x187
+    del x187
+    x191 = N_bb_1_3*x189
     del N_bb_1_3
-    fourth_bba_cross = x187 - x188
+    fourth_bba_cross = x190 - x191
     fourth_bba_size = np.sqrt((fourth_bba_cross*fourth_bba_cross) + (fourth_bba_dot*fourth_bba_dot))
     fourth_bba_scale = np.where(fourth_bba_size > 0.0, 1.0/fourth_bba_size, 1.0)
     del fourth_bba_size
-    fourth_bba_c = np.where(bend_bb_free, 1.0, fourth_bba_dot*fourth_bba_scale)
+    fourth_bba_c = np.where(bend_bb_any, 1.0, fourth_bba_dot*fourth_bba_scale)
     del fourth_bba_dot
-    fourth_bba_s = np.where(bend_bb_free, 0.0, fourth_bba_cross*fourth_bba_scale)
+    fourth_bba_s = np.where(bend_bb_any, 0.0, fourth_bba_cross*fourth_bba_scale)
     del fourth_bba_cross, fourth_bba_scale
-    x189 = N_bb_1_1*fourth_bba_c + N_bb_2_1*fourth_bba_s
-    x190 = N_bb_3_1*sine_4
-    x191 = N_bb_2_1*fourth_bba_c - N_bb_1_1*fourth_bba_s
-    x192 = cosine_4*x191 + x190
-    c_6_bba = bend_bb_c*x189 + bend_bb_s*x192
-    x193 = N_bb_3_1*cosine_4
+    x192 = N_bb_1_1*fourth_bba_c + N_bb_2_1*fourth_bba_s
+    x193 = N_bb_3_1*sine_4
+    x194 = N_bb_2_1*fourth_bba_c - N_bb_1_1*fourth_bba_s
+    x195 = cosine_4*x194 + x193
+    c_6_bba = bend_bb_c*x192 + bend_bb_s*x195
+    x196 = N_bb_3_1*cosine_4
     del N_bb_3_1
-    s_6_bba = cosine_5*(bend_bb_c*x192 - bend_bb_s*x189) + sine_5*(x193 - sine_4*x191)
-    del x189, x191, x192
-    fourth_bbb_dot = N_bb_2_3*x186 - x185
-    del N_bb_2_3, x185, x186
-    fourth_bbb_cross = -x187 - x188
-    del x187, x188
+    s_6_bba = cosine_5*(bend_bb_c*x195 - bend_bb_s*x192) + sine_5*(x196 - sine_4*x194)
+    del x192, x194, x195
+    fourth_bbb_dot = N_bb_2_3*x189 - x188
+    del N_bb_2_3, x188, x189
+    fourth_bbb_cross = -x190 - x191
+    del x190, x191
     fourth_bbb_size = np.sqrt((fourth_bbb_cross*fourth_bbb_cross) + (fourth_bbb_dot*fourth_bbb_dot))
     fourth_bbb_scale = np.where(fourth_bbb_size > 0.0, 1.0/fourth_bbb_size, 1.0)
     del fourth_bbb_size
-    fourth_bbb_c = np.where(bend_bb_free, 1.0, fourth_bbb_dot*fourth_bbb_scale)
+    fourth_bbb_c = np.where(bend_bb_any, 1.0, fourth_bbb_dot*fourth_bbb_scale)
     del fourth_bbb_dot
-    fourth_bbb_s = np.where(bend_bb_free, 0.0, fourth_bbb_cross*fourth_bbb_scale)
-    del fourth_bbb_cross, fourth_bbb_scale
-    x194 = N_bb_1_1*fourth_bbb_c + N_bb_2_1*fourth_bbb_s
-    x195 = N_bb_2_1*fourth_bbb_c - N_bb_1_1*fourth_bbb_s
+    fourth_bbb_s = np.where(bend_bb_any, 0.0, fourth_bbb_cross*fourth_bbb_scale)
+    del bend_bb_any, fourth_bbb_cross, fourth_bbb_scale
+    x197 = N_bb_1_1*fourth_bbb_c + N_bb_2_1*fourth_bbb_s
+    x198 = N_bb_2_1*fourth_bbb_c - N_bb_1_1*fourth_bbb_s
     del N_bb_1_1, N_bb_2_1
-    x196 = cosine_4*x195 + x190
-    del x190
-    c_6_bbb = bend_bb_c*x194 - bend_bb_s*x196
-    s_6_bbb = cosine_5*(bend_bb_c*x196 + bend_bb_s*x194) + sine_5*(x193 - sine_4*x195)
-    del x193, x194, x195, x196
+    x199 = cosine_4*x198 + x193
+    del x193
+    c_6_bbb = bend_bb_c*x197 - bend_bb_s*x199
+    s_6_bbb = cosine_5*(bend_bb_c*x199 + bend_bb_s*x197) + sine_5*(x196 - sine_4*x198)
+    del x196, x197, x198, x199
     there_1 = (bend_aa_exists) & (first_exists) & (near) & (triangle_a_3_exists)
     del bend_aa_exists
-    x197 = np.arctan2(s_1_aa, c_1_aa)
+    x200 = np.arctan2(s_1_aa, c_1_aa)
     del c_1_aa, s_1_aa
-    angle_1_1 = x197
-    x198 = np.arctan2(triangle_a_chosen_s_a, triangle_a_chosen_c_a)
+    angle_1_1 = x200
+    x201 = np.arctan2(triangle_a_chosen_s_a, triangle_a_chosen_c_a)
     del triangle_a_chosen_c_a, triangle_a_chosen_s_a
-    angle_1_2 = x198
-    x199 = np.arctan2(triangle_a_3_s_a, triangle_a_3_c_a)
+    angle_1_2 = x201
+    x202 = np.arctan2(triangle_a_3_s_a, triangle_a_3_c_a)
     del triangle_a_3_c_a, triangle_a_3_s_a
-    angle_1_3 = x199
+    angle_1_3 = x202
     angle_1_4 = np.arctan2(fourth_aaa_s, fourth_aaa_c)
     del fourth_aaa_c, fourth_aaa_s
     angle_1_5 = np.arctan2(bend_aa_s, bend_aa_c)
     angle_1_6 = np.arctan2(s_6_aaa, c_6_aaa)
     del c_6_aaa, s_6_aaa
-    x200 = np.where((bend_aa_free) | (first_free) | (triangle_a_3_free) | (triangle_a_any), 2.0, np.where((bend_aa_double) | (first_double) | (triangle_a_3_double), 1.0, 0.0))
+    x203 = np.where((bend_aa_free) | (first_free) | (triangle_a_3_free) | (triangle_a_any), 2.0, np.where((bend_aa_double) | (first_double) | (triangle_a_3_double), 1.0, 0.0))
     del bend_aa_double, bend_aa_free
-    code_1 = x200
+    code_1 = x203
     there_2 = (bend_aa_two) & (first_exists) & (near) & (triangle_a_3_exists)
     del bend_aa_two, triangle_a_3_exists
-    angle_2_1 = x197
-    del x197
-    angle_2_2 = x198
-    del x198
-    angle_2_3 = x199
-    del x199
+    angle_2_1 = x200
+    del x200
+    angle_2_2 = x201
+    del x201
+    angle_2_3 = x202
+    del x202
     angle_2_4 = np.arctan2(fourth_aab_s, fourth_aab_c)
     del fourth_aab_c, fourth_aab_s
     angle_2_5 = np.arctan2(-bend_aa_s, bend_aa_c)
     del bend_aa_c, bend_aa_s
     angle_2_6 = np.arctan2(s_6_aab, c_6_aab)
     del c_6_aab, s_6_aab
-    code_2 = x200
-    del x200
+    code_2 = x203
+    del x203
     there_3 = (bend_ab_exists) & (first_exists) & (near) & (triangle_a_more)
     del bend_ab_exists
-    x201 = np.arctan2(s_1_ab, c_1_ab)
+    x204 = np.arctan2(s_1_ab, c_1_ab)
     del c_1_ab, s_1_ab
-    angle_3_1 = x201
-    x202 = np.arctan2(triangle_a_chosen_s_b, triangle_a_chosen_c_b)
+    angle_3_1 = x204
+    x205 = np.arctan2(triangle_a_chosen_s_b, triangle_a_chosen_c_b)
     del triangle_a_chosen_c_b, triangle_a_chosen_s_b
-    angle_3_2 = x202
-    x203 = np.arctan2(triangle_a_3_s_b, triangle_a_3_c_b)
+    angle_3_2 = x205
+    x206 = np.arctan2(triangle_a_3_s_b, triangle_a_3_c_b)
     del triangle_a_3_c_b, triangle_a_3_s_b
-    angle_3_3 = x203
+    angle_3_3 = x206
     angle_3_4 = np.arctan2(fourth_aba_s, fourth_aba_c)
     del fourth_aba_c, fourth_aba_s
     angle_3_5 = np.arctan2(bend_ab_s, bend_ab_c)
     angle_3_6 = np.arctan2(s_6_aba, c_6_aba)
     del c_6_aba, s_6_aba
-    x204 = np.where((bend_ab_free) | (first_free) | (triangle_a_3_free) | (triangle_a_any), 2.0, np.where((bend_ab_double) | (first_double) | (triangle_a_3_double), 1.0, 0.0))
+    x207 = np.where((bend_ab_free) | (first_free) | (triangle_a_3_free) | (triangle_a_any), 2.0, np.where((bend_ab_double) | (first_double) | (triangle_a_3_double), 1.0, 0.0))
     del bend_ab_double, bend_ab_free, triangle_a_3_double, triangle_a_3_free, triangle_a_any
-    code_3 = x204
+    code_3 = x207
     there_4 = (bend_ab_two) & (first_exists) & (near) & (triangle_a_more)
     del bend_ab_two, first_exists, triangle_a_more
-    angle_4_1 = x201
-    del x201
-    angle_4_2 = x202
-    del x202
-    angle_4_3 = x203
-    del x203
+    angle_4_1 = x204
+    del x204
+    angle_4_2 = x205
+    del x205
+    angle_4_3 = x206
+    del x206
     angle_4_4 = np.arctan2(fourth_abb_s, fourth_abb_c)
     del fourth_abb_c, fourth_abb_s
     angle_4_5 = np.arctan2(-bend_ab_s, bend_ab_c)
     del bend_ab_c, bend_ab_s
     angle_4_6 = np.arctan2(s_6_abb, c_6_abb)
     del c_6_abb, s_6_abb
-    code_4 = x204
-    del x204
+    code_4 = x207
+    del x207
     there_5 = (bend_ba_exists) & (more_ba) & (near) & (triangle_b_3_exists)
     del bend_ba_exists
-    x205 = np.arctan2(s_1_ba, c_1_ba)
+    x208 = np.arctan2(s_1_ba, c_1_ba)
     del c_1_ba, s_1_ba
-    angle_5_1 = x205
-    x206 = np.arctan2(triangle_b_chosen_s_a, triangle_b_chosen_c_a)
+    angle_5_1 = x208
+    x209 = np.arctan2(triangle_b_chosen_s_a, triangle_b_chosen_c_a)
     del triangle_b_chosen_c_a, triangle_b_chosen_s_a
-    angle_5_2 = x206
-    x207 = np.arctan2(triangle_b_3_s_a, triangle_b_3_c_a)
+    angle_5_2 = x209
+    x210 = np.arctan2(triangle_b_3_s_a, triangle_b_3_c_a)
     del triangle_b_3_c_a, triangle_b_3_s_a
-    angle_5_3 = x207
+    angle_5_3 = x210
     angle_5_4 = np.arctan2(fourth_baa_s, fourth_baa_c)
     del fourth_baa_c, fourth_baa_s
     angle_5_5 = np.arctan2(bend_ba_s, bend_ba_c)
     angle_5_6 = np.arctan2(s_6_baa, c_6_baa)
     del c_6_baa, s_6_baa
-    x208 = np.where((bend_ba_free) | (first_free) | (triangle_b_3_free) | (triangle_b_any), 2.0, np.where((bend_ba_double) | (first_double) | (triangle_b_3_double), 1.0, 0.0))
+    x211 = np.where((bend_ba_free) | (first_free) | (triangle_b_3_free) | (triangle_b_any), 2.0, np.where((bend_ba_double) | (first_double) | (triangle_b_3_double), 1.0, 0.0))
     del bend_ba_double, bend_ba_free
-    code_5 = x208
+    code_5 = x211
     there_6 = (bend_ba_two) & (more_ba) & (near) & (triangle_b_3_exists)
     del bend_ba_two, more_ba, triangle_b_3_exists
-    angle_6_1 = x205
-    del x205
-    angle_6_2 = x206
-    del x206
-    angle_6_3 = x207
-    del x207
+    angle_6_1 = x208
+    del x208
+    angle_6_2 = x209
+    del x209
+    angle_6_3 = x210
+    del x210
     angle_6_4 = np.arctan2(fourth_bab_s, fourth_bab_c)
     del fourth_bab_c, fourth_bab_s
     angle_6_5 = np.arctan2(-bend_ba_s, bend_ba_c)
     del bend_ba_c, bend_ba_s
     angle_6_6 = np.arctan2(s_6_bab, c_6_bab)
     del c_6_bab, s_6_bab
-    code_6 = x208
-    del x208
+    code_6 = x211
+    del x211
     there_7 = (bend_bb_exists) & (more_bb) & (near) & (triangle_b_more)
     del bend_bb_exists
-    x209 = np.arctan2(s_1_bb, c_1_bb)
+    x212 = np.arctan2(s_1_bb, c_1_bb)
     del c_1_bb, s_1_bb
-    angle_7_1 = x209
-    x210 = np.arctan2(triangle_b_chosen_s_b, triangle_b_chosen_c_b)
+    angle_7_1 = x212
+    x213 = np.arctan2(triangle_b_chosen_s_b, triangle_b_chosen_c_b)
     del triangle_b_chosen_c_b, triangle_b_chosen_s_b
-    angle_7_2 = x210
-    x211 = np.arctan2(triangle_b_3_s_b, triangle_b_3_c_b)
+    angle_7_2 = x213
+    x214 = np.arctan2(triangle_b_3_s_b, triangle_b_3_c_b)
     del triangle_b_3_c_b, triangle_b_3_s_b
-    angle_7_3 = x211
+    angle_7_3 = x214
     angle_7_4 = np.arctan2(fourth_bba_s, fourth_bba_c)
     del fourth_bba_c, fourth_bba_s
     angle_7_5 = np.arctan2(bend_bb_s, bend_bb_c)
     angle_7_6 = np.arctan2(s_6_bba, c_6_bba)
     del c_6_bba, s_6_bba
-    x212 = np.where((bend_bb_free) | (first_free) | (triangle_b_3_free) | (triangle_b_any), 2.0, np.where((bend_bb_double) | (first_double) | (triangle_b_3_double), 1.0, 0.0))
+    x215 = np.where((bend_bb_free) | (first_free) | (triangle_b_3_free) | (triangle_b_any), 2.0, np.where((bend_bb_double) | (first_double) | (triangle_b_3_double), 1.0, 0.0))
     del bend_bb_double, bend_bb_free, first_double, first_free, triangle_b_3_double, triangle_b_3_free, triangle_b_any
-    code_7 = x212
+    code_7 = x215
     there_8 = (bend_bb_two) & (more_bb) & (near) & (triangle_b_more)
     del bend_bb_two, more_bb, near, triangle_b_more
-    angle_8_1 = x209
-    del x209
-    angle_8_2 = x210
-    del x210
-    angle_8_3 = x211
-    del x211
+    angle_8_1 = x212
+    del x212
+    angle_8_2 = x213
+    del x213
+    angle_8_3 = x214
+    del x214
     angle_8_4 = np.arctan2(fourth_bbb_s, fourth_bbb_c)
     del fourth_bbb_c, fourth_bbb_s
     angle_8_5 = np.arctan2(-bend_bb_s, bend_bb_c)
     del bend_bb_c, bend_bb_s
     angle_8_6 = np.arctan2(s_6_bbb, c_6_bbb)
     del c_6_bbb, s_6_bbb
-    code_8 = x212
-    del x212
-    x213 = np.where(there_1, 0.0, 1.0)
-    holes_1 = x213
-    x214 = x213 + np.where(there_2, 0.0, 1.0)
-    del x213
-    holes_2 = x214
-    x215 = x214 + np.where(there_3, 0.0, 1.0)
-    del x214
-    holes_3 = x215
-    x216 = x215 + np.where(there_4, 0.0, 1.0)
+    code_8 = x215
     del x215
-    holes_4 = x216
-    x217 = x216 + np.where(there_5, 0.0, 1.0)
+    x216 = np.where(there_1, 0.0, 1.0)
+    holes_1 = x216
+    x217 = x216 + np.where(there_2, 0.0, 1.0)
     del x216
-    holes_5 = x217
-    x218 = x217 + np.where(there_6, 0.0, 1.0)
+    holes_2 = x217
+    x218 = x217 + np.where(there_3, 0.0, 1.0)
     del x217
-    holes_6 = x218
-    holes_7 = x218 + np.where(there_7, 0.0, 1.0)
+    holes_3 = x218
+    x219 = x218 + np.where(there_4, 0.0, 1.0)
     del x218
+    holes_4 = x219
+    x220 = x219 + np.where(there_5, 0.0, 1.0)
+    del x219
+    holes_5 = x220
+    x221 = x220 + np.where(there_6, 0.0, 1.0)
+    del x220
+    holes_6 = x221
+    holes_7 = x221 + np.where(there_7, 0.0, 1.0)
+    del x221
     moves_1_1 = (there_2) & ((holes_1 == 1.0) | (holes_1 == 3.0) | (holes_1 == 5.0) | (holes_1 == 7.0))
     del holes_1
     moves_1_2 = (there_3) & ((holes_2 == 1.0) | (holes_2 == 3.0) | (holes_2 == 5.0) | (holes_2 == 7.0))
@@ -1120,209 +1130,209 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del there_1
     row_1_0_1 = np.where(moves_1_1, code_2, code_1)
     del code_1
-    x266 = -3.141592653589793
-    x219 = np.where(angle_2_1 > x266, angle_2_1, 3.141592653589793)
+    x269 = -3.141592653589793
+    x222 = np.where(angle_2_1 > x269, angle_2_1, 3.141592653589793)
     del angle_2_1
-    row_1_0_2 = np.where(moves_1_1, x219, np.where(angle_1_1 > x266, angle_1_1, 3.141592653589793))
+    row_1_0_2 = np.where(moves_1_1, x222, np.where(angle_1_1 > x269, angle_1_1, 3.141592653589793))
     del angle_1_1
-    x220 = np.where(angle_2_2 > x266, angle_2_2, 3.141592653589793)
+    x223 = np.where(angle_2_2 > x269, angle_2_2, 3.141592653589793)
     del angle_2_2
-    row_1_0_3 = np.where(moves_1_1, x220, np.where(angle_1_2 > x266, angle_1_2, 3.141592653589793))
+    row_1_0_3 = np.where(moves_1_1, x223, np.where(angle_1_2 > x269, angle_1_2, 3.141592653589793))
     del angle_1_2
-    x221 = np.where(angle_2_3 > x266, angle_2_3, 3.141592653589793)
+    x224 = np.where(angle_2_3 > x269, angle_2_3, 3.141592653589793)
     del angle_2_3
-    row_1_0_4 = np.where(moves_1_1, x221, np.where(angle_1_3 > x266, angle_1_3, 3.141592653589793))
+    row_1_0_4 = np.where(moves_1_1, x224, np.where(angle_1_3 > x269, angle_1_3, 3.141592653589793))
     del angle_1_3
-    x222 = np.where(angle_2_4 > x266, angle_2_4, 3.141592653589793)
+    x225 = np.where(angle_2_4 > x269, angle_2_4, 3.141592653589793)
     del angle_2_4
-    row_1_0_5 = np.where(moves_1_1, x222, np.where(angle_1_4 > x266, angle_1_4, 3.141592653589793))
+    row_1_0_5 = np.where(moves_1_1, x225, np.where(angle_1_4 > x269, angle_1_4, 3.141592653589793))
     del angle_1_4
-    x223 = np.where(angle_2_5 > x266, angle_2_5, 3.141592653589793)
+    x226 = np.where(angle_2_5 > x269, angle_2_5, 3.141592653589793)
     del angle_2_5
-    row_1_0_6 = np.where(moves_1_1, x223, np.where(angle_1_5 > x266, angle_1_5, 3.141592653589793))
+    row_1_0_6 = np.where(moves_1_1, x226, np.where(angle_1_5 > x269, angle_1_5, 3.141592653589793))
     del angle_1_5
-    x224 = np.where(angle_2_6 > x266, angle_2_6, 3.141592653589793)
+    x227 = np.where(angle_2_6 > x269, angle_2_6, 3.141592653589793)
     del angle_2_6
-    row_1_0_7 = np.where(moves_1_1, x224, np.where(angle_1_6 > x266, angle_1_6, 3.141592653589793))
+    row_1_0_7 = np.where(moves_1_1, x227, np.where(angle_1_6 > x269, angle_1_6, 3.141592653589793))
     del angle_1_6
     there_1_1 = (moves_1_2) | ((there_2) & (~(moves_1_1)))
     del moves_1_1, there_2
     row_1_1_1 = np.where(moves_1_2, code_3, code_2)
     del code_2
-    x225 = np.where(angle_3_1 > x266, angle_3_1, 3.141592653589793)
+    x228 = np.where(angle_3_1 > x269, angle_3_1, 3.141592653589793)
     del angle_3_1
-    row_1_1_2 = np.where(moves_1_2, x225, x219)
-    del x219
-    x226 = np.where(angle_3_2 > x266, angle_3_2, 3.141592653589793)
-    del angle_3_2
-    row_1_1_3 = np.where(moves_1_2, x226, x220)
-    del x220
-    x227 = np.where(angle_3_3 > x266, angle_3_3, 3.141592653589793)
-    del angle_3_3
-    row_1_1_4 = np.where(moves_1_2, x227, x221)
-    del x221
-    x228 = np.where(angle_3_4 > x266, angle_3_4, 3.141592653589793)
-    del angle_3_4
-    row_1_1_5 = np.where(moves_1_2, x228, x222)
+    row_1_1_2 = np.where(moves_1_2, x228, x222)
     del x222
-    x229 = np.where(angle_3_5 > x266, angle_3_5, 3.141592653589793)
-    del angle_3_5
-    row_1_1_6 = np.where(moves_1_2, x229, x223)
+    x229 = np.where(angle_3_2 > x269, angle_3_2, 3.141592653589793)
+    del angle_3_2
+    row_1_1_3 = np.where(moves_1_2, x229, x223)
     del x223
-    x230 = np.where(angle_3_6 > x266, angle_3_6, 3.141592653589793)
-    del angle_3_6
-    row_1_1_7 = np.where(moves_1_2, x230, x224)
+    x230 = np.where(angle_3_3 > x269, angle_3_3, 3.141592653589793)
+    del angle_3_3
+    row_1_1_4 = np.where(moves_1_2, x230, x224)
     del x224
+    x231 = np.where(angle_3_4 > x269, angle_3_4, 3.141592653589793)
+    del angle_3_4
+    row_1_1_5 = np.where(moves_1_2, x231, x225)
+    del x225
+    x232 = np.where(angle_3_5 > x269, angle_3_5, 3.141592653589793)
+    del angle_3_5
+    row_1_1_6 = np.where(moves_1_2, x232, x226)
+    del x226
+    x233 = np.where(angle_3_6 > x269, angle_3_6, 3.141592653589793)
+    del angle_3_6
+    row_1_1_7 = np.where(moves_1_2, x233, x227)
+    del x227
     there_1_2 = (moves_1_3) | ((there_3) & (~(moves_1_2)))
     del moves_1_2, there_3
     row_1_2_0 = np.where(moves_1_3, holes_3 - 1.0, holes_2)
     del holes_2
     row_1_2_1 = np.where(moves_1_3, code_4, code_3)
     del code_3
-    x231 = np.where(angle_4_1 > x266, angle_4_1, 3.141592653589793)
+    x234 = np.where(angle_4_1 > x269, angle_4_1, 3.141592653589793)
     del angle_4_1
-    row_1_2_2 = np.where(moves_1_3, x231, x225)
-    del x225
-    x232 = np.where(angle_4_2 > x266, angle_4_2, 3.141592653589793)
-    del angle_4_2
-    row_1_2_3 = np.where(moves_1_3, x232, x226)
-    del x226
-    x233 = np.where(angle_4_3 > x266, angle_4_3, 3.141592653589793)
-    del angle_4_3
-    row_1_2_4 = np.where(moves_1_3, x233, x227)
-    del x227
-    x234 = np.where(angle_4_4 > x266, angle_4_4, 3.141592653589793)
-    del angle_4_4
-    row_1_2_5 = np.where(moves_1_3, x234, x228)
+    row_1_2_2 = np.where(moves_1_3, x234, x228)
     del x228
-    x235 = np.where(angle_4_5 > x266, angle_4_5, 3.141592653589793)
-    del angle_4_5
-    row_1_2_6 = np.where(moves_1_3, x235, x229)
+    x235 = np.where(angle_4_2 > x269, angle_4_2, 3.141592653589793)
+    del angle_4_2
+    row_1_2_3 = np.where(moves_1_3, x235, x229)
     del x229
-    x236 = np.where(angle_4_6 > x266, angle_4_6, 3.141592653589793)
-    del angle_4_6
-    row_1_2_7 = np.where(moves_1_3, x236, x230)
+    x236 = np.where(angle_4_3 > x269, angle_4_3, 3.141592653589793)
+    del angle_4_3
+    row_1_2_4 = np.where(moves_1_3, x236, x230)
     del x230
+    x237 = np.where(angle_4_4 > x269, angle_4_4, 3.141592653589793)
+    del angle_4_4
+    row_1_2_5 = np.where(moves_1_3, x237, x231)
+    del x231
+    x238 = np.where(angle_4_5 > x269, angle_4_5, 3.141592653589793)
+    del angle_4_5
+    row_1_2_6 = np.where(moves_1_3, x238, x232)
+    del x232
+    x239 = np.where(angle_4_6 > x269, angle_4_6, 3.141592653589793)
+    del angle_4_6
+    row_1_2_7 = np.where(moves_1_3, x239, x233)
+    del x233
     there_1_3 = (moves_1_4) | ((there_4) & (~(moves_1_3)))
     del moves_1_3, there_4
     row_1_3_0 = np.where(moves_1_4, holes_4 - 1.0, holes_3)
     del holes_3
     row_1_3_1 = np.where(moves_1_4, code_5, code_4)
     del code_4
-    x237 = np.where(angle_5_1 > x266, angle_5_1, 3.141592653589793)
+    x240 = np.where(angle_5_1 > x269, angle_5_1, 3.141592653589793)
     del angle_5_1
-    row_1_3_2 = np.where(moves_1_4, x237, x231)
-    del x231
-    x238 = np.where(angle_5_2 > x266, angle_5_2, 3.141592653589793)
-    del angle_5_2
-    row_1_3_3 = np.where(moves_1_4, x238, x232)
-    del x232
-    x239 = np.where(angle_5_3 > x266, angle_5_3, 3.141592653589793)
-    del angle_5_3
-    row_1_3_4 = np.where(moves_1_4, x239, x233)
-    del x233
-    x240 = np.where(angle_5_4 > x266, angle_5_4, 3.141592653589793)
-    del angle_5_4
-    row_1_3_5 = np.where(moves_1_4, x240, x234)
+    row_1_3_2 = np.where(moves_1_4, x240, x234)
     del x234
-    x241 = np.where(angle_5_5 > x266, angle_5_5, 3.141592653589793)
-    del angle_5_5
-    row_1_3_6 = np.where(moves_1_4, x241, x235)
+    x241 = np.where(angle_5_2 > x269, angle_5_2, 3.141592653589793)
+    del angle_5_2
+    row_1_3_3 = np.where(moves_1_4, x241, x235)
     del x235
-    x242 = np.where(angle_5_6 > x266, angle_5_6, 3.141592653589793)
-    del angle_5_6
-    row_1_3_7 = np.where(moves_1_4, x242, x236)
+    x242 = np.where(angle_5_3 > x269, angle_5_3, 3.141592653589793)
+    del angle_5_3
+    row_1_3_4 = np.where(moves_1_4, x242, x236)
     del x236
+    x243 = np.where(angle_5_4 > x269, angle_5_4, 3.141592653589793)
+    del angle_5_4
+    row_1_3_5 = np.where(moves_1_4, x243, x237)
+    del x237
+    x244 = np.where(angle_5_5 > x269, angle_5_5, 3.141592653589793)
+    del angle_5_5
+    row_1_3_6 = np.where(moves_1_4, x244, x238)
+    del x238
+    x245 = np.where(angle_5_6 > x269, angle_5_6, 3.141592653589793)
+    del angle_5_6
+    row_1_3_7 = np.where(moves_1_4, x245, x239)
+    del x239
     there_1_4 = (moves_1_5) | ((there_5) & (~(moves_1_4)))
     del moves_1_4, there_5
     row_1_4_0 = np.where(moves_1_5, holes_5 - 1.0, holes_4)
     del holes_4
     row_1_4_1 = np.where(moves_1_5, code_6, code_5)
     del code_5
-    x243 = np.where(angle_6_1 > x266, angle_6_1, 3.141592653589793)
+    x246 = np.where(angle_6_1 > x269, angle_6_1, 3.141592653589793)
     del angle_6_1
-    row_1_4_2 = np.where(moves_1_5, x243, x237)
-    del x237
-    x244 = np.where(angle_6_2 > x266, angle_6_2, 3.141592653589793)
-    del angle_6_2
-    row_1_4_3 = np.where(moves_1_5, x244, x238)
-    del x238
-    x245 = np.where(angle_6_3 > x266, angle_6_3, 3.141592653589793)
-    del angle_6_3
-    row_1_4_4 = np.where(moves_1_5, x245, x239)
-    del x239
-    x246 = np.where(angle_6_4 > x266, angle_6_4, 3.141592653589793)
-    del angle_6_4
-    row_1_4_5 = np.where(moves_1_5, x246, x240)
+    row_1_4_2 = np.where(moves_1_5, x246, x240)
     del x240
-    x247 = np.where(angle_6_5 > x266, angle_6_5, 3.141592653589793)
-    del angle_6_5
-    row_1_4_6 = np.where(moves_1_5, x247, x241)
+    x247 = np.where(angle_6_2 > x269, angle_6_2, 3.141592653589793)
+    del angle_6_2
+    row_1_4_3 = np.where(moves_1_5, x247, x241)
     del x241
-    x248 = np.where(angle_6_6 > x266, angle_6_6, 3.141592653589793)
-    del angle_6_6
-    row_1_4_7 = np.where(moves_1_5, x248, x242)
+    x248 = np.where(angle_6_3 > x269, angle_6_3, 3.141592653589793)
+    del angle_6_3
+    row_1_4_4 = np.where(moves_1_5, x248, x242)
     del x242
+    x249 = np.where(angle_6_4 > x269, angle_6_4, 3.141592653589793)
+    del angle_6_4
+    row_1_4_5 = np.where(moves_1_5, x249, x243)
+    del x243
+    x250 = np.where(angle_6_5 > x269, angle_6_5, 3.141592653589793)
+    del angle_6_5
+    row_1_4_6 = np.where(moves_1_5, x250, x244)
+    del x244
+    x251 = np.where(angle_6_6 > x269, angle_6_6, 3.141592653589793)
+    del angle_6_6
+    row_1_4_7 = np.where(moves_1_5, x251, x245)
+    del x245
     there_1_5 = (moves_1_6) | ((there_6) & (~(moves_1_5)))
     del moves_1_5, there_6
     row_1_5_0 = np.where(moves_1_6, holes_6 - 1.0, holes_5)
     del holes_5
     row_1_5_1 = np.where(moves_1_6, code_7, code_6)
     del code_6
-    x249 = np.where(angle_7_1 > x266, angle_7_1, 3.141592653589793)
+    x252 = np.where(angle_7_1 > x269, angle_7_1, 3.141592653589793)
     del angle_7_1
-    row_1_5_2 = np.where(moves_1_6, x249, x243)
-    del x243
-    x250 = np.where(angle_7_2 > x266, angle_7_2, 3.141592653589793)
-    del angle_7_2
-    row_1_5_3 = np.where(moves_1_6, x250, x244)
-    del x244
-    x251 = np.where(angle_7_3 > x266, angle_7_3, 3.141592653589793)
-    del angle_7_3
-    row_1_5_4 = np.where(moves_1_6, x251, x245)
-    del x245
-    x252 = np.where(angle_7_4 > x266, angle_7_4, 3.141592653589793)
-    del angle_7_4
-    row_1_5_5 = np.where(moves_1_6, x252, x246)
+    row_1_5_2 = np.where(moves_1_6, x252, x246)
     del x246
-    x253 = np.where(angle_7_5 > x266, angle_7_5, 3.141592653589793)
-    del angle_7_5
-    row_1_5_6 = np.where(moves_1_6, x253, x247)
+    x253 = np.where(angle_7_2 > x269, angle_7_2, 3.141592653589793)
+    del angle_7_2
+    row_1_5_3 = np.where(moves_1_6, x253, x247)
     del x247
-    x254 = np.where(angle_7_6 > x266, angle_7_6, 3.141592653589793)
-    del angle_7_6
-    row_1_5_7 = np.where(moves_1_6, x254, x248)
+    x254 = np.where(angle_7_3 > x269, angle_7_3, 3.141592653589793)
+    del angle_7_3
+    row_1_5_4 = np.where(moves_1_6, x254, x248)
     del x248
+    x255 = np.where(angle_7_4 > x269, angle_7_4, 3.141592653589793)
+    del angle_7_4
+    row_1_5_5 = np.where(moves_1_6, x255, x249)
+    del x249
+    x256 = np.where(angle_7_5 > x269, angle_7_5, 3.141592653589793)
+    del angle_7_5
+    row_1_5_6 = np.where(moves_1_6, x256, x250)
+    del x250
+    x257 = np.where(angle_7_6 > x269, angle_7_6, 3.141592653589793)
+    del angle_7_6
+    row_1_5_7 = np.where(moves_1_6, x257, x251)
+    del x251
     there_1_6 = (moves_1_7) | ((there_7) & (~(moves_1_6)))
     del moves_1_6, there_7
     row_1_6_0 = np.where(moves_1_7, holes_7 - 1.0, holes_6)
     del holes_6
     row_1_6_1 = np.where(moves_1_7, code_8, code_7)
     del code_7
-    x255 = np.where(angle_8_1 > x266, angle_8_1, 3.141592653589793)
+    x258 = np.where(angle_8_1 > x269, angle_8_1, 3.141592653589793)
     del angle_8_1
-    row_1_6_2 = np.where(moves_1_7, x255, x249)
-    del x249
-    x256 = np.where(angle_8_2 > x266, angle_8_2, 3.141592653589793)
-    del angle_8_2
-    row_1_6_3 = np.where(moves_1_7, x256, x250)
-    del x250
-    x257 = np.where(angle_8_3 > x266, angle_8_3, 3.141592653589793)
-    del angle_8_3
-    row_1_6_4 = np.where(moves_1_7, x257, x251)
-    del x251
-    x258 = np.where(angle_8_4 > x266, angle_8_4, 3.141592653589793)
-    del angle_8_4
-    row_1_6_5 = np.where(moves_1_7, x258, x252)
+    row_1_6_2 = np.where(moves_1_7, x258, x252)
     del x252
-    x259 = np.where(angle_8_5 > x266, angle_8_5, 3.141592653589793)
-    del angle_8_5
-    row_1_6_6 = np.where(moves_1_7, x259, x253)
+    x259 = np.where(angle_8_2 > x269, angle_8_2, 3.141592653589793)
+    del angle_8_2
+    row_1_6_3 = np.where(moves_1_7, x259, x253)
     del x253
-    x260 = np.where(angle_8_6 > x266, angle_8_6, 3.141592653589793)
-    del angle_8_6, x266
-    row_1_6_7 = np.where(moves_1_7, x260, x254)
+    x260 = np.where(angle_8_3 > x269, angle_8_3, 3.141592653589793)
+    del angle_8_3
+    row_1_6_4 = np.where(moves_1_7, x260, x254)
     del x254
+    x261 = np.where(angle_8_4 > x269, angle_8_4, 3.141592653589793)
+    del angle_8_4
+    row_1_6_5 = np.where(moves_1_7, x261, x255)
+    del x255
+    x262 = np.where(angle_8_5 > x269, angle_8_5, 3.141592653589793)
+    del angle_8_5
+    row_1_6_6 = np.where(moves_1_7, x262, x256)
+    del x256
+    x263 = np.where(angle_8_6 > x269, angle_8_6, 3.141592653589793)
+    del angle_8_6, x269
+    row_1_6_7 = np.where(moves_1_7, x263, x257)
+    del x257
     there_1_7 = (there_8) & (~(moves_1_7))
     del moves_1_7, there_8
     moves_2_2 = (there_1_2) & ((row_1_2_0 == 2.0) | (row_1_2_0 == 6.0))
@@ -1421,17 +1431,17 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del row_1_5_0
     row_2_5_1 = np.where(moves_2_7, code_8, row_1_5_1)
     del row_1_5_1
-    row_2_5_2 = np.where(moves_2_7, x255, row_1_5_2)
+    row_2_5_2 = np.where(moves_2_7, x258, row_1_5_2)
     del row_1_5_2
-    row_2_5_3 = np.where(moves_2_7, x256, row_1_5_3)
+    row_2_5_3 = np.where(moves_2_7, x259, row_1_5_3)
     del row_1_5_3
-    row_2_5_4 = np.where(moves_2_7, x257, row_1_5_4)
+    row_2_5_4 = np.where(moves_2_7, x260, row_1_5_4)
     del row_1_5_4
-    row_2_5_5 = np.where(moves_2_7, x258, row_1_5_5)
+    row_2_5_5 = np.where(moves_2_7, x261, row_1_5_5)
     del row_1_5_5
-    row_2_5_6 = np.where(moves_2_7, x259, row_1_5_6)
+    row_2_5_6 = np.where(moves_2_7, x262, row_1_5_6)
     del row_1_5_6
-    row_2_5_7 = np.where(moves_2_7, x260, row_1_5_7)
+    row_2_5_7 = np.where(moves_2_7, x263, row_1_5_7)
     del row_1_5_7
     there_2_6 = (there_1_6) & (~(moves_2_6))
     del moves_2_6, there_1_6
@@ -1497,17 +1507,17 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del there_2_3
     row_4_3_1 = np.where(moves_4_7, code_8, row_2_3_1)
     del row_2_3_1
-    row_4_3_2 = np.where(moves_4_7, x255, row_2_3_2)
+    row_4_3_2 = np.where(moves_4_7, x258, row_2_3_2)
     del row_2_3_2
-    row_4_3_3 = np.where(moves_4_7, x256, row_2_3_3)
+    row_4_3_3 = np.where(moves_4_7, x259, row_2_3_3)
     del row_2_3_3
-    row_4_3_4 = np.where(moves_4_7, x257, row_2_3_4)
+    row_4_3_4 = np.where(moves_4_7, x260, row_2_3_4)
     del row_2_3_4
-    row_4_3_5 = np.where(moves_4_7, x258, row_2_3_5)
+    row_4_3_5 = np.where(moves_4_7, x261, row_2_3_5)
     del row_2_3_5
-    row_4_3_6 = np.where(moves_4_7, x259, row_2_3_6)
+    row_4_3_6 = np.where(moves_4_7, x262, row_2_3_6)
     del row_2_3_6
-    row_4_3_7 = np.where(moves_4_7, x260, row_2_3_7)
+    row_4_3_7 = np.where(moves_4_7, x263, row_2_3_7)
     del row_2_3_7
     there_4_4 = (there_2_4) & (~(moves_4_4))
     del moves_4_4, there_2_4
@@ -1601,18 +1611,18 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del row_1_6_6
     angles_7_6 = np.where(there_4_6, row_1_6_7, np.nan)
     del row_1_6_7
-    angles_8_1 = np.where(there_4_7, x255, np.nan)
-    del x255
-    angles_8_2 = np.where(there_4_7, x256, np.nan)
-    del x256
-    angles_8_3 = np.where(there_4_7, x257, np.nan)
-    del x257
-    angles_8_4 = np.where(there_4_7, x258, np.nan)
+    angles_8_1 = np.where(there_4_7, x258, np.nan)
     del x258
-    angles_8_5 = np.where(there_4_7, x259, np.nan)
+    angles_8_2 = np.where(there_4_7, x259, np.nan)
     del x259
-    angles_8_6 = np.where(there_4_7, x260, np.nan)
+    angles_8_3 = np.where(there_4_7, x260, np.nan)
     del x260
+    angles_8_4 = np.where(there_4_7, x261, np.nan)
+    del x261
+    angles_8_5 = np.where(there_4_7, x262, np.nan)
+    del x262
+    angles_8_6 = np.where(there_4_7, x263, np.nan)
+    del x263
     status_1 = np.where(~(good), 5.0, np.where(~(there_4_0), 3.0, row_4_0_1))
     del row_4_0_1, there_4_0
     status_2 = np.where(~(good), 5.0, np.where(~(there_4_1), 3.0, row_4_1_1))
@@ -1674,7 +1684,7 @@ robot_parallel_reverse.types = ["ddddd->db", "fffff->fb"]
 
 
 def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
-    # 363 add, 597 mul, 29 div, 45 sqrt, 386 select, 210 compare, 49 abs, 34 atan2
+    # 365 add, 600 mul, 29 div, 46 sqrt, 387 select, 211 compare, 47 abs, 34 atan2
     x0 = (pose_1_3*pose_1_3)
     x1 = (pose_2_3*pose_2_3)
     rough = np.abs(pose_4_1) + np.abs(pose_4_2) + np.abs(pose_4_3) + np.abs(pose_4_4 - 1.0) + 2.0*np.abs(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + 2.0*np.abs(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + 2.0*np.abs(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3) + np.abs((pose_1_1*pose_1_1) + (pose_2_1*pose_2_1) + (pose_3_1*pose_3_1) - 1.0) + np.abs((pose_1_2*pose_1_2) + (pose_2_2*pose_2_2) + (pose_3_2*pose_3_2) - 1.0) + np.abs((pose_3_3*pose_3_3) + x0 + x1 - 1.0)
@@ -1702,10 +1712,10 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     x14 = pose_2_3*sine_1
     x8 = cosine_1*pose_3_3
     x9 = cosine_4*cosine_5
-    x223 = x9 - x8
-    x224 = sine_4*sine_5
-    x225 = np.abs(x224)
-    first_free_serves = (first_free_square <= 0.0) | (np.abs(x14 + x223) <= x225)
+    x224 = x9 - x8
+    x225 = sine_4*sine_5
+    x226 = np.abs(x225)
+    first_free_serves = (first_free_square <= 0.0) | (np.abs(x14 + x224) <= x226)
     x11 = x8 - x9
     first_free_at = np.where(first_free_amplitude < -x11, first_free_amplitude, np.where(first_free_amplitude < x11, -first_free_amplitude, -x11))
     x13 = (first_free_at*first_free_at)
@@ -1721,22 +1731,22 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     first_free_c_second = first_free_c_first*x17 - first_free_s_first*x16
     first_free_s_second = -first_free_c_first*x16 - first_free_s_first*x17
     del x16, x17
-    first_free_split = (first_free_amplitude + x11 > x225) & (first_free_amplitude + x223 > x225)
-    del first_free_amplitude, x11, x223, x225
+    first_free_split = (first_free_amplitude + x11 > x226) & (first_free_amplitude + x224 > x226)
+    del first_free_amplitude, x11, x224, x226
     first_r = np.sqrt((centre_1*centre_1)*x6 + (centre_2*centre_2)*x6)
     del x6
     x18 = centre_3*cosine_1 - height
     del height
     x19 = np.abs(x18)
     first_room = first_r - x19
-    x219 = 4096.0*eps
-    x220 = spare*x219
-    first_free = (first_r <= x220) & (x19 <= x220)
+    x221 = 4096.0*eps
+    x222 = spare*x221
+    first_free = (first_r <= x222) & (x19 <= x222)
     x26 = 64.0*eps
     x27 = spare*x26
     first_double = (first_room <= x27) & (~(first_free))
     first_exists = (first_free) | ((first_room >= -x27) & (first_r > 0.0))
-    first_q = np.where((~(first_double)) & (first_room > 0.0), np.sqrt(first_room*(first_r + x19)), 0.0)
+    first_q = np.where(first_room > 0.0, np.sqrt(first_room*(first_r + x19)), 0.0)
     del first_room, x19
     x20 = (first_q*first_q)
     first_size = first_r*np.sqrt((x18*x18) + x20)
@@ -1792,99 +1802,103 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     axes_a_3_3 = x8 - sine_1*x35
     del x35
     h_a = np.sqrt((axes_a_3_1*axes_a_3_1) + (axes_a_3_2*axes_a_3_2))
+    x38 = 8.0*np.sqrt(eps)
+    x39 = np.where(first_error < x38, first_error, x38)
+    del x38
+    error_a = x39
     bend_a_denominator = np.abs(axes_a_3_3) + 1.0
-    x38 = cosine_4 - cosine_5
-    x39 = cosine_4 + cosine_5
-    bend_a_apart = np.where(axes_a_3_3 >= 0.0, x38, x39)
+    x40 = cosine_4 - cosine_5
+    x41 = cosine_4 + cosine_5
+    bend_a_apart = np.where(axes_a_3_3 >= 0.0, x40, x41)
     bend_a_product = np.where(axes_a_3_3 >= 0.0, x9, -x9)
-    x40 = (bend_a_apart*bend_a_apart)
+    x42 = (bend_a_apart*bend_a_apart)
     del bend_a_apart
-    bend_a_gram = (h_a*h_a)*(1.0 - 2.0*bend_a_product/bend_a_denominator) - x40
+    bend_a_gram = (h_a*h_a)*(1.0 - 2.0*bend_a_product/bend_a_denominator) - x42
     del bend_a_denominator, bend_a_product
-    bend_a_tolerance = first_error*(first_error + 2.0*h_a) + x26*(h_a + x40)
-    del x40
-    x221 = first_error + x219
-    bend_a_free = (bend_a_gram >= -bend_a_tolerance) & (h_a <= x221)
-    bend_a_double = (np.abs(bend_a_gram) <= bend_a_tolerance) & (~(bend_a_free))
+    bend_a_tolerance = error_a*(error_a + 2.0*h_a) + x26*(h_a + x42)
+    del x42
     bend_a_exists = bend_a_gram >= -bend_a_tolerance
+    bend_a_free = (bend_a_exists) & (h_a <= 4.0*error_a + x221)
+    del error_a
+    bend_a_any = (bend_a_exists) & (h_a <= x221)
+    bend_a_double = (bend_a_gram <= bend_a_tolerance) & (~(bend_a_free))
     del bend_a_tolerance
-    bend_a_q = np.where((~(bend_a_double)) & (bend_a_gram > 0.0), np.sqrt(bend_a_gram), 0.0)
+    bend_a_q = np.where(bend_a_gram > 0.0, np.sqrt(bend_a_gram), 0.0)
     del bend_a_gram
     bend_a_along = x9 - axes_a_3_3
     bend_a_size = np.sqrt((bend_a_along*bend_a_along) + (bend_a_q*bend_a_q))
-    x41 = np.where(x224 < 0.0, -1.0, 1.0)
-    del x224
-    bend_a_scale = x41*np.where(bend_a_size > 0.0, 1.0/bend_a_size, 1.0)
+    x43 = np.where(x225 < 0.0, -1.0, 1.0)
+    del x225
+    bend_a_scale = x43*np.where(bend_a_size > 0.0, 1.0/bend_a_size, 1.0)
     del bend_a_size
     bend_a_c = bend_a_along*bend_a_scale
     del bend_a_along
     bend_a_s = bend_a_q*bend_a_scale
     del bend_a_q, bend_a_scale
-    bend_a_two = (bend_a_exists) & (~((bend_a_double) | (bend_a_free)))
-    x42 = first_error + x26
-    x43 = spare*x42
-    off_a = x43
-    x44 = bend_a_s*sine_4
-    x45 = axes_a_3_1*x44
-    x46 = cosine_4*sine_5
-    x47 = cosine_5*sine_4
-    x48 = bend_a_c*x47 + x46
-    sixth_aa_dot = axes_a_3_2*x48 + x45
-    x49 = axes_a_3_2*x44
-    del x44
-    x50 = axes_a_3_1*x48
+    bend_a_two = (bend_a_exists) & (~((bend_a_any) | (bend_a_double)))
+    x44 = spare*(x26 + x39)
+    off_a = x44
+    x45 = bend_a_s*sine_4
+    x46 = axes_a_3_1*x45
+    x47 = cosine_4*sine_5
+    x48 = cosine_5*sine_4
+    x49 = bend_a_c*x48 + x47
+    sixth_aa_dot = axes_a_3_2*x49 + x46
+    x50 = axes_a_3_2*x45
+    del x45
+    x51 = axes_a_3_1*x49
     del axes_a_3_1
-    sixth_aa_cross = x50 - x49
+    sixth_aa_cross = x51 - x50
     sixth_aa_size = np.sqrt((sixth_aa_cross*sixth_aa_cross) + (sixth_aa_dot*sixth_aa_dot))
     sixth_aa_scale = np.where(sixth_aa_size > 0.0, 1.0/sixth_aa_size, 1.0)
     del sixth_aa_size
-    sixth_aa_c = np.where(bend_a_free, 1.0, sixth_aa_dot*sixth_aa_scale)
+    sixth_aa_c = np.where(bend_a_any, 1.0, sixth_aa_dot*sixth_aa_scale)
     del sixth_aa_dot
-    sixth_aa_s = np.where(bend_a_free, 0.0, sixth_aa_cross*sixth_aa_scale)
+    sixth_aa_s = np.where(bend_a_any, 0.0, sixth_aa_cross*sixth_aa_scale)
     del sixth_aa_cross, sixth_aa_scale
-    x51 = bend_a_s*sine_5
-    x52 = axes_a_1_3*x51
+    x52 = bend_a_s*sine_5
+    x53 = axes_a_1_3*x52
     del axes_a_1_3
-    x53 = bend_a_s*cosine_5
-    x54 = bend_a_c*sixth_aa_c - sixth_aa_s*x53
-    x55 = -bend_a_c*sixth_aa_s - sixth_aa_c*x53
-    c_zero_aa = axes_a_1_1*x54 + axes_a_1_2*x55 + x52
-    x56 = axes_a_2_3*x51
-    del axes_a_2_3, x51
-    s_zero_aa = axes_a_2_1*x54 + axes_a_2_2*x55 + x56
-    del x54, x55
-    x57 = offset_5*sine_4
-    hand_aa_1 = a_4*c_zero_aa + s_zero_aa*x57
-    hand_aa_2 = a_4*s_zero_aa - c_zero_aa*x57
-    x58 = 2.0*hand_aa_1
-    x59 = end_a_1*x58
-    x60 = 2.0*hand_aa_2
-    x61 = end_a_2*x60
-    x62 = -x59 - x61
-    x63 = end_a_1*x60 - end_a_2*x58
-    del x58, x60
-    turn_aa_square = (x62*x62) + (x63*x63)
+    x54 = bend_a_s*cosine_5
+    x55 = bend_a_c*sixth_aa_c - sixth_aa_s*x54
+    x56 = -bend_a_c*sixth_aa_s - sixth_aa_c*x54
+    c_zero_aa = axes_a_1_1*x55 + axes_a_1_2*x56 + x53
+    x57 = axes_a_2_3*x52
+    del axes_a_2_3, x52
+    s_zero_aa = axes_a_2_1*x55 + axes_a_2_2*x56 + x57
+    del x55, x56
+    x58 = offset_5*sine_4
+    hand_aa_1 = a_4*c_zero_aa + s_zero_aa*x58
+    hand_aa_2 = a_4*s_zero_aa - c_zero_aa*x58
+    x59 = 2.0*hand_aa_1
+    x60 = end_a_1*x59
+    x61 = 2.0*hand_aa_2
+    x62 = end_a_2*x61
+    x63 = -x60 - x62
+    x64 = end_a_1*x61 - end_a_2*x59
+    del x59, x61
+    turn_aa_square = (x63*x63) + (x64*x64)
     turn_aa_amplitude = np.sqrt(turn_aa_square)
     turn_aa_per_square = np.where(turn_aa_square > 0.0, 1.0/turn_aa_square, 1.0)
-    x65 = (end_a_1*end_a_1) + (end_a_2*end_a_2) - square
-    x66 = (hand_aa_1*hand_aa_1) + (hand_aa_2*hand_aa_2) + x65
-    turn_aa_serves = (turn_aa_square <= 0.0) | (np.abs(x59 + x61 - x66) <= width)
-    del x59, x61
-    turn_aa_at = np.where(turn_aa_amplitude < -x66, turn_aa_amplitude, np.where(turn_aa_amplitude < x66, -turn_aa_amplitude, -x66))
-    del turn_aa_amplitude, x66
-    x68 = (turn_aa_at*turn_aa_at)
-    turn_aa_rest = np.where(turn_aa_square > x68, np.sqrt(turn_aa_square - x68), 0.0)
-    del turn_aa_square, x68
-    turn_aa_c_first = np.where(turn_aa_serves, 1.0, turn_aa_per_square*(turn_aa_at*x62 - turn_aa_rest*x63))
-    turn_aa_s_first = np.where(turn_aa_serves, 0.0, turn_aa_per_square*(turn_aa_at*x63 + turn_aa_rest*x62))
-    del turn_aa_at, turn_aa_per_square, turn_aa_rest, turn_aa_serves, x62, x63
-    c_turn_aa = np.where(bend_a_free, turn_aa_c_first, 1.0)
+    x66 = (end_a_1*end_a_1) + (end_a_2*end_a_2) - square
+    x67 = (hand_aa_1*hand_aa_1) + (hand_aa_2*hand_aa_2) + x66
+    turn_aa_serves = (turn_aa_square <= 0.0) | (np.abs(x60 + x62 - x67) <= width)
+    del x60, x62
+    turn_aa_at = np.where(turn_aa_amplitude < -x67, turn_aa_amplitude, np.where(turn_aa_amplitude < x67, -turn_aa_amplitude, -x67))
+    del turn_aa_amplitude, x67
+    x69 = (turn_aa_at*turn_aa_at)
+    turn_aa_rest = np.where(turn_aa_square > x69, np.sqrt(turn_aa_square - x69), 0.0)
+    del turn_aa_square, x69
+    turn_aa_c_first = np.where(turn_aa_serves, 1.0, turn_aa_per_square*(turn_aa_at*x63 - turn_aa_rest*x64))
+    turn_aa_s_first = np.where(turn_aa_serves, 0.0, turn_aa_per_square*(turn_aa_at*x64 + turn_aa_rest*x63))
+    del turn_aa_at, turn_aa_per_square, turn_aa_rest, turn_aa_serves, x63, x64
+    c_turn_aa = np.where(bend_a_any, turn_aa_c_first, 1.0)
     del turn_aa_c_first
-    s_turn_aa = np.where(bend_a_free, turn_aa_s_first, 0.0)
+    s_turn_aa = np.where(bend_a_any, turn_aa_s_first, 0.0)
     del turn_aa_s_first
-    c_6_aa = np.where(bend_a_free, c_turn_aa, sixth_aa_c)
+    c_6_aa = np.where(bend_a_any, c_turn_aa, sixth_aa_c)
     del sixth_aa_c
-    s_6_aa = np.where(bend_a_free, np.where(axes_a_3_3 > 0.0, -s_turn_aa, s_turn_aa), sixth_aa_s)
+    s_6_aa = np.where(bend_a_any, np.where(axes_a_3_3 > 0.0, -s_turn_aa, s_turn_aa), sixth_aa_s)
     del sixth_aa_s
     c_234_aa = c_turn_aa*c_zero_aa - s_turn_aa*s_zero_aa
     s_234_aa = c_turn_aa*s_zero_aa + c_zero_aa*s_turn_aa
@@ -1892,51 +1906,53 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     corner_aa_1 = end_a_1 + hand_aa_2*s_turn_aa - c_turn_aa*hand_aa_1
     corner_aa_2 = end_a_2 - c_turn_aa*hand_aa_2 - hand_aa_1*s_turn_aa
     del c_turn_aa, hand_aa_1, hand_aa_2, s_turn_aa
-    x70 = x4 + np.abs(x57)
+    x71 = x4 + np.abs(x58)
     del x4
-    x71 = np.where(spare > 0.0, x70*np.where(bend_a_free, 0.0, x42*np.where(h_a > 0.0, 1.0/h_a, 1.0)), spare)
+    x72 = first_error + x26
+    del first_error
+    x73 = np.where(spare > 0.0, x71*np.where(bend_a_any, 0.0, x72*np.where(h_a > 0.0, 1.0/h_a, 1.0)), spare)
     del h_a
-    more_aa = x71
+    more_aa = x73
     triangle_aa_side = np.sqrt((corner_aa_1*corner_aa_1) + (corner_aa_2*corner_aa_2))
-    x72 = 2.0*off_a
+    x74 = 2.0*off_a
     del off_a
-    x73 = (spare*spare)
-    x74 = x26*x73
-    triangle_aa_area = triangle_aa_side*x72 + x74
-    x75 = 2.0*x2*x3
+    x75 = (spare*spare)
+    x76 = x26*x75
+    triangle_aa_area = triangle_aa_side*x74 + x76
+    x77 = 2.0*x2*x3
     del x2, x3
-    triangle_aa_3_r = x75
-    x76 = square - (triangle_aa_side*triangle_aa_side)
-    x77 = np.abs(x76)
-    triangle_aa_3_room = triangle_aa_3_r - x77
-    x222 = x219*x73
-    del x219, x73
-    triangle_aa_3_free = (triangle_aa_3_r <= x222) & (x77 <= x222)
+    triangle_aa_3_r = x77
+    x78 = square - (triangle_aa_side*triangle_aa_side)
+    x79 = np.abs(x78)
+    triangle_aa_3_room = triangle_aa_3_r - x79
+    x223 = x221*x75
+    del x75
+    triangle_aa_3_free = (triangle_aa_3_r <= x223) & (x79 <= x223)
     triangle_aa_3_double = (triangle_aa_3_room <= triangle_aa_area) & (~(triangle_aa_3_free))
     triangle_aa_3_exists = (triangle_aa_3_free) | ((triangle_aa_3_room >= -2.0*more_aa*triangle_aa_side - triangle_aa_area) & (triangle_aa_3_r > 0.0))
     del more_aa, triangle_aa_area, triangle_aa_side
-    triangle_aa_3_q = np.where((~(triangle_aa_3_double)) & (triangle_aa_3_room > 0.0), np.sqrt(triangle_aa_3_room*(triangle_aa_3_r + x77)), 0.0)
-    del triangle_aa_3_room, x77
-    triangle_aa_3_size = triangle_aa_3_r*np.sqrt((triangle_aa_3_q*triangle_aa_3_q) + (x76*x76))
+    triangle_aa_3_q = np.where(triangle_aa_3_room > 0.0, np.sqrt(triangle_aa_3_room*(triangle_aa_3_r + x79)), 0.0)
+    del triangle_aa_3_room, x79
+    triangle_aa_3_size = triangle_aa_3_r*np.sqrt((triangle_aa_3_q*triangle_aa_3_q) + (x78*x78))
     del triangle_aa_3_r
     triangle_aa_3_scale = np.where(triangle_aa_3_size > 0.0, 1.0/triangle_aa_3_size, 1.0)
     del triangle_aa_3_size
-    x78 = 2.0*x5
+    x80 = 2.0*x5
     del x5
-    x79 = triangle_aa_3_scale*x78
+    x81 = triangle_aa_3_scale*x80
     del triangle_aa_3_scale
-    x80 = np.where(triangle_aa_3_free, 1.0, -x76*x79)
-    del x76
-    triangle_aa_3_c_a = x80
-    x81 = triangle_aa_3_q*x79
-    del triangle_aa_3_q, x79
-    triangle_aa_3_s_a = np.where(triangle_aa_3_free, 0.0, x81)
-    triangle_aa_3_c_b = x80
-    del x80
-    triangle_aa_3_s_b = np.where(triangle_aa_3_free, 0.0, -x81)
-    del x81
+    x82 = np.where(triangle_aa_3_free, 1.0, -x78*x81)
+    del x78
+    triangle_aa_3_c_a = x82
+    x83 = triangle_aa_3_q*x81
+    del triangle_aa_3_q, x81
+    triangle_aa_3_s_a = np.where(triangle_aa_3_free, 0.0, x83)
+    triangle_aa_3_c_b = x82
+    del x82
+    triangle_aa_3_s_b = np.where(triangle_aa_3_free, 0.0, -x83)
+    del x83
     triangle_aa_3_two = (triangle_aa_3_exists) & (~((triangle_aa_3_double) | (triangle_aa_3_free)))
-    triangle_aa_any = np.abs(corner_aa_1) + np.abs(corner_aa_2) <= x220
+    triangle_aa_any = np.abs(corner_aa_1) + np.abs(corner_aa_2) <= x222
     triangle_aa_arm_a_1 = a_2 + a_3*triangle_aa_3_c_a
     triangle_aa_arm_a_2 = a_3*triangle_aa_3_s_a
     triangle_aa_2_a_dot = corner_aa_1*triangle_aa_arm_a_1 + corner_aa_2*triangle_aa_arm_a_2
@@ -1971,68 +1987,68 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     c_4_aab = c_234_aa*c_23_aab + s_234_aa*s_23_aab
     s_4_aab = c_23_aab*s_234_aa - c_234_aa*s_23_aab
     del c_234_aa, c_23_aab, s_234_aa, s_23_aab
-    sixth_ab_dot = axes_a_3_2*x48 - x45
-    del axes_a_3_2, x45, x48
-    sixth_ab_cross = x49 + x50
-    del x49, x50
+    sixth_ab_dot = axes_a_3_2*x49 - x46
+    del axes_a_3_2, x46, x49
+    sixth_ab_cross = x50 + x51
+    del x50, x51
     sixth_ab_size = np.sqrt((sixth_ab_cross*sixth_ab_cross) + (sixth_ab_dot*sixth_ab_dot))
     sixth_ab_scale = np.where(sixth_ab_size > 0.0, 1.0/sixth_ab_size, 1.0)
     del sixth_ab_size
-    sixth_ab_c = np.where(bend_a_free, 1.0, sixth_ab_dot*sixth_ab_scale)
+    sixth_ab_c = np.where(bend_a_any, 1.0, sixth_ab_dot*sixth_ab_scale)
     del sixth_ab_dot
-    sixth_ab_s = np.where(bend_a_free, 0.0, sixth_ab_cross*sixth_ab_scale)
+    sixth_ab_s = np.where(bend_a_any, 0.0, sixth_ab_cross*sixth_ab_scale)
     del sixth_ab_cross, sixth_ab_scale
-    x82 = bend_a_c*sixth_ab_c + sixth_ab_s*x53
-    del x53
-    x83 = bend_a_s*cosine_5*sixth_ab_c - bend_a_c*sixth_ab_s
-    c_zero_ab = axes_a_1_1*x82 + axes_a_1_2*x83 - x52
-    del axes_a_1_1, axes_a_1_2, x52
-    s_zero_ab = axes_a_2_1*x82 + axes_a_2_2*x83 - x56
-    del axes_a_2_1, axes_a_2_2, x56, x82, x83
-    hand_ab_1 = a_4*c_zero_ab + s_zero_ab*x57
-    hand_ab_2 = a_4*s_zero_ab - c_zero_ab*x57
-    x84 = 2.0*hand_ab_1
-    x85 = end_a_1*x84
-    x86 = 2.0*hand_ab_2
-    x87 = end_a_2*x86
-    x88 = -x85 - x87
-    x89 = (x88*x88)
-    x90 = end_a_1*x86 - end_a_2*x84
-    del x84, x86
+    x84 = bend_a_c*sixth_ab_c + sixth_ab_s*x54
+    del x54
+    x85 = bend_a_s*cosine_5*sixth_ab_c - bend_a_c*sixth_ab_s
+    c_zero_ab = axes_a_1_1*x84 + axes_a_1_2*x85 - x53
+    del axes_a_1_1, axes_a_1_2, x53
+    s_zero_ab = axes_a_2_1*x84 + axes_a_2_2*x85 - x57
+    del axes_a_2_1, axes_a_2_2, x57, x84, x85
+    hand_ab_1 = a_4*c_zero_ab + s_zero_ab*x58
+    hand_ab_2 = a_4*s_zero_ab - c_zero_ab*x58
+    x86 = 2.0*hand_ab_1
+    x87 = end_a_1*x86
+    x88 = 2.0*hand_ab_2
+    x89 = end_a_2*x88
+    x90 = -x87 - x89
     x91 = (x90*x90)
-    turn_ab_square = x89 + x91
+    x92 = end_a_1*x88 - end_a_2*x86
+    del x86, x88
+    x93 = (x92*x92)
+    turn_ab_square = x91 + x93
     turn_ab_amplitude = np.sqrt(turn_ab_square)
     turn_ab_per_square = np.where(turn_ab_square > 0.0, 1.0/turn_ab_square, 1.0)
-    x93 = (hand_ab_1*hand_ab_1) + (hand_ab_2*hand_ab_2) + x65
-    del x65
-    turn_ab_serves = (turn_ab_square <= 0.0) | (np.abs(x85 + x87 - x93) <= width)
-    del x85, x87
-    turn_ab_at = np.where(turn_ab_amplitude < -x93, turn_ab_amplitude, np.where(turn_ab_amplitude < x93, -turn_ab_amplitude, -x93))
-    x95 = (turn_ab_at*turn_ab_at)
-    turn_ab_rest = np.where(turn_ab_square > x95, np.sqrt(turn_ab_square - x95), 0.0)
-    del turn_ab_square, x95
-    turn_ab_c_first = np.where(turn_ab_serves, 1.0, turn_ab_per_square*(turn_ab_at*x88 - turn_ab_rest*x90))
-    turn_ab_s_first = np.where(turn_ab_serves, 0.0, turn_ab_per_square*(turn_ab_at*x90 + turn_ab_rest*x88))
-    del turn_ab_at, turn_ab_rest, turn_ab_serves, x88
-    x96 = turn_ab_per_square*x90*(-4.0*end_a_1*hand_ab_1 - 4.0*end_a_2*hand_ab_2)
-    del x90
-    x97 = turn_ab_per_square*(x89 - x91)
-    del turn_ab_per_square, x89, x91
-    turn_ab_c_second = turn_ab_c_first*x97 + turn_ab_s_first*x96
-    turn_ab_s_second = turn_ab_c_first*x96 - turn_ab_s_first*x97
-    del turn_ab_c_first, turn_ab_s_first, x96, x97
-    turn_ab_split = (turn_ab_amplitude - x93 > width) & (turn_ab_amplitude + x93 > width)
-    del turn_ab_amplitude, x93
-    c_turn_ab = np.where(bend_a_free, turn_ab_c_second, 1.0)
+    x95 = (hand_ab_1*hand_ab_1) + (hand_ab_2*hand_ab_2) + x66
+    del x66
+    turn_ab_serves = (turn_ab_square <= 0.0) | (np.abs(x87 + x89 - x95) <= width)
+    del x87, x89
+    turn_ab_at = np.where(turn_ab_amplitude < -x95, turn_ab_amplitude, np.where(turn_ab_amplitude < x95, -turn_ab_amplitude, -x95))
+    x97 = (turn_ab_at*turn_ab_at)
+    turn_ab_rest = np.where(turn_ab_square > x97, np.sqrt(turn_ab_square - x97), 0.0)
+    del turn_ab_square, x97
+    turn_ab_c_first = np.where(turn_ab_serves, 1.0, turn_ab_per_square*(turn_ab_at*x90 - turn_ab_rest*x92))
+    turn_ab_s_first = np.where(turn_ab_serves, 0.0, turn_ab_per_square*(turn_ab_at*x92 + turn_ab_rest*x90))
+    del turn_ab_at, turn_ab_rest, turn_ab_serves, x90
+    x98 = turn_ab_per_square*x92*(-4.0*end_a_1*hand_ab_1 - 4.0*end_a_2*hand_ab_2)
+    del x92
+    x99 = turn_ab_per_square*(x91 - x93)
+    del turn_ab_per_square, x91, x93
+    turn_ab_c_second = turn_ab_c_first*x99 + turn_ab_s_first*x98
+    turn_ab_s_second = turn_ab_c_first*x98 - turn_ab_s_first*x99
+    del turn_ab_c_first, turn_ab_s_first, x98, x99
+    turn_ab_split = (turn_ab_amplitude - x95 > width) & (turn_ab_amplitude + x95 > width)
+    del turn_ab_amplitude, x95
+    c_turn_ab = np.where(bend_a_any, turn_ab_c_second, 1.0)
     del turn_ab_c_second
-    s_turn_ab = np.where(bend_a_free, turn_ab_s_second, 0.0)
+    s_turn_ab = np.where(bend_a_any, turn_ab_s_second, 0.0)
     del turn_ab_s_second
-    c_6_ab = np.where(bend_a_free, c_turn_ab, sixth_ab_c)
+    c_6_ab = np.where(bend_a_any, c_turn_ab, sixth_ab_c)
     del sixth_ab_c
-    s_6_ab = np.where(bend_a_free, np.where(axes_a_3_3 > 0.0, -s_turn_ab, s_turn_ab), sixth_ab_s)
+    s_6_ab = np.where(bend_a_any, np.where(axes_a_3_3 > 0.0, -s_turn_ab, s_turn_ab), sixth_ab_s)
     del axes_a_3_3, sixth_ab_s
-    bend_more_ab = (bend_a_two) | ((bend_a_free) & (turn_ab_split))
-    del bend_a_two, turn_ab_split
+    bend_more_ab = (bend_a_two) | ((bend_a_any) & (turn_ab_split))
+    del bend_a_any, bend_a_two, turn_ab_split
     c_234_ab = c_turn_ab*c_zero_ab - s_turn_ab*s_zero_ab
     s_234_ab = c_turn_ab*s_zero_ab + c_zero_ab*s_turn_ab
     del c_zero_ab, s_zero_ab
@@ -2040,39 +2056,39 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del end_a_1
     corner_ab_2 = end_a_2 - c_turn_ab*hand_ab_2 - hand_ab_1*s_turn_ab
     del c_turn_ab, end_a_2, hand_ab_1, hand_ab_2, s_turn_ab
-    more_ab = x71
-    del x71
+    more_ab = x73
+    del x73
     triangle_ab_side = np.sqrt((corner_ab_1*corner_ab_1) + (corner_ab_2*corner_ab_2))
-    triangle_ab_area = triangle_ab_side*x72 + x74
-    del x72
-    triangle_ab_3_r = x75
-    x98 = square - (triangle_ab_side*triangle_ab_side)
-    x99 = np.abs(x98)
-    triangle_ab_3_room = triangle_ab_3_r - x99
-    triangle_ab_3_free = (triangle_ab_3_r <= x222) & (x99 <= x222)
+    triangle_ab_area = triangle_ab_side*x74 + x76
+    del x74
+    triangle_ab_3_r = x77
+    x100 = square - (triangle_ab_side*triangle_ab_side)
+    x101 = np.abs(x100)
+    triangle_ab_3_room = triangle_ab_3_r - x101
+    triangle_ab_3_free = (triangle_ab_3_r <= x223) & (x101 <= x223)
     triangle_ab_3_double = (triangle_ab_3_room <= triangle_ab_area) & (~(triangle_ab_3_free))
     triangle_ab_3_exists = (triangle_ab_3_free) | ((triangle_ab_3_room >= -2.0*more_ab*triangle_ab_side - triangle_ab_area) & (triangle_ab_3_r > 0.0))
     del more_ab, triangle_ab_area, triangle_ab_side
-    triangle_ab_3_q = np.where((~(triangle_ab_3_double)) & (triangle_ab_3_room > 0.0), np.sqrt(triangle_ab_3_room*(triangle_ab_3_r + x99)), 0.0)
-    del triangle_ab_3_room, x99
-    triangle_ab_3_size = triangle_ab_3_r*np.sqrt((triangle_ab_3_q*triangle_ab_3_q) + (x98*x98))
+    triangle_ab_3_q = np.where(triangle_ab_3_room > 0.0, np.sqrt(triangle_ab_3_room*(triangle_ab_3_r + x101)), 0.0)
+    del triangle_ab_3_room, x101
+    triangle_ab_3_size = triangle_ab_3_r*np.sqrt((triangle_ab_3_q*triangle_ab_3_q) + (x100*x100))
     del triangle_ab_3_r
     triangle_ab_3_scale = np.where(triangle_ab_3_size > 0.0, 1.0/triangle_ab_3_size, 1.0)
     del triangle_ab_3_size
-    x100 = triangle_ab_3_scale*x78
+    x102 = triangle_ab_3_scale*x80
     del triangle_ab_3_scale
-    x101 = np.where(triangle_ab_3_free, 1.0, -x100*x98)
-    del x98
-    triangle_ab_3_c_a = x101
-    x102 = triangle_ab_3_q*x100
-    del triangle_ab_3_q, x100
-    triangle_ab_3_s_a = np.where(triangle_ab_3_free, 0.0, x102)
-    triangle_ab_3_c_b = x101
-    del x101
-    triangle_ab_3_s_b = np.where(triangle_ab_3_free, 0.0, -x102)
-    del x102
+    x103 = np.where(triangle_ab_3_free, 1.0, -x100*x102)
+    del x100
+    triangle_ab_3_c_a = x103
+    x104 = triangle_ab_3_q*x102
+    del triangle_ab_3_q, x102
+    triangle_ab_3_s_a = np.where(triangle_ab_3_free, 0.0, x104)
+    triangle_ab_3_c_b = x103
+    del x103
+    triangle_ab_3_s_b = np.where(triangle_ab_3_free, 0.0, -x104)
+    del x104
     triangle_ab_3_two = (triangle_ab_3_exists) & (~((triangle_ab_3_double) | (triangle_ab_3_free)))
-    triangle_ab_any = np.abs(corner_ab_1) + np.abs(corner_ab_2) <= x220
+    triangle_ab_any = np.abs(corner_ab_1) + np.abs(corner_ab_2) <= x222
     triangle_ab_arm_a_1 = a_2 + a_3*triangle_ab_3_c_a
     triangle_ab_arm_a_2 = a_3*triangle_ab_3_s_a
     triangle_ab_2_a_dot = corner_ab_1*triangle_ab_arm_a_1 + corner_ab_2*triangle_ab_arm_a_2
@@ -2121,110 +2137,114 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     axes_b_1_1 = c_1_b*pose_1_1 + pose_2_1*s_1_b
     axes_b_1_2 = c_1_b*pose_1_2 + pose_2_2*s_1_b
     axes_b_1_3 = c_1_b*pose_1_3 + pose_2_3*s_1_b
-    x103 = c_1_b*pose_2_1 - pose_1_1*s_1_b
-    axes_b_2_1 = cosine_1*x103 + x30
+    x105 = c_1_b*pose_2_1 - pose_1_1*s_1_b
+    axes_b_2_1 = cosine_1*x105 + x30
     del x30
-    x104 = c_1_b*pose_2_2 - pose_1_2*s_1_b
-    axes_b_2_2 = cosine_1*x104 + x32
+    x106 = c_1_b*pose_2_2 - pose_1_2*s_1_b
+    axes_b_2_2 = cosine_1*x106 + x32
     del x32
-    x105 = c_1_b*pose_2_3 - pose_1_3*s_1_b
-    axes_b_2_3 = cosine_1*x105 + x34
+    x107 = c_1_b*pose_2_3 - pose_1_3*s_1_b
+    axes_b_2_3 = cosine_1*x107 + x34
     del x34
-    axes_b_3_1 = x36 - sine_1*x103
-    del x103, x36
-    axes_b_3_2 = x37 - sine_1*x104
-    del x104, x37
-    axes_b_3_3 = x8 - sine_1*x105
-    del x105, x8
+    axes_b_3_1 = x36 - sine_1*x105
+    del x105, x36
+    axes_b_3_2 = x37 - sine_1*x106
+    del x106, x37
+    axes_b_3_3 = x8 - sine_1*x107
+    del x107, x8
     h_b = np.sqrt((axes_b_3_1*axes_b_3_1) + (axes_b_3_2*axes_b_3_2))
+    error_b = x39
+    del x39
     bend_b_denominator = np.abs(axes_b_3_3) + 1.0
-    bend_b_apart = np.where(axes_b_3_3 >= 0.0, x38, x39)
-    del x38, x39
+    bend_b_apart = np.where(axes_b_3_3 >= 0.0, x40, x41)
+    del x40, x41
     bend_b_product = np.where(axes_b_3_3 >= 0.0, x9, -x9)
-    x106 = (bend_b_apart*bend_b_apart)
+    x108 = (bend_b_apart*bend_b_apart)
     del bend_b_apart
-    bend_b_gram = (h_b*h_b)*(1.0 - 2.0*bend_b_product/bend_b_denominator) - x106
+    bend_b_gram = (h_b*h_b)*(1.0 - 2.0*bend_b_product/bend_b_denominator) - x108
     del bend_b_denominator, bend_b_product
-    bend_b_tolerance = first_error*(first_error + 2.0*h_b) + x26*(h_b + x106)
-    del first_error, x106, x26
-    bend_b_free = (bend_b_gram >= -bend_b_tolerance) & (h_b <= x221)
-    del x221
-    bend_b_double = (np.abs(bend_b_gram) <= bend_b_tolerance) & (~(bend_b_free))
+    bend_b_tolerance = error_b*(error_b + 2.0*h_b) + x26*(h_b + x108)
+    del x108, x26
     bend_b_exists = bend_b_gram >= -bend_b_tolerance
+    bend_b_free = (bend_b_exists) & (h_b <= 4.0*error_b + x221)
+    del error_b
+    bend_b_any = (bend_b_exists) & (h_b <= x221)
+    del x221
+    bend_b_double = (bend_b_gram <= bend_b_tolerance) & (~(bend_b_free))
     del bend_b_tolerance
-    bend_b_q = np.where((~(bend_b_double)) & (bend_b_gram > 0.0), np.sqrt(bend_b_gram), 0.0)
+    bend_b_q = np.where(bend_b_gram > 0.0, np.sqrt(bend_b_gram), 0.0)
     del bend_b_gram
     bend_b_along = x9 - axes_b_3_3
     del x9
     bend_b_size = np.sqrt((bend_b_along*bend_b_along) + (bend_b_q*bend_b_q))
-    bend_b_scale = x41*np.where(bend_b_size > 0.0, 1.0/bend_b_size, 1.0)
-    del bend_b_size, x41
+    bend_b_scale = x43*np.where(bend_b_size > 0.0, 1.0/bend_b_size, 1.0)
+    del bend_b_size, x43
     bend_b_c = bend_b_along*bend_b_scale
     del bend_b_along
     bend_b_s = bend_b_q*bend_b_scale
     del bend_b_q, bend_b_scale
-    bend_b_two = (bend_b_exists) & (~((bend_b_double) | (bend_b_free)))
-    off_b = x43
-    del x43
-    x107 = bend_b_s*sine_4
-    x108 = axes_b_3_1*x107
-    x109 = bend_b_c*x47 + x46
-    del x46, x47
-    sixth_ba_dot = axes_b_3_2*x109 + x108
-    x110 = axes_b_3_2*x107
-    del x107
-    x111 = axes_b_3_1*x109
+    bend_b_two = (bend_b_exists) & (~((bend_b_any) | (bend_b_double)))
+    off_b = x44
+    del x44
+    x109 = bend_b_s*sine_4
+    x110 = axes_b_3_1*x109
+    x111 = bend_b_c*x48 + x47
+    del x47, x48
+    sixth_ba_dot = axes_b_3_2*x111 + x110
+    x112 = axes_b_3_2*x109
+    del x109
+    x113 = axes_b_3_1*x111
     del axes_b_3_1
-    sixth_ba_cross = x111 - x110
+    sixth_ba_cross = x113 - x112
     sixth_ba_size = np.sqrt((sixth_ba_cross*sixth_ba_cross) + (sixth_ba_dot*sixth_ba_dot))
     sixth_ba_scale = np.where(sixth_ba_size > 0.0, 1.0/sixth_ba_size, 1.0)
     del sixth_ba_size
-    sixth_ba_c = np.where(bend_b_free, 1.0, sixth_ba_dot*sixth_ba_scale)
+    sixth_ba_c = np.where(bend_b_any, 1.0, sixth_ba_dot*sixth_ba_scale)
     del sixth_ba_dot
-    sixth_ba_s = np.where(bend_b_free, 0.0, sixth_ba_cross*sixth_ba_scale)
+    sixth_ba_s = np.where(bend_b_any, 0.0, sixth_ba_cross*sixth_ba_scale)
     del sixth_ba_cross, sixth_ba_scale
-    x112 = bend_b_s*sine_5
-    x113 = axes_b_1_3*x112
+    x114 = bend_b_s*sine_5
+    x115 = axes_b_1_3*x114
     del axes_b_1_3
-    x114 = bend_b_s*cosine_5
-    x115 = bend_b_c*sixth_ba_c - sixth_ba_s*x114
-    x116 = -bend_b_c*sixth_ba_s - sixth_ba_c*x114
-    c_zero_ba = axes_b_1_1*x115 + axes_b_1_2*x116 + x113
-    x117 = axes_b_2_3*x112
-    del axes_b_2_3, x112
-    s_zero_ba = axes_b_2_1*x115 + axes_b_2_2*x116 + x117
-    del x115, x116
-    hand_ba_1 = a_4*c_zero_ba + s_zero_ba*x57
-    hand_ba_2 = a_4*s_zero_ba - c_zero_ba*x57
-    x118 = 2.0*hand_ba_1
-    x119 = end_b_1*x118
-    x120 = 2.0*hand_ba_2
-    x121 = end_b_2*x120
-    x122 = -x119 - x121
-    x123 = end_b_1*x120 - end_b_2*x118
-    del x118, x120
-    turn_ba_square = (x122*x122) + (x123*x123)
+    x116 = bend_b_s*cosine_5
+    x117 = bend_b_c*sixth_ba_c - sixth_ba_s*x116
+    x118 = -bend_b_c*sixth_ba_s - sixth_ba_c*x116
+    c_zero_ba = axes_b_1_1*x117 + axes_b_1_2*x118 + x115
+    x119 = axes_b_2_3*x114
+    del axes_b_2_3, x114
+    s_zero_ba = axes_b_2_1*x117 + axes_b_2_2*x118 + x119
+    del x117, x118
+    hand_ba_1 = a_4*c_zero_ba + s_zero_ba*x58
+    hand_ba_2 = a_4*s_zero_ba - c_zero_ba*x58
+    x120 = 2.0*hand_ba_1
+    x121 = end_b_1*x120
+    x122 = 2.0*hand_ba_2
+    x123 = end_b_2*x122
+    x124 = -x121 - x123
+    x125 = end_b_1*x122 - end_b_2*x120
+    del x120, x122
+    turn_ba_square = (x124*x124) + (x125*x125)
     turn_ba_amplitude = np.sqrt(turn_ba_square)
     turn_ba_per_square = np.where(turn_ba_square > 0.0, 1.0/turn_ba_square, 1.0)
-    x124 = (end_b_1*end_b_1) + (end_b_2*end_b_2) - square
-    x125 = (hand_ba_1*hand_ba_1) + (hand_ba_2*hand_ba_2) + x124
-    turn_ba_serves = (turn_ba_square <= 0.0) | (np.abs(x119 + x121 - x125) <= width)
-    del x119, x121
-    turn_ba_at = np.where(turn_ba_amplitude < -x125, turn_ba_amplitude, np.where(turn_ba_amplitude < x125, -turn_ba_amplitude, -x125))
-    del turn_ba_amplitude, x125
-    x127 = (turn_ba_at*turn_ba_at)
-    turn_ba_rest = np.where(turn_ba_square > x127, np.sqrt(turn_ba_square - x127), 0.0)
-    del turn_ba_square, x127
-    turn_ba_c_first = np.where(turn_ba_serves, 1.0, turn_ba_per_square*(turn_ba_at*x122 - turn_ba_rest*x123))
-    turn_ba_s_first = np.where(turn_ba_serves, 0.0, turn_ba_per_square*(turn_ba_at*x123 + turn_ba_rest*x122))
-    del turn_ba_at, turn_ba_per_square, turn_ba_rest, turn_ba_serves, x122, x123
-    c_turn_ba = np.where(bend_b_free, turn_ba_c_first, 1.0)
+    x126 = (end_b_1*end_b_1) + (end_b_2*end_b_2) - square
+    x127 = (hand_ba_1*hand_ba_1) + (hand_ba_2*hand_ba_2) + x126
+    turn_ba_serves = (turn_ba_square <= 0.0) | (np.abs(x121 + x123 - x127) <= width)
+    del x121, x123
+    turn_ba_at = np.where(turn_ba_amplitude < -x127, turn_ba_amplitude, np.where(turn_ba_amplitude < x127, -turn_ba_amplitude, -x127))
+    del turn_ba_amplitude, x127
+    x129 = (turn_ba_at*turn_ba_at)
+    turn_ba_rest = np.where(turn_ba_square > x129, np.sqrt(turn_ba_square - x129), 0.0)
+    del turn_ba_square, x129
+    turn_ba_c_first = np.where(turn_ba_serves, 1.0, turn_ba_per_square*(turn_ba_at*x124 - turn_ba_rest*x125))
+    turn_ba_s_first = np.where(turn_ba_serves, 0.0, turn_ba_per_square*(turn_ba_at*x125 + turn_ba_rest*x124))
+    del turn_ba_at, turn_ba_per_square, turn_ba_rest, turn_ba_serves, x124, x125
+    c_turn_ba = np.where(bend_b_any, turn_ba_c_first, 1.0)
     del turn_ba_c_first
-    s_turn_ba = np.where(bend_b_free, turn_ba_s_first, 0.0)
+    s_turn_ba = np.where(bend_b_any, turn_ba_s_first, 0.0)
     del turn_ba_s_first
-    c_6_ba = np.where(bend_b_free, c_turn_ba, sixth_ba_c)
+    c_6_ba = np.where(bend_b_any, c_turn_ba, sixth_ba_c)
     del sixth_ba_c
-    s_6_ba = np.where(bend_b_free, np.where(axes_b_3_3 > 0.0, -s_turn_ba, s_turn_ba), sixth_ba_s)
+    s_6_ba = np.where(bend_b_any, np.where(axes_b_3_3 > 0.0, -s_turn_ba, s_turn_ba), sixth_ba_s)
     del sixth_ba_s
     c_234_ba = c_turn_ba*c_zero_ba - s_turn_ba*s_zero_ba
     s_234_ba = c_turn_ba*s_zero_ba + c_zero_ba*s_turn_ba
@@ -2232,41 +2252,41 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     corner_ba_1 = end_b_1 + hand_ba_2*s_turn_ba - c_turn_ba*hand_ba_1
     corner_ba_2 = end_b_2 - c_turn_ba*hand_ba_2 - hand_ba_1*s_turn_ba
     del c_turn_ba, hand_ba_1, hand_ba_2, s_turn_ba
-    x129 = np.where(spare > 0.0, x70*np.where(bend_b_free, 0.0, x42*np.where(h_b > 0.0, 1.0/h_b, 1.0)), spare)
-    del h_b, spare, x42, x70
-    more_ba = x129
+    x131 = np.where(spare > 0.0, x71*np.where(bend_b_any, 0.0, x72*np.where(h_b > 0.0, 1.0/h_b, 1.0)), spare)
+    del h_b, spare, x71, x72
+    more_ba = x131
     triangle_ba_side = np.sqrt((corner_ba_1*corner_ba_1) + (corner_ba_2*corner_ba_2))
-    x130 = 2.0*off_b
+    x132 = 2.0*off_b
     del off_b
-    triangle_ba_area = triangle_ba_side*x130 + x74
-    triangle_ba_3_r = x75
-    x131 = square - (triangle_ba_side*triangle_ba_side)
-    x132 = np.abs(x131)
-    triangle_ba_3_room = triangle_ba_3_r - x132
-    triangle_ba_3_free = (triangle_ba_3_r <= x222) & (x132 <= x222)
+    triangle_ba_area = triangle_ba_side*x132 + x76
+    triangle_ba_3_r = x77
+    x133 = square - (triangle_ba_side*triangle_ba_side)
+    x134 = np.abs(x133)
+    triangle_ba_3_room = triangle_ba_3_r - x134
+    triangle_ba_3_free = (triangle_ba_3_r <= x223) & (x134 <= x223)
     triangle_ba_3_double = (triangle_ba_3_room <= triangle_ba_area) & (~(triangle_ba_3_free))
     triangle_ba_3_exists = (triangle_ba_3_free) | ((triangle_ba_3_room >= -2.0*more_ba*triangle_ba_side - triangle_ba_area) & (triangle_ba_3_r > 0.0))
     del more_ba, triangle_ba_area, triangle_ba_side
-    triangle_ba_3_q = np.where((~(triangle_ba_3_double)) & (triangle_ba_3_room > 0.0), np.sqrt(triangle_ba_3_room*(triangle_ba_3_r + x132)), 0.0)
-    del triangle_ba_3_room, x132
-    triangle_ba_3_size = triangle_ba_3_r*np.sqrt((triangle_ba_3_q*triangle_ba_3_q) + (x131*x131))
+    triangle_ba_3_q = np.where(triangle_ba_3_room > 0.0, np.sqrt(triangle_ba_3_room*(triangle_ba_3_r + x134)), 0.0)
+    del triangle_ba_3_room, x134
+    triangle_ba_3_size = triangle_ba_3_r*np.sqrt((triangle_ba_3_q*triangle_ba_3_q) + (x133*x133))
     del triangle_ba_3_r
     triangle_ba_3_scale = np.where(triangle_ba_3_size > 0.0, 1.0/triangle_ba_3_size, 1.0)
     del triangle_ba_3_size
-    x133 = triangle_ba_3_scale*x78
+    x135 = triangle_ba_3_scale*x80
     del triangle_ba_3_scale
-    x134 = np.where(triangle_ba_3_free, 1.0, -x131*x133)
-    del x131
-    triangle_ba_3_c_a = x134
-    x135 = triangle_ba_3_q*x133
-    del triangle_ba_3_q, x133
-    triangle_ba_3_s_a = np.where(triangle_ba_3_free, 0.0, x135)
-    triangle_ba_3_c_b = x134
-    del x134
-    triangle_ba_3_s_b = np.where(triangle_ba_3_free, 0.0, -x135)
-    del x135
+    x136 = np.where(triangle_ba_3_free, 1.0, -x133*x135)
+    del x133
+    triangle_ba_3_c_a = x136
+    x137 = triangle_ba_3_q*x135
+    del triangle_ba_3_q, x135
+    triangle_ba_3_s_a = np.where(triangle_ba_3_free, 0.0, x137)
+    triangle_ba_3_c_b = x136
+    del x136
+    triangle_ba_3_s_b = np.where(triangle_ba_3_free, 0.0, -x137)
+    del x137
     triangle_ba_3_two = (triangle_ba_3_exists) & (~((triangle_ba_3_double) | (triangle_ba_3_free)))
-    triangle_ba_any = np.abs(corner_ba_1) + np.abs(corner_ba_2) <= x220
+    triangle_ba_any = np.abs(corner_ba_1) + np.abs(corner_ba_2) <= x222
     triangle_ba_arm_a_1 = a_2 + a_3*triangle_ba_3_c_a
     triangle_ba_arm_a_2 = a_3*triangle_ba_3_s_a
     triangle_ba_2_a_dot = corner_ba_1*triangle_ba_arm_a_1 + corner_ba_2*triangle_ba_arm_a_2
@@ -2301,69 +2321,69 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     c_4_bab = c_234_ba*c_23_bab + s_234_ba*s_23_bab
     s_4_bab = c_23_bab*s_234_ba - c_234_ba*s_23_bab
     del c_234_ba, c_23_bab, s_234_ba, s_23_bab
-    sixth_bb_dot = axes_b_3_2*x109 - x108
-    del axes_b_3_2, x108, x109
-    sixth_bb_cross = x110 + x111
-    del x110, x111
+    sixth_bb_dot = axes_b_3_2*x111 - x110
+    del axes_b_3_2, x110, x111
+    sixth_bb_cross = x112 + x113
+    del x112, x113
     sixth_bb_size = np.sqrt((sixth_bb_cross*sixth_bb_cross) + (sixth_bb_dot*sixth_bb_dot))
     sixth_bb_scale = np.where(sixth_bb_size > 0.0, 1.0/sixth_bb_size, 1.0)
     del sixth_bb_size
-    sixth_bb_c = np.where(bend_b_free, 1.0, sixth_bb_dot*sixth_bb_scale)
+    sixth_bb_c = np.where(bend_b_any, 1.0, sixth_bb_dot*sixth_bb_scale)
     del sixth_bb_dot
-    sixth_bb_s = np.where(bend_b_free, 0.0, sixth_bb_cross*sixth_bb_scale)
+    sixth_bb_s = np.where(bend_b_any, 0.0, sixth_bb_cross*sixth_bb_scale)
     del sixth_bb_cross, sixth_bb_scale
-    x136 = bend_b_c*sixth_bb_c + sixth_bb_s*x114
-    del x114
-    x137 = bend_b_s*cosine_5*sixth_bb_c - bend_b_c*sixth_bb_s
-    c_zero_bb = axes_b_1_1*x136 + axes_b_1_2*x137 - x113
-    del axes_b_1_1, axes_b_1_2, x113
-    s_zero_bb = axes_b_2_1*x136 + axes_b_2_2*x137 - x117
-    del axes_b_2_1, axes_b_2_2, x117, x136, x137
-    hand_bb_1 = a_4*c_zero_bb + s_zero_bb*x57
-    hand_bb_2 = a_4*s_zero_bb - c_zero_bb*x57
-    del x57
-    x138 = 2.0*hand_bb_1
-    x139 = end_b_1*x138
-    x140 = 2.0*hand_bb_2
-    x141 = end_b_2*x140
-    x142 = -x139 - x141
-    x143 = (x142*x142)
-    x144 = end_b_1*x140 - end_b_2*x138
-    del x138, x140
+    x138 = bend_b_c*sixth_bb_c + sixth_bb_s*x116
+    del x116
+    x139 = bend_b_s*cosine_5*sixth_bb_c - bend_b_c*sixth_bb_s
+    c_zero_bb = axes_b_1_1*x138 + axes_b_1_2*x139 - x115
+    del axes_b_1_1, axes_b_1_2, x115
+    s_zero_bb = axes_b_2_1*x138 + axes_b_2_2*x139 - x119
+    del axes_b_2_1, axes_b_2_2, x119, x138, x139
+    hand_bb_1 = a_4*c_zero_bb + s_zero_bb*x58
+    hand_bb_2 = a_4*s_zero_bb - c_zero_bb*x58
+    del x58
+    x140 = 2.0*hand_bb_1
+    x141 = end_b_1*x140
+    x142 = 2.0*hand_bb_2
+    x143 = end_b_2*x142
+    x144 = -x141 - x143
     x145 = (x144*x144)
-    turn_bb_square = x143 + x145
+    x146 = end_b_1*x142 - end_b_2*x140
+    del x140, x142
+    x147 = (x146*x146)
+    turn_bb_square = x145 + x147
     turn_bb_amplitude = np.sqrt(turn_bb_square)
     turn_bb_per_square = np.where(turn_bb_square > 0.0, 1.0/turn_bb_square, 1.0)
-    x147 = (hand_bb_1*hand_bb_1) + (hand_bb_2*hand_bb_2) + x124
-    del x124
-    turn_bb_serves = (turn_bb_square <= 0.0) | (np.abs(x139 + x141 - x147) <= width)
-    del x139, x141
-    turn_bb_at = np.where(turn_bb_amplitude < -x147, turn_bb_amplitude, np.where(turn_bb_amplitude < x147, -turn_bb_amplitude, -x147))
-    x149 = (turn_bb_at*turn_bb_at)
-    turn_bb_rest = np.where(turn_bb_square > x149, np.sqrt(turn_bb_square - x149), 0.0)
-    del turn_bb_square, x149
-    turn_bb_c_first = np.where(turn_bb_serves, 1.0, turn_bb_per_square*(turn_bb_at*x142 - turn_bb_rest*x144))
-    turn_bb_s_first = np.where(turn_bb_serves, 0.0, turn_bb_per_square*(turn_bb_at*x144 + turn_bb_rest*x142))
-    del turn_bb_at, turn_bb_rest, turn_bb_serves, x142
-    x150 = turn_bb_per_square*x144*(-4.0*end_b_1*hand_bb_1 - 4.0*end_b_2*hand_bb_2)
-    del x144
-    x151 = turn_bb_per_square*(x143 - x145)
-    del turn_bb_per_square, x143, x145
-    turn_bb_c_second = turn_bb_c_first*x151 + turn_bb_s_first*x150
-    turn_bb_s_second = turn_bb_c_first*x150 - turn_bb_s_first*x151
-    del turn_bb_c_first, turn_bb_s_first, x150, x151
-    turn_bb_split = (turn_bb_amplitude - x147 > width) & (turn_bb_amplitude + x147 > width)
-    del turn_bb_amplitude, width, x147
-    c_turn_bb = np.where(bend_b_free, turn_bb_c_second, 1.0)
+    x149 = (hand_bb_1*hand_bb_1) + (hand_bb_2*hand_bb_2) + x126
+    del x126
+    turn_bb_serves = (turn_bb_square <= 0.0) | (np.abs(x141 + x143 - x149) <= width)
+    del x141, x143
+    turn_bb_at = np.where(turn_bb_amplitude < -x149, turn_bb_amplitude, np.where(turn_bb_amplitude < x149, -turn_bb_amplitude, -x149))
+    x151 = (turn_bb_at*turn_bb_at)
+    turn_bb_rest = np.where(turn_bb_square > x151, np.sqrt(turn_bb_square - x151), 0.0)
+    del turn_bb_square, x151
+    turn_bb_c_first = np.where(turn_bb_serves, 1.0, turn_bb_per_square*(turn_bb_at*x144 - turn_bb_rest*x146))
+    turn_bb_s_first = np.where(turn_bb_serves, 0.0, turn_bb_per_square*(turn_bb_at*x146 + turn_bb_rest*x144))
+    del turn_bb_at, turn_bb_rest, turn_bb_serves, x144
+    x152 = turn_bb_per_square*x146*(-4.0*end_b_1*hand_bb_1 - 4.0*end_b_2*hand_bb_2)
+    del x146
+    x153 = turn_bb_per_square*(x145 - x147)
+    del turn_bb_per_square, x145, x147
+    turn_bb_c_second = turn_bb_c_first*x153 + turn_bb_s_first*x152
+    turn_bb_s_second = turn_bb_c_first*x152 - turn_bb_s_first*x153
+    del turn_bb_c_first, turn_bb_s_first, x152, x153
+    turn_bb_split = (turn_bb_amplitude - x149 > width) & (turn_bb_amplitude + x149 > width)
+    del turn_bb_amplitude, width, x149
+    c_turn_bb = np.where(bend_b_any, turn_bb_c_second, 1.0)
     del turn_bb_c_second
-    s_turn_bb = np.where(bend_b_free, turn_bb_s_second, 0.0)
+    s_turn_bb = np.where(bend_b_any, turn_bb_s_second, 0.0)
     del turn_bb_s_second
-    c_6_bb = np.where(bend_b_free, c_turn_bb, sixth_bb_c)
+    c_6_bb = np.where(bend_b_any, c_turn_bb, sixth_bb_c)
     del sixth_bb_c
-    s_6_bb = np.where(bend_b_free, np.where(axes_b_3_3 > 0.0, -s_turn_bb, s_turn_bb), sixth_bb_s)
+    s_6_bb = np.where(bend_b_any, np.where(axes_b_3_3 > 0.0, -s_turn_bb, s_turn_bb), sixth_bb_s)
     del axes_b_3_3, sixth_bb_s
-    bend_more_bb = (bend_b_two) | ((bend_b_free) & (turn_bb_split))
-    del bend_b_two, turn_bb_split
+    bend_more_bb = (bend_b_two) | ((bend_b_any) & (turn_bb_split))
+    del bend_b_any, bend_b_two, turn_bb_split
     c_234_bb = c_turn_bb*c_zero_bb - s_turn_bb*s_zero_bb
     s_234_bb = c_turn_bb*s_zero_bb + c_zero_bb*s_turn_bb
     del c_zero_bb, s_zero_bb
@@ -2371,43 +2391,43 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del end_b_1
     corner_bb_2 = end_b_2 - c_turn_bb*hand_bb_2 - hand_bb_1*s_turn_bb
     del c_turn_bb, end_b_2, hand_bb_1, hand_bb_2, s_turn_bb
-    more_bb = x129
-    del x129
+    more_bb = x131
+    del x131
     triangle_bb_side = np.sqrt((corner_bb_1*corner_bb_1) + (corner_bb_2*corner_bb_2))
-    triangle_bb_area = triangle_bb_side*x130 + x74
-    del x130, x74
-    triangle_bb_3_r = x75
-    del x75
-    x152 = square - (triangle_bb_side*triangle_bb_side)
+    triangle_bb_area = triangle_bb_side*x132 + x76
+    del x132, x76
+    triangle_bb_3_r = x77
+    del x77
+    x154 = square - (triangle_bb_side*triangle_bb_side)
     del square
-    x153 = np.abs(x152)
-    triangle_bb_3_room = triangle_bb_3_r - x153
-    triangle_bb_3_free = (triangle_bb_3_r <= x222) & (x153 <= x222)
-    del x222
+    x155 = np.abs(x154)
+    triangle_bb_3_room = triangle_bb_3_r - x155
+    triangle_bb_3_free = (triangle_bb_3_r <= x223) & (x155 <= x223)
+    del x223
     triangle_bb_3_double = (triangle_bb_3_room <= triangle_bb_area) & (~(triangle_bb_3_free))
     triangle_bb_3_exists = (triangle_bb_3_free) | ((triangle_bb_3_room >= -2.0*more_bb*triangle_bb_side - triangle_bb_area) & (triangle_bb_3_r > 0.0))
     del more_bb, triangle_bb_area, triangle_bb_side
-    triangle_bb_3_q = np.where((~(triangle_bb_3_double)) & (triangle_bb_3_room > 0.0), np.sqrt(triangle_bb_3_room*(triangle_bb_3_r + x153)), 0.0)
-    del triangle_bb_3_room, x153
-    triangle_bb_3_size = triangle_bb_3_r*np.sqrt((triangle_bb_3_q*triangle_bb_3_q) + (x152*x152))
+    triangle_bb_3_q = np.where(triangle_bb_3_room > 0.0, np.sqrt(triangle_bb_3_room*(triangle_bb_3_r + x155)), 0.0)
+    del triangle_bb_3_room, x155
+    triangle_bb_3_size = triangle_bb_3_r*np.sqrt((triangle_bb_3_q*triangle_bb_3_q) + (x154*x154))
     del triangle_bb_3_r
     triangle_bb_3_scale = np.where(triangle_bb_3_size > 0.0, 1.0/triangle_bb_3_size, 1.0)
     del triangle_bb_3_size
-    x154 = triangle_bb_3_scale*x78
-    del triangle_bb_3_scale, x78
-    x155 = np.where(triangle_bb_3_free, 1.0, -x152*x154)
-    del x152
-    triangle_bb_3_c_a = x155
-    x156 = triangle_bb_3_q*x154
-    del triangle_bb_3_q, x154
-    triangle_bb_3_s_a = np.where(triangle_bb_3_free, 0.0, x156)
-    triangle_bb_3_c_b = x155
-    del x155
-    triangle_bb_3_s_b = np.where(triangle_bb_3_free, 0.0, -x156)
-    del x156
+    x156 = triangle_bb_3_scale*x80
+    del triangle_bb_3_scale, x80
+    x157 = np.where(triangle_bb_3_free, 1.0, -x154*x156)
+    del x154
+    triangle_bb_3_c_a = x157
+    x158 = triangle_bb_3_q*x156
+    del triangle_bb_3_q, x156
+    triangle_bb_3_s_a = np.where(triangle_bb_3_free, 0.0, x158)
+    triangle_bb_3_c_b = x157
+    del x157
+    triangle_bb_3_s_b = np.where(triangle_bb_3_free, 0.0, -x158)
+    del x158
     triangle_bb_3_two = (triangle_bb_3_exists) & (~((triangle_bb_3_double) | (triangle_bb_3_free)))
-    triangle_bb_any = np.abs(corner_bb_1) + np.abs(corner_bb_2) <= x220
-    del x220
+    triangle_bb_any = np.abs(corner_bb_1) + np.abs(corner_bb_2) <= x222
+    del x222
     triangle_bb_arm_a_1 = a_2 + a_3*triangle_bb_3_c_a
     triangle_bb_arm_a_2 = a_3*triangle_bb_3_s_a
     triangle_bb_2_a_dot = corner_bb_1*triangle_bb_arm_a_1 + corner_bb_2*triangle_bb_arm_a_2
@@ -2444,159 +2464,159 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del c_234_bb, c_23_bbb, s_234_bb, s_23_bbb
     there_1 = (bend_a_exists) & (first_exists) & (near) & (triangle_aa_3_exists)
     del triangle_aa_3_exists
-    x157 = np.arctan2(s_1_a, c_1_a)
+    x159 = np.arctan2(s_1_a, c_1_a)
     del c_1_a, s_1_a
-    angle_1_1 = x157
+    angle_1_1 = x159
     angle_1_2 = np.arctan2(triangle_aa_2_a_s, triangle_aa_2_a_c)
     del triangle_aa_2_a_c, triangle_aa_2_a_s
     angle_1_3 = np.arctan2(triangle_aa_3_s_a, triangle_aa_3_c_a)
     del triangle_aa_3_c_a, triangle_aa_3_s_a
     angle_1_4 = np.arctan2(s_4_aaa, c_4_aaa)
     del c_4_aaa, s_4_aaa
-    x158 = np.arctan2(bend_a_s, bend_a_c)
-    angle_1_5 = x158
-    x159 = np.arctan2(s_6_aa, c_6_aa)
+    x160 = np.arctan2(bend_a_s, bend_a_c)
+    angle_1_5 = x160
+    x161 = np.arctan2(s_6_aa, c_6_aa)
     del c_6_aa, s_6_aa
-    angle_1_6 = x159
-    x160 = np.where((bend_a_free) | (first_free) | (triangle_aa_3_free) | (triangle_aa_any), 2.0, np.where((bend_a_double) | (first_double) | (triangle_aa_3_double), 1.0, 0.0))
+    angle_1_6 = x161
+    x162 = np.where((bend_a_free) | (first_free) | (triangle_aa_3_free) | (triangle_aa_any), 2.0, np.where((bend_a_double) | (first_double) | (triangle_aa_3_double), 1.0, 0.0))
     del triangle_aa_3_double, triangle_aa_3_free, triangle_aa_any
-    code_1 = x160
+    code_1 = x162
     there_2 = (bend_a_exists) & (first_exists) & (near) & (triangle_aa_3_two)
     del bend_a_exists, triangle_aa_3_two
-    angle_2_1 = x157
+    angle_2_1 = x159
     angle_2_2 = np.arctan2(triangle_aa_2_b_s, triangle_aa_2_b_c)
     del triangle_aa_2_b_c, triangle_aa_2_b_s
     angle_2_3 = np.arctan2(triangle_aa_3_s_b, triangle_aa_3_c_b)
     del triangle_aa_3_c_b, triangle_aa_3_s_b
     angle_2_4 = np.arctan2(s_4_aab, c_4_aab)
     del c_4_aab, s_4_aab
-    angle_2_5 = x158
-    del x158
-    angle_2_6 = x159
-    del x159
-    code_2 = x160
+    angle_2_5 = x160
     del x160
+    angle_2_6 = x161
+    del x161
+    code_2 = x162
+    del x162
     there_3 = (bend_more_ab) & (first_exists) & (near) & (triangle_ab_3_exists)
     del triangle_ab_3_exists
-    angle_3_1 = x157
+    angle_3_1 = x159
     angle_3_2 = np.arctan2(triangle_ab_2_a_s, triangle_ab_2_a_c)
     del triangle_ab_2_a_c, triangle_ab_2_a_s
     angle_3_3 = np.arctan2(triangle_ab_3_s_a, triangle_ab_3_c_a)
     del triangle_ab_3_c_a, triangle_ab_3_s_a
     angle_3_4 = np.arctan2(s_4_aba, c_4_aba)
     del c_4_aba, s_4_aba
-    x161 = np.arctan2(-bend_a_s, bend_a_c)
+    x163 = np.arctan2(-bend_a_s, bend_a_c)
     del bend_a_c, bend_a_s
-    angle_3_5 = x161
-    x162 = np.arctan2(s_6_ab, c_6_ab)
+    angle_3_5 = x163
+    x164 = np.arctan2(s_6_ab, c_6_ab)
     del c_6_ab, s_6_ab
-    angle_3_6 = x162
-    x163 = np.where((bend_a_free) | (first_free) | (triangle_ab_3_free) | (triangle_ab_any), 2.0, np.where((bend_a_double) | (first_double) | (triangle_ab_3_double), 1.0, 0.0))
+    angle_3_6 = x164
+    x165 = np.where((bend_a_free) | (first_free) | (triangle_ab_3_free) | (triangle_ab_any), 2.0, np.where((bend_a_double) | (first_double) | (triangle_ab_3_double), 1.0, 0.0))
     del bend_a_double, bend_a_free, triangle_ab_3_double, triangle_ab_3_free, triangle_ab_any
-    code_3 = x163
+    code_3 = x165
     there_4 = (bend_more_ab) & (first_exists) & (near) & (triangle_ab_3_two)
     del bend_more_ab, first_exists, triangle_ab_3_two
-    angle_4_1 = x157
-    del x157
+    angle_4_1 = x159
+    del x159
     angle_4_2 = np.arctan2(triangle_ab_2_b_s, triangle_ab_2_b_c)
     del triangle_ab_2_b_c, triangle_ab_2_b_s
     angle_4_3 = np.arctan2(triangle_ab_3_s_b, triangle_ab_3_c_b)
     del triangle_ab_3_c_b, triangle_ab_3_s_b
     angle_4_4 = np.arctan2(s_4_abb, c_4_abb)
     del c_4_abb, s_4_abb
-    angle_4_5 = x161
-    del x161
-    angle_4_6 = x162
-    del x162
-    code_4 = x163
+    angle_4_5 = x163
     del x163
+    angle_4_6 = x164
+    del x164
+    code_4 = x165
+    del x165
     there_5 = (bend_b_exists) & (first_more) & (near) & (triangle_ba_3_exists)
     del triangle_ba_3_exists
-    x164 = np.arctan2(s_1_b, c_1_b)
+    x166 = np.arctan2(s_1_b, c_1_b)
     del c_1_b, s_1_b
-    angle_5_1 = x164
+    angle_5_1 = x166
     angle_5_2 = np.arctan2(triangle_ba_2_a_s, triangle_ba_2_a_c)
     del triangle_ba_2_a_c, triangle_ba_2_a_s
     angle_5_3 = np.arctan2(triangle_ba_3_s_a, triangle_ba_3_c_a)
     del triangle_ba_3_c_a, triangle_ba_3_s_a
     angle_5_4 = np.arctan2(s_4_baa, c_4_baa)
     del c_4_baa, s_4_baa
-    x165 = np.arctan2(bend_b_s, bend_b_c)
-    angle_5_5 = x165
-    x166 = np.arctan2(s_6_ba, c_6_ba)
+    x167 = np.arctan2(bend_b_s, bend_b_c)
+    angle_5_5 = x167
+    x168 = np.arctan2(s_6_ba, c_6_ba)
     del c_6_ba, s_6_ba
-    angle_5_6 = x166
-    x167 = np.where((bend_b_free) | (first_free) | (triangle_ba_3_free) | (triangle_ba_any), 2.0, np.where((bend_b_double) | (first_double) | (triangle_ba_3_double), 1.0, 0.0))
+    angle_5_6 = x168
+    x169 = np.where((bend_b_free) | (first_free) | (triangle_ba_3_free) | (triangle_ba_any), 2.0, np.where((bend_b_double) | (first_double) | (triangle_ba_3_double), 1.0, 0.0))
     del triangle_ba_3_double, triangle_ba_3_free, triangle_ba_any
-    code_5 = x167
+    code_5 = x169
     there_6 = (bend_b_exists) & (first_more) & (near) & (triangle_ba_3_two)
     del bend_b_exists, triangle_ba_3_two
-    angle_6_1 = x164
+    angle_6_1 = x166
     angle_6_2 = np.arctan2(triangle_ba_2_b_s, triangle_ba_2_b_c)
     del triangle_ba_2_b_c, triangle_ba_2_b_s
     angle_6_3 = np.arctan2(triangle_ba_3_s_b, triangle_ba_3_c_b)
     del triangle_ba_3_c_b, triangle_ba_3_s_b
     angle_6_4 = np.arctan2(s_4_bab, c_4_bab)
     del c_4_bab, s_4_bab
-    angle_6_5 = x165
-    del x165
-    angle_6_6 = x166
-    del x166
-    code_6 = x167
+    angle_6_5 = x167
     del x167
+    angle_6_6 = x168
+    del x168
+    code_6 = x169
+    del x169
     there_7 = (bend_more_bb) & (first_more) & (near) & (triangle_bb_3_exists)
     del triangle_bb_3_exists
-    angle_7_1 = x164
+    angle_7_1 = x166
     angle_7_2 = np.arctan2(triangle_bb_2_a_s, triangle_bb_2_a_c)
     del triangle_bb_2_a_c, triangle_bb_2_a_s
     angle_7_3 = np.arctan2(triangle_bb_3_s_a, triangle_bb_3_c_a)
     del triangle_bb_3_c_a, triangle_bb_3_s_a
     angle_7_4 = np.arctan2(s_4_bba, c_4_bba)
     del c_4_bba, s_4_bba
-    x168 = np.arctan2(-bend_b_s, bend_b_c)
+    x170 = np.arctan2(-bend_b_s, bend_b_c)
     del bend_b_c, bend_b_s
-    angle_7_5 = x168
-    x169 = np.arctan2(s_6_bb, c_6_bb)
+    angle_7_5 = x170
+    x171 = np.arctan2(s_6_bb, c_6_bb)
     del c_6_bb, s_6_bb
-    angle_7_6 = x169
-    x170 = np.where((bend_b_free) | (first_free) | (triangle_bb_3_free) | (triangle_bb_any), 2.0, np.where((bend_b_double) | (first_double) | (triangle_bb_3_double), 1.0, 0.0))
+    angle_7_6 = x171
+    x172 = np.where((bend_b_free) | (first_free) | (triangle_bb_3_free) | (triangle_bb_any), 2.0, np.where((bend_b_double) | (first_double) | (triangle_bb_3_double), 1.0, 0.0))
     del bend_b_double, bend_b_free, first_double, first_free, triangle_bb_3_double, triangle_bb_3_free, triangle_bb_any
-    code_7 = x170
+    code_7 = x172
     there_8 = (bend_more_bb) & (first_more) & (near) & (triangle_bb_3_two)
     del bend_more_bb, first_more, near, triangle_bb_3_two
-    angle_8_1 = x164
-    del x164
+    angle_8_1 = x166
+    del x166
     angle_8_2 = np.arctan2(triangle_bb_2_b_s, triangle_bb_2_b_c)
     del triangle_bb_2_b_c, triangle_bb_2_b_s
     angle_8_3 = np.arctan2(triangle_bb_3_s_b, triangle_bb_3_c_b)
     del triangle_bb_3_c_b, triangle_bb_3_s_b
     angle_8_4 = np.arctan2(s_4_bbb, c_4_bbb)
     del c_4_bbb, s_4_bbb
-    angle_8_5 = x168
-    del x168
-    angle_8_6 = x169
-    del x169
-    code_8 = x170
+    angle_8_5 = x170
     del x170
-    x171 = np.where(there_1, 0.0, 1.0)
-    holes_1 = x171
-    x172 = x171 + np.where(there_2, 0.0, 1.0)
+    angle_8_6 = x171
     del x171
-    holes_2 = x172
-    x173 = x172 + np.where(there_3, 0.0, 1.0)
+    code_8 = x172
     del x172
-    holes_3 = x173
-    x174 = x173 + np.where(there_4, 0.0, 1.0)
+    x173 = np.where(there_1, 0.0, 1.0)
+    holes_1 = x173
+    x174 = x173 + np.where(there_2, 0.0, 1.0)
     del x173
-    holes_4 = x174
-    x175 = x174 + np.where(there_5, 0.0, 1.0)
+    holes_2 = x174
+    x175 = x174 + np.where(there_3, 0.0, 1.0)
     del x174
-    holes_5 = x175
-    x176 = x175 + np.where(there_6, 0.0, 1.0)
+    holes_3 = x175
+    x176 = x175 + np.where(there_4, 0.0, 1.0)
     del x175
-    holes_6 = x176
-    holes_7 = x176 + np.where(there_7, 0.0, 1.0)
+    holes_4 = x176
+    x177 = x176 + np.where(there_5, 0.0, 1.0)
     del x176
+    holes_5 = x177
+    x178 = x177 + np.where(there_6, 0.0, 1.0)
+    del x177
+    holes_6 = x178
+    holes_7 = x178 + np.where(there_7, 0.0, 1.0)
+    del x178
     moves_1_1 = (there_2) & ((holes_1 == 1.0) | (holes_1 == 3.0) | (holes_1 == 5.0) | (holes_1 == 7.0))
     del holes_1
     moves_1_2 = (there_3) & ((holes_2 == 1.0) | (holes_2 == 3.0) | (holes_2 == 5.0) | (holes_2 == 7.0))
@@ -2609,209 +2629,209 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del there_1
     row_1_0_1 = np.where(moves_1_1, code_2, code_1)
     del code_1
-    x226 = -3.141592653589793
-    x177 = np.where(angle_2_1 > x226, angle_2_1, 3.141592653589793)
+    x227 = -3.141592653589793
+    x179 = np.where(angle_2_1 > x227, angle_2_1, 3.141592653589793)
     del angle_2_1
-    row_1_0_2 = np.where(moves_1_1, x177, np.where(angle_1_1 > x226, angle_1_1, 3.141592653589793))
+    row_1_0_2 = np.where(moves_1_1, x179, np.where(angle_1_1 > x227, angle_1_1, 3.141592653589793))
     del angle_1_1
-    x178 = np.where(angle_2_2 > x226, angle_2_2, 3.141592653589793)
+    x180 = np.where(angle_2_2 > x227, angle_2_2, 3.141592653589793)
     del angle_2_2
-    row_1_0_3 = np.where(moves_1_1, x178, np.where(angle_1_2 > x226, angle_1_2, 3.141592653589793))
+    row_1_0_3 = np.where(moves_1_1, x180, np.where(angle_1_2 > x227, angle_1_2, 3.141592653589793))
     del angle_1_2
-    x179 = np.where(angle_2_3 > x226, angle_2_3, 3.141592653589793)
+    x181 = np.where(angle_2_3 > x227, angle_2_3, 3.141592653589793)
     del angle_2_3
-    row_1_0_4 = np.where(moves_1_1, x179, np.where(angle_1_3 > x226, angle_1_3, 3.141592653589793))
+    row_1_0_4 = np.where(moves_1_1, x181, np.where(angle_1_3 > x227, angle_1_3, 3.141592653589793))
     del angle_1_3
-    x180 = np.where(angle_2_4 > x226, angle_2_4, 3.141592653589793)
+    x182 = np.where(angle_2_4 > x227, angle_2_4, 3.141592653589793)
     del angle_2_4
-    row_1_0_5 = np.where(moves_1_1, x180, np.where(angle_1_4 > x226, angle_1_4, 3.141592653589793))
+    row_1_0_5 = np.where(moves_1_1, x182, np.where(angle_1_4 > x227, angle_1_4, 3.141592653589793))
     del angle_1_4
-    x181 = np.where(angle_2_5 > x226, angle_2_5, 3.141592653589793)
+    x183 = np.where(angle_2_5 > x227, angle_2_5, 3.141592653589793)
     del angle_2_5
-    row_1_0_6 = np.where(moves_1_1, x181, np.where(angle_1_5 > x226, angle_1_5, 3.141592653589793))
+    row_1_0_6 = np.where(moves_1_1, x183, np.where(angle_1_5 > x227, angle_1_5, 3.141592653589793))
     del angle_1_5
-    x182 = np.where(angle_2_6 > x226, angle_2_6, 3.141592653589793)
+    x184 = np.where(angle_2_6 > x227, angle_2_6, 3.141592653589793)
     del angle_2_6
-    row_1_0_7 = np.where(moves_1_1, x182, np.where(angle_1_6 > x226, angle_1_6, 3.141592653589793))
+    row_1_0_7 = np.where(moves_1_1, x184, np.where(angle_1_6 > x227, angle_1_6, 3.141592653589793))
     del angle_1_6
     there_1_1 = (moves_1_2) | ((there_2) & (~(moves_1_1)))
     del moves_1_1, there_2
     row_1_1_1 = np.where(moves_1_2, code_3, code_2)
     del code_2
-    x183 = np.where(angle_3_1 > x226, angle_3_1, 3.141592653589793)
+    x185 = np.where(angle_3_1 > x227, angle_3_1, 3.141592653589793)
     del angle_3_1
-    row_1_1_2 = np.where(moves_1_2, x183, x177)
-    del x177
-    x184 = np.where(angle_3_2 > x226, angle_3_2, 3.141592653589793)
-    del angle_3_2
-    row_1_1_3 = np.where(moves_1_2, x184, x178)
-    del x178
-    x185 = np.where(angle_3_3 > x226, angle_3_3, 3.141592653589793)
-    del angle_3_3
-    row_1_1_4 = np.where(moves_1_2, x185, x179)
+    row_1_1_2 = np.where(moves_1_2, x185, x179)
     del x179
-    x186 = np.where(angle_3_4 > x226, angle_3_4, 3.141592653589793)
-    del angle_3_4
-    row_1_1_5 = np.where(moves_1_2, x186, x180)
+    x186 = np.where(angle_3_2 > x227, angle_3_2, 3.141592653589793)
+    del angle_3_2
+    row_1_1_3 = np.where(moves_1_2, x186, x180)
     del x180
-    x187 = np.where(angle_3_5 > x226, angle_3_5, 3.141592653589793)
-    del angle_3_5
-    row_1_1_6 = np.where(moves_1_2, x187, x181)
+    x187 = np.where(angle_3_3 > x227, angle_3_3, 3.141592653589793)
+    del angle_3_3
+    row_1_1_4 = np.where(moves_1_2, x187, x181)
     del x181
-    x188 = np.where(angle_3_6 > x226, angle_3_6, 3.141592653589793)
-    del angle_3_6
-    row_1_1_7 = np.where(moves_1_2, x188, x182)
+    x188 = np.where(angle_3_4 > x227, angle_3_4, 3.141592653589793)
+    del angle_3_4
+    row_1_1_5 = np.where(moves_1_2, x188, x182)
     del x182
+    x189 = np.where(angle_3_5 > x227, angle_3_5, 3.141592653589793)
+    del angle_3_5
+    row_1_1_6 = np.where(moves_1_2, x189, x183)
+    del x183
+    x190 = np.where(angle_3_6 > x227, angle_3_6, 3.141592653589793)
+    del angle_3_6
+    row_1_1_7 = np.where(moves_1_2, x190, x184)
+    del x184
     there_1_2 = (moves_1_3) | ((there_3) & (~(moves_1_2)))
     del moves_1_2, there_3
     row_1_2_0 = np.where(moves_1_3, holes_3 - 1.0, holes_2)
     del holes_2
     row_1_2_1 = np.where(moves_1_3, code_4, code_3)
     del code_3
-    x189 = np.where(angle_4_1 > x226, angle_4_1, 3.141592653589793)
+    x191 = np.where(angle_4_1 > x227, angle_4_1, 3.141592653589793)
     del angle_4_1
-    row_1_2_2 = np.where(moves_1_3, x189, x183)
-    del x183
-    x190 = np.where(angle_4_2 > x226, angle_4_2, 3.141592653589793)
-    del angle_4_2
-    row_1_2_3 = np.where(moves_1_3, x190, x184)
-    del x184
-    x191 = np.where(angle_4_3 > x226, angle_4_3, 3.141592653589793)
-    del angle_4_3
-    row_1_2_4 = np.where(moves_1_3, x191, x185)
+    row_1_2_2 = np.where(moves_1_3, x191, x185)
     del x185
-    x192 = np.where(angle_4_4 > x226, angle_4_4, 3.141592653589793)
-    del angle_4_4
-    row_1_2_5 = np.where(moves_1_3, x192, x186)
+    x192 = np.where(angle_4_2 > x227, angle_4_2, 3.141592653589793)
+    del angle_4_2
+    row_1_2_3 = np.where(moves_1_3, x192, x186)
     del x186
-    x193 = np.where(angle_4_5 > x226, angle_4_5, 3.141592653589793)
-    del angle_4_5
-    row_1_2_6 = np.where(moves_1_3, x193, x187)
+    x193 = np.where(angle_4_3 > x227, angle_4_3, 3.141592653589793)
+    del angle_4_3
+    row_1_2_4 = np.where(moves_1_3, x193, x187)
     del x187
-    x194 = np.where(angle_4_6 > x226, angle_4_6, 3.141592653589793)
-    del angle_4_6
-    row_1_2_7 = np.where(moves_1_3, x194, x188)
+    x194 = np.where(angle_4_4 > x227, angle_4_4, 3.141592653589793)
+    del angle_4_4
+    row_1_2_5 = np.where(moves_1_3, x194, x188)
     del x188
+    x195 = np.where(angle_4_5 > x227, angle_4_5, 3.141592653589793)
+    del angle_4_5
+    row_1_2_6 = np.where(moves_1_3, x195, x189)
+    del x189
+    x196 = np.where(angle_4_6 > x227, angle_4_6, 3.141592653589793)
+    del angle_4_6
+    row_1_2_7 = np.where(moves_1_3, x196, x190)
+    del x190
     there_1_3 = (moves_1_4) | ((there_4) & (~(moves_1_3)))
     del moves_1_3, there_4
     row_1_3_0 = np.where(moves_1_4, holes_4 - 1.0, holes_3)
     del holes_3
     row_1_3_1 = np.where(moves_1_4, code_5, code_4)
     del code_4
-    x195 = np.where(angle_5_1 > x226, angle_5_1, 3.141592653589793)
+    x197 = np.where(angle_5_1 > x227, angle_5_1, 3.141592653589793)
     del angle_5_1
-    row_1_3_2 = np.where(moves_1_4, x195, x189)
-    del x189
-    x196 = np.where(angle_5_2 > x226, angle_5_2, 3.141592653589793)
-    del angle_5_2
-    row_1_3_3 = np.where(moves_1_4, x196, x190)
-    del x190
-    x197 = np.where(angle_5_3 > x226, angle_5_3, 3.141592653589793)
-    del angle_5_3
-    row_1_3_4 = np.where(moves_1_4, x197, x191)
+    row_1_3_2 = np.where(moves_1_4, x197, x191)
     del x191
-    x198 = np.where(angle_5_4 > x226, angle_5_4, 3.141592653589793)
-    del angle_5_4
-    row_1_3_5 = np.where(moves_1_4, x198, x192)
+    x198 = np.where(angle_5_2 > x227, angle_5_2, 3.141592653589793)
+    del angle_5_2
+    row_1_3_3 = np.where(moves_1_4, x198, x192)
     del x192
-    x199 = np.where(angle_5_5 > x226, angle_5_5, 3.141592653589793)
-    del angle_5_5
-    row_1_3_6 = np.where(moves_1_4, x199, x193)
+    x199 = np.where(angle_5_3 > x227, angle_5_3, 3.141592653589793)
+    del angle_5_3
+    row_1_3_4 = np.where(moves_1_4, x199, x193)
     del x193
-    x200 = np.where(angle_5_6 > x226, angle_5_6, 3.141592653589793)
-    del angle_5_6
-    row_1_3_7 = np.where(moves_1_4, x200, x194)
+    x200 = np.where(angle_5_4 > x227, angle_5_4, 3.141592653589793)
+    del angle_5_4
+    row_1_3_5 = np.where(moves_1_4, x200, x194)
     del x194
+    x201 = np.where(angle_5_5 > x227, angle_5_5, 3.141592653589793)
+    del angle_5_5
+    row_1_3_6 = np.where(moves_1_4, x201, x195)
+    del x195
+    x202 = np.where(angle_5_6 > x227, angle_5_6, 3.141592653589793)
+    del angle_5_6
+    row_1_3_7 = np.where(moves_1_4, x202, x196)
+    del x196
     there_1_4 = (moves_1_5) | ((there_5) & (~(moves_1_4)))
     del moves_1_4, there_5
     row_1_4_0 = np.where(moves_1_5, holes_5 - 1.0, holes_4)
     del holes_4
     row_1_4_1 = np.where(moves_1_5, code_6, code_5)
     del code_5
-    x201 = np.where(angle_6_1 > x226, angle_6_1, 3.141592653589793)
+    x203 = np.where(angle_6_1 > x227, angle_6_1, 3.141592653589793)
     del angle_6_1
-    row_1_4_2 = np.where(moves_1_5, x201, x195)
-    del x195
-    x202 = np.where(angle_6_2 > x226, angle_6_2, 3.141592653589793)
-    del angle_6_2
-    row_1_4_3 = np.where(moves_1_5, x202, x196)
-    del x196
-    x203 = np.where(angle_6_3 > x226, angle_6_3, 3.141592653589793)
-    del angle_6_3
-    row_1_4_4 = np.where(moves_1_5, x203, x197)
+    row_1_4_2 = np.where(moves_1_5, x203, x197)
     del x197
-    x204 = np.where(angle_6_4 > x226, angle_6_4, 3.141592653589793)
-    del angle_6_4
-    row_1_4_5 = np.where(moves_1_5, x204, x198)
+    x204 = np.where(angle_6_2 > x227, angle_6_2, 3.141592653589793)
+    del angle_6_2
+    row_1_4_3 = np.where(moves_1_5, x204, x198)
     del x198
-    x205 = np.where(angle_6_5 > x226, angle_6_5, 3.141592653589793)
-    del angle_6_5
-    row_1_4_6 = np.where(moves_1_5, x205, x199)
+    x205 = np.where(angle_6_3 > x227, angle_6_3, 3.141592653589793)
+    del angle_6_3
+    row_1_4_4 = np.where(moves_1_5, x205, x199)
     del x199
-    x206 = np.where(angle_6_6 > x226, angle_6_6, 3.141592653589793)
-    del angle_6_6
-    row_1_4_7 = np.where(moves_1_5, x206, x200)
+    x206 = np.where(angle_6_4 > x227, angle_6_4, 3.141592653589793)
+    del angle_6_4
+    row_1_4_5 = np.where(moves_1_5, x206, x200)
     del x200
+    x207 = np.where(angle_6_5 > x227, angle_6_5, 3.141592653589793)
+    del angle_6_5
+    row_1_4_6 = np.where(moves_1_5, x207, x201)
+    del x201
+    x208 = np.where(angle_6_6 > x227, angle_6_6, 3.141592653589793)
+    del angle_6_6
+    row_1_4_7 = np.where(moves_1_5, x208, x202)
+    del x202
     there_1_5 = (moves_1_6) | ((there_6) & (~(moves_1_5)))
     del moves_1_5, there_6
     row_1_5_0 = np.where(moves_1_6, holes_6 - 1.0, holes_5)
     del holes_5
     row_1_5_1 = np.where(moves_1_6, code_7, code_6)
     del code_6
-    x207 = np.where(angle_7_1 > x226, angle_7_1, 3.141592653589793)
+    x209 = np.where(angle_7_1 > x227, angle_7_1, 3.141592653589793)
     del angle_7_1
-    row_1_5_2 = np.where(moves_1_6, x207, x201)
-    del x201
-    x208 = np.where(angle_7_2 > x226, angle_7_2, 3.141592653589793)
-    del angle_7_2
-    row_1_5_3 = np.where(moves_1_6, x208, x202)
-    del x202
-    x209 = np.where(angle_7_3 > x226, angle_7_3, 3.141592653589793)
-    del angle_7_3
-    row_1_5_4 = np.where(moves_1_6, x209, x203)
+    row_1_5_2 = np.where(moves_1_6, x209, x203)
     del x203
-    x210 = np.where(angle_7_4 > x226, angle_7_4, 3.141592653589793)
-    del angle_7_4
-    row_1_5_5 = np.where(moves_1_6, x210, x204)
+    x210 = np.where(angle_7_2 > x227, angle_7_2, 3.141592653589793)
+    del angle_7_2
+    row_1_5_3 = np.where(moves_1_6, x210, x204)
     del x204
-    x211 = np.where(angle_7_5 > x226, angle_7_5, 3.141592653589793)
-    del angle_7_5
-    row_1_5_6 = np.where(moves_1_6, x211, x205)
+    x211 = np.where(angle_7_3 > x227, angle_7_3, 3.141592653589793)
+    del angle_7_3
+    row_1_5_4 = np.where(moves_1_6, x211, x205)
     del x205
-    x212 = np.where(angle_7_6 > x226, angle_7_6, 3.141592653589793)
-    del angle_7_6
-    row_1_5_7 = np.where(moves_1_6, x212, x206)
+    x212 = np.where(angle_7_4 > x227, angle_7_4, 3.141592653589793)
+    del angle_7_4
+    row_1_5_5 = np.where(moves_1_6, x212, x206)
     del x206
+    x213 = np.where(angle_7_5 > x227, angle_7_5, 3.141592653589793)
+    del angle_7_5
+    row_1_5_6 = np.where(moves_1_6, x213, x207)
+    del x207
+    x214 = np.where(angle_7_6 > x227, angle_7_6, 3.141592653589793)
+    del angle_7_6
+    row_1_5_7 = np.where(moves_1_6, x214, x208)
+    del x208
     there_1_6 = (moves_1_7) | ((there_7) & (~(moves_1_6)))
     del moves_1_6, there_7
     row_1_6_0 = np.where(moves_1_7, holes_7 - 1.0, holes_6)
     del holes_6
     row_1_6_1 = np.where(moves_1_7, code_8, code_7)
     del code_7
-    x213 = np.where(angle_8_1 > x226, angle_8_1, 3.141592653589793)
+    x215 = np.where(angle_8_1 > x227, angle_8_1, 3.141592653589793)
     del angle_8_1
-    row_1_6_2 = np.where(moves_1_7, x213, x207)
-    del x207
-    x214 = np.where(angle_8_2 > x226, angle_8_2, 3.141592653589793)
-    del angle_8_2
-    row_1_6_3 = np.where(moves_1_7, x214, x208)
-    del x208
-    x215 = np.where(angle_8_3 > x226, angle_8_3, 3.141592653589793)
-    del angle_8_3
-    row_1_6_4 = np.where(moves_1_7, x215, x209)
+    row_1_6_2 = np.where(moves_1_7, x215, x209)
     del x209
-    x216 = np.where(angle_8_4 > x226, angle_8_4, 3.141592653589793)
-    del angle_8_4
-    row_1_6_5 = np.where(moves_1_7, x216, x210)
+    x216 = np.where(angle_8_2 > x227, angle_8_2, 3.141592653589793)
+    del angle_8_2
+    row_1_6_3 = np.where(moves_1_7, x216, x210)
     del x210
-    x217 = np.where(angle_8_5 > x226, angle_8_5, 3.141592653589793)
-    del angle_8_5
-    row_1_6_6 = np.where(moves_1_7, x217, x211)
+    x217 = np.where(angle_8_3 > x227, angle_8_3, 3.141592653589793)
+    del angle_8_3
+    row_1_6_4 = np.where(moves_1_7, x217, x211)
     del x211
-    x218 = np.where(angle_8_6 > x226, angle_8_6, 3.141592653589793)
-    del angle_8_6, x226
-    row_1_6_7 = np.where(moves_1_7, x218, x212)
+    x218 = np.where(angle_8_4 > x227, angle_8_4, 3.141592653589793)
+    del angle_8_4
+    row_1_6_5 = np.where(moves_1_7, x218, x212)
     del x212
+    x219 = np.where(angle_8_5 > x227, angle_8_5, 3.141592653589793)
+    del angle_8_5
+    row_1_6_6 = np.where(moves_1_7, x219, x213)
+    del x213
+    x220 = np.where(angle_8_6 > x227, angle_8_6, 3.141592653589793)
+    del angle_8_6, x227
+    row_1_6_7 = np.where(moves_1_7, x220, x214)
+    del x214
     there_1_7 = (there_8) & (~(moves_1_7))
     del moves_1_7, there_8
     moves_2_2 = (there_1_2) & ((row_1_2_0 == 2.0) | (row_1_2_0 == 6.0))
@@ -2910,17 +2930,17 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del row_1_5_0
     row_2_5_1 = np.where(moves_2_7, code_8, row_1_5_1)
     del row_1_5_1
-    row_2_5_2 = np.where(moves_2_7, x213, row_1_5_2)
+    row_2_5_2 = np.where(moves_2_7, x215, row_1_5_2)
     del row_1_5_2
-    row_2_5_3 = np.where(moves_2_7, x214, row_1_5_3)
+    row_2_5_3 = np.where(moves_2_7, x216, row_1_5_3)
     del row_1_5_3
-    row_2_5_4 = np.where(moves_2_7, x215, row_1_5_4)
+    row_2_5_4 = np.where(moves_2_7, x217, row_1_5_4)
     del row_1_5_4
-    row_2_5_5 = np.where(moves_2_7, x216, row_1_5_5)
+    row_2_5_5 = np.where(moves_2_7, x218, row_1_5_5)
     del row_1_5_5
-    row_2_5_6 = np.where(moves_2_7, x217, row_1_5_6)
+    row_2_5_6 = np.where(moves_2_7, x219, row_1_5_6)
     del row_1_5_6
-    row_2_5_7 = np.where(moves_2_7, x218, row_1_5_7)
+    row_2_5_7 = np.where(moves_2_7, x220, row_1_5_7)
     del row_1_5_7
     there_2_6 = (there_1_6) & (~(moves_2_6))
     del moves_2_6, there_1_6
@@ -2986,17 +3006,17 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del there_2_3
     row_4_3_1 = np.where(moves_4_7, code_8, row_2_3_1)
     del row_2_3_1
-    row_4_3_2 = np.where(moves_4_7, x213, row_2_3_2)
+    row_4_3_2 = np.where(moves_4_7, x215, row_2_3_2)
     del row_2_3_2
-    row_4_3_3 = np.where(moves_4_7, x214, row_2_3_3)
+    row_4_3_3 = np.where(moves_4_7, x216, row_2_3_3)
     del row_2_3_3
-    row_4_3_4 = np.where(moves_4_7, x215, row_2_3_4)
+    row_4_3_4 = np.where(moves_4_7, x217, row_2_3_4)
     del row_2_3_4
-    row_4_3_5 = np.where(moves_4_7, x216, row_2_3_5)
+    row_4_3_5 = np.where(moves_4_7, x218, row_2_3_5)
     del row_2_3_5
-    row_4_3_6 = np.where(moves_4_7, x217, row_2_3_6)
+    row_4_3_6 = np.where(moves_4_7, x219, row_2_3_6)
     del row_2_3_6
-    row_4_3_7 = np.where(moves_4_7, x218, row_2_3_7)
+    row_4_3_7 = np.where(moves_4_7, x220, row_2_3_7)
     del row_2_3_7
     there_4_4 = (there_2_4) & (~(moves_4_4))
     del moves_4_4, there_2_4
@@ -3090,18 +3110,18 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del row_1_6_6
     angles_7_6 = np.where(there_4_6, row_1_6_7, np.nan)
     del row_1_6_7
-    angles_8_1 = np.where(there_4_7, x213, np.nan)
-    del x213
-    angles_8_2 = np.where(there_4_7, x214, np.nan)
-    del x214
-    angles_8_3 = np.where(there_4_7, x215, np.nan)
+    angles_8_1 = np.where(there_4_7, x215, np.nan)
     del x215
-    angles_8_4 = np.where(there_4_7, x216, np.nan)
+    angles_8_2 = np.where(there_4_7, x216, np.nan)
     del x216
-    angles_8_5 = np.where(there_4_7, x217, np.nan)
+    angles_8_3 = np.where(there_4_7, x217, np.nan)
     del x217
-    angles_8_6 = np.where(there_4_7, x218, np.nan)
+    angles_8_4 = np.where(there_4_7, x218, np.nan)
     del x218
+    angles_8_5 = np.where(there_4_7, x219, np.nan)
+    del x219
+    angles_8_6 = np.where(there_4_7, x220, np.nan)
+    del x220
     status_1 = np.where(~(good), 5.0, np.where(~(there_4_0), 3.0, row_4_0_1))
     del row_4_0_1, there_4_0
     status_2 = np.where(~(good), 5.0, np.where(~(there_4_1), 3.0, row_4_1_1))
