@@ -210,7 +210,7 @@ def test_a_loop_that_moves_with_the_input_held_is_a_family():
     found = reverse_loop(loop, {(3, "theta"): np.radians([120.0, 119.0])})
     assert found.status[0, 0] == ReverseStatus.FAMILY
     assert max(x[0, 0] for x in numeric_reverse.errors(loop, found.values, np.eye(4))) < 1e-12
-    assert (found.status[1] == ReverseStatus.INCOMPLETE).all()  # it closes nowhere, but no equation says so
+    assert (found.status[1] == ReverseStatus.NONE).all()
 
 
 def test_arrays_broadcast_and_bad_elements_are_told():
@@ -278,7 +278,7 @@ def test_poses_that_are_none_are_invalid():
         (spatial.PUMA_560, {0: 0.0}, "open chain; expected a closed loop"),
         (Mechanism("RRRCC", [1.0] * 5, [1.0] * 5), {}, "expected 6, which is 1 given"),
         (Mechanism("RRRCC", [1.0] * 5, [1.0] * 5), {(3, "S"): 0.0}, "group 3, of degree 16"),
-        (Mechanism("RRRRRRR", [1.0] * 7, [1.0] * 7), {0: 0.0}, "group 4, of degree 16"),
+        (Mechanism("RRRRRPR", [1.0] * 7, [1.0] * 7), {0: 0.0}, "group 3, of degree 16"),
         (Mechanism("RRRCC", [1.0] * 5, [1.0] * 5), {("C9", "S"): 0.0}, r"no variable \('C9', 'S'\)"),
         (Mechanism("RRRCC", [1.0] * 5, [1.0] * 5), {0: 0.0, (0, "theta"): 0.0}, "given twice"),
         (Mechanism("RRRCC", [1.0] * 5, [1.0] * 5), {0: "x"}, "expected a number"),
@@ -289,6 +289,18 @@ def test_poses_that_are_none_are_invalid():
 def test_what_cannot_be_solved_is_told(mechanism, given, message):
     with pytest.raises(RodgenError, match=message):
         reverse_loop(mechanism, given)
+
+
+def test_a_loop_of_seven_turning_joints_is_an_arm_with_six():
+    rng = np.random.default_rng(13)
+    a, alpha = rng.uniform(1, 2, 7), rng.uniform(-1.5, 1.5, 7)
+    a[3] = a[4] = 0.0  # axes 4, 5 and 6 meet
+    offset = np.where(np.arange(7) == 4, 0.0, rng.uniform(-1, 1, 7))
+    loop = Mechanism("R" * 7, a, alpha, offset)
+    assert sum(check_loop(loop, (given, "theta"), 0.4)[0] for given in (0, 1, 2)) > 0
+    found = reverse_loop(loop, {1: np.array([np.nan, 0.4])})
+    assert (found.status[0] == ReverseStatus.INVALID).all()
+    assert np.isnan(found.values[0]).all()
 
 
 def test_robots_that_cannot_be_solved_are_told():

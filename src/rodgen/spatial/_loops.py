@@ -17,9 +17,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
 from rodgen.spatial._loops_kernels import closed_form
-from rodgen.spatial._loops_links import Merged, merge
+from rodgen.spatial._loops_links import Merged, merge, rx, rz
 from rodgen.spatial._loops_solve import solve_merged
 from rodgen.spatial._mechanism import Mechanism
+from rodgen.spatial._reverse import reverse
 from rodgen.spatial._status import ReverseStatus
 
 __all__ = ["LoopSolutions", "Variable", "reverse_loop", "reverse_sliding"]
@@ -70,7 +71,8 @@ def reverse_loop(mechanism: Mechanism, given: Mapping[Variable, ArrayLike]) -> L
     ------
     RodgenError
         When the chain is open or has other joints, when six unknowns are not left, and when five or six of them are
-        angles (groups 3 and 4), which is not solved here.
+        angles (groups 3 and 4), which is not solved here; but a 7R loop is handed to :func:`reverse`, as an arm with
+        six joints.
 
     Notes
     -----
@@ -199,10 +201,13 @@ def _solved(
         )
         raise RodgenError(f"{len(unknown)} unknowns are left ({what}); expected 6, which is {wanted} given")
     if angles not in SLOTS:
+        if mechanism.joints == ("R",) * 7 and closing is None:
+            return _seven_turning(mechanism, known)
         if angles > 4:
+            advice = "; use reverse()" if closing is not None and angles == 6 else ""
             raise RodgenError(
                 f"{angles} of the six unknowns are angles: a problem of group {angles - 2}, of degree 16; "
-                "expected three or four (groups 1 and 2)"
+                f"expected three or four (groups 1 and 2){advice}"
             )
         raise RodgenError(f"only {angles} of the six unknowns are angles; expected three or four")
     shape = np.broadcast_shapes(
@@ -242,6 +247,37 @@ def _solved(
     values = np.take_along_axis(values, order[..., None], axis=1)
     slots = kinds.shape[1]
     return LoopSolutions(values.reshape(*shape, slots, len(variables)), kinds.reshape(*shape, slots))
+
+
+def _seven_turning(mechanism: Mechanism, known: Mapping[int, NDArray[np.float64]]) -> LoopSolutions:
+    """Close a 7R loop with one angle given: the other six are an arm whose pose is the two links at that joint."""
+    ((given, value),) = known.items()
+    ring = [(given + k) % 7 for k in range(1, 8)]
+    arm = Mechanism(
+        "R" * 6,
+        mechanism.a[ring[:5]],
+        mechanism.alpha[ring[:5]],
+        mechanism.offset[ring[:6]],
+        unit=mechanism.unit,
+    )
+    good = np.isfinite(value)
+    angle = np.where(good, value, 0.0)
+    before, after = mechanism.alpha[ring[5]], mechanism.alpha[given]
+    turned = rx(before) @ rz(angle)
+    R = turned @ rx(after)
+    v = mechanism.a[ring[5]] * np.array([1.0, 0.0, 0.0]) + mechanism.offset[given] * rx(before)[:, 2]
+    v = v + mechanism.a[given] * turned[..., 0]
+    T = np.zeros((*value.shape, 4, 4))
+    T[..., 3, 3] = 1.0
+    T[..., :3, :3] = np.swapaxes(R, -1, -2)
+    T[..., :3, 3] = -np.einsum("...ji,...j->...i", R, v)
+    solutions, status = reverse(arm, T)
+    values = np.empty((*solutions.shape[:-1], 7))
+    values[..., ring[:6]] = solutions
+    values[..., given] = value[..., None]
+    status = np.where(good[..., None], status, np.int8(ReverseStatus.INVALID))
+    values = np.where((status < ReverseStatus.NONE)[..., None], values, np.nan)
+    return LoopSolutions(values, status)
 
 
 def _principal(angles: NDArray[np.float64]) -> NDArray[np.float64]:

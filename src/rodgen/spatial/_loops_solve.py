@@ -186,7 +186,9 @@ def _three_angles(links: list[Link]) -> tuple[Array, NDArray[Any], NDArray[np.bo
     status[kind == TrigStatus.TWO] = ReverseStatus.REGULAR
     status[kind == TrigStatus.DOUBLE, 0] = ReverseStatus.DOUBLE
     status[kind == TrigStatus.INVALID] = ReverseStatus.INVALID
-    return theta, status, (np.hypot(A, B) <= ODD) | parallel[:, 0]
+    amplitude = np.hypot(A, B)
+    possible = np.abs(D) <= amplitude + ODD
+    return theta, status, possible & ((amplitude <= ODD) | parallel[:, 0])
 
 
 def _four_angles(
@@ -204,7 +206,7 @@ def _four_angles(
     chosen = np.argmax(worth, axis=1)
     theta = np.full((count, 8, 4), np.nan)
     status = np.full((count, 8), ReverseStatus.NONE)
-    odd = worth.max(axis=1) <= ODD
+    odd = (worth.max(axis=1) <= ODD) & _may_turn(links)
     for last in possible:
         rows = np.flatnonzero(chosen == last)
         if not len(rows):
@@ -221,6 +223,16 @@ def _four_angles(
         theta[rows], status[rows] = part, kind
         odd[rows] |= strange
     return theta, status, odd
+
+
+def _may_turn(links: list[Link]) -> NDArray[np.bool_]:
+    """Tell whether the rotation may close: no twist of the four links is larger than the other three together."""
+    twists = np.stack([np.arctan2(np.hypot(k.R[:, 0, 2], k.R[:, 1, 2]), k.R[:, 2, 2]) for k in links], axis=1)
+    total = twists.sum(axis=1)
+    found: NDArray[np.bool_] = (2 * twists.max(axis=1) <= total + ODD) & (
+        total - 2 * twists.min(axis=1) <= 2 * np.pi + ODD
+    )
+    return found
 
 
 def _rows(link: Link, rows: NDArray[np.intp]) -> Link:
@@ -240,7 +252,10 @@ def _ring(ring: list[Link]) -> tuple[Array, NDArray[Any], NDArray[np.bool_]]:
     there = pair.status <= PairStatus.COMMON_FACTOR
     status = np.where(there, ReverseStatus.REGULAR, ReverseStatus.NONE)
     strange = (pair.status == PairStatus.COMMON_FACTOR) | (pair.status >= PairStatus.INCOMPLETE)
-    return np.stack([theta1, theta2, theta3, theta4], axis=-1), status, strange.any(axis=-1)
+    # where the constant outweighs all else there is no solution, whatever the second equation is
+    rest = np.abs(first).sum(axis=(1, 2)) - np.abs(first[:, 0, 0])
+    possible = np.abs(first[:, 0, 0]) <= rest + ODD
+    return np.stack([theta1, theta2, theta3, theta4], axis=-1), status, possible & strange.any(axis=-1)
 
 
 def _cosine_law(ring: list[Link]) -> Array:

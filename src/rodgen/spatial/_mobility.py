@@ -244,8 +244,8 @@ def _parts(bodies: int, edges: Sequence[tuple[str, int, int]]) -> int:
 
 
 def _size(mechanism: Mechanism) -> float:
-    lengths = np.concatenate([np.abs(mechanism.a), np.abs(mechanism.offset)])
-    return float(max(np.nanmax(lengths, initial=0.0), np.finfo(float).tiny))
+    lengths = np.concatenate([np.abs(x) for x in (mechanism.a, mechanism.offset, mechanism.pitch)])
+    return float(np.nanmax(lengths, initial=0.0)) or 1.0
 
 
 def _order(mechanism: Mechanism) -> tuple[str, int]:

@@ -73,12 +73,13 @@ class Group:
     Attributes
     ----------
     number : int
-        Mobility of the equivalent spherical mechanism; of a robot, that of the loop with its hypothetical link.
+        Mobility of the equivalent spherical mechanism; of a robot, that of the loop with its hypothetical link. Groups
+        are counted from 1 to 4; a polygon with another mobility belongs to none.
     polygon : str
-        The spherical polygon.
+        The spherical polygon; empty where too few joints turn for one.
     most_solutions : int or None
-        How many solutions the reverse analysis of a loop with mobility 1, or of a robot with 6 freedoms, can have; None
-        for other mechanisms.
+        How many solutions the reverse analysis of a loop with mobility 1, or of a robot with 6 freedoms, can have.
+        Where axes of a robot meet or are parallel, fewer than the group's; None for other mechanisms.
     method : str
         How it is done.
     """
@@ -177,6 +178,8 @@ def group(mechanism: Mechanism) -> Group:
     >>> from rodgen import spatial
     >>> spatial.group(spatial.PUMA_560).number
     4
+    >>> spatial.group(spatial.PUMA_560).most_solutions  # 16 for the group
+    8
     >>> loop = spatial.Mechanism("RRRCC", a=[1.0] * 5, alpha=[1.0] * 5)
     >>> spatial.group(loop).polygon, spatial.group(loop).most_solutions
     ('pentagon', 8)
@@ -184,10 +187,12 @@ def group(mechanism: Mechanism) -> Group:
     turning = sum(kind != "P" for kind in mechanism.expanded().joints) + (not mechanism.closed)
     number = turning - 3
     wanted = 7 if mechanism.closed else 6
-    counted = sum(mechanism.freedoms) == wanted
-    return Group(
-        number,
-        POLYGONS.get(turning, f"{turning}-gon"),
-        MOST_SOLUTIONS.get(number) if counted else None,
-        METHODS.get(number, "none is known") if counted else "",
-    )
+    counted = sum(mechanism.freedoms) == wanted and number in METHODS
+    most, method = (MOST_SOLUTIONS[number], METHODS[number]) if counted else (None, "")
+    if mechanism.joints == ("R",) * 6 and not mechanism.closed:
+        from rodgen.spatial._reverse import reverse_method
+        from rodgen.spatial._reverse_plan import plan
+
+        most, method = plan(mechanism).slots, reverse_method(mechanism)
+    polygon = POLYGONS.get(turning, f"{turning}-gon") if turning > 2 else ""
+    return Group(number, polygon, most, method)
