@@ -268,6 +268,21 @@ def test_what_is_no_arm_of_six_revolute_joints_is_told() -> None:
         spatial.reverse(spatial.PUMA_560, np.eye(4) * 1j)
 
 
+@pytest.mark.parametrize(
+    ("a", "alpha", "offset"),
+    [
+        ([0, 0, 3, 0, 0], [90, 90, 90, 90, 90], [1, 0, 2, 3, 0, 1]),  # two wrists
+        ([1, 1, 0, 0, 0], [0, 0, 90, 90, 90], [0.5, 0, 0.2, 0, 0, 0.1]),  # three parallel axes and a wrist
+        ([1, 1, 1, 0.5, 0.2], [0, 0, 0, 90, 90], [0, 0, 0, 0.3, 0.4, 0.1]),  # four parallel axes
+        ([0, 0, 0, 0, 0], [90, 90, 90, 90, 90], [0, 0, 0, 0, 0, 0]),  # all axes through one point
+    ],
+)
+def test_an_arm_that_is_singular_everywhere_is_told(a: list, alpha: list, offset: list) -> None:
+    arm = spatial.Mechanism("R" * 6, a, np.radians(alpha), offset)
+    with pytest.raises(RodgenError, match="depend on each other"):
+        spatial.reverse(arm, np.eye(4))
+
+
 def anything(seed: int) -> spatial.Mechanism:
     rng = np.random.default_rng(seed)
     return spatial.Mechanism(

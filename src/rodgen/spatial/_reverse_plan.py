@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.errors import RodgenError
+from rodgen.spatial._forward import jacobian
 from rodgen.spatial._mechanism import Mechanism
 
 __all__ = ["Arm", "Plan", "plan"]
@@ -24,6 +25,9 @@ ANGLE = 1e-12
 """Twists whose sine is below this count as parallel: it moves the end by 1e-12 of the reach."""
 LENGTH = 1e-12
 """Lengths below this, relative to the sum of all lengths, count as zero."""
+
+SINGULAR = 1e-12
+"""Singular values of a Jacobian, lengths over the reach, that are rounding. Robots have 1e-3 to 1 there."""
 
 Array = NDArray[np.float64]
 
@@ -112,7 +116,7 @@ def plan(mechanism: Mechanism) -> Plan:
     Raises
     ------
     RodgenError
-        When the mechanism is no open chain of six revolute joints.
+        When the mechanism is no open chain of six revolute joints, or its Jacobian is singular everywhere.
     """
     if mechanism.closed:
         raise RodgenError("the mechanism is a closed loop; expected an open chain, or use reverse_loop")
@@ -126,11 +130,27 @@ def plan(mechanism: Mechanism) -> Plan:
 @lru_cache(maxsize=128)
 def _plan(mechanism: Mechanism) -> Plan:
     arms = list(_arms(mechanism))
+    if not _moves_freely(mechanism):
+        raise RodgenError(
+            "the six freedoms of this arm depend on each other in every position, so that it has no solution for "
+            "almost every pose and whole families for the rest; expected an arm whose Jacobian is not singular "
+            "everywhere"
+        )
     for way, fits in _WAYS.items():
         for arm in arms:
             if fits(arm):
                 return Plan(way, arm)
     return Plan("general", arms[0])
+
+
+def _moves_freely(mechanism: Mechanism) -> bool:
+    """Whether the Jacobian is regular at one of a few positions without anything special."""
+    reach = np.abs(mechanism.a).sum() + np.abs(mechanism.offset).sum()
+    if not reach:
+        return False
+    angles = np.array([[0.71, -1.13, 0.93, 1.37, -0.82, 0.31], [-2.3, 0.57, -1.9, 0.83, 1.21, -0.47]])
+    J = jacobian(mechanism, angles) / np.array([1.0, 1.0, 1.0, reach, reach, reach])[:, None]
+    return bool((np.linalg.svd(J, compute_uv=False)[:, -1] > SINGULAR).any())
 
 
 def _wrist(arm: Arm) -> bool:
