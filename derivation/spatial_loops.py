@@ -128,6 +128,8 @@ d.check(
     text="Z₄₁ = cos α₂₃ is the (3,3) entry of the closure: A cos θ₁ + B sin θ₁ + D = 0 with A = sin α₁₂ Y₄, "
     "B = sin α₁₂ X₄ and D = cos α₁₂ Z₄ − cos α₂₃ (the notes' group one solution process).",
 ).prove()
+
+# %%
 Z14 = Notation(1, "12", "41").then(4, "34")
 d.check(
     "rccc-other-angles",
@@ -137,6 +139,8 @@ d.check(
     equal(closure[1, 2], Z14.Y - s("23") * c(3)),
     text="The last row gives θ₂ (X₄₁ = sin α₂₃ sin θ₂, Y₄₁ = sin α₂₃ cos θ₂), the last column gives θ₃ (X₁₄, Y₁₄).",
 ).prove()
+
+# %%
 beta = d.symbol("beta", r"\beta", "any angle", "rad")
 
 
@@ -186,6 +190,8 @@ d.check(
     text="The vector loop at joint 2. Its first component is its projection on a₁₂, which is across S₁ and S₂; "
     "W₄₁ = cos θ₄ cos θ₁ − sin θ₄ sin θ₁ cos α₄₁ is a₁₂ · a₃₄.",
 ).prove(given=by_known)
+
+# %%
 S1 = (w[0] * c(2) + w[1] * s(2) - a["23"]) / (s("12") * s(2))
 S3 = (w[0] - a["23"] * c(2)) / (s("23") * s(2))
 S2 = w[2] - S1 * c("12") - S3 * c("23")
@@ -195,6 +201,8 @@ d.check(
     text="The offsets that close the vector loop, where sin θ₂ is not zero: three linear equations with the "
     "determinant sin α₁₂ sin α₂₃ sin θ₂. (Where it is zero the three axes are parallel to one plane.)",
 ).prove(given={w: w, S[1]: S1, S[2]: S2, S[3]: S3})
+
+# %%
 
 
 def moment(T):
@@ -229,6 +237,8 @@ d.check(
     equal(closure[2, 2], Z512.Z - c("34")),
     text="Z₅₁₂ = cos α₃₄: one equation in θ₁ and θ₂ (the notes' group two solution process).",
 ).prove()
+
+# %%
 d.check(
     "rrrcc-secondary-cosine-law",
     equal(secondary(Z512.Z), moment(A)),
@@ -237,6 +247,8 @@ d.check(
     text="The second one: the secondary part of Z₅₁₂ is −a₃₄ sin α₃₄. By projection it is the vector loop dotted with "
     "S₃ × S₄, across both unknown offsets; the same equation.",
 ).prove()
+
+# %%
 X0 = {5: a["45"] * c("45") * s(5) + S[5] * s("45") * c(5)}
 Y0 = {
     5: a["45"] * (s("51") * s("45") - c("51") * c("45") * c(5)) - a["51"] * Five.Z + S[5] * c("51") * Five.X
@@ -254,6 +266,8 @@ d.check(
     equal(secondary(Z51.Z), s("12") * star0 + c("12") * Z0[5] + a["12"] * Z51.Y),
     text="Secondary parts of X, Y and Z, one joint and the step to the next; the kernels compute them so.",
 ).prove()
+
+# %%
 
 
 def bilinear(M, first, second):
@@ -302,6 +316,8 @@ d.check(
     text="Both equations are bilinear in 1, cos θ₁, sin θ₁ and 1, cos θ₂, sin θ₂: with half tangents a pair of "
     "biquadratics, of degree 8.",
 ).prove()
+
+# %%
 back = d.vector(
     "p", r"\vec p", "from joint 3 to joint 4 by way of joints 5, 1 and 2, seen from joint 3", "length"
 )
@@ -324,6 +340,8 @@ d.check(
     equal(im(inverse(B)[:3, 3]), closed["vector"]),
     text="Last row and column of A's rotation give θ₃ and θ₄; its vector, seen from joint 3, gives both offsets.",
 ).prove()
+
+# %%
 S4 = (back[0] * s(3) - back[1] * c(3)) / s("34")
 d.check(
     "rrrcc-offsets",
@@ -384,6 +402,8 @@ d.check(
     equal(im(four), sp.zeros(3, 1).as_immutable()),
     text="Four vectors in space: D₂₃₄ s₁ − D₁₃₄ s₂ + D₁₂₄ s₃ − D₁₂₃ s₄ = 0.",
 ).prove()
+
+# %%
 d.check(
     "neighbouring-slides",
     equal(
@@ -399,6 +419,8 @@ d.check(
     text="Products of two bilinear functions that are bilinear again: dot products of neighbouring axes are constant, "
     "and each determinant of dot products holds x and y once.",
 ).prove()
+
+# %%
 p_slide = d.vector("p_slide", r"\vec p", "direction of a slide in link 12", "1")
 q_slide = d.vector("q_slide", r"\vec q", "direction of another slide", "1")
 d.check(

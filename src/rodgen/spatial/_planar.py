@@ -165,8 +165,7 @@ def _hatching(a: tuple[float, float], b: tuple[float, float], outward: tuple[flo
 
 def _beside(a: tuple[float, float], b: tuple[float, float], middle: tuple[float, float], text: str) -> str:
     outward = _outward(a, b, middle)
-    # inside the loop, where the letters and the hatching are not; above a row
-    sign, far = (-1.0, 26.0) if a[1] != b[1] or b[0] < a[0] or a[0] != b[0] else (1.0, 26.0)
-    x = (a[0] + b[0]) / 2 + sign * far * outward[0]
-    y = (a[1] + b[1]) / 2 + sign * far * outward[1]
+    # on the inner side, where no names and no hatching are; below a row
+    x = (a[0] + b[0]) / 2 - 26 * outward[0]
+    y = (a[1] + b[1]) / 2 - 26 * outward[1]
     return f'<text class="small" x="{x:.1f}" y="{y:.1f}">{escape(text)}</text>'
