@@ -227,6 +227,7 @@ def test_float32_and_broadcasting() -> None:
     ("name", "said"),
     [
         ("Q_2", "no name"),
+        (None, "no name"),
         ("X", "no name"),
         ("X_24", "neither rise nor fall"),
         ("X_232", "neither rise nor fall"),
@@ -238,9 +239,9 @@ def test_float32_and_broadcasting() -> None:
         ("Y*_21", "no star"),
     ],
 )
-def test_what_is_no_name_is_refused(name: str, said: str) -> None:
+def test_what_is_no_name_is_refused(name: object, said: str) -> None:
     with pytest.raises(ValueError, match=said):
-        sphere.notation(name, np.zeros(5), np.zeros(5))
+        sphere.notation(name, np.zeros(5), np.zeros(5))  # type: ignore[arg-type]
 
 
 def test_twists_and_angles_of_one_number_are_needed() -> None:
@@ -269,6 +270,8 @@ def test_direction_cosines_are_columns_of_the_product() -> None:
         assert np.abs(joints[:, j - 1] - np.stack(xyz, axis=-1)).max() < 16 * EPS
     with pytest.raises(ValueError, match="last axis"):
         sphere.direction_cosines(0.0, 0.0)
+    with pytest.raises(TypeError, match="real"):
+        sphere.direction_cosines(1j * alpha, theta)
 
 
 # The printed toolkit -------------------------------------------------------------------------------------

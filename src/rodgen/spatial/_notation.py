@@ -135,6 +135,8 @@ def direction_cosines(alpha: ArrayLike, theta: ArrayLike) -> tuple[Any, Any]:
     ------
     ValueError
         When the shapes do not broadcast to at least one joint.
+    TypeError
+        When an angle is not real.
 
     Notes
     -----
@@ -157,6 +159,8 @@ def direction_cosines(alpha: ArrayLike, theta: ArrayLike) -> tuple[Any, Any]:
     if not alpha.ndim or not alpha.shape[-1]:
         raise ValueError("alpha and theta need a last axis with one component for each joint")
     number = np.result_type(alpha, theta, np.float32)
+    if not np.issubdtype(number, np.floating):
+        raise TypeError(f"twists and joint angles are real numbers, not {number}")
     c_twist, s_twist = np.cos(alpha, dtype=number), np.sin(alpha, dtype=number)
     c_joint, s_joint = np.cos(theta, dtype=number), np.sin(theta, dtype=number)
     joints, links = np.empty((*alpha.shape, 3), number), np.empty((*alpha.shape, 3), number)
@@ -180,7 +184,7 @@ def _gathered(name: str, alpha: ArrayLike, theta: ArrayLike) -> tuple[Term, Any]
             f"there are {twists.shape[-1:]} links and {joints.shape[-1:]} joints; expected one n for both"
         )
     (n,) = sizes
-    found = _NAME.match(name)
+    found = _NAME.match(name) if isinstance(name, str) else None
     if found is None:
         raise ValueError(f"{name!r} is no name; expected such as X_32, Xb_2, X*_321 or W_21")
     letter, mark, numbers = found.groups()
