@@ -313,7 +313,7 @@ def test_toolkit_prints_all_polygons(capsys: Any) -> None:
         (["reverse", "RCCC", "ANGLES", "--given", "R1,R1"], "--given: 'R1,R1'; expected every name once"),
         (["reverse", "RCCC", "ANGLES", "--from", "matrix"], "--from: for a closed loop"),
         (["reverse", "RCCC", "ANGLES", "--tool", "1,2,3mm"], "--tool: for a closed loop"),
-        (["reverse", "7R", "INPUT"], "mechanism: "),
+        (["reverse", "H", "INPUT"], "mechanism: "),
         (["reverse", "PR", "POSES"], "mechanism: "),
         (["mobility", "puma_560", "--input", "R1"], "--input: no --svg; expected"),
         (["mobility", "puma_560", "--svg", "FOLDER"], "a folder; expected the name of a file"),
@@ -333,7 +333,9 @@ def test_bad_input_is_one_line(
     files["POSES"] = write(tmp_path / "poses.csv", header, [[10, 10, 10, 1, 0, 0, 0]])
     link = ["type", "a [mm]", "alpha [deg]"]
     files["INPUT"] = write(tmp_path / "input.csv", ["R1 [deg]"], [[30]])
-    files["7R"] = write(tmp_path / "seven.csv", link, [["R", n + 1, 20 * n + 30] for n in range(7)])
+    screw = ["type", "S [mm]", "pitch [mm/rev]", "a [mm]", "alpha [deg]"]
+    rows = [["R", 0, "", 1, 60], ["H", 0, 5, 2, 50], *([["C", "", "", 3, 40]] * 2), ["R", 0, "", 1, 70]]
+    files["H"] = write(tmp_path / "screw.csv", screw, rows)
     files["PR"] = write(tmp_path / "two.csv", link, [["P", 1, 90], ["R", "", ""]])
     assert words in complaint(capsys, *(files.get(word, word) for word in arguments))
 

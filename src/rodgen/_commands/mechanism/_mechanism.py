@@ -6,16 +6,14 @@ import argparse
 import contextlib
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from rodgen._commands._console import OK, reading, tell
 from rodgen.errors import InputFileError, RodgenError
 
 if TYPE_CHECKING:
-    from rodgen.spatial import Mechanism
+    from rodgen.spatial import Mechanism, Placement
     from rodgen.tables import Column, Result
 
 __all__ = [
@@ -42,39 +40,31 @@ A cell is empty where the joint has its variable. Without a link after the last 
 
 @dataclass(frozen=True)
 class Chain:
-    """A mechanism, and how what is said of it in a table differs from the convention.
-
-    Attributes
-    ----------
-    file : str
-        As the user named it.
-    mechanism : Mechanism
-        Joints E, T and S expanded.
-    base, end : ndarray (4, 4)
-        The fixed frame of the mechanism in the user's, and the user's frame of the last link in the mechanism's.
-    zero : ndarray (v,)
-        What is added to the user's coordinates: those of a machine file begin where that says.
-    """
+    """A mechanism, and the file that it is from, as the user named it; of a robot with its place."""
 
     file: str
     mechanism: Mechanism
-    base: Any
-    end: Any
-    zero: Any
+    placement: Placement | None = None
+
+    def robot(self) -> Placement:
+        """Return the open chain in its place.
+
+        Raises
+        ------
+        InputFileError
+            When it is a loop.
+        """
+        if self.placement is None:
+            expected = "an open chain; 'rodgen mechanism reverse' solves loops"
+            raise InputFileError(self.file, "mechanism", "a closed loop", expected)
+        return self.placement
 
     def to(self, unit: str) -> Chain:
-        """Return it with another unit of length."""
-        from rodgen.tables import conversion_factor
-
-        factor = conversion_factor(self.mechanism.unit, "length", unit) if unit else 1.0
-        if factor == 1.0:
+        """Return it with another unit of length; the same where none is given."""
+        if not unit:
             return self
-        m = self.mechanism
-        scaled = replace(m, a=m.a * factor, offset=m.offset * factor, pitch=m.pitch * factor, unit=unit)
-        to = np.diag([1.0 / factor, 1.0 / factor, 1.0 / factor, 1.0])
-        base, end = (np.linalg.inv(to) @ T @ to for T in (self.base, self.end))
-        lengths = np.array([factor if kind == "S" else 1.0 for _, kind in m.variables])
-        return replace(self, mechanism=scaled, base=base, end=end, zero=self.zero * lengths)
+        placement = self.placement.in_unit(unit) if self.placement else None
+        return Chain(self.file, self.mechanism.in_unit(unit), placement)
 
 
 def add_mechanism(parser: argparse.ArgumentParser) -> None:
@@ -104,10 +94,10 @@ def chain_of(name: str, *, expand: bool = True) -> Chain:
         raise InputFileError(name, "file", "no such file", f"a link table, a machine file, or one of {known}")
     else:
         mechanism = spatial.load_mechanism(name)
-    if not expand:
-        return Chain(name, mechanism, np.eye(4), np.eye(4), np.zeros(0))
-    mechanism = mechanism.expanded()
-    return Chain(name, mechanism, np.eye(4), np.eye(4), np.zeros(len(mechanism.variables)))
+    mechanism = mechanism.expanded() if expand else mechanism
+    if mechanism.closed or not expand:
+        return Chain(name, mechanism)
+    return Chain(name, mechanism, spatial.Placement(mechanism))
 
 
 def _of_machine(file: str) -> Chain:
@@ -116,7 +106,7 @@ def _of_machine(file: str) -> Chain:
 
     with faults_of(file):
         found = spatial.from_machine(Machine.load(file))
-    return Chain(file, found.mechanism, found.base, found.end, found.zero)
+    return Chain(file, found.mechanism, found)
 
 
 def column_name(mechanism: Mechanism, variable: int) -> str:

@@ -27,8 +27,8 @@ def add_tool(parser: argparse.ArgumentParser) -> None:
 
 
 def tool_of(options: argparse.Namespace, chain: Chain) -> Any:
-    """Return the user's frame of the last link at the tool, in the mechanism's, (4, 4)."""
+    """Return the frame at the tool in that of the last link, (4, 4)."""
     shift = np.eye(4)
     if options.tool:
         shift[:3, 3] = options.tool.to(chain.mechanism.unit)
-    return chain.end @ shift
+    return shift

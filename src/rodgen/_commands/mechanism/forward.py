@@ -19,7 +19,6 @@ from rodgen._commands.mechanism._mechanism import (
     run,
 )
 from rodgen._commands.mechanism._tool import add_tool, tool_of
-from rodgen.errors import InputFileError
 
 __all__ = ["add_to"]
 
@@ -49,24 +48,21 @@ def add_to(command: Command) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from rodgen import quaternion_from_matrix, spatial
+    from rodgen import quaternion_from_matrix
     from rodgen.tables import Column, Result
 
     chain = chain_of(options.mechanism)
-    if chain.mechanism.closed:
-        raise InputFileError(
-            chain.file, "mechanism", "a closed loop", "an open chain; 'rodgen mechanism reverse' solves loops"
-        )
+    chain.robot()  # is no loop
     count = len(chain.mechanism.variables)
     columns = [Column(column_name(chain.mechanism, v), quantity_of(chain.mechanism, v)) for v in range(count)]
 
     def prepare(unit: str) -> Any:
         here = chain.to(unit)
+        robot = here.robot()
         tool = tool_of(options, here)
 
         def function(values: Any) -> Any:
-            q = np.column_stack(values) + here.zero
-            T = here.base @ spatial.forward(here.mechanism, q) @ tool
+            T = robot.forward(np.column_stack(values)) @ tool
             return [*T[:, :3, 3].T, *quaternion_from_matrix(T[:, :3, :3])[0].T], None
 
         attitude = [Result(name, "number") for name in ("q0", "qx", "qy", "qz")]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,9 +21,6 @@ from rodgen._commands.mechanism._mechanism import (
 )
 from rodgen._commands.mechanism._tool import add_tool, tool_of
 from rodgen.errors import InputFileError, shown
-
-if TYPE_CHECKING:
-    from rodgen.spatial import Mechanism
 
 __all__ = ["add_to"]
 
@@ -81,27 +78,19 @@ def _robot(options: argparse.Namespace, chain: Chain) -> int:
 
     def prepare(unit: str) -> Any:
         here = chain.to(unit)
-        to_base, to_end = np.linalg.inv(here.base), np.linalg.inv(tool_of(options, here))
+        to_end = np.linalg.inv(tool_of(options, here))
+        robot = here.robot()
 
         def function(values: Any) -> Any:
             table = np.column_stack(values)
             T = np.zeros((len(table), 4, 4))
             T[:, :3, :3], T[:, :3, 3], T[:, 3, 3] = _rotations(form, table[:, 3:]), table[:, :3], 1.0
-            return _answers(here, *_solutions(here.mechanism, to_base @ T @ to_end))
+            found = robot.reverse(T @ to_end)
+            return _answers(found.solutions, found.status)
 
         return _results(here, list(range(len(here.mechanism.variables)))), function
 
     return run(options, columns, prepare)
-
-
-def _solutions(mechanism: Mechanism, T: Any) -> tuple[Any, Any]:
-    from rodgen import spatial
-
-    if set(mechanism.joints) & set("PC"):
-        slid = spatial.reverse_sliding(mechanism, T)
-        return slid.values, slid.status
-    found = spatial.reverse(mechanism, T)
-    return found.solutions, found.status
 
 
 def _loop(options: argparse.Namespace, chain: Chain) -> int:
@@ -123,7 +112,7 @@ def _loop(options: argparse.Namespace, chain: Chain) -> int:
 
         def function(values: Any) -> Any:
             found = spatial.reverse_loop(here.mechanism, dict(zip(wanted, values, strict=True)))
-            return _answers(here, found.values, found.status, left)
+            return _answers(found.values, found.status, left)
 
         left = [v for v in range(len(names)) if v not in wanted]
         return _results(here, left), function
@@ -175,7 +164,7 @@ def _results(chain: Chain, variables: list[int]) -> Any:
     return [*made, Result("status", ReverseStatus)]
 
 
-def _answers(chain: Chain, solutions: Any, status: Any, variables: Any = slice(None)) -> Any:
+def _answers(solutions: Any, status: Any, variables: Any = slice(None)) -> Any:
     """Return a row for each solution, one for what may be missing, and one where there is nothing."""
     from rodgen.spatial import ReverseStatus
 
@@ -189,15 +178,5 @@ def _answers(chain: Chain, solutions: Any, status: Any, variables: Any = slice(N
     # Solutions come first; what a row without one says is the status of the slot after them.
     slot = np.minimum(slot, status.shape[1] - 1)
     codes = np.where(missing[index] & ~is_solution, ReverseStatus.INCOMPLETE, status[index, slot])
-    q = _shifted(chain, solutions[index, slot])
-    q = np.where(is_solution[:, None], q, np.nan)[:, variables]
+    q = np.where(is_solution[:, None], solutions[index, slot], np.nan)[:, variables]
     return [np.where(is_solution, slot + 1, 0), *q.T, codes], index
-
-
-def _shifted(chain: Chain, q: Any) -> Any:
-    """Return the user's coordinates of solutions, angles of moved zeros in (-pi, pi] again."""
-    if not chain.zero.any():
-        return q
-    is_angle = [kind == "theta" for _, kind in chain.mechanism.variables]
-    moved = q - chain.zero
-    return np.where(is_angle, np.pi - np.mod(np.pi - moved, 2 * np.pi), moved)
