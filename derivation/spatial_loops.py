@@ -480,8 +480,32 @@ d.state(
 ).refute(
     {},
     equal(4 - rank, 3 * (4 - 1) - 4 * (3 - 1)),
-    label="L1",
+    label="M1",
     because="The motions of a planar linkage are a group of order 3, which takes the place of 6.",
+)
+
+# %%
+M_spatial = d.symbol(
+    "M_spatial", r"M_\mathrm{spatial}", "mobility of an RRRCC loop", "1", value=sp.Integer(3 * 1 + 2 * 2 - 6)
+)
+M_spherical = d.symbol(
+    "M_spherical",
+    r"M_\mathrm{spherical}",
+    "mobility of its equivalent spherical mechanism",
+    "1",
+    value=sp.Integer(5 - 3),
+)
+d.state(
+    "group-of-a-mechanism",
+    equal(M_spatial, 5 - 3),
+    text="The mobility that gives a mechanism its group, the number of its turning joints less three, is written with "
+    "the index “spatial”. For the RRRCC loop, with five of them:",
+    place="Spherical Mechanism Groups",
+).refute(
+    {},
+    equal(M_spherical, 5 - 3),
+    label="M2",
+    because="It is that of the equivalent spherical mechanism; the spatial loop has one freedom.",
 )
 
 # %% [markdown]
