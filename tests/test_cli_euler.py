@@ -227,7 +227,7 @@ def test_trajectory_of_many_blocks_is_one_motion(tmp_path: Path, euler) -> None:
             "q0,qx,qy [deg],qz",
             "the unit 'deg'; expected 'qy', which has no unit",
         ),
-        (["angles", "--from", "quaternion"], "q0,qx,qy", "no column 'qz'; expected one such as 'qz'"),
+        (["angles", "--from", "quaternion"], "q0,qx,qy", "no column 'qz'; expected all of q0,qx,qy,qz"),
         (["angles", "--from", "XXY"], "", "'XXY' is none of quaternion, matrix and the twelve sequences"),
         (
             ["rates"],

@@ -348,7 +348,8 @@ def _missing(
             )
     taken = {c.name for c in columns}
     hint = nearest(column.name, {_split(text)[0]: text for text in texts if _split(text)[0] not in taken})
-    return InputFileError(file, place, f"no column {column.name!r}{hint}", f"one such as '{example}'")
+    expected = f"one such as '{example}'" if example != column.name else f"all of {_header_example(columns)}"
+    return InputFileError(file, place, f"no column {column.name!r}{hint}", expected)
 
 
 def nearest(name: str, others: Mapping[str, str]) -> str:

@@ -145,7 +145,7 @@ def run(options: argparse.Namespace, columns: Sequence[Column], prepare: Any) ->
         )
     counts = ", ".join(f"{count} {name}" for name, count in summary.counts.items())
     name = "standard input" if options.table == "-" else options.table
-    tell(f"{name}: {summary.rows} row{'s' * (summary.rows != 1)}{': ' * bool(counts)}{counts}")
+    tell(f"{name}: {summary.rows} row{'s' * (summary.rows != 1)} written{': ' * bool(counts)}{counts}")
     return OK
 
 
