@@ -480,9 +480,11 @@ class RobotStatus(IntEnum):
 ROUNDINGS = 64
 """Rounding units of the sum of all lengths within which two solutions meet: some thirty roundings lead there, and the
 pose has as many."""
+SURE = 64
+"""What of that rounding mostly is: within it two solutions are taken as one, beyond it one of both is given."""
 FREE = 4096
 """Rounding units within which a direction is no direction: a pose that is written with 12 digits is that exact."""
-KNOWN = 8
+KNOWN = 32
 """Square roots of rounding units to which an error of an angle is followed: where it is larger, as with the wrist's
 centre almost on S1, the steps after it make up for it, and nothing meets."""
 POSE = sp.Rational(1, 10**6)
@@ -508,7 +510,7 @@ def roots(k, name, A, B, D, tolerance, free, more=sp.S.Zero):
     any_angle = k.let(f"{name}_free", (r <= free) & (abs(D) <= free))
     double = k.let(f"{name}_double", (room <= tolerance) & sp.Not(any_angle))
     exists = k.let(f"{name}_exists", any_angle | ((room >= -tolerance - more) & (r > 0)))
-    q = k.let(f"{name}_q", sp.sqrt(select(room > 0, room * (r + abs(D)), 0)))
+    q = k.let(f"{name}_q", sp.sqrt(select(room > tolerance / SURE, room * (r + abs(D)), 0)))
     size = k.let(f"{name}_size", r * sp.sqrt(D**2 + q**2))
     scale = k.let(f"{name}_scale", 1 / select(size > 0, size, 1))
     found = []
@@ -538,12 +540,13 @@ def bend(k, name, row3, h, cosine, sine, error):
     apart = k.let(f"{name}_apart", select(ahead, c_45 - c_56, c_45 + c_56))
     product = k.let(f"{name}_product", select(ahead, c_45 * c_56, -c_45 * c_56))
     gram = k.let(f"{name}_gram", h**2 * (1 - 2 * product / denominator) - apart**2)
-    tolerance = k.let(f"{name}_tolerance", ROUNDINGS * EPS * (h + apart**2) + (2 * h + error) * error)
+    rounding = k.let(f"{name}_rounding", ROUNDINGS * EPS * (h + apart**2))
+    tolerance = k.let(f"{name}_tolerance", rounding + (2 * h + error) * error)
     exists = k.let(f"{name}_exists", gram >= -tolerance)
     free = k.let(f"{name}_free", (h <= FREE * EPS + 4 * error) & exists)
     any_angle = k.let(f"{name}_any", (h <= FREE * EPS) & exists)
     double = k.let(f"{name}_double", (gram <= tolerance) & sp.Not(free))
-    q = k.let(f"{name}_q", sp.sqrt(select(gram > 0, gram, 0)))
+    q = k.let(f"{name}_q", sp.sqrt(select(gram > rounding / SURE, gram, 0)))
     along = k.let(f"{name}_along", c_45 * c_56 - row3)
     size = k.let(f"{name}_size", sp.sqrt(along**2 + q**2))
     scale = k.let(f"{name}_scale", select(s_45 * s_56 < 0, -1, 1) / select(size > 0, size, 1))

@@ -202,6 +202,35 @@ def test_wrist_centre_on_the_first_axis_is_a_family() -> None:
     assert (found.solutions[there, 0] == 0).all()
 
 
+def test_free_first_angle_before_three_parallel_axes() -> None:
+    """Zero may leave no solution where other first angles do; Newton's method finds those."""
+    alpha, offset = [np.pi / 2, 0, 0, 1.1, -1.4], [0.5, 0.4, -0.9, 0.5 - 0.6 * np.cos(1.1), 0.6, 1.0]
+    arm = spatial.Mechanism("R" * 6, [0.3, 2, 1.5, 0.4, 0], alpha, offset)
+    rng = np.random.default_rng(1)
+    T = spatial.forward(arm, rng.uniform(-3, 3, (60, 6)))
+    T[:, :3, 3] = T[:, :3, 2]
+    T[:, 2, 3] += 0.5 + rng.uniform(-3, 3, 60)
+    found = spatial.reverse(arm, T)
+    check_is_solution(arm, T, found)
+    assert (found.status[:, 0] == ReverseStatus.FAMILY).all()
+    assert (found.solutions[:, 0, 0] != 0).any()
+
+
+@pytest.mark.parametrize("step", [90, 45, 30])
+@pytest.mark.parametrize("robot", [spatial.PUMA_560, spatial.GE_P60, spatial.T3_776], ids=lambda m: m.name)
+def test_positions_as_people_write_them(robot: spatial.Mechanism, step: int) -> None:
+    """Multiples of right angles and their parts are singular in several ways at once; none is lost."""
+    rng = np.random.default_rng(step)
+    q = np.radians(rng.integers(-180 // step + 1, 180 // step + 1, (1000, 6)) * step)
+    T = spatial.forward(robot, q)
+    found = spatial.reverse(robot, T)
+    check_is_solution(robot, T, found)
+    there = found.status <= ReverseStatus.FAMILY
+    off = np.abs(np.remainder(found.solutions - q[:, None] + np.pi, 2 * np.pi) - np.pi).max(axis=-1)
+    known = np.where(there, off, np.inf).min(axis=-1) < 1e-6  # solutions that meet are right to 1e-7 or so
+    assert (known | (found.status == ReverseStatus.FAMILY).any(axis=-1)).all()
+
+
 def test_nothing_is_in_reach_far_away_and_what_is_no_pose_is_invalid() -> None:
     for kind in KINDS:
         mechanism = arm_of(kind, 3)
