@@ -351,6 +351,10 @@ d.check(
 
 
 # %%
+def written(name):
+    return sp.Symbol(name.latex(), real=True)
+
+
 def product_entry(entry):
     """The entry of the product of rotations itself, written out."""
     found = im(sp.eye(3))
@@ -373,15 +377,30 @@ short = [
     for letter, star in (*((letter, False) for letter in "XYZUVW"), ("X", True), ("U", True))
     if len(row) > 1 or letter in "XYZ"
 ]
+
+
+def typeset_entry(entry):
+    """The entry as a product that is not carried out."""
+    left, right = (rf"{{\vec e_{'xyz'[k]}}}" for k in (entry.row, entry.column))
+    factors = [
+        rf"R_x(\alpha_{{{k // 2 % 7 + 1}{(k // 2 + 1) % 7 + 1}}})"
+        if k % 2
+        else rf"R_z(\theta_{{{k // 2 % 7 + 1}}})"
+        for k in range(entry.start, entry.start + entry.length)
+    ]
+    letters = [sp.Symbol(text, commutative=False) for text in (left + "^T", *factors, right)]
+    return sp.Mul(entry.sign, *letters)
+
+
 d.check(
     "entries",
-    equal(
-        im([name.value(cosines_and_sines) for name in short]),
-        im([product_entry(name.entry()) for name in short]),
-    ),
+    *(equal(written(name), typeset_entry(name.entry())) for name in short),
     text="All kinds of names, rising, falling and around the end, are the entries that the calculus takes them for; "
     "longer ones are so by the steps above.",
-).prove()
+).prove(
+    im([name.value(cosines_and_sines) - product_entry(name.entry()) for name in short]),
+    because="Written out, both sides are identical.",
+)
 
 # %%
 sa, ca, sb, cb = sp.sin(alpha_e), sp.cos(alpha_e), sp.sin(theta_b), sp.cos(theta_b)
@@ -403,10 +422,6 @@ def formal(entry: Entry):
     return shortest.sign * sp.Symbol(
         f"entry_{shortest.n}_{shortest.row}{shortest.start}_{shortest.length}{shortest.column}"
     )
-
-
-def written(name):
-    return sp.Symbol(name.latex(), real=True)
 
 
 def law_claims(n, family):
@@ -451,6 +466,7 @@ d.entries["polar-7"]
 # Half-tangent laws follow from a sine and a sine-cosine law, $X=s\,s_j$ and $Y=s\,c_j$.
 
 # %%
+assert all(law.holds() for n in POLYGONS for law in laws(n) if isinstance(law, HalfTangent))
 x_j = d.symbol("x_j", "x_j", "tangent of half a joint angle", "1", value=sp.tan(theta_b / 2))
 s_near = d.symbol("s_n", "s", "sine of a twist", "1")
 half_given = {sb: 2 * x_j / (1 + x_j**2), cb: (1 - x_j**2) / (1 + x_j**2)}
@@ -462,7 +478,6 @@ d.check(
     text="With sin θ = 2x/(1+x²) and cos θ = (1-x²)/(1+x²): x = X/(Y + s) = (s - Y)/X.",
     assumptions=[sp.Ne(s_near, 0)],
 ).prove(given={x_j: x_j})
-assert all(law.holds() for n in POLYGONS for law in laws(n) if isinstance(law, HalfTangent))
 
 # %% [markdown]
 # ## The notes' example
@@ -472,9 +487,14 @@ assert all(law.holds() for n in POLYGONS for law in laws(n) if isinstance(law, H
 # %%
 triangle = {alpha[1]: sp.pi / 2, alpha[2]: sp.pi / 3, theta[2]: sp.pi / 2}
 triangle |= {alpha_31: sp.pi / 2, theta[1]: 2 * sp.pi / 3, theta[3]: sp.pi / 2}
-closed = equal(
-    Rz(theta[1]) * Rx(alpha[1]) * Rz(theta[2]) * Rx(alpha[2]) * Rz(theta[3]) * Rx(alpha_31), im(sp.eye(3))
+loop = d.matrix(
+    "loop",
+    r"R_z(\theta_1) R_x(\alpha_{12}) R_z(\theta_2) R_x(\alpha_{23}) R_z(\theta_3) R_x(\alpha_{31})",
+    "product of all rotations of a triangle",
+    "1",
+    value=Rz(theta[1]) * Rx(alpha[1]) * Rz(theta[2]) * Rx(alpha[2]) * Rz(theta[3]) * Rx(alpha_31),
 )
+closed = equal(loop, im(sp.eye(3)))
 c31, s31, c1, s1 = sp.cos(alpha_31), sp.sin(alpha_31), sp.cos(theta[1]), sp.sin(theta[1])
 Xb2, Yb2, Zb2 = rows_of_axes[3]
 d.state(
@@ -490,7 +510,7 @@ d.state(
     "triangle-Y",
     equal(Yb2, sp.sin(alpha[2]) * c1),
     place="Spherical Mechanism Equation Toolkit",
-    text="Printed with s_32.",
+    text="It is s_32 in the notes, which is s_23.",
     assumptions=[closed],
 ).refute(
     triangle,
@@ -534,9 +554,10 @@ d.check(
 ).prove()
 
 # %%
+turned = d.matrix("R", "R", "any rotation", "1", value=R)
 d.check(
     "dual-product",
-    equal(im(R * skew(p)), im(skew(R * p) * R)),
+    equal(turned * skew(shift), skew(turned * shift) * turned),
     text="So (R + ε[p]R)(Q + ε[q]Q) = RQ + ε[p + Rq]RQ, the matrix of the two motions one after the other.",
 ).prove()
 

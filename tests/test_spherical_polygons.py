@@ -163,6 +163,8 @@ def test_names_are_scalar_products_of_joints_and_links() -> None:
 
 NAMES = [
     "X_3",
+    "X*_3",
+    "Xb*_3",
     "Xb_3",
     "Y_34",
     "Z_432",
@@ -179,11 +181,11 @@ NAMES = [
 
 @pytest.mark.parametrize("name", NAMES)
 def test_numbers_agree_with_many_digits(name: str) -> None:
-    letter, mark, row = re.fullmatch(r"(\w)([b*]?)_(\d+)", name).groups()
+    letter, mark, row = re.fullmatch(r"(\w)(b?\*?)_(\d+)", name).groups()
     alpha, theta, a, offset = RNG.uniform(-3, 3, size=(4, 20, 7))
     value, secondary = sphere.secondary_notation(name, alpha, theta, a, offset)
     assert np.array_equal(value, sphere.notation(name, alpha, theta))
-    term = Term(letter, tuple(map(int, row)), 7, bar=mark == "b", star=mark == "*")
+    term = Term(letter, tuple(map(int, row)), 7, bar="b" in mark, star="*" in mark)
     with mpmath.workdps(40):
         step = mpmath.mpf(10) ** -15
         for k in range(len(alpha)):

@@ -173,12 +173,12 @@ class Term:
 
     def text(self) -> str:
         """Write it in plain characters: ``Xb_2`` with a bar, ``X*_21`` with a star."""
-        mark = "*" if self.star else "b" if self.bar else ""
+        mark = "b" * self.bar + "*" * self.star
         return f"{self.letter}{mark}_{''.join(map(str, self.subscripts))}"
 
     def latex(self) -> str:
         """Write it in LaTeX."""
-        letter = rf"\bar{{{self.letter}}}" if self.bar else self.letter + ("^*" if self.star else "")
+        letter = (rf"\bar{{{self.letter}}}" if self.bar else self.letter) + "^*" * self.star
         return f"{letter}_{{{''.join(map(str, self.subscripts))}}}"
 
 

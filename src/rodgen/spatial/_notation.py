@@ -22,7 +22,7 @@ from rodgen._polygon_notation import Term
 
 __all__ = ["direction_cosines", "notation", "secondary_notation"]
 
-_NAME = re.compile(r"([XYZUVW])([b*]?)_?([1-9]+)\Z")
+_NAME = re.compile(r"([XYZUVW])(b?)([*]?)_?([1-9]+)\Z")
 _INDEX = {"X": 0, "Y": 2, "Z": 3, "U": 0, "V": 2, "W": 3}
 
 
@@ -32,7 +32,7 @@ def notation(name: str, alpha: ArrayLike, theta: ArrayLike) -> Any:
     Parameters
     ----------
     name : str
-        A letter, ``*`` for X* or U*, ``b`` for the bar of a single X, Y or Z, and the joints, each next to the one
+        A letter, ``b`` for the bar of a single X, Y or Z, ``*`` for X* or U*, and the joints, each next to the one
         before, with joint 1 next to the last: ``"X_32"``, ``"Xb_2"``, ``"X*_451"``, ``"W_712"``.
     alpha : array_like (..., n)
         Twists in rad: component i - 1 is that from joint i to the next. n is 3 to 9.
@@ -187,8 +187,8 @@ def _gathered(name: str, alpha: ArrayLike, theta: ArrayLike) -> tuple[Term, Any]
     found = _NAME.match(name) if isinstance(name, str) else None
     if found is None:
         raise ValueError(f"{name!r} is no name; expected such as X_32, Xb_2, X*_321 or W_21")
-    letter, mark, numbers = found.groups()
-    term = Term(letter, tuple(map(int, numbers)), n, bar=mark == "b", star=mark == "*")
+    letter, bar, star, numbers = found.groups()
+    term = Term(letter, tuple(map(int, numbers)), n, bar=bool(bar), star=bool(star))
     if _steps(term) > 5:
         raise ValueError(f"{name} takes {_steps(term)} steps; a heptagon needs no more than 5")
     parts = {"alpha": twists, "theta": joints}
