@@ -8,7 +8,7 @@
 #include <float.h>
 #include <math.h>
 
-/* robot_wrist_reverse: 438 add, 720 mul, 36 div, 55 sqrt, 401 select, 231 compare, 44 abs, 36 atan2 */
+/* robot_wrist_reverse: 438 add, 727 mul, 36 div, 55 sqrt, 401 select, 231 compare, 44 abs, 36 atan2 */
 void robots_6r_robot_wrist_reverse_f64(const double pose[16], const double a[5], const double cosine[5], const double sine[5], const double offset[6], double angles[48], int8_t status[8]) {
   /* inputs */
   const double pose_1_1 = pose[0];
@@ -78,7 +78,7 @@ void robots_6r_robot_wrist_reverse_f64(const double pose[16], const double a[5],
   const double x15 = spare*x14;
   const int first_double = (first_room <= x15) && (!(first_free));
   const int first_exists = (first_free) || ((first_room >= -x15) && (first_r > 0.0));
-  const double first_q = ((first_room > 0.0) ? sqrt(first_room*(first_r + x7)) : 0.0);
+  const double first_q = ((first_room > DBL_EPSILON*spare) ? sqrt(first_room*(first_r + x7)) : 0.0);
   const double x8 = (first_q*first_q);
   const double first_size = first_r*sqrt((x6*x6) + x8);
   const double first_scale = ((first_size > 0.0) ? 1.0/first_size : 1.0);
@@ -94,7 +94,7 @@ void robots_6r_robot_wrist_reverse_f64(const double pose[16], const double a[5],
   const int first_two = (first_exists) && (!((first_double) || (first_free)));
   const double first_slope = first_r*x15 + x8;
   const double first_error = (((!(first_free)) && (first_slope > 0.0)) ? x15*((first_slope > 0.0) ? 1.0/sqrt(first_slope) : 1.0) : 0.0);
-  const double x16 = 8.0*sqrt(DBL_EPSILON);
+  const double x16 = 32.0*sqrt(DBL_EPSILON);
   const double off = spare*(x14 + ((first_error < x16) ? first_error : x16));
   const double side_a = centre_2*first_c_a - centre_1*first_s_a;
   const double end_a_1 = centre_1*first_c_a + centre_2*first_s_a - a_1;
@@ -121,7 +121,7 @@ void robots_6r_robot_wrist_reverse_f64(const double pose[16], const double a[5],
   const int triangle_a_3_free = (triangle_a_3_r <= x268) && (x28 <= x268);
   const int triangle_a_3_double = (triangle_a_3_room <= triangle_a_area) && (!(triangle_a_3_free));
   const int triangle_a_3_exists = (triangle_a_3_free) || ((triangle_a_3_room >= -triangle_a_area) && (triangle_a_3_r > 0.0));
-  const double triangle_a_3_q = ((triangle_a_3_room > 0.0) ? sqrt(triangle_a_3_room*(triangle_a_3_r + x28)) : 0.0);
+  const double triangle_a_3_q = ((triangle_a_3_room > 0.015625*triangle_a_area) ? sqrt(triangle_a_3_room*(triangle_a_3_r + x28)) : 0.0);
   const double x29 = (triangle_a_3_q*triangle_a_3_q);
   const double triangle_a_3_size = triangle_a_3_r*sqrt((x27*x27) + x29);
   const double triangle_a_3_scale = ((triangle_a_3_size > 0.0) ? 1.0/triangle_a_3_size : 1.0);
@@ -246,13 +246,14 @@ void robots_6r_robot_wrist_reverse_f64(const double pose[16], const double a[5],
   const double bend_aa_product = ((N_aa_3_3 >= 0.0) ? x3 : -x3);
   const double x72 = (bend_aa_apart*bend_aa_apart);
   const double bend_aa_gram = (h_aa*h_aa)*(1.0 - 2.0*bend_aa_product/bend_aa_denominator) - x72;
-  const double bend_aa_tolerance = error_a*(error_a + 2.0*h_aa) + x14*(h_aa + x72);
+  const double bend_aa_rounding = x14*(h_aa + x72);
+  const double bend_aa_tolerance = bend_aa_rounding + error_a*(error_a + 2.0*h_aa);
   const int bend_aa_exists = bend_aa_gram >= -bend_aa_tolerance;
   const double x266 = 4.0*error_a + x264;
   const int bend_aa_free = (bend_aa_exists) && (h_aa <= x266);
   const int bend_aa_any = (bend_aa_exists) && (h_aa <= x264);
   const int bend_aa_double = (bend_aa_gram <= bend_aa_tolerance) && (!(bend_aa_free));
-  const double bend_aa_q = ((bend_aa_gram > 0.0) ? sqrt(bend_aa_gram) : 0.0);
+  const double bend_aa_q = ((bend_aa_gram > 0.015625*bend_aa_rounding) ? sqrt(bend_aa_gram) : 0.0);
   const double bend_aa_along = x3 - N_aa_3_3;
   const double bend_aa_size = sqrt((bend_aa_along*bend_aa_along) + (bend_aa_q*bend_aa_q));
   const double x73 = ((x4 < 0.0) ? -1.0 : 1.0);
@@ -333,12 +334,13 @@ void robots_6r_robot_wrist_reverse_f64(const double pose[16], const double a[5],
   const double bend_ab_product = ((N_ab_3_3 >= 0.0) ? x3 : -x3);
   const double x99 = (bend_ab_apart*bend_ab_apart);
   const double bend_ab_gram = (h_ab*h_ab)*(1.0 - 2.0*bend_ab_product/bend_ab_denominator) - x99;
-  const double bend_ab_tolerance = error_a*(error_a + 2.0*h_ab) + x14*(h_ab + x99);
+  const double bend_ab_rounding = x14*(h_ab + x99);
+  const double bend_ab_tolerance = bend_ab_rounding + error_a*(error_a + 2.0*h_ab);
   const int bend_ab_exists = bend_ab_gram >= -bend_ab_tolerance;
   const int bend_ab_free = (bend_ab_exists) && (h_ab <= x266);
   const int bend_ab_any = (bend_ab_exists) && (h_ab <= x264);
   const int bend_ab_double = (bend_ab_gram <= bend_ab_tolerance) && (!(bend_ab_free));
-  const double bend_ab_q = ((bend_ab_gram > 0.0) ? sqrt(bend_ab_gram) : 0.0);
+  const double bend_ab_q = ((bend_ab_gram > 0.015625*bend_ab_rounding) ? sqrt(bend_ab_gram) : 0.0);
   const double bend_ab_along = x3 - N_ab_3_3;
   const double bend_ab_size = sqrt((bend_ab_along*bend_ab_along) + (bend_ab_q*bend_ab_q));
   const double bend_ab_scale = x73*((bend_ab_size > 0.0) ? 1.0/bend_ab_size : 1.0);
@@ -390,7 +392,7 @@ void robots_6r_robot_wrist_reverse_f64(const double pose[16], const double a[5],
   const int triangle_b_3_free = (triangle_b_3_r <= x268) && (x115 <= x268);
   const int triangle_b_3_double = (triangle_b_3_room <= triangle_b_area) && (!(triangle_b_3_free));
   const int triangle_b_3_exists = (triangle_b_3_free) || ((triangle_b_3_room >= -triangle_b_area) && (triangle_b_3_r > 0.0));
-  const double triangle_b_3_q = ((triangle_b_3_room > 0.0) ? sqrt(triangle_b_3_room*(triangle_b_3_r + x115)) : 0.0);
+  const double triangle_b_3_q = ((triangle_b_3_room > 0.015625*triangle_b_area) ? sqrt(triangle_b_3_room*(triangle_b_3_r + x115)) : 0.0);
   const double x116 = (triangle_b_3_q*triangle_b_3_q);
   const double triangle_b_3_size = triangle_b_3_r*sqrt((x114*x114) + x116);
   const double triangle_b_3_scale = ((triangle_b_3_size > 0.0) ? 1.0/triangle_b_3_size : 1.0);
@@ -517,13 +519,14 @@ void robots_6r_robot_wrist_reverse_f64(const double pose[16], const double a[5],
   const double bend_ba_product = ((N_ba_3_3 >= 0.0) ? x3 : -x3);
   const double x155 = (bend_ba_apart*bend_ba_apart);
   const double bend_ba_gram = (h_ba*h_ba)*(1.0 - 2.0*bend_ba_product/bend_ba_denominator) - x155;
-  const double bend_ba_tolerance = error_b*(error_b + 2.0*h_ba) + x14*(h_ba + x155);
+  const double bend_ba_rounding = x14*(h_ba + x155);
+  const double bend_ba_tolerance = bend_ba_rounding + error_b*(error_b + 2.0*h_ba);
   const int bend_ba_exists = bend_ba_gram >= -bend_ba_tolerance;
   const double x267 = 4.0*error_b + x264;
   const int bend_ba_free = (bend_ba_exists) && (h_ba <= x267);
   const int bend_ba_any = (bend_ba_exists) && (h_ba <= x264);
   const int bend_ba_double = (bend_ba_gram <= bend_ba_tolerance) && (!(bend_ba_free));
-  const double bend_ba_q = ((bend_ba_gram > 0.0) ? sqrt(bend_ba_gram) : 0.0);
+  const double bend_ba_q = ((bend_ba_gram > 0.015625*bend_ba_rounding) ? sqrt(bend_ba_gram) : 0.0);
   const double bend_ba_along = x3 - N_ba_3_3;
   const double bend_ba_size = sqrt((bend_ba_along*bend_ba_along) + (bend_ba_q*bend_ba_q));
   const double bend_ba_scale = x73*((bend_ba_size > 0.0) ? 1.0/bend_ba_size : 1.0);
@@ -612,12 +615,13 @@ void robots_6r_robot_wrist_reverse_f64(const double pose[16], const double a[5],
   const double bend_bb_product = ((N_bb_3_3 >= 0.0) ? x3 : -x3);
   const double x186 = (bend_bb_apart*bend_bb_apart);
   const double bend_bb_gram = (h_bb*h_bb)*(1.0 - 2.0*bend_bb_product/bend_bb_denominator) - x186;
-  const double bend_bb_tolerance = error_b*(error_b + 2.0*h_bb) + x14*(h_bb + x186);
+  const double bend_bb_rounding = x14*(h_bb + x186);
+  const double bend_bb_tolerance = bend_bb_rounding + error_b*(error_b + 2.0*h_bb);
   const int bend_bb_exists = bend_bb_gram >= -bend_bb_tolerance;
   const int bend_bb_free = (bend_bb_exists) && (h_bb <= x267);
   const int bend_bb_any = (bend_bb_exists) && (h_bb <= x264);
   const int bend_bb_double = (bend_bb_gram <= bend_bb_tolerance) && (!(bend_bb_free));
-  const double bend_bb_q = ((bend_bb_gram > 0.0) ? sqrt(bend_bb_gram) : 0.0);
+  const double bend_bb_q = ((bend_bb_gram > 0.015625*bend_bb_rounding) ? sqrt(bend_bb_gram) : 0.0);
   const double bend_bb_along = x3 - N_bb_3_3;
   const double bend_bb_size = sqrt((bend_bb_along*bend_bb_along) + (bend_bb_q*bend_bb_q));
   const double bend_bb_scale = x73*((bend_bb_size > 0.0) ? 1.0/bend_bb_size : 1.0);
@@ -1020,7 +1024,7 @@ void robots_6r_robot_wrist_reverse_batch_f64(size_t count, const double *pose, c
     robots_6r_robot_wrist_reverse_f64(pose + 16 * i, a + 5 * i, cosine + 5 * i, sine + 5 * i, offset + 6 * i, angles + 48 * i, status + 8 * i);
 }
 
-/* robot_wrist_reverse: 438 add, 720 mul, 36 div, 55 sqrt, 401 select, 231 compare, 44 abs, 36 atan2 */
+/* robot_wrist_reverse: 438 add, 727 mul, 36 div, 55 sqrt, 401 select, 231 compare, 44 abs, 36 atan2 */
 void robots_6r_robot_wrist_reverse_f32(const float pose[16], const float a[5], const float cosine[5], const float sine[5], const float offset[6], float angles[48], int8_t status[8]) {
   /* inputs */
   const float pose_1_1 = pose[0];
@@ -1090,7 +1094,7 @@ void robots_6r_robot_wrist_reverse_f32(const float pose[16], const float a[5], c
   const float x15 = spare*x14;
   const int first_double = (first_room <= x15) && (!(first_free));
   const int first_exists = (first_free) || ((first_room >= -x15) && (first_r > 0.0f));
-  const float first_q = ((first_room > 0.0f) ? sqrtf(first_room*(first_r + x7)) : 0.0f);
+  const float first_q = ((first_room > FLT_EPSILON*spare) ? sqrtf(first_room*(first_r + x7)) : 0.0f);
   const float x8 = (first_q*first_q);
   const float first_size = first_r*sqrtf((x6*x6) + x8);
   const float first_scale = ((first_size > 0.0f) ? 1.0f/first_size : 1.0f);
@@ -1106,7 +1110,7 @@ void robots_6r_robot_wrist_reverse_f32(const float pose[16], const float a[5], c
   const int first_two = (first_exists) && (!((first_double) || (first_free)));
   const float first_slope = first_r*x15 + x8;
   const float first_error = (((!(first_free)) && (first_slope > 0.0f)) ? x15*((first_slope > 0.0f) ? 1.0f/sqrtf(first_slope) : 1.0f) : 0.0f);
-  const float x16 = 8.0f*sqrtf(FLT_EPSILON);
+  const float x16 = 32.0f*sqrtf(FLT_EPSILON);
   const float off = spare*(x14 + ((first_error < x16) ? first_error : x16));
   const float side_a = centre_2*first_c_a - centre_1*first_s_a;
   const float end_a_1 = centre_1*first_c_a + centre_2*first_s_a - a_1;
@@ -1133,7 +1137,7 @@ void robots_6r_robot_wrist_reverse_f32(const float pose[16], const float a[5], c
   const int triangle_a_3_free = (triangle_a_3_r <= x268) && (x28 <= x268);
   const int triangle_a_3_double = (triangle_a_3_room <= triangle_a_area) && (!(triangle_a_3_free));
   const int triangle_a_3_exists = (triangle_a_3_free) || ((triangle_a_3_room >= -triangle_a_area) && (triangle_a_3_r > 0.0f));
-  const float triangle_a_3_q = ((triangle_a_3_room > 0.0f) ? sqrtf(triangle_a_3_room*(triangle_a_3_r + x28)) : 0.0f);
+  const float triangle_a_3_q = ((triangle_a_3_room > 0.015625f*triangle_a_area) ? sqrtf(triangle_a_3_room*(triangle_a_3_r + x28)) : 0.0f);
   const float x29 = (triangle_a_3_q*triangle_a_3_q);
   const float triangle_a_3_size = triangle_a_3_r*sqrtf((x27*x27) + x29);
   const float triangle_a_3_scale = ((triangle_a_3_size > 0.0f) ? 1.0f/triangle_a_3_size : 1.0f);
@@ -1258,13 +1262,14 @@ void robots_6r_robot_wrist_reverse_f32(const float pose[16], const float a[5], c
   const float bend_aa_product = ((N_aa_3_3 >= 0.0f) ? x3 : -x3);
   const float x72 = (bend_aa_apart*bend_aa_apart);
   const float bend_aa_gram = (h_aa*h_aa)*(1.0f - 2.0f*bend_aa_product/bend_aa_denominator) - x72;
-  const float bend_aa_tolerance = error_a*(error_a + 2.0f*h_aa) + x14*(h_aa + x72);
+  const float bend_aa_rounding = x14*(h_aa + x72);
+  const float bend_aa_tolerance = bend_aa_rounding + error_a*(error_a + 2.0f*h_aa);
   const int bend_aa_exists = bend_aa_gram >= -bend_aa_tolerance;
   const float x266 = 4.0f*error_a + x264;
   const int bend_aa_free = (bend_aa_exists) && (h_aa <= x266);
   const int bend_aa_any = (bend_aa_exists) && (h_aa <= x264);
   const int bend_aa_double = (bend_aa_gram <= bend_aa_tolerance) && (!(bend_aa_free));
-  const float bend_aa_q = ((bend_aa_gram > 0.0f) ? sqrtf(bend_aa_gram) : 0.0f);
+  const float bend_aa_q = ((bend_aa_gram > 0.015625f*bend_aa_rounding) ? sqrtf(bend_aa_gram) : 0.0f);
   const float bend_aa_along = x3 - N_aa_3_3;
   const float bend_aa_size = sqrtf((bend_aa_along*bend_aa_along) + (bend_aa_q*bend_aa_q));
   const float x73 = ((x4 < 0.0f) ? -1.0f : 1.0f);
@@ -1345,12 +1350,13 @@ void robots_6r_robot_wrist_reverse_f32(const float pose[16], const float a[5], c
   const float bend_ab_product = ((N_ab_3_3 >= 0.0f) ? x3 : -x3);
   const float x99 = (bend_ab_apart*bend_ab_apart);
   const float bend_ab_gram = (h_ab*h_ab)*(1.0f - 2.0f*bend_ab_product/bend_ab_denominator) - x99;
-  const float bend_ab_tolerance = error_a*(error_a + 2.0f*h_ab) + x14*(h_ab + x99);
+  const float bend_ab_rounding = x14*(h_ab + x99);
+  const float bend_ab_tolerance = bend_ab_rounding + error_a*(error_a + 2.0f*h_ab);
   const int bend_ab_exists = bend_ab_gram >= -bend_ab_tolerance;
   const int bend_ab_free = (bend_ab_exists) && (h_ab <= x266);
   const int bend_ab_any = (bend_ab_exists) && (h_ab <= x264);
   const int bend_ab_double = (bend_ab_gram <= bend_ab_tolerance) && (!(bend_ab_free));
-  const float bend_ab_q = ((bend_ab_gram > 0.0f) ? sqrtf(bend_ab_gram) : 0.0f);
+  const float bend_ab_q = ((bend_ab_gram > 0.015625f*bend_ab_rounding) ? sqrtf(bend_ab_gram) : 0.0f);
   const float bend_ab_along = x3 - N_ab_3_3;
   const float bend_ab_size = sqrtf((bend_ab_along*bend_ab_along) + (bend_ab_q*bend_ab_q));
   const float bend_ab_scale = x73*((bend_ab_size > 0.0f) ? 1.0f/bend_ab_size : 1.0f);
@@ -1402,7 +1408,7 @@ void robots_6r_robot_wrist_reverse_f32(const float pose[16], const float a[5], c
   const int triangle_b_3_free = (triangle_b_3_r <= x268) && (x115 <= x268);
   const int triangle_b_3_double = (triangle_b_3_room <= triangle_b_area) && (!(triangle_b_3_free));
   const int triangle_b_3_exists = (triangle_b_3_free) || ((triangle_b_3_room >= -triangle_b_area) && (triangle_b_3_r > 0.0f));
-  const float triangle_b_3_q = ((triangle_b_3_room > 0.0f) ? sqrtf(triangle_b_3_room*(triangle_b_3_r + x115)) : 0.0f);
+  const float triangle_b_3_q = ((triangle_b_3_room > 0.015625f*triangle_b_area) ? sqrtf(triangle_b_3_room*(triangle_b_3_r + x115)) : 0.0f);
   const float x116 = (triangle_b_3_q*triangle_b_3_q);
   const float triangle_b_3_size = triangle_b_3_r*sqrtf((x114*x114) + x116);
   const float triangle_b_3_scale = ((triangle_b_3_size > 0.0f) ? 1.0f/triangle_b_3_size : 1.0f);
@@ -1529,13 +1535,14 @@ void robots_6r_robot_wrist_reverse_f32(const float pose[16], const float a[5], c
   const float bend_ba_product = ((N_ba_3_3 >= 0.0f) ? x3 : -x3);
   const float x155 = (bend_ba_apart*bend_ba_apart);
   const float bend_ba_gram = (h_ba*h_ba)*(1.0f - 2.0f*bend_ba_product/bend_ba_denominator) - x155;
-  const float bend_ba_tolerance = error_b*(error_b + 2.0f*h_ba) + x14*(h_ba + x155);
+  const float bend_ba_rounding = x14*(h_ba + x155);
+  const float bend_ba_tolerance = bend_ba_rounding + error_b*(error_b + 2.0f*h_ba);
   const int bend_ba_exists = bend_ba_gram >= -bend_ba_tolerance;
   const float x267 = 4.0f*error_b + x264;
   const int bend_ba_free = (bend_ba_exists) && (h_ba <= x267);
   const int bend_ba_any = (bend_ba_exists) && (h_ba <= x264);
   const int bend_ba_double = (bend_ba_gram <= bend_ba_tolerance) && (!(bend_ba_free));
-  const float bend_ba_q = ((bend_ba_gram > 0.0f) ? sqrtf(bend_ba_gram) : 0.0f);
+  const float bend_ba_q = ((bend_ba_gram > 0.015625f*bend_ba_rounding) ? sqrtf(bend_ba_gram) : 0.0f);
   const float bend_ba_along = x3 - N_ba_3_3;
   const float bend_ba_size = sqrtf((bend_ba_along*bend_ba_along) + (bend_ba_q*bend_ba_q));
   const float bend_ba_scale = x73*((bend_ba_size > 0.0f) ? 1.0f/bend_ba_size : 1.0f);
@@ -1624,12 +1631,13 @@ void robots_6r_robot_wrist_reverse_f32(const float pose[16], const float a[5], c
   const float bend_bb_product = ((N_bb_3_3 >= 0.0f) ? x3 : -x3);
   const float x186 = (bend_bb_apart*bend_bb_apart);
   const float bend_bb_gram = (h_bb*h_bb)*(1.0f - 2.0f*bend_bb_product/bend_bb_denominator) - x186;
-  const float bend_bb_tolerance = error_b*(error_b + 2.0f*h_bb) + x14*(h_bb + x186);
+  const float bend_bb_rounding = x14*(h_bb + x186);
+  const float bend_bb_tolerance = bend_bb_rounding + error_b*(error_b + 2.0f*h_bb);
   const int bend_bb_exists = bend_bb_gram >= -bend_bb_tolerance;
   const int bend_bb_free = (bend_bb_exists) && (h_bb <= x267);
   const int bend_bb_any = (bend_bb_exists) && (h_bb <= x264);
   const int bend_bb_double = (bend_bb_gram <= bend_bb_tolerance) && (!(bend_bb_free));
-  const float bend_bb_q = ((bend_bb_gram > 0.0f) ? sqrtf(bend_bb_gram) : 0.0f);
+  const float bend_bb_q = ((bend_bb_gram > 0.015625f*bend_bb_rounding) ? sqrtf(bend_bb_gram) : 0.0f);
   const float bend_bb_along = x3 - N_bb_3_3;
   const float bend_bb_size = sqrtf((bend_bb_along*bend_bb_along) + (bend_bb_q*bend_bb_q));
   const float bend_bb_scale = x73*((bend_bb_size > 0.0f) ? 1.0f/bend_bb_size : 1.0f);
@@ -2032,7 +2040,7 @@ void robots_6r_robot_wrist_reverse_batch_f32(size_t count, const float *pose, co
     robots_6r_robot_wrist_reverse_f32(pose + 16 * i, a + 5 * i, cosine + 5 * i, sine + 5 * i, offset + 6 * i, angles + 48 * i, status + 8 * i);
 }
 
-/* robot_parallel_reverse: 365 add, 600 mul, 29 div, 46 sqrt, 387 select, 211 compare, 47 abs, 34 atan2 */
+/* robot_parallel_reverse: 365 add, 607 mul, 29 div, 46 sqrt, 387 select, 211 compare, 47 abs, 34 atan2 */
 void robots_6r_robot_parallel_reverse_f64(const double pose[16], const double a[5], const double cosine[5], const double sine[5], const double offset[6], double angles[48], int8_t status[8]) {
   /* inputs */
   const double pose_1_1 = pose[0];
@@ -2121,7 +2129,7 @@ void robots_6r_robot_parallel_reverse_f64(const double pose[16], const double a[
   const double x27 = spare*x26;
   const int first_double = (first_room <= x27) && (!(first_free));
   const int first_exists = (first_free) || ((first_room >= -x27) && (first_r > 0.0));
-  const double first_q = ((first_room > 0.0) ? sqrt(first_room*(first_r + x19)) : 0.0);
+  const double first_q = ((first_room > DBL_EPSILON*spare) ? sqrt(first_room*(first_r + x19)) : 0.0);
   const double x20 = (first_q*first_q);
   const double first_size = first_r*sqrt((x18*x18) + x20);
   const double first_scale = ((first_size > 0.0) ? 1.0/first_size : 1.0);
@@ -2161,7 +2169,7 @@ void robots_6r_robot_parallel_reverse_f64(const double pose[16], const double a[
   const double axes_a_3_2 = x37 - sine_1*x33;
   const double axes_a_3_3 = x8 - sine_1*x35;
   const double h_a = sqrt((axes_a_3_1*axes_a_3_1) + (axes_a_3_2*axes_a_3_2));
-  const double x38 = 8.0*sqrt(DBL_EPSILON);
+  const double x38 = 32.0*sqrt(DBL_EPSILON);
   const double x39 = ((first_error < x38) ? first_error : x38);
   const double error_a = x39;
   const double bend_a_denominator = fabs(axes_a_3_3) + 1.0;
@@ -2171,12 +2179,13 @@ void robots_6r_robot_parallel_reverse_f64(const double pose[16], const double a[
   const double bend_a_product = ((axes_a_3_3 >= 0.0) ? x9 : -x9);
   const double x42 = (bend_a_apart*bend_a_apart);
   const double bend_a_gram = (h_a*h_a)*(1.0 - 2.0*bend_a_product/bend_a_denominator) - x42;
-  const double bend_a_tolerance = error_a*(error_a + 2.0*h_a) + x26*(h_a + x42);
+  const double bend_a_rounding = x26*(h_a + x42);
+  const double bend_a_tolerance = bend_a_rounding + error_a*(error_a + 2.0*h_a);
   const int bend_a_exists = bend_a_gram >= -bend_a_tolerance;
   const int bend_a_free = (bend_a_exists) && (h_a <= 4.0*error_a + x221);
   const int bend_a_any = (bend_a_exists) && (h_a <= x221);
   const int bend_a_double = (bend_a_gram <= bend_a_tolerance) && (!(bend_a_free));
-  const double bend_a_q = ((bend_a_gram > 0.0) ? sqrt(bend_a_gram) : 0.0);
+  const double bend_a_q = ((bend_a_gram > 0.015625*bend_a_rounding) ? sqrt(bend_a_gram) : 0.0);
   const double bend_a_along = x9 - axes_a_3_3;
   const double bend_a_size = sqrt((bend_a_along*bend_a_along) + (bend_a_q*bend_a_q));
   const double x43 = ((x225 < 0.0) ? -1.0 : 1.0);
@@ -2253,7 +2262,7 @@ void robots_6r_robot_parallel_reverse_f64(const double pose[16], const double a[
   const int triangle_aa_3_free = (triangle_aa_3_r <= x223) && (x79 <= x223);
   const int triangle_aa_3_double = (triangle_aa_3_room <= triangle_aa_area) && (!(triangle_aa_3_free));
   const int triangle_aa_3_exists = (triangle_aa_3_free) || ((triangle_aa_3_room >= -2.0*more_aa*triangle_aa_side - triangle_aa_area) && (triangle_aa_3_r > 0.0));
-  const double triangle_aa_3_q = ((triangle_aa_3_room > 0.0) ? sqrt(triangle_aa_3_room*(triangle_aa_3_r + x79)) : 0.0);
+  const double triangle_aa_3_q = ((triangle_aa_3_room > 0.015625*triangle_aa_area) ? sqrt(triangle_aa_3_room*(triangle_aa_3_r + x79)) : 0.0);
   const double triangle_aa_3_size = triangle_aa_3_r*sqrt((triangle_aa_3_q*triangle_aa_3_q) + (x78*x78));
   const double triangle_aa_3_scale = ((triangle_aa_3_size > 0.0) ? 1.0/triangle_aa_3_size : 1.0);
   const double x80 = 2.0*x5;
@@ -2344,7 +2353,7 @@ void robots_6r_robot_parallel_reverse_f64(const double pose[16], const double a[
   const int triangle_ab_3_free = (triangle_ab_3_r <= x223) && (x101 <= x223);
   const int triangle_ab_3_double = (triangle_ab_3_room <= triangle_ab_area) && (!(triangle_ab_3_free));
   const int triangle_ab_3_exists = (triangle_ab_3_free) || ((triangle_ab_3_room >= -2.0*more_ab*triangle_ab_side - triangle_ab_area) && (triangle_ab_3_r > 0.0));
-  const double triangle_ab_3_q = ((triangle_ab_3_room > 0.0) ? sqrt(triangle_ab_3_room*(triangle_ab_3_r + x101)) : 0.0);
+  const double triangle_ab_3_q = ((triangle_ab_3_room > 0.015625*triangle_ab_area) ? sqrt(triangle_ab_3_room*(triangle_ab_3_r + x101)) : 0.0);
   const double triangle_ab_3_size = triangle_ab_3_r*sqrt((triangle_ab_3_q*triangle_ab_3_q) + (x100*x100));
   const double triangle_ab_3_scale = ((triangle_ab_3_size > 0.0) ? 1.0/triangle_ab_3_size : 1.0);
   const double x102 = triangle_ab_3_scale*x80;
@@ -2405,12 +2414,13 @@ void robots_6r_robot_parallel_reverse_f64(const double pose[16], const double a[
   const double bend_b_product = ((axes_b_3_3 >= 0.0) ? x9 : -x9);
   const double x108 = (bend_b_apart*bend_b_apart);
   const double bend_b_gram = (h_b*h_b)*(1.0 - 2.0*bend_b_product/bend_b_denominator) - x108;
-  const double bend_b_tolerance = error_b*(error_b + 2.0*h_b) + x26*(h_b + x108);
+  const double bend_b_rounding = x26*(h_b + x108);
+  const double bend_b_tolerance = bend_b_rounding + error_b*(error_b + 2.0*h_b);
   const int bend_b_exists = bend_b_gram >= -bend_b_tolerance;
   const int bend_b_free = (bend_b_exists) && (h_b <= 4.0*error_b + x221);
   const int bend_b_any = (bend_b_exists) && (h_b <= x221);
   const int bend_b_double = (bend_b_gram <= bend_b_tolerance) && (!(bend_b_free));
-  const double bend_b_q = ((bend_b_gram > 0.0) ? sqrt(bend_b_gram) : 0.0);
+  const double bend_b_q = ((bend_b_gram > 0.015625*bend_b_rounding) ? sqrt(bend_b_gram) : 0.0);
   const double bend_b_along = x9 - axes_b_3_3;
   const double bend_b_size = sqrt((bend_b_along*bend_b_along) + (bend_b_q*bend_b_q));
   const double bend_b_scale = x43*((bend_b_size > 0.0) ? 1.0/bend_b_size : 1.0);
@@ -2476,7 +2486,7 @@ void robots_6r_robot_parallel_reverse_f64(const double pose[16], const double a[
   const int triangle_ba_3_free = (triangle_ba_3_r <= x223) && (x134 <= x223);
   const int triangle_ba_3_double = (triangle_ba_3_room <= triangle_ba_area) && (!(triangle_ba_3_free));
   const int triangle_ba_3_exists = (triangle_ba_3_free) || ((triangle_ba_3_room >= -2.0*more_ba*triangle_ba_side - triangle_ba_area) && (triangle_ba_3_r > 0.0));
-  const double triangle_ba_3_q = ((triangle_ba_3_room > 0.0) ? sqrt(triangle_ba_3_room*(triangle_ba_3_r + x134)) : 0.0);
+  const double triangle_ba_3_q = ((triangle_ba_3_room > 0.015625*triangle_ba_area) ? sqrt(triangle_ba_3_room*(triangle_ba_3_r + x134)) : 0.0);
   const double triangle_ba_3_size = triangle_ba_3_r*sqrt((triangle_ba_3_q*triangle_ba_3_q) + (x133*x133));
   const double triangle_ba_3_scale = ((triangle_ba_3_size > 0.0) ? 1.0/triangle_ba_3_size : 1.0);
   const double x135 = triangle_ba_3_scale*x80;
@@ -2566,7 +2576,7 @@ void robots_6r_robot_parallel_reverse_f64(const double pose[16], const double a[
   const int triangle_bb_3_free = (triangle_bb_3_r <= x223) && (x155 <= x223);
   const int triangle_bb_3_double = (triangle_bb_3_room <= triangle_bb_area) && (!(triangle_bb_3_free));
   const int triangle_bb_3_exists = (triangle_bb_3_free) || ((triangle_bb_3_room >= -2.0*more_bb*triangle_bb_side - triangle_bb_area) && (triangle_bb_3_r > 0.0));
-  const double triangle_bb_3_q = ((triangle_bb_3_room > 0.0) ? sqrt(triangle_bb_3_room*(triangle_bb_3_r + x155)) : 0.0);
+  const double triangle_bb_3_q = ((triangle_bb_3_room > 0.015625*triangle_bb_area) ? sqrt(triangle_bb_3_room*(triangle_bb_3_r + x155)) : 0.0);
   const double triangle_bb_3_size = triangle_bb_3_r*sqrt((triangle_bb_3_q*triangle_bb_3_q) + (x154*x154));
   const double triangle_bb_3_scale = ((triangle_bb_3_size > 0.0) ? 1.0/triangle_bb_3_size : 1.0);
   const double x156 = triangle_bb_3_scale*x80;
@@ -2967,7 +2977,7 @@ void robots_6r_robot_parallel_reverse_batch_f64(size_t count, const double *pose
     robots_6r_robot_parallel_reverse_f64(pose + 16 * i, a + 5 * i, cosine + 5 * i, sine + 5 * i, offset + 6 * i, angles + 48 * i, status + 8 * i);
 }
 
-/* robot_parallel_reverse: 365 add, 600 mul, 29 div, 46 sqrt, 387 select, 211 compare, 47 abs, 34 atan2 */
+/* robot_parallel_reverse: 365 add, 607 mul, 29 div, 46 sqrt, 387 select, 211 compare, 47 abs, 34 atan2 */
 void robots_6r_robot_parallel_reverse_f32(const float pose[16], const float a[5], const float cosine[5], const float sine[5], const float offset[6], float angles[48], int8_t status[8]) {
   /* inputs */
   const float pose_1_1 = pose[0];
@@ -3056,7 +3066,7 @@ void robots_6r_robot_parallel_reverse_f32(const float pose[16], const float a[5]
   const float x27 = spare*x26;
   const int first_double = (first_room <= x27) && (!(first_free));
   const int first_exists = (first_free) || ((first_room >= -x27) && (first_r > 0.0f));
-  const float first_q = ((first_room > 0.0f) ? sqrtf(first_room*(first_r + x19)) : 0.0f);
+  const float first_q = ((first_room > FLT_EPSILON*spare) ? sqrtf(first_room*(first_r + x19)) : 0.0f);
   const float x20 = (first_q*first_q);
   const float first_size = first_r*sqrtf((x18*x18) + x20);
   const float first_scale = ((first_size > 0.0f) ? 1.0f/first_size : 1.0f);
@@ -3096,7 +3106,7 @@ void robots_6r_robot_parallel_reverse_f32(const float pose[16], const float a[5]
   const float axes_a_3_2 = x37 - sine_1*x33;
   const float axes_a_3_3 = x8 - sine_1*x35;
   const float h_a = sqrtf((axes_a_3_1*axes_a_3_1) + (axes_a_3_2*axes_a_3_2));
-  const float x38 = 8.0f*sqrtf(FLT_EPSILON);
+  const float x38 = 32.0f*sqrtf(FLT_EPSILON);
   const float x39 = ((first_error < x38) ? first_error : x38);
   const float error_a = x39;
   const float bend_a_denominator = fabsf(axes_a_3_3) + 1.0f;
@@ -3106,12 +3116,13 @@ void robots_6r_robot_parallel_reverse_f32(const float pose[16], const float a[5]
   const float bend_a_product = ((axes_a_3_3 >= 0.0f) ? x9 : -x9);
   const float x42 = (bend_a_apart*bend_a_apart);
   const float bend_a_gram = (h_a*h_a)*(1.0f - 2.0f*bend_a_product/bend_a_denominator) - x42;
-  const float bend_a_tolerance = error_a*(error_a + 2.0f*h_a) + x26*(h_a + x42);
+  const float bend_a_rounding = x26*(h_a + x42);
+  const float bend_a_tolerance = bend_a_rounding + error_a*(error_a + 2.0f*h_a);
   const int bend_a_exists = bend_a_gram >= -bend_a_tolerance;
   const int bend_a_free = (bend_a_exists) && (h_a <= 4.0f*error_a + x221);
   const int bend_a_any = (bend_a_exists) && (h_a <= x221);
   const int bend_a_double = (bend_a_gram <= bend_a_tolerance) && (!(bend_a_free));
-  const float bend_a_q = ((bend_a_gram > 0.0f) ? sqrtf(bend_a_gram) : 0.0f);
+  const float bend_a_q = ((bend_a_gram > 0.015625f*bend_a_rounding) ? sqrtf(bend_a_gram) : 0.0f);
   const float bend_a_along = x9 - axes_a_3_3;
   const float bend_a_size = sqrtf((bend_a_along*bend_a_along) + (bend_a_q*bend_a_q));
   const float x43 = ((x225 < 0.0f) ? -1.0f : 1.0f);
@@ -3188,7 +3199,7 @@ void robots_6r_robot_parallel_reverse_f32(const float pose[16], const float a[5]
   const int triangle_aa_3_free = (triangle_aa_3_r <= x223) && (x79 <= x223);
   const int triangle_aa_3_double = (triangle_aa_3_room <= triangle_aa_area) && (!(triangle_aa_3_free));
   const int triangle_aa_3_exists = (triangle_aa_3_free) || ((triangle_aa_3_room >= -2.0f*more_aa*triangle_aa_side - triangle_aa_area) && (triangle_aa_3_r > 0.0f));
-  const float triangle_aa_3_q = ((triangle_aa_3_room > 0.0f) ? sqrtf(triangle_aa_3_room*(triangle_aa_3_r + x79)) : 0.0f);
+  const float triangle_aa_3_q = ((triangle_aa_3_room > 0.015625f*triangle_aa_area) ? sqrtf(triangle_aa_3_room*(triangle_aa_3_r + x79)) : 0.0f);
   const float triangle_aa_3_size = triangle_aa_3_r*sqrtf((triangle_aa_3_q*triangle_aa_3_q) + (x78*x78));
   const float triangle_aa_3_scale = ((triangle_aa_3_size > 0.0f) ? 1.0f/triangle_aa_3_size : 1.0f);
   const float x80 = 2.0f*x5;
@@ -3279,7 +3290,7 @@ void robots_6r_robot_parallel_reverse_f32(const float pose[16], const float a[5]
   const int triangle_ab_3_free = (triangle_ab_3_r <= x223) && (x101 <= x223);
   const int triangle_ab_3_double = (triangle_ab_3_room <= triangle_ab_area) && (!(triangle_ab_3_free));
   const int triangle_ab_3_exists = (triangle_ab_3_free) || ((triangle_ab_3_room >= -2.0f*more_ab*triangle_ab_side - triangle_ab_area) && (triangle_ab_3_r > 0.0f));
-  const float triangle_ab_3_q = ((triangle_ab_3_room > 0.0f) ? sqrtf(triangle_ab_3_room*(triangle_ab_3_r + x101)) : 0.0f);
+  const float triangle_ab_3_q = ((triangle_ab_3_room > 0.015625f*triangle_ab_area) ? sqrtf(triangle_ab_3_room*(triangle_ab_3_r + x101)) : 0.0f);
   const float triangle_ab_3_size = triangle_ab_3_r*sqrtf((triangle_ab_3_q*triangle_ab_3_q) + (x100*x100));
   const float triangle_ab_3_scale = ((triangle_ab_3_size > 0.0f) ? 1.0f/triangle_ab_3_size : 1.0f);
   const float x102 = triangle_ab_3_scale*x80;
@@ -3340,12 +3351,13 @@ void robots_6r_robot_parallel_reverse_f32(const float pose[16], const float a[5]
   const float bend_b_product = ((axes_b_3_3 >= 0.0f) ? x9 : -x9);
   const float x108 = (bend_b_apart*bend_b_apart);
   const float bend_b_gram = (h_b*h_b)*(1.0f - 2.0f*bend_b_product/bend_b_denominator) - x108;
-  const float bend_b_tolerance = error_b*(error_b + 2.0f*h_b) + x26*(h_b + x108);
+  const float bend_b_rounding = x26*(h_b + x108);
+  const float bend_b_tolerance = bend_b_rounding + error_b*(error_b + 2.0f*h_b);
   const int bend_b_exists = bend_b_gram >= -bend_b_tolerance;
   const int bend_b_free = (bend_b_exists) && (h_b <= 4.0f*error_b + x221);
   const int bend_b_any = (bend_b_exists) && (h_b <= x221);
   const int bend_b_double = (bend_b_gram <= bend_b_tolerance) && (!(bend_b_free));
-  const float bend_b_q = ((bend_b_gram > 0.0f) ? sqrtf(bend_b_gram) : 0.0f);
+  const float bend_b_q = ((bend_b_gram > 0.015625f*bend_b_rounding) ? sqrtf(bend_b_gram) : 0.0f);
   const float bend_b_along = x9 - axes_b_3_3;
   const float bend_b_size = sqrtf((bend_b_along*bend_b_along) + (bend_b_q*bend_b_q));
   const float bend_b_scale = x43*((bend_b_size > 0.0f) ? 1.0f/bend_b_size : 1.0f);
@@ -3411,7 +3423,7 @@ void robots_6r_robot_parallel_reverse_f32(const float pose[16], const float a[5]
   const int triangle_ba_3_free = (triangle_ba_3_r <= x223) && (x134 <= x223);
   const int triangle_ba_3_double = (triangle_ba_3_room <= triangle_ba_area) && (!(triangle_ba_3_free));
   const int triangle_ba_3_exists = (triangle_ba_3_free) || ((triangle_ba_3_room >= -2.0f*more_ba*triangle_ba_side - triangle_ba_area) && (triangle_ba_3_r > 0.0f));
-  const float triangle_ba_3_q = ((triangle_ba_3_room > 0.0f) ? sqrtf(triangle_ba_3_room*(triangle_ba_3_r + x134)) : 0.0f);
+  const float triangle_ba_3_q = ((triangle_ba_3_room > 0.015625f*triangle_ba_area) ? sqrtf(triangle_ba_3_room*(triangle_ba_3_r + x134)) : 0.0f);
   const float triangle_ba_3_size = triangle_ba_3_r*sqrtf((triangle_ba_3_q*triangle_ba_3_q) + (x133*x133));
   const float triangle_ba_3_scale = ((triangle_ba_3_size > 0.0f) ? 1.0f/triangle_ba_3_size : 1.0f);
   const float x135 = triangle_ba_3_scale*x80;
@@ -3501,7 +3513,7 @@ void robots_6r_robot_parallel_reverse_f32(const float pose[16], const float a[5]
   const int triangle_bb_3_free = (triangle_bb_3_r <= x223) && (x155 <= x223);
   const int triangle_bb_3_double = (triangle_bb_3_room <= triangle_bb_area) && (!(triangle_bb_3_free));
   const int triangle_bb_3_exists = (triangle_bb_3_free) || ((triangle_bb_3_room >= -2.0f*more_bb*triangle_bb_side - triangle_bb_area) && (triangle_bb_3_r > 0.0f));
-  const float triangle_bb_3_q = ((triangle_bb_3_room > 0.0f) ? sqrtf(triangle_bb_3_room*(triangle_bb_3_r + x155)) : 0.0f);
+  const float triangle_bb_3_q = ((triangle_bb_3_room > 0.015625f*triangle_bb_area) ? sqrtf(triangle_bb_3_room*(triangle_bb_3_r + x155)) : 0.0f);
   const float triangle_bb_3_size = triangle_bb_3_r*sqrtf((triangle_bb_3_q*triangle_bb_3_q) + (x154*x154));
   const float triangle_bb_3_scale = ((triangle_bb_3_size > 0.0f) ? 1.0f/triangle_bb_3_size : 1.0f);
   const float x156 = triangle_bb_3_scale*x80;

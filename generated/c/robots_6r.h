@@ -34,7 +34,7 @@ enum robots_6r_robot_status {
 
 /* All joint angles of an arm with parallel axes 2 and 3 and a wrist of axes 4, 5, 6.
  * Source: Crane and Duffy, robots with closed forms; derivation robots_6r
- * Operations: 438 add, 720 mul, 36 div, 55 sqrt, 401 select, 231 compare, 44 abs, 36 atan2
+ * Operations: 438 add, 727 mul, 36 div, 55 sqrt, 401 select, 231 compare, 44 abs, 36 atan2
  * pose : array (4, 4), 1, length transform from the end to the base
  * a : array (5), length a12, a23, a34, a45, a56
  * cosine : array (5), 1 cosines of the twists alpha12 to alpha56
@@ -50,7 +50,7 @@ void robots_6r_robot_wrist_reverse_batch_f32(size_t count, const float *pose, co
 
 /* All joint angles of an arm with parallel axes 2, 3 and 4, and axes 5 and 6 that meet.
  * Source: Crane and Duffy, robots with closed forms; derivation robots_6r
- * Operations: 365 add, 600 mul, 29 div, 46 sqrt, 387 select, 211 compare, 47 abs, 34 atan2
+ * Operations: 365 add, 607 mul, 29 div, 46 sqrt, 387 select, 211 compare, 47 abs, 34 atan2
  * pose : array (4, 4), 1, length transform from the end to the base
  * a : array (5), length a12, a23, a34, a45, a56
  * cosine : array (5), 1 cosines of the twists alpha12 to alpha56

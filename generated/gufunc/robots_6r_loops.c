@@ -24,8 +24,8 @@
 
 enum { BLOCK = 16 };
 
-/* robot_wrist_reverse: 438 add, 720 mul, 36 div, 55 sqrt, 401 select, 231 compare, 44 abs, 36 atan2 */
-/* 438 add, 720 mul, 36 div, 55 sqrt, 401 select, 231 compare, 44 abs, 36 atan2 */
+/* robot_wrist_reverse: 438 add, 727 mul, 36 div, 55 sqrt, 401 select, 231 compare, 44 abs, 36 atan2 */
+/* 438 add, 727 mul, 36 div, 55 sqrt, 401 select, 231 compare, 44 abs, 36 atan2 */
 static inline void robot_wrist_reverse_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -95,7 +95,7 @@ static inline void robot_wrist_reverse_f64(double (*restrict input)[BLOCK], doub
     const double x15 = spare*x14;
     const int64_t first_double = (mask_f64(first_room <= x15)) & (~(first_free));
     const int64_t first_exists = (first_free) | ((mask_f64(first_room >= -x15)) & (mask_f64(first_r > 0.0)));
-    const double first_q = blend_f64(mask_f64(first_room > 0.0), sqrt(first_room*(first_r + x7)), 0.0);
+    const double first_q = blend_f64(mask_f64(first_room > DBL_EPSILON*spare), sqrt(first_room*(first_r + x7)), 0.0);
     const double x8 = (first_q*first_q);
     const double first_size = first_r*sqrt((x6*x6) + x8);
     const double first_scale = blend_f64(mask_f64(first_size > 0.0), 1.0/first_size, 1.0);
@@ -111,7 +111,7 @@ static inline void robot_wrist_reverse_f64(double (*restrict input)[BLOCK], doub
     const int64_t first_two = (first_exists) & (~((first_double) | (first_free)));
     const double first_slope = first_r*x15 + x8;
     const double first_error = blend_f64((~(first_free)) & (mask_f64(first_slope > 0.0)), x15*blend_f64(mask_f64(first_slope > 0.0), 1.0/sqrt(first_slope), 1.0), 0.0);
-    const double x16 = 8.0*sqrt(DBL_EPSILON);
+    const double x16 = 32.0*sqrt(DBL_EPSILON);
     const double off = spare*(x14 + blend_f64(mask_f64(first_error < x16), first_error, x16));
     const double side_a = centre_2*first_c_a - centre_1*first_s_a;
     const double end_a_1 = centre_1*first_c_a + centre_2*first_s_a - a_1;
@@ -138,7 +138,7 @@ static inline void robot_wrist_reverse_f64(double (*restrict input)[BLOCK], doub
     const int64_t triangle_a_3_free = (mask_f64(triangle_a_3_r <= x268)) & (mask_f64(x28 <= x268));
     const int64_t triangle_a_3_double = (mask_f64(triangle_a_3_room <= triangle_a_area)) & (~(triangle_a_3_free));
     const int64_t triangle_a_3_exists = (triangle_a_3_free) | ((mask_f64(triangle_a_3_room >= -triangle_a_area)) & (mask_f64(triangle_a_3_r > 0.0)));
-    const double triangle_a_3_q = blend_f64(mask_f64(triangle_a_3_room > 0.0), sqrt(triangle_a_3_room*(triangle_a_3_r + x28)), 0.0);
+    const double triangle_a_3_q = blend_f64(mask_f64(triangle_a_3_room > 0.015625*triangle_a_area), sqrt(triangle_a_3_room*(triangle_a_3_r + x28)), 0.0);
     const double x29 = (triangle_a_3_q*triangle_a_3_q);
     const double triangle_a_3_size = triangle_a_3_r*sqrt((x27*x27) + x29);
     const double triangle_a_3_scale = blend_f64(mask_f64(triangle_a_3_size > 0.0), 1.0/triangle_a_3_size, 1.0);
@@ -263,13 +263,14 @@ static inline void robot_wrist_reverse_f64(double (*restrict input)[BLOCK], doub
     const double bend_aa_product = blend_f64(mask_f64(N_aa_3_3 >= 0.0), x3, -x3);
     const double x72 = (bend_aa_apart*bend_aa_apart);
     const double bend_aa_gram = (h_aa*h_aa)*(1.0 - 2.0*bend_aa_product/bend_aa_denominator) - x72;
-    const double bend_aa_tolerance = error_a*(error_a + 2.0*h_aa) + x14*(h_aa + x72);
+    const double bend_aa_rounding = x14*(h_aa + x72);
+    const double bend_aa_tolerance = bend_aa_rounding + error_a*(error_a + 2.0*h_aa);
     const int64_t bend_aa_exists = mask_f64(bend_aa_gram >= -bend_aa_tolerance);
     const double x266 = 4.0*error_a + x264;
     const int64_t bend_aa_free = (bend_aa_exists) & (mask_f64(h_aa <= x266));
     const int64_t bend_aa_any = (bend_aa_exists) & (mask_f64(h_aa <= x264));
     const int64_t bend_aa_double = (mask_f64(bend_aa_gram <= bend_aa_tolerance)) & (~(bend_aa_free));
-    const double bend_aa_q = blend_f64(mask_f64(bend_aa_gram > 0.0), sqrt(bend_aa_gram), 0.0);
+    const double bend_aa_q = blend_f64(mask_f64(bend_aa_gram > 0.015625*bend_aa_rounding), sqrt(bend_aa_gram), 0.0);
     const double bend_aa_along = x3 - N_aa_3_3;
     const double bend_aa_size = sqrt((bend_aa_along*bend_aa_along) + (bend_aa_q*bend_aa_q));
     const double x73 = blend_f64(mask_f64(x4 < 0.0), -1.0, 1.0);
@@ -350,12 +351,13 @@ static inline void robot_wrist_reverse_f64(double (*restrict input)[BLOCK], doub
     const double bend_ab_product = blend_f64(mask_f64(N_ab_3_3 >= 0.0), x3, -x3);
     const double x99 = (bend_ab_apart*bend_ab_apart);
     const double bend_ab_gram = (h_ab*h_ab)*(1.0 - 2.0*bend_ab_product/bend_ab_denominator) - x99;
-    const double bend_ab_tolerance = error_a*(error_a + 2.0*h_ab) + x14*(h_ab + x99);
+    const double bend_ab_rounding = x14*(h_ab + x99);
+    const double bend_ab_tolerance = bend_ab_rounding + error_a*(error_a + 2.0*h_ab);
     const int64_t bend_ab_exists = mask_f64(bend_ab_gram >= -bend_ab_tolerance);
     const int64_t bend_ab_free = (bend_ab_exists) & (mask_f64(h_ab <= x266));
     const int64_t bend_ab_any = (bend_ab_exists) & (mask_f64(h_ab <= x264));
     const int64_t bend_ab_double = (mask_f64(bend_ab_gram <= bend_ab_tolerance)) & (~(bend_ab_free));
-    const double bend_ab_q = blend_f64(mask_f64(bend_ab_gram > 0.0), sqrt(bend_ab_gram), 0.0);
+    const double bend_ab_q = blend_f64(mask_f64(bend_ab_gram > 0.015625*bend_ab_rounding), sqrt(bend_ab_gram), 0.0);
     const double bend_ab_along = x3 - N_ab_3_3;
     const double bend_ab_size = sqrt((bend_ab_along*bend_ab_along) + (bend_ab_q*bend_ab_q));
     const double bend_ab_scale = x73*blend_f64(mask_f64(bend_ab_size > 0.0), 1.0/bend_ab_size, 1.0);
@@ -407,7 +409,7 @@ static inline void robot_wrist_reverse_f64(double (*restrict input)[BLOCK], doub
     const int64_t triangle_b_3_free = (mask_f64(triangle_b_3_r <= x268)) & (mask_f64(x115 <= x268));
     const int64_t triangle_b_3_double = (mask_f64(triangle_b_3_room <= triangle_b_area)) & (~(triangle_b_3_free));
     const int64_t triangle_b_3_exists = (triangle_b_3_free) | ((mask_f64(triangle_b_3_room >= -triangle_b_area)) & (mask_f64(triangle_b_3_r > 0.0)));
-    const double triangle_b_3_q = blend_f64(mask_f64(triangle_b_3_room > 0.0), sqrt(triangle_b_3_room*(triangle_b_3_r + x115)), 0.0);
+    const double triangle_b_3_q = blend_f64(mask_f64(triangle_b_3_room > 0.015625*triangle_b_area), sqrt(triangle_b_3_room*(triangle_b_3_r + x115)), 0.0);
     const double x116 = (triangle_b_3_q*triangle_b_3_q);
     const double triangle_b_3_size = triangle_b_3_r*sqrt((x114*x114) + x116);
     const double triangle_b_3_scale = blend_f64(mask_f64(triangle_b_3_size > 0.0), 1.0/triangle_b_3_size, 1.0);
@@ -534,13 +536,14 @@ static inline void robot_wrist_reverse_f64(double (*restrict input)[BLOCK], doub
     const double bend_ba_product = blend_f64(mask_f64(N_ba_3_3 >= 0.0), x3, -x3);
     const double x155 = (bend_ba_apart*bend_ba_apart);
     const double bend_ba_gram = (h_ba*h_ba)*(1.0 - 2.0*bend_ba_product/bend_ba_denominator) - x155;
-    const double bend_ba_tolerance = error_b*(error_b + 2.0*h_ba) + x14*(h_ba + x155);
+    const double bend_ba_rounding = x14*(h_ba + x155);
+    const double bend_ba_tolerance = bend_ba_rounding + error_b*(error_b + 2.0*h_ba);
     const int64_t bend_ba_exists = mask_f64(bend_ba_gram >= -bend_ba_tolerance);
     const double x267 = 4.0*error_b + x264;
     const int64_t bend_ba_free = (bend_ba_exists) & (mask_f64(h_ba <= x267));
     const int64_t bend_ba_any = (bend_ba_exists) & (mask_f64(h_ba <= x264));
     const int64_t bend_ba_double = (mask_f64(bend_ba_gram <= bend_ba_tolerance)) & (~(bend_ba_free));
-    const double bend_ba_q = blend_f64(mask_f64(bend_ba_gram > 0.0), sqrt(bend_ba_gram), 0.0);
+    const double bend_ba_q = blend_f64(mask_f64(bend_ba_gram > 0.015625*bend_ba_rounding), sqrt(bend_ba_gram), 0.0);
     const double bend_ba_along = x3 - N_ba_3_3;
     const double bend_ba_size = sqrt((bend_ba_along*bend_ba_along) + (bend_ba_q*bend_ba_q));
     const double bend_ba_scale = x73*blend_f64(mask_f64(bend_ba_size > 0.0), 1.0/bend_ba_size, 1.0);
@@ -629,12 +632,13 @@ static inline void robot_wrist_reverse_f64(double (*restrict input)[BLOCK], doub
     const double bend_bb_product = blend_f64(mask_f64(N_bb_3_3 >= 0.0), x3, -x3);
     const double x186 = (bend_bb_apart*bend_bb_apart);
     const double bend_bb_gram = (h_bb*h_bb)*(1.0 - 2.0*bend_bb_product/bend_bb_denominator) - x186;
-    const double bend_bb_tolerance = error_b*(error_b + 2.0*h_bb) + x14*(h_bb + x186);
+    const double bend_bb_rounding = x14*(h_bb + x186);
+    const double bend_bb_tolerance = bend_bb_rounding + error_b*(error_b + 2.0*h_bb);
     const int64_t bend_bb_exists = mask_f64(bend_bb_gram >= -bend_bb_tolerance);
     const int64_t bend_bb_free = (bend_bb_exists) & (mask_f64(h_bb <= x267));
     const int64_t bend_bb_any = (bend_bb_exists) & (mask_f64(h_bb <= x264));
     const int64_t bend_bb_double = (mask_f64(bend_bb_gram <= bend_bb_tolerance)) & (~(bend_bb_free));
-    const double bend_bb_q = blend_f64(mask_f64(bend_bb_gram > 0.0), sqrt(bend_bb_gram), 0.0);
+    const double bend_bb_q = blend_f64(mask_f64(bend_bb_gram > 0.015625*bend_bb_rounding), sqrt(bend_bb_gram), 0.0);
     const double bend_bb_along = x3 - N_bb_3_3;
     const double bend_bb_size = sqrt((bend_bb_along*bend_bb_along) + (bend_bb_q*bend_bb_q));
     const double bend_bb_scale = x73*blend_f64(mask_f64(bend_bb_size > 0.0), 1.0/bend_bb_size, 1.0);
@@ -1190,8 +1194,8 @@ void LOOP(robots_6r_robot_wrist_reverse_loop_f64)(char **args, const ptrdiff_t *
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* robot_wrist_reverse: 438 add, 720 mul, 36 div, 55 sqrt, 401 select, 231 compare, 44 abs, 36 atan2 */
-/* 438 add, 720 mul, 36 div, 55 sqrt, 401 select, 231 compare, 44 abs, 36 atan2 */
+/* robot_wrist_reverse: 438 add, 727 mul, 36 div, 55 sqrt, 401 select, 231 compare, 44 abs, 36 atan2 */
+/* 438 add, 727 mul, 36 div, 55 sqrt, 401 select, 231 compare, 44 abs, 36 atan2 */
 static inline void robot_wrist_reverse_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1261,7 +1265,7 @@ static inline void robot_wrist_reverse_f32(float (*restrict input)[BLOCK], float
     const float x15 = spare*x14;
     const int32_t first_double = (mask_f32(first_room <= x15)) & (~(first_free));
     const int32_t first_exists = (first_free) | ((mask_f32(first_room >= -x15)) & (mask_f32(first_r > 0.0f)));
-    const float first_q = blend_f32(mask_f32(first_room > 0.0f), sqrtf(first_room*(first_r + x7)), 0.0f);
+    const float first_q = blend_f32(mask_f32(first_room > FLT_EPSILON*spare), sqrtf(first_room*(first_r + x7)), 0.0f);
     const float x8 = (first_q*first_q);
     const float first_size = first_r*sqrtf((x6*x6) + x8);
     const float first_scale = blend_f32(mask_f32(first_size > 0.0f), 1.0f/first_size, 1.0f);
@@ -1277,7 +1281,7 @@ static inline void robot_wrist_reverse_f32(float (*restrict input)[BLOCK], float
     const int32_t first_two = (first_exists) & (~((first_double) | (first_free)));
     const float first_slope = first_r*x15 + x8;
     const float first_error = blend_f32((~(first_free)) & (mask_f32(first_slope > 0.0f)), x15*blend_f32(mask_f32(first_slope > 0.0f), 1.0f/sqrtf(first_slope), 1.0f), 0.0f);
-    const float x16 = 8.0f*sqrtf(FLT_EPSILON);
+    const float x16 = 32.0f*sqrtf(FLT_EPSILON);
     const float off = spare*(x14 + blend_f32(mask_f32(first_error < x16), first_error, x16));
     const float side_a = centre_2*first_c_a - centre_1*first_s_a;
     const float end_a_1 = centre_1*first_c_a + centre_2*first_s_a - a_1;
@@ -1304,7 +1308,7 @@ static inline void robot_wrist_reverse_f32(float (*restrict input)[BLOCK], float
     const int32_t triangle_a_3_free = (mask_f32(triangle_a_3_r <= x268)) & (mask_f32(x28 <= x268));
     const int32_t triangle_a_3_double = (mask_f32(triangle_a_3_room <= triangle_a_area)) & (~(triangle_a_3_free));
     const int32_t triangle_a_3_exists = (triangle_a_3_free) | ((mask_f32(triangle_a_3_room >= -triangle_a_area)) & (mask_f32(triangle_a_3_r > 0.0f)));
-    const float triangle_a_3_q = blend_f32(mask_f32(triangle_a_3_room > 0.0f), sqrtf(triangle_a_3_room*(triangle_a_3_r + x28)), 0.0f);
+    const float triangle_a_3_q = blend_f32(mask_f32(triangle_a_3_room > 0.015625f*triangle_a_area), sqrtf(triangle_a_3_room*(triangle_a_3_r + x28)), 0.0f);
     const float x29 = (triangle_a_3_q*triangle_a_3_q);
     const float triangle_a_3_size = triangle_a_3_r*sqrtf((x27*x27) + x29);
     const float triangle_a_3_scale = blend_f32(mask_f32(triangle_a_3_size > 0.0f), 1.0f/triangle_a_3_size, 1.0f);
@@ -1429,13 +1433,14 @@ static inline void robot_wrist_reverse_f32(float (*restrict input)[BLOCK], float
     const float bend_aa_product = blend_f32(mask_f32(N_aa_3_3 >= 0.0f), x3, -x3);
     const float x72 = (bend_aa_apart*bend_aa_apart);
     const float bend_aa_gram = (h_aa*h_aa)*(1.0f - 2.0f*bend_aa_product/bend_aa_denominator) - x72;
-    const float bend_aa_tolerance = error_a*(error_a + 2.0f*h_aa) + x14*(h_aa + x72);
+    const float bend_aa_rounding = x14*(h_aa + x72);
+    const float bend_aa_tolerance = bend_aa_rounding + error_a*(error_a + 2.0f*h_aa);
     const int32_t bend_aa_exists = mask_f32(bend_aa_gram >= -bend_aa_tolerance);
     const float x266 = 4.0f*error_a + x264;
     const int32_t bend_aa_free = (bend_aa_exists) & (mask_f32(h_aa <= x266));
     const int32_t bend_aa_any = (bend_aa_exists) & (mask_f32(h_aa <= x264));
     const int32_t bend_aa_double = (mask_f32(bend_aa_gram <= bend_aa_tolerance)) & (~(bend_aa_free));
-    const float bend_aa_q = blend_f32(mask_f32(bend_aa_gram > 0.0f), sqrtf(bend_aa_gram), 0.0f);
+    const float bend_aa_q = blend_f32(mask_f32(bend_aa_gram > 0.015625f*bend_aa_rounding), sqrtf(bend_aa_gram), 0.0f);
     const float bend_aa_along = x3 - N_aa_3_3;
     const float bend_aa_size = sqrtf((bend_aa_along*bend_aa_along) + (bend_aa_q*bend_aa_q));
     const float x73 = blend_f32(mask_f32(x4 < 0.0f), -1.0f, 1.0f);
@@ -1516,12 +1521,13 @@ static inline void robot_wrist_reverse_f32(float (*restrict input)[BLOCK], float
     const float bend_ab_product = blend_f32(mask_f32(N_ab_3_3 >= 0.0f), x3, -x3);
     const float x99 = (bend_ab_apart*bend_ab_apart);
     const float bend_ab_gram = (h_ab*h_ab)*(1.0f - 2.0f*bend_ab_product/bend_ab_denominator) - x99;
-    const float bend_ab_tolerance = error_a*(error_a + 2.0f*h_ab) + x14*(h_ab + x99);
+    const float bend_ab_rounding = x14*(h_ab + x99);
+    const float bend_ab_tolerance = bend_ab_rounding + error_a*(error_a + 2.0f*h_ab);
     const int32_t bend_ab_exists = mask_f32(bend_ab_gram >= -bend_ab_tolerance);
     const int32_t bend_ab_free = (bend_ab_exists) & (mask_f32(h_ab <= x266));
     const int32_t bend_ab_any = (bend_ab_exists) & (mask_f32(h_ab <= x264));
     const int32_t bend_ab_double = (mask_f32(bend_ab_gram <= bend_ab_tolerance)) & (~(bend_ab_free));
-    const float bend_ab_q = blend_f32(mask_f32(bend_ab_gram > 0.0f), sqrtf(bend_ab_gram), 0.0f);
+    const float bend_ab_q = blend_f32(mask_f32(bend_ab_gram > 0.015625f*bend_ab_rounding), sqrtf(bend_ab_gram), 0.0f);
     const float bend_ab_along = x3 - N_ab_3_3;
     const float bend_ab_size = sqrtf((bend_ab_along*bend_ab_along) + (bend_ab_q*bend_ab_q));
     const float bend_ab_scale = x73*blend_f32(mask_f32(bend_ab_size > 0.0f), 1.0f/bend_ab_size, 1.0f);
@@ -1573,7 +1579,7 @@ static inline void robot_wrist_reverse_f32(float (*restrict input)[BLOCK], float
     const int32_t triangle_b_3_free = (mask_f32(triangle_b_3_r <= x268)) & (mask_f32(x115 <= x268));
     const int32_t triangle_b_3_double = (mask_f32(triangle_b_3_room <= triangle_b_area)) & (~(triangle_b_3_free));
     const int32_t triangle_b_3_exists = (triangle_b_3_free) | ((mask_f32(triangle_b_3_room >= -triangle_b_area)) & (mask_f32(triangle_b_3_r > 0.0f)));
-    const float triangle_b_3_q = blend_f32(mask_f32(triangle_b_3_room > 0.0f), sqrtf(triangle_b_3_room*(triangle_b_3_r + x115)), 0.0f);
+    const float triangle_b_3_q = blend_f32(mask_f32(triangle_b_3_room > 0.015625f*triangle_b_area), sqrtf(triangle_b_3_room*(triangle_b_3_r + x115)), 0.0f);
     const float x116 = (triangle_b_3_q*triangle_b_3_q);
     const float triangle_b_3_size = triangle_b_3_r*sqrtf((x114*x114) + x116);
     const float triangle_b_3_scale = blend_f32(mask_f32(triangle_b_3_size > 0.0f), 1.0f/triangle_b_3_size, 1.0f);
@@ -1700,13 +1706,14 @@ static inline void robot_wrist_reverse_f32(float (*restrict input)[BLOCK], float
     const float bend_ba_product = blend_f32(mask_f32(N_ba_3_3 >= 0.0f), x3, -x3);
     const float x155 = (bend_ba_apart*bend_ba_apart);
     const float bend_ba_gram = (h_ba*h_ba)*(1.0f - 2.0f*bend_ba_product/bend_ba_denominator) - x155;
-    const float bend_ba_tolerance = error_b*(error_b + 2.0f*h_ba) + x14*(h_ba + x155);
+    const float bend_ba_rounding = x14*(h_ba + x155);
+    const float bend_ba_tolerance = bend_ba_rounding + error_b*(error_b + 2.0f*h_ba);
     const int32_t bend_ba_exists = mask_f32(bend_ba_gram >= -bend_ba_tolerance);
     const float x267 = 4.0f*error_b + x264;
     const int32_t bend_ba_free = (bend_ba_exists) & (mask_f32(h_ba <= x267));
     const int32_t bend_ba_any = (bend_ba_exists) & (mask_f32(h_ba <= x264));
     const int32_t bend_ba_double = (mask_f32(bend_ba_gram <= bend_ba_tolerance)) & (~(bend_ba_free));
-    const float bend_ba_q = blend_f32(mask_f32(bend_ba_gram > 0.0f), sqrtf(bend_ba_gram), 0.0f);
+    const float bend_ba_q = blend_f32(mask_f32(bend_ba_gram > 0.015625f*bend_ba_rounding), sqrtf(bend_ba_gram), 0.0f);
     const float bend_ba_along = x3 - N_ba_3_3;
     const float bend_ba_size = sqrtf((bend_ba_along*bend_ba_along) + (bend_ba_q*bend_ba_q));
     const float bend_ba_scale = x73*blend_f32(mask_f32(bend_ba_size > 0.0f), 1.0f/bend_ba_size, 1.0f);
@@ -1795,12 +1802,13 @@ static inline void robot_wrist_reverse_f32(float (*restrict input)[BLOCK], float
     const float bend_bb_product = blend_f32(mask_f32(N_bb_3_3 >= 0.0f), x3, -x3);
     const float x186 = (bend_bb_apart*bend_bb_apart);
     const float bend_bb_gram = (h_bb*h_bb)*(1.0f - 2.0f*bend_bb_product/bend_bb_denominator) - x186;
-    const float bend_bb_tolerance = error_b*(error_b + 2.0f*h_bb) + x14*(h_bb + x186);
+    const float bend_bb_rounding = x14*(h_bb + x186);
+    const float bend_bb_tolerance = bend_bb_rounding + error_b*(error_b + 2.0f*h_bb);
     const int32_t bend_bb_exists = mask_f32(bend_bb_gram >= -bend_bb_tolerance);
     const int32_t bend_bb_free = (bend_bb_exists) & (mask_f32(h_bb <= x267));
     const int32_t bend_bb_any = (bend_bb_exists) & (mask_f32(h_bb <= x264));
     const int32_t bend_bb_double = (mask_f32(bend_bb_gram <= bend_bb_tolerance)) & (~(bend_bb_free));
-    const float bend_bb_q = blend_f32(mask_f32(bend_bb_gram > 0.0f), sqrtf(bend_bb_gram), 0.0f);
+    const float bend_bb_q = blend_f32(mask_f32(bend_bb_gram > 0.015625f*bend_bb_rounding), sqrtf(bend_bb_gram), 0.0f);
     const float bend_bb_along = x3 - N_bb_3_3;
     const float bend_bb_size = sqrtf((bend_bb_along*bend_bb_along) + (bend_bb_q*bend_bb_q));
     const float bend_bb_scale = x73*blend_f32(mask_f32(bend_bb_size > 0.0f), 1.0f/bend_bb_size, 1.0f);
@@ -2356,8 +2364,8 @@ void LOOP(robots_6r_robot_wrist_reverse_loop_f32)(char **args, const ptrdiff_t *
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* robot_parallel_reverse: 365 add, 600 mul, 29 div, 46 sqrt, 387 select, 211 compare, 47 abs, 34 atan2 */
-/* 365 add, 600 mul, 29 div, 46 sqrt, 387 select, 211 compare, 47 abs, 34 atan2 */
+/* robot_parallel_reverse: 365 add, 607 mul, 29 div, 46 sqrt, 387 select, 211 compare, 47 abs, 34 atan2 */
+/* 365 add, 607 mul, 29 div, 46 sqrt, 387 select, 211 compare, 47 abs, 34 atan2 */
 static inline void robot_parallel_reverse_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -2446,7 +2454,7 @@ static inline void robot_parallel_reverse_f64(double (*restrict input)[BLOCK], d
     const double x27 = spare*x26;
     const int64_t first_double = (mask_f64(first_room <= x27)) & (~(first_free));
     const int64_t first_exists = (first_free) | ((mask_f64(first_room >= -x27)) & (mask_f64(first_r > 0.0)));
-    const double first_q = blend_f64(mask_f64(first_room > 0.0), sqrt(first_room*(first_r + x19)), 0.0);
+    const double first_q = blend_f64(mask_f64(first_room > DBL_EPSILON*spare), sqrt(first_room*(first_r + x19)), 0.0);
     const double x20 = (first_q*first_q);
     const double first_size = first_r*sqrt((x18*x18) + x20);
     const double first_scale = blend_f64(mask_f64(first_size > 0.0), 1.0/first_size, 1.0);
@@ -2486,7 +2494,7 @@ static inline void robot_parallel_reverse_f64(double (*restrict input)[BLOCK], d
     const double axes_a_3_2 = x37 - sine_1*x33;
     const double axes_a_3_3 = x8 - sine_1*x35;
     const double h_a = sqrt((axes_a_3_1*axes_a_3_1) + (axes_a_3_2*axes_a_3_2));
-    const double x38 = 8.0*sqrt(DBL_EPSILON);
+    const double x38 = 32.0*sqrt(DBL_EPSILON);
     const double x39 = blend_f64(mask_f64(first_error < x38), first_error, x38);
     const double error_a = x39;
     const double bend_a_denominator = fabs(axes_a_3_3) + 1.0;
@@ -2496,12 +2504,13 @@ static inline void robot_parallel_reverse_f64(double (*restrict input)[BLOCK], d
     const double bend_a_product = blend_f64(mask_f64(axes_a_3_3 >= 0.0), x9, -x9);
     const double x42 = (bend_a_apart*bend_a_apart);
     const double bend_a_gram = (h_a*h_a)*(1.0 - 2.0*bend_a_product/bend_a_denominator) - x42;
-    const double bend_a_tolerance = error_a*(error_a + 2.0*h_a) + x26*(h_a + x42);
+    const double bend_a_rounding = x26*(h_a + x42);
+    const double bend_a_tolerance = bend_a_rounding + error_a*(error_a + 2.0*h_a);
     const int64_t bend_a_exists = mask_f64(bend_a_gram >= -bend_a_tolerance);
     const int64_t bend_a_free = (bend_a_exists) & (mask_f64(h_a <= 4.0*error_a + x221));
     const int64_t bend_a_any = (bend_a_exists) & (mask_f64(h_a <= x221));
     const int64_t bend_a_double = (mask_f64(bend_a_gram <= bend_a_tolerance)) & (~(bend_a_free));
-    const double bend_a_q = blend_f64(mask_f64(bend_a_gram > 0.0), sqrt(bend_a_gram), 0.0);
+    const double bend_a_q = blend_f64(mask_f64(bend_a_gram > 0.015625*bend_a_rounding), sqrt(bend_a_gram), 0.0);
     const double bend_a_along = x9 - axes_a_3_3;
     const double bend_a_size = sqrt((bend_a_along*bend_a_along) + (bend_a_q*bend_a_q));
     const double x43 = blend_f64(mask_f64(x225 < 0.0), -1.0, 1.0);
@@ -2578,7 +2587,7 @@ static inline void robot_parallel_reverse_f64(double (*restrict input)[BLOCK], d
     const int64_t triangle_aa_3_free = (mask_f64(triangle_aa_3_r <= x223)) & (mask_f64(x79 <= x223));
     const int64_t triangle_aa_3_double = (mask_f64(triangle_aa_3_room <= triangle_aa_area)) & (~(triangle_aa_3_free));
     const int64_t triangle_aa_3_exists = (triangle_aa_3_free) | ((mask_f64(triangle_aa_3_room >= -2.0*more_aa*triangle_aa_side - triangle_aa_area)) & (mask_f64(triangle_aa_3_r > 0.0)));
-    const double triangle_aa_3_q = blend_f64(mask_f64(triangle_aa_3_room > 0.0), sqrt(triangle_aa_3_room*(triangle_aa_3_r + x79)), 0.0);
+    const double triangle_aa_3_q = blend_f64(mask_f64(triangle_aa_3_room > 0.015625*triangle_aa_area), sqrt(triangle_aa_3_room*(triangle_aa_3_r + x79)), 0.0);
     const double triangle_aa_3_size = triangle_aa_3_r*sqrt((triangle_aa_3_q*triangle_aa_3_q) + (x78*x78));
     const double triangle_aa_3_scale = blend_f64(mask_f64(triangle_aa_3_size > 0.0), 1.0/triangle_aa_3_size, 1.0);
     const double x80 = 2.0*x5;
@@ -2669,7 +2678,7 @@ static inline void robot_parallel_reverse_f64(double (*restrict input)[BLOCK], d
     const int64_t triangle_ab_3_free = (mask_f64(triangle_ab_3_r <= x223)) & (mask_f64(x101 <= x223));
     const int64_t triangle_ab_3_double = (mask_f64(triangle_ab_3_room <= triangle_ab_area)) & (~(triangle_ab_3_free));
     const int64_t triangle_ab_3_exists = (triangle_ab_3_free) | ((mask_f64(triangle_ab_3_room >= -2.0*more_ab*triangle_ab_side - triangle_ab_area)) & (mask_f64(triangle_ab_3_r > 0.0)));
-    const double triangle_ab_3_q = blend_f64(mask_f64(triangle_ab_3_room > 0.0), sqrt(triangle_ab_3_room*(triangle_ab_3_r + x101)), 0.0);
+    const double triangle_ab_3_q = blend_f64(mask_f64(triangle_ab_3_room > 0.015625*triangle_ab_area), sqrt(triangle_ab_3_room*(triangle_ab_3_r + x101)), 0.0);
     const double triangle_ab_3_size = triangle_ab_3_r*sqrt((triangle_ab_3_q*triangle_ab_3_q) + (x100*x100));
     const double triangle_ab_3_scale = blend_f64(mask_f64(triangle_ab_3_size > 0.0), 1.0/triangle_ab_3_size, 1.0);
     const double x102 = triangle_ab_3_scale*x80;
@@ -2730,12 +2739,13 @@ static inline void robot_parallel_reverse_f64(double (*restrict input)[BLOCK], d
     const double bend_b_product = blend_f64(mask_f64(axes_b_3_3 >= 0.0), x9, -x9);
     const double x108 = (bend_b_apart*bend_b_apart);
     const double bend_b_gram = (h_b*h_b)*(1.0 - 2.0*bend_b_product/bend_b_denominator) - x108;
-    const double bend_b_tolerance = error_b*(error_b + 2.0*h_b) + x26*(h_b + x108);
+    const double bend_b_rounding = x26*(h_b + x108);
+    const double bend_b_tolerance = bend_b_rounding + error_b*(error_b + 2.0*h_b);
     const int64_t bend_b_exists = mask_f64(bend_b_gram >= -bend_b_tolerance);
     const int64_t bend_b_free = (bend_b_exists) & (mask_f64(h_b <= 4.0*error_b + x221));
     const int64_t bend_b_any = (bend_b_exists) & (mask_f64(h_b <= x221));
     const int64_t bend_b_double = (mask_f64(bend_b_gram <= bend_b_tolerance)) & (~(bend_b_free));
-    const double bend_b_q = blend_f64(mask_f64(bend_b_gram > 0.0), sqrt(bend_b_gram), 0.0);
+    const double bend_b_q = blend_f64(mask_f64(bend_b_gram > 0.015625*bend_b_rounding), sqrt(bend_b_gram), 0.0);
     const double bend_b_along = x9 - axes_b_3_3;
     const double bend_b_size = sqrt((bend_b_along*bend_b_along) + (bend_b_q*bend_b_q));
     const double bend_b_scale = x43*blend_f64(mask_f64(bend_b_size > 0.0), 1.0/bend_b_size, 1.0);
@@ -2801,7 +2811,7 @@ static inline void robot_parallel_reverse_f64(double (*restrict input)[BLOCK], d
     const int64_t triangle_ba_3_free = (mask_f64(triangle_ba_3_r <= x223)) & (mask_f64(x134 <= x223));
     const int64_t triangle_ba_3_double = (mask_f64(triangle_ba_3_room <= triangle_ba_area)) & (~(triangle_ba_3_free));
     const int64_t triangle_ba_3_exists = (triangle_ba_3_free) | ((mask_f64(triangle_ba_3_room >= -2.0*more_ba*triangle_ba_side - triangle_ba_area)) & (mask_f64(triangle_ba_3_r > 0.0)));
-    const double triangle_ba_3_q = blend_f64(mask_f64(triangle_ba_3_room > 0.0), sqrt(triangle_ba_3_room*(triangle_ba_3_r + x134)), 0.0);
+    const double triangle_ba_3_q = blend_f64(mask_f64(triangle_ba_3_room > 0.015625*triangle_ba_area), sqrt(triangle_ba_3_room*(triangle_ba_3_r + x134)), 0.0);
     const double triangle_ba_3_size = triangle_ba_3_r*sqrt((triangle_ba_3_q*triangle_ba_3_q) + (x133*x133));
     const double triangle_ba_3_scale = blend_f64(mask_f64(triangle_ba_3_size > 0.0), 1.0/triangle_ba_3_size, 1.0);
     const double x135 = triangle_ba_3_scale*x80;
@@ -2891,7 +2901,7 @@ static inline void robot_parallel_reverse_f64(double (*restrict input)[BLOCK], d
     const int64_t triangle_bb_3_free = (mask_f64(triangle_bb_3_r <= x223)) & (mask_f64(x155 <= x223));
     const int64_t triangle_bb_3_double = (mask_f64(triangle_bb_3_room <= triangle_bb_area)) & (~(triangle_bb_3_free));
     const int64_t triangle_bb_3_exists = (triangle_bb_3_free) | ((mask_f64(triangle_bb_3_room >= -2.0*more_bb*triangle_bb_side - triangle_bb_area)) & (mask_f64(triangle_bb_3_r > 0.0)));
-    const double triangle_bb_3_q = blend_f64(mask_f64(triangle_bb_3_room > 0.0), sqrt(triangle_bb_3_room*(triangle_bb_3_r + x155)), 0.0);
+    const double triangle_bb_3_q = blend_f64(mask_f64(triangle_bb_3_room > 0.015625*triangle_bb_area), sqrt(triangle_bb_3_room*(triangle_bb_3_r + x155)), 0.0);
     const double triangle_bb_3_size = triangle_bb_3_r*sqrt((triangle_bb_3_q*triangle_bb_3_q) + (x154*x154));
     const double triangle_bb_3_scale = blend_f64(mask_f64(triangle_bb_3_size > 0.0), 1.0/triangle_bb_3_size, 1.0);
     const double x156 = triangle_bb_3_scale*x80;
@@ -3445,8 +3455,8 @@ void LOOP(robots_6r_robot_parallel_reverse_loop_f64)(char **args, const ptrdiff_
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* robot_parallel_reverse: 365 add, 600 mul, 29 div, 46 sqrt, 387 select, 211 compare, 47 abs, 34 atan2 */
-/* 365 add, 600 mul, 29 div, 46 sqrt, 387 select, 211 compare, 47 abs, 34 atan2 */
+/* robot_parallel_reverse: 365 add, 607 mul, 29 div, 46 sqrt, 387 select, 211 compare, 47 abs, 34 atan2 */
+/* 365 add, 607 mul, 29 div, 46 sqrt, 387 select, 211 compare, 47 abs, 34 atan2 */
 static inline void robot_parallel_reverse_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -3535,7 +3545,7 @@ static inline void robot_parallel_reverse_f32(float (*restrict input)[BLOCK], fl
     const float x27 = spare*x26;
     const int32_t first_double = (mask_f32(first_room <= x27)) & (~(first_free));
     const int32_t first_exists = (first_free) | ((mask_f32(first_room >= -x27)) & (mask_f32(first_r > 0.0f)));
-    const float first_q = blend_f32(mask_f32(first_room > 0.0f), sqrtf(first_room*(first_r + x19)), 0.0f);
+    const float first_q = blend_f32(mask_f32(first_room > FLT_EPSILON*spare), sqrtf(first_room*(first_r + x19)), 0.0f);
     const float x20 = (first_q*first_q);
     const float first_size = first_r*sqrtf((x18*x18) + x20);
     const float first_scale = blend_f32(mask_f32(first_size > 0.0f), 1.0f/first_size, 1.0f);
@@ -3575,7 +3585,7 @@ static inline void robot_parallel_reverse_f32(float (*restrict input)[BLOCK], fl
     const float axes_a_3_2 = x37 - sine_1*x33;
     const float axes_a_3_3 = x8 - sine_1*x35;
     const float h_a = sqrtf((axes_a_3_1*axes_a_3_1) + (axes_a_3_2*axes_a_3_2));
-    const float x38 = 8.0f*sqrtf(FLT_EPSILON);
+    const float x38 = 32.0f*sqrtf(FLT_EPSILON);
     const float x39 = blend_f32(mask_f32(first_error < x38), first_error, x38);
     const float error_a = x39;
     const float bend_a_denominator = fabsf(axes_a_3_3) + 1.0f;
@@ -3585,12 +3595,13 @@ static inline void robot_parallel_reverse_f32(float (*restrict input)[BLOCK], fl
     const float bend_a_product = blend_f32(mask_f32(axes_a_3_3 >= 0.0f), x9, -x9);
     const float x42 = (bend_a_apart*bend_a_apart);
     const float bend_a_gram = (h_a*h_a)*(1.0f - 2.0f*bend_a_product/bend_a_denominator) - x42;
-    const float bend_a_tolerance = error_a*(error_a + 2.0f*h_a) + x26*(h_a + x42);
+    const float bend_a_rounding = x26*(h_a + x42);
+    const float bend_a_tolerance = bend_a_rounding + error_a*(error_a + 2.0f*h_a);
     const int32_t bend_a_exists = mask_f32(bend_a_gram >= -bend_a_tolerance);
     const int32_t bend_a_free = (bend_a_exists) & (mask_f32(h_a <= 4.0f*error_a + x221));
     const int32_t bend_a_any = (bend_a_exists) & (mask_f32(h_a <= x221));
     const int32_t bend_a_double = (mask_f32(bend_a_gram <= bend_a_tolerance)) & (~(bend_a_free));
-    const float bend_a_q = blend_f32(mask_f32(bend_a_gram > 0.0f), sqrtf(bend_a_gram), 0.0f);
+    const float bend_a_q = blend_f32(mask_f32(bend_a_gram > 0.015625f*bend_a_rounding), sqrtf(bend_a_gram), 0.0f);
     const float bend_a_along = x9 - axes_a_3_3;
     const float bend_a_size = sqrtf((bend_a_along*bend_a_along) + (bend_a_q*bend_a_q));
     const float x43 = blend_f32(mask_f32(x225 < 0.0f), -1.0f, 1.0f);
@@ -3667,7 +3678,7 @@ static inline void robot_parallel_reverse_f32(float (*restrict input)[BLOCK], fl
     const int32_t triangle_aa_3_free = (mask_f32(triangle_aa_3_r <= x223)) & (mask_f32(x79 <= x223));
     const int32_t triangle_aa_3_double = (mask_f32(triangle_aa_3_room <= triangle_aa_area)) & (~(triangle_aa_3_free));
     const int32_t triangle_aa_3_exists = (triangle_aa_3_free) | ((mask_f32(triangle_aa_3_room >= -2.0f*more_aa*triangle_aa_side - triangle_aa_area)) & (mask_f32(triangle_aa_3_r > 0.0f)));
-    const float triangle_aa_3_q = blend_f32(mask_f32(triangle_aa_3_room > 0.0f), sqrtf(triangle_aa_3_room*(triangle_aa_3_r + x79)), 0.0f);
+    const float triangle_aa_3_q = blend_f32(mask_f32(triangle_aa_3_room > 0.015625f*triangle_aa_area), sqrtf(triangle_aa_3_room*(triangle_aa_3_r + x79)), 0.0f);
     const float triangle_aa_3_size = triangle_aa_3_r*sqrtf((triangle_aa_3_q*triangle_aa_3_q) + (x78*x78));
     const float triangle_aa_3_scale = blend_f32(mask_f32(triangle_aa_3_size > 0.0f), 1.0f/triangle_aa_3_size, 1.0f);
     const float x80 = 2.0f*x5;
@@ -3758,7 +3769,7 @@ static inline void robot_parallel_reverse_f32(float (*restrict input)[BLOCK], fl
     const int32_t triangle_ab_3_free = (mask_f32(triangle_ab_3_r <= x223)) & (mask_f32(x101 <= x223));
     const int32_t triangle_ab_3_double = (mask_f32(triangle_ab_3_room <= triangle_ab_area)) & (~(triangle_ab_3_free));
     const int32_t triangle_ab_3_exists = (triangle_ab_3_free) | ((mask_f32(triangle_ab_3_room >= -2.0f*more_ab*triangle_ab_side - triangle_ab_area)) & (mask_f32(triangle_ab_3_r > 0.0f)));
-    const float triangle_ab_3_q = blend_f32(mask_f32(triangle_ab_3_room > 0.0f), sqrtf(triangle_ab_3_room*(triangle_ab_3_r + x101)), 0.0f);
+    const float triangle_ab_3_q = blend_f32(mask_f32(triangle_ab_3_room > 0.015625f*triangle_ab_area), sqrtf(triangle_ab_3_room*(triangle_ab_3_r + x101)), 0.0f);
     const float triangle_ab_3_size = triangle_ab_3_r*sqrtf((triangle_ab_3_q*triangle_ab_3_q) + (x100*x100));
     const float triangle_ab_3_scale = blend_f32(mask_f32(triangle_ab_3_size > 0.0f), 1.0f/triangle_ab_3_size, 1.0f);
     const float x102 = triangle_ab_3_scale*x80;
@@ -3819,12 +3830,13 @@ static inline void robot_parallel_reverse_f32(float (*restrict input)[BLOCK], fl
     const float bend_b_product = blend_f32(mask_f32(axes_b_3_3 >= 0.0f), x9, -x9);
     const float x108 = (bend_b_apart*bend_b_apart);
     const float bend_b_gram = (h_b*h_b)*(1.0f - 2.0f*bend_b_product/bend_b_denominator) - x108;
-    const float bend_b_tolerance = error_b*(error_b + 2.0f*h_b) + x26*(h_b + x108);
+    const float bend_b_rounding = x26*(h_b + x108);
+    const float bend_b_tolerance = bend_b_rounding + error_b*(error_b + 2.0f*h_b);
     const int32_t bend_b_exists = mask_f32(bend_b_gram >= -bend_b_tolerance);
     const int32_t bend_b_free = (bend_b_exists) & (mask_f32(h_b <= 4.0f*error_b + x221));
     const int32_t bend_b_any = (bend_b_exists) & (mask_f32(h_b <= x221));
     const int32_t bend_b_double = (mask_f32(bend_b_gram <= bend_b_tolerance)) & (~(bend_b_free));
-    const float bend_b_q = blend_f32(mask_f32(bend_b_gram > 0.0f), sqrtf(bend_b_gram), 0.0f);
+    const float bend_b_q = blend_f32(mask_f32(bend_b_gram > 0.015625f*bend_b_rounding), sqrtf(bend_b_gram), 0.0f);
     const float bend_b_along = x9 - axes_b_3_3;
     const float bend_b_size = sqrtf((bend_b_along*bend_b_along) + (bend_b_q*bend_b_q));
     const float bend_b_scale = x43*blend_f32(mask_f32(bend_b_size > 0.0f), 1.0f/bend_b_size, 1.0f);
@@ -3890,7 +3902,7 @@ static inline void robot_parallel_reverse_f32(float (*restrict input)[BLOCK], fl
     const int32_t triangle_ba_3_free = (mask_f32(triangle_ba_3_r <= x223)) & (mask_f32(x134 <= x223));
     const int32_t triangle_ba_3_double = (mask_f32(triangle_ba_3_room <= triangle_ba_area)) & (~(triangle_ba_3_free));
     const int32_t triangle_ba_3_exists = (triangle_ba_3_free) | ((mask_f32(triangle_ba_3_room >= -2.0f*more_ba*triangle_ba_side - triangle_ba_area)) & (mask_f32(triangle_ba_3_r > 0.0f)));
-    const float triangle_ba_3_q = blend_f32(mask_f32(triangle_ba_3_room > 0.0f), sqrtf(triangle_ba_3_room*(triangle_ba_3_r + x134)), 0.0f);
+    const float triangle_ba_3_q = blend_f32(mask_f32(triangle_ba_3_room > 0.015625f*triangle_ba_area), sqrtf(triangle_ba_3_room*(triangle_ba_3_r + x134)), 0.0f);
     const float triangle_ba_3_size = triangle_ba_3_r*sqrtf((triangle_ba_3_q*triangle_ba_3_q) + (x133*x133));
     const float triangle_ba_3_scale = blend_f32(mask_f32(triangle_ba_3_size > 0.0f), 1.0f/triangle_ba_3_size, 1.0f);
     const float x135 = triangle_ba_3_scale*x80;
@@ -3980,7 +3992,7 @@ static inline void robot_parallel_reverse_f32(float (*restrict input)[BLOCK], fl
     const int32_t triangle_bb_3_free = (mask_f32(triangle_bb_3_r <= x223)) & (mask_f32(x155 <= x223));
     const int32_t triangle_bb_3_double = (mask_f32(triangle_bb_3_room <= triangle_bb_area)) & (~(triangle_bb_3_free));
     const int32_t triangle_bb_3_exists = (triangle_bb_3_free) | ((mask_f32(triangle_bb_3_room >= -2.0f*more_bb*triangle_bb_side - triangle_bb_area)) & (mask_f32(triangle_bb_3_r > 0.0f)));
-    const float triangle_bb_3_q = blend_f32(mask_f32(triangle_bb_3_room > 0.0f), sqrtf(triangle_bb_3_room*(triangle_bb_3_r + x155)), 0.0f);
+    const float triangle_bb_3_q = blend_f32(mask_f32(triangle_bb_3_room > 0.015625f*triangle_bb_area), sqrtf(triangle_bb_3_room*(triangle_bb_3_r + x155)), 0.0f);
     const float triangle_bb_3_size = triangle_bb_3_r*sqrtf((triangle_bb_3_q*triangle_bb_3_q) + (x154*x154));
     const float triangle_bb_3_scale = blend_f32(mask_f32(triangle_bb_3_size > 0.0f), 1.0f/triangle_bb_3_size, 1.0f);
     const float x156 = triangle_bb_3_scale*x80;

@@ -76,7 +76,7 @@ robot_wrist_reverse.types = ["ddddd->db", "fffff->fb"]
 
 
 def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
-    # 438 add, 720 mul, 36 div, 55 sqrt, 401 select, 231 compare, 44 abs, 36 atan2
+    # 438 add, 727 mul, 36 div, 55 sqrt, 401 select, 231 compare, 44 abs, 36 atan2
     rough = np.abs(pose_4_1) + np.abs(pose_4_2) + np.abs(pose_4_3) + np.abs(pose_4_4 - 1.0) + 2.0*np.abs(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + 2.0*np.abs(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + 2.0*np.abs(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3) + np.abs((pose_1_1*pose_1_1) + (pose_2_1*pose_2_1) + (pose_3_1*pose_3_1) - 1.0) + np.abs((pose_1_2*pose_1_2) + (pose_2_2*pose_2_2) + (pose_3_2*pose_3_2) - 1.0) + np.abs((pose_1_3*pose_1_3) + (pose_2_3*pose_2_3) + (pose_3_3*pose_3_3) - 1.0)
     handed = pose_1_1*(pose_2_2*pose_3_3 - pose_2_3*pose_3_2) + pose_2_1*(pose_1_3*pose_3_2 - pose_1_2*pose_3_3) + pose_3_1*(pose_1_2*pose_2_3 - pose_1_3*pose_2_2)
     spare = np.abs(a_1) + np.abs(a_2) + np.abs(a_3) + np.abs(a_4) + np.abs(a_5) + np.abs(offset_1) + np.abs(offset_2) + np.abs(offset_3) + np.abs(offset_4) + np.abs(offset_5) + np.abs(offset_6) + np.abs(pose_1_4) + np.abs(pose_2_4) + np.abs(pose_3_4)
@@ -111,7 +111,7 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     x15 = spare*x14
     first_double = (first_room <= x15) & (~(first_free))
     first_exists = (first_free) | ((first_room >= -x15) & (first_r > 0.0))
-    first_q = np.where(first_room > 0.0, np.sqrt(first_room*(first_r + x7)), 0.0)
+    first_q = np.where(first_room > eps*spare, np.sqrt(first_room*(first_r + x7)), 0.0)
     del first_room, x7
     x8 = (first_q*first_q)
     first_size = first_r*np.sqrt((x6*x6) + x8)
@@ -136,7 +136,7 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del first_r, x8
     first_error = np.where((~(first_free)) & (first_slope > 0.0), x15*np.where(first_slope > 0.0, 1.0/np.sqrt(first_slope), 1.0), 0.0)
     del first_slope, x15
-    x16 = 8.0*np.sqrt(eps)
+    x16 = 32.0*np.sqrt(eps)
     off = spare*(x14 + np.where(first_error < x16, first_error, x16))
     side_a = centre_2*first_c_a - centre_1*first_s_a
     end_a_1 = centre_1*first_c_a + centre_2*first_s_a - a_1
@@ -170,7 +170,7 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     triangle_a_3_free = (triangle_a_3_r <= x268) & (x28 <= x268)
     triangle_a_3_double = (triangle_a_3_room <= triangle_a_area) & (~(triangle_a_3_free))
     triangle_a_3_exists = (triangle_a_3_free) | ((triangle_a_3_room >= -triangle_a_area) & (triangle_a_3_r > 0.0))
-    triangle_a_3_q = np.where(triangle_a_3_room > 0.0, np.sqrt(triangle_a_3_room*(triangle_a_3_r + x28)), 0.0)
+    triangle_a_3_q = np.where(triangle_a_3_room > 0.015625*triangle_a_area, np.sqrt(triangle_a_3_room*(triangle_a_3_r + x28)), 0.0)
     del triangle_a_3_room, x28
     x29 = (triangle_a_3_q*triangle_a_3_q)
     triangle_a_3_size = triangle_a_3_r*np.sqrt((x27*x27) + x29)
@@ -349,8 +349,9 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del bend_aa_apart
     bend_aa_gram = (h_aa*h_aa)*(1.0 - 2.0*bend_aa_product/bend_aa_denominator) - x72
     del bend_aa_denominator, bend_aa_product
-    bend_aa_tolerance = error_a*(error_a + 2.0*h_aa) + x14*(h_aa + x72)
+    bend_aa_rounding = x14*(h_aa + x72)
     del x72
+    bend_aa_tolerance = bend_aa_rounding + error_a*(error_a + 2.0*h_aa)
     bend_aa_exists = bend_aa_gram >= -bend_aa_tolerance
     x266 = 4.0*error_a + x264
     bend_aa_free = (bend_aa_exists) & (h_aa <= x266)
@@ -358,8 +359,8 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del h_aa
     bend_aa_double = (bend_aa_gram <= bend_aa_tolerance) & (~(bend_aa_free))
     del bend_aa_tolerance
-    bend_aa_q = np.where(bend_aa_gram > 0.0, np.sqrt(bend_aa_gram), 0.0)
-    del bend_aa_gram
+    bend_aa_q = np.where(bend_aa_gram > 0.015625*bend_aa_rounding, np.sqrt(bend_aa_gram), 0.0)
+    del bend_aa_gram, bend_aa_rounding
     bend_aa_along = x3 - N_aa_3_3
     del N_aa_3_3
     bend_aa_size = np.sqrt((bend_aa_along*bend_aa_along) + (bend_aa_q*bend_aa_q))
@@ -476,8 +477,10 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del bend_ab_apart
     bend_ab_gram = (h_ab*h_ab)*(1.0 - 2.0*bend_ab_product/bend_ab_denominator) - x99
     del bend_ab_denominator, bend_ab_product
-    bend_ab_tolerance = error_a*(error_a + 2.0*h_ab) + x14*(h_ab + x99)
-    del error_a, x99
+    bend_ab_rounding = x14*(h_ab + x99)
+    del x99
+    bend_ab_tolerance = bend_ab_rounding + error_a*(error_a + 2.0*h_ab)
+    del error_a
     bend_ab_exists = bend_ab_gram >= -bend_ab_tolerance
     bend_ab_free = (bend_ab_exists) & (h_ab <= x266)
     del x266
@@ -485,8 +488,8 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del h_ab
     bend_ab_double = (bend_ab_gram <= bend_ab_tolerance) & (~(bend_ab_free))
     del bend_ab_tolerance
-    bend_ab_q = np.where(bend_ab_gram > 0.0, np.sqrt(bend_ab_gram), 0.0)
-    del bend_ab_gram
+    bend_ab_q = np.where(bend_ab_gram > 0.015625*bend_ab_rounding, np.sqrt(bend_ab_gram), 0.0)
+    del bend_ab_gram, bend_ab_rounding
     bend_ab_along = x3 - N_ab_3_3
     del N_ab_3_3
     bend_ab_size = np.sqrt((bend_ab_along*bend_ab_along) + (bend_ab_q*bend_ab_q))
@@ -564,7 +567,7 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del x268
     triangle_b_3_double = (triangle_b_3_room <= triangle_b_area) & (~(triangle_b_3_free))
     triangle_b_3_exists = (triangle_b_3_free) | ((triangle_b_3_room >= -triangle_b_area) & (triangle_b_3_r > 0.0))
-    triangle_b_3_q = np.where(triangle_b_3_room > 0.0, np.sqrt(triangle_b_3_room*(triangle_b_3_r + x115)), 0.0)
+    triangle_b_3_q = np.where(triangle_b_3_room > 0.015625*triangle_b_area, np.sqrt(triangle_b_3_room*(triangle_b_3_r + x115)), 0.0)
     del triangle_b_3_room, x115
     x116 = (triangle_b_3_q*triangle_b_3_q)
     triangle_b_3_size = triangle_b_3_r*np.sqrt((x114*x114) + x116)
@@ -751,8 +754,9 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del bend_ba_apart
     bend_ba_gram = (h_ba*h_ba)*(1.0 - 2.0*bend_ba_product/bend_ba_denominator) - x155
     del bend_ba_denominator, bend_ba_product
-    bend_ba_tolerance = error_b*(error_b + 2.0*h_ba) + x14*(h_ba + x155)
+    bend_ba_rounding = x14*(h_ba + x155)
     del x155
+    bend_ba_tolerance = bend_ba_rounding + error_b*(error_b + 2.0*h_ba)
     bend_ba_exists = bend_ba_gram >= -bend_ba_tolerance
     x267 = 4.0*error_b + x264
     bend_ba_free = (bend_ba_exists) & (h_ba <= x267)
@@ -760,8 +764,8 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del h_ba
     bend_ba_double = (bend_ba_gram <= bend_ba_tolerance) & (~(bend_ba_free))
     del bend_ba_tolerance
-    bend_ba_q = np.where(bend_ba_gram > 0.0, np.sqrt(bend_ba_gram), 0.0)
-    del bend_ba_gram
+    bend_ba_q = np.where(bend_ba_gram > 0.015625*bend_ba_rounding, np.sqrt(bend_ba_gram), 0.0)
+    del bend_ba_gram, bend_ba_rounding
     bend_ba_along = x3 - N_ba_3_3
     del N_ba_3_3
     bend_ba_size = np.sqrt((bend_ba_along*bend_ba_along) + (bend_ba_q*bend_ba_q))
@@ -893,8 +897,10 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del bend_bb_apart
     bend_bb_gram = (h_bb*h_bb)*(1.0 - 2.0*bend_bb_product/bend_bb_denominator) - x186
     del bend_bb_denominator, bend_bb_product
-    bend_bb_tolerance = error_b*(error_b + 2.0*h_bb) + x14*(h_bb + x186)
-    del error_b, x14, x186
+    bend_bb_rounding = x14*(h_bb + x186)
+    del x14, x186
+    bend_bb_tolerance = bend_bb_rounding + error_b*(error_b + 2.0*h_bb)
+    del error_b
     bend_bb_exists = bend_bb_gram >= -bend_bb_tolerance
     bend_bb_free = (bend_bb_exists) & (h_bb <= x267)
     del x267
@@ -902,8 +908,8 @@ def _robot_wrist_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_
     del h_bb, x264
     bend_bb_double = (bend_bb_gram <= bend_bb_tolerance) & (~(bend_bb_free))
     del bend_bb_tolerance
-    bend_bb_q = np.where(bend_bb_gram > 0.0, np.sqrt(bend_bb_gram), 0.0)
-    del bend_bb_gram
+    bend_bb_q = np.where(bend_bb_gram > 0.015625*bend_bb_rounding, np.sqrt(bend_bb_gram), 0.0)
+    del bend_bb_gram, bend_bb_rounding
     bend_bb_along = x3 - N_bb_3_3
     del N_bb_3_3, x3
     bend_bb_size = np.sqrt((bend_bb_along*bend_bb_along) + (bend_bb_q*bend_bb_q))
@@ -1684,7 +1690,7 @@ robot_parallel_reverse.types = ["ddddd->db", "fffff->fb"]
 
 
 def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
-    # 365 add, 600 mul, 29 div, 46 sqrt, 387 select, 211 compare, 47 abs, 34 atan2
+    # 365 add, 607 mul, 29 div, 46 sqrt, 387 select, 211 compare, 47 abs, 34 atan2
     x0 = (pose_1_3*pose_1_3)
     x1 = (pose_2_3*pose_2_3)
     rough = np.abs(pose_4_1) + np.abs(pose_4_2) + np.abs(pose_4_3) + np.abs(pose_4_4 - 1.0) + 2.0*np.abs(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + 2.0*np.abs(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + 2.0*np.abs(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3) + np.abs((pose_1_1*pose_1_1) + (pose_2_1*pose_2_1) + (pose_3_1*pose_3_1) - 1.0) + np.abs((pose_1_2*pose_1_2) + (pose_2_2*pose_2_2) + (pose_3_2*pose_3_2) - 1.0) + np.abs((pose_3_3*pose_3_3) + x0 + x1 - 1.0)
@@ -1746,7 +1752,7 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     x27 = spare*x26
     first_double = (first_room <= x27) & (~(first_free))
     first_exists = (first_free) | ((first_room >= -x27) & (first_r > 0.0))
-    first_q = np.where(first_room > 0.0, np.sqrt(first_room*(first_r + x19)), 0.0)
+    first_q = np.where(first_room > eps*spare, np.sqrt(first_room*(first_r + x19)), 0.0)
     del first_room, x19
     x20 = (first_q*first_q)
     first_size = first_r*np.sqrt((x18*x18) + x20)
@@ -1802,7 +1808,7 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     axes_a_3_3 = x8 - sine_1*x35
     del x35
     h_a = np.sqrt((axes_a_3_1*axes_a_3_1) + (axes_a_3_2*axes_a_3_2))
-    x38 = 8.0*np.sqrt(eps)
+    x38 = 32.0*np.sqrt(eps)
     x39 = np.where(first_error < x38, first_error, x38)
     del x38
     error_a = x39
@@ -1815,16 +1821,17 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del bend_a_apart
     bend_a_gram = (h_a*h_a)*(1.0 - 2.0*bend_a_product/bend_a_denominator) - x42
     del bend_a_denominator, bend_a_product
-    bend_a_tolerance = error_a*(error_a + 2.0*h_a) + x26*(h_a + x42)
+    bend_a_rounding = x26*(h_a + x42)
     del x42
+    bend_a_tolerance = bend_a_rounding + error_a*(error_a + 2.0*h_a)
     bend_a_exists = bend_a_gram >= -bend_a_tolerance
     bend_a_free = (bend_a_exists) & (h_a <= 4.0*error_a + x221)
     del error_a
     bend_a_any = (bend_a_exists) & (h_a <= x221)
     bend_a_double = (bend_a_gram <= bend_a_tolerance) & (~(bend_a_free))
     del bend_a_tolerance
-    bend_a_q = np.where(bend_a_gram > 0.0, np.sqrt(bend_a_gram), 0.0)
-    del bend_a_gram
+    bend_a_q = np.where(bend_a_gram > 0.015625*bend_a_rounding, np.sqrt(bend_a_gram), 0.0)
+    del bend_a_gram, bend_a_rounding
     bend_a_along = x9 - axes_a_3_3
     bend_a_size = np.sqrt((bend_a_along*bend_a_along) + (bend_a_q*bend_a_q))
     x43 = np.where(x225 < 0.0, -1.0, 1.0)
@@ -1930,9 +1937,9 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     triangle_aa_3_free = (triangle_aa_3_r <= x223) & (x79 <= x223)
     triangle_aa_3_double = (triangle_aa_3_room <= triangle_aa_area) & (~(triangle_aa_3_free))
     triangle_aa_3_exists = (triangle_aa_3_free) | ((triangle_aa_3_room >= -2.0*more_aa*triangle_aa_side - triangle_aa_area) & (triangle_aa_3_r > 0.0))
-    del more_aa, triangle_aa_area, triangle_aa_side
-    triangle_aa_3_q = np.where(triangle_aa_3_room > 0.0, np.sqrt(triangle_aa_3_room*(triangle_aa_3_r + x79)), 0.0)
-    del triangle_aa_3_room, x79
+    del more_aa, triangle_aa_side
+    triangle_aa_3_q = np.where(triangle_aa_3_room > 0.015625*triangle_aa_area, np.sqrt(triangle_aa_3_room*(triangle_aa_3_r + x79)), 0.0)
+    del triangle_aa_3_room, triangle_aa_area, x79
     triangle_aa_3_size = triangle_aa_3_r*np.sqrt((triangle_aa_3_q*triangle_aa_3_q) + (x78*x78))
     del triangle_aa_3_r
     triangle_aa_3_scale = np.where(triangle_aa_3_size > 0.0, 1.0/triangle_aa_3_size, 1.0)
@@ -2068,9 +2075,9 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     triangle_ab_3_free = (triangle_ab_3_r <= x223) & (x101 <= x223)
     triangle_ab_3_double = (triangle_ab_3_room <= triangle_ab_area) & (~(triangle_ab_3_free))
     triangle_ab_3_exists = (triangle_ab_3_free) | ((triangle_ab_3_room >= -2.0*more_ab*triangle_ab_side - triangle_ab_area) & (triangle_ab_3_r > 0.0))
-    del more_ab, triangle_ab_area, triangle_ab_side
-    triangle_ab_3_q = np.where(triangle_ab_3_room > 0.0, np.sqrt(triangle_ab_3_room*(triangle_ab_3_r + x101)), 0.0)
-    del triangle_ab_3_room, x101
+    del more_ab, triangle_ab_side
+    triangle_ab_3_q = np.where(triangle_ab_3_room > 0.015625*triangle_ab_area, np.sqrt(triangle_ab_3_room*(triangle_ab_3_r + x101)), 0.0)
+    del triangle_ab_3_room, triangle_ab_area, x101
     triangle_ab_3_size = triangle_ab_3_r*np.sqrt((triangle_ab_3_q*triangle_ab_3_q) + (x100*x100))
     del triangle_ab_3_r
     triangle_ab_3_scale = np.where(triangle_ab_3_size > 0.0, 1.0/triangle_ab_3_size, 1.0)
@@ -2163,8 +2170,9 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del bend_b_apart
     bend_b_gram = (h_b*h_b)*(1.0 - 2.0*bend_b_product/bend_b_denominator) - x108
     del bend_b_denominator, bend_b_product
-    bend_b_tolerance = error_b*(error_b + 2.0*h_b) + x26*(h_b + x108)
+    bend_b_rounding = x26*(h_b + x108)
     del x108, x26
+    bend_b_tolerance = bend_b_rounding + error_b*(error_b + 2.0*h_b)
     bend_b_exists = bend_b_gram >= -bend_b_tolerance
     bend_b_free = (bend_b_exists) & (h_b <= 4.0*error_b + x221)
     del error_b
@@ -2172,8 +2180,8 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del x221
     bend_b_double = (bend_b_gram <= bend_b_tolerance) & (~(bend_b_free))
     del bend_b_tolerance
-    bend_b_q = np.where(bend_b_gram > 0.0, np.sqrt(bend_b_gram), 0.0)
-    del bend_b_gram
+    bend_b_q = np.where(bend_b_gram > 0.015625*bend_b_rounding, np.sqrt(bend_b_gram), 0.0)
+    del bend_b_gram, bend_b_rounding
     bend_b_along = x9 - axes_b_3_3
     del x9
     bend_b_size = np.sqrt((bend_b_along*bend_b_along) + (bend_b_q*bend_b_q))
@@ -2266,9 +2274,9 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     triangle_ba_3_free = (triangle_ba_3_r <= x223) & (x134 <= x223)
     triangle_ba_3_double = (triangle_ba_3_room <= triangle_ba_area) & (~(triangle_ba_3_free))
     triangle_ba_3_exists = (triangle_ba_3_free) | ((triangle_ba_3_room >= -2.0*more_ba*triangle_ba_side - triangle_ba_area) & (triangle_ba_3_r > 0.0))
-    del more_ba, triangle_ba_area, triangle_ba_side
-    triangle_ba_3_q = np.where(triangle_ba_3_room > 0.0, np.sqrt(triangle_ba_3_room*(triangle_ba_3_r + x134)), 0.0)
-    del triangle_ba_3_room, x134
+    del more_ba, triangle_ba_side
+    triangle_ba_3_q = np.where(triangle_ba_3_room > 0.015625*triangle_ba_area, np.sqrt(triangle_ba_3_room*(triangle_ba_3_r + x134)), 0.0)
+    del triangle_ba_3_room, triangle_ba_area, x134
     triangle_ba_3_size = triangle_ba_3_r*np.sqrt((triangle_ba_3_q*triangle_ba_3_q) + (x133*x133))
     del triangle_ba_3_r
     triangle_ba_3_scale = np.where(triangle_ba_3_size > 0.0, 1.0/triangle_ba_3_size, 1.0)
@@ -2406,9 +2414,9 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     del x223
     triangle_bb_3_double = (triangle_bb_3_room <= triangle_bb_area) & (~(triangle_bb_3_free))
     triangle_bb_3_exists = (triangle_bb_3_free) | ((triangle_bb_3_room >= -2.0*more_bb*triangle_bb_side - triangle_bb_area) & (triangle_bb_3_r > 0.0))
-    del more_bb, triangle_bb_area, triangle_bb_side
-    triangle_bb_3_q = np.where(triangle_bb_3_room > 0.0, np.sqrt(triangle_bb_3_room*(triangle_bb_3_r + x155)), 0.0)
-    del triangle_bb_3_room, x155
+    del more_bb, triangle_bb_side
+    triangle_bb_3_q = np.where(triangle_bb_3_room > 0.015625*triangle_bb_area, np.sqrt(triangle_bb_3_room*(triangle_bb_3_r + x155)), 0.0)
+    del triangle_bb_3_room, triangle_bb_area, x155
     triangle_bb_3_size = triangle_bb_3_r*np.sqrt((triangle_bb_3_q*triangle_bb_3_q) + (x154*x154))
     del triangle_bb_3_r
     triangle_bb_3_scale = np.where(triangle_bb_3_size > 0.0, 1.0/triangle_bb_3_size, 1.0)
