@@ -30,8 +30,9 @@ from enum import IntEnum
 
 import sympy as sp
 
+from rodgen._polygon_notation import chain_value
 from rodgen.codegen import KernelBuilder
-from rodgen.symbolic import EPS, LARGEST, Derivation, dot, equal, in_notebook, select
+from rodgen.symbolic import EPS, LARGEST, Derivation, Dual, dot, dual_value, equal, in_notebook, select
 
 derivation = Derivation(
     "spatial_loops",
@@ -85,28 +86,16 @@ def chain(*parts):
 
 
 def secondary(expr):
-    """Secondary part of a spherical law when every angle is dual: the derivative along offsets and lengths."""
-    pairs = [(theta[j], S[j]) for j in theta] + [(alpha[e], a[e]) for e in links]
-    return sum((sp.diff(expr, angle) * length for angle, length in pairs), sp.S.Zero)
+    """Secondary part of a spherical law when every angle is dual: the angle θ + ε S of a joint, α + ε a of a link."""
+    dual = {theta[j]: Dual(theta[j], S[j]) for j in theta} | {alpha[e]: Dual(alpha[e], a[e]) for e in links}
+    return dual_value(expr, dual).secondary
 
 
 class Notation:
-    """X, Y, Z of a string of joints, in the source's recursion; `step` tells which link a joint leads to."""
+    """X, X*, Y and Z of a chain of links and joints, near twist first."""
 
-    def __init__(self, first, before, after):
-        self.X = s(before) * s(first)
-        self.Y = -(s(after) * c(before) + c(after) * s(before) * c(first))
-        self.Z = c(after) * c(before) - s(after) * s(before) * c(first)
-
-    def star(self, j):
-        return self.X * s(j) + self.Y * c(j)
-
-    def then(self, j, after):
-        made = object.__new__(Notation)
-        made.X = self.X * c(j) - self.Y * s(j)
-        made.Y = c(after) * self.star(j) - s(after) * self.Z
-        made.Z = s(after) * self.star(j) + c(after) * self.Z
-        return made
+    def __init__(self, *names):
+        self.X, self.star, self.Y, self.Z = chain_value([(c(name), s(name)) for name in names])
 
 
 # %% [markdown]
@@ -119,8 +108,8 @@ class Notation:
 A = chain("34", 4, "41", 1, "12")
 B = inverse(chain(2, "23", 3)).applyfunc(sp.expand)
 closure = A - B
-Z41 = Notation(4, "34", "41").then(1, "12")
-Four = Notation(4, "34", "41")
+Z41 = Notation("34", 4, "41", 1, "12")
+Four = Notation("34", 4, "41")
 d.check(
     "rccc-cosine-law",
     equal(closure[2, 2], Z41.Z - c("23")),
@@ -130,7 +119,7 @@ d.check(
 ).prove()
 
 # %%
-Z14 = Notation(1, "12", "41").then(4, "34")
+Z14 = Notation("12", 1, "41", 4, "34")
 d.check(
     "rccc-other-angles",
     equal(closure[2, 0], Z41.X - s("23") * s(2)),
@@ -229,9 +218,9 @@ d.check(
 A = chain("45", 5, "51", 1, "12", 2, "23")
 B = inverse(chain(3, "34", 4)).applyfunc(sp.expand)
 closure = A - B
-Five = Notation(5, "45", "51")
-Z51 = Five.then(1, "12")
-Z512 = Z51.then(2, "23")
+Five = Notation("45", 5, "51")
+Z51 = Notation("45", 5, "51", 1, "12")
+Z512 = Notation("45", 5, "51", 1, "12", 2, "23")
 d.check(
     "rrrcc-cosine-law",
     equal(closure[2, 2], Z512.Z - c("34")),
@@ -261,7 +250,7 @@ d.check(
     equal(secondary(Five.X), X0[5]),
     equal(secondary(Five.Y), Y0[5]),
     equal(secondary(Five.Z), Z0[5]),
-    equal(secondary(Z51.X), X0[5] * c(1) - Y0[5] * s(1) - S[1] * Five.star(1)),
+    equal(secondary(Z51.X), X0[5] * c(1) - Y0[5] * s(1) - S[1] * Z51.star),
     equal(secondary(Z51.Y), c("12") * star0 - s("12") * Z0[5] - a["12"] * Z51.Z),
     equal(secondary(Z51.Z), s("12") * star0 + c("12") * Z0[5] + a["12"] * Z51.Y),
     text="Secondary parts of X, Y and Z, one joint and the step to the next; the kernels compute them so.",
@@ -365,74 +354,164 @@ d.check(
 #
 # The same holds for every loop of group 2, whatever the order of its joints. Four unknown angles are left, of turns
 # about $s_1,\ldots,s_4$ in a ring of four links, and two unknown offsets along directions $p$ and $q$ that are fixed in
-# links (a cylindric joint's axis lies in both of its links). The first equation is $s_4\cdot s_1=\cos\alpha_{41}$,
-# bilinear in $\theta_2$ and $\theta_3$. The second is the projection of the vector loop on $p\times q$. Seen from link
-# 23, vectors of link 12 turn with $\theta_2$, those of link 34 with $\theta_3$, and those of link 41 are sums of $s_4$,
-# $s_1$ and $s_4\times s_1$. So its terms are bilinear, except for
+# links (a cylindric joint's axis lies in both of its links; link 41 is chosen so that it has none). The first equation
+# is $s_4\cdot s_1=\cos\alpha_{41}$. The second is the projection of the vector loop on $p\times q$. Seen from link 23,
+# vectors of link 12 turn with $\theta_2$ and those of link 34 with $\theta_3$; those of link 41 are sums of $s_4$,
+# $s_1$ and $s_4\times s_1$, so its first two parts are added to the vectors of links 34 and 12. What is left is
 #
-# $$(p\times q)\cdot(s_4\times s_1)=(p\cdot s_4)(q\cdot s_1)-(p\cdot s_1)(q\cdot s_4)$$
+# $$(p\times q)\cdot(s_4\times s_1)=(p\cdot q)(s_1\cdot s_4)+(p\times s_1)\cdot(s_4\times q)-(p\cdot s_1)(q\cdot s_4)$$
 #
-# with slides in neighbouring or opposite links. There the identities below make it bilinear: with $x=s_1\cdot s_3$,
-# which depends on $\theta_2$ alone, $y=s_2\cdot s_4$, which depends on $\theta_3$ alone, and determinants $D_{ijk}$ of
-# three of the axes, all of them bilinear, every product $p\cdot s_4$ by $q\cdot s_1$ is a sum of $xy$, $yD_{123}$,
-# $xD_{124}$, $yD_{134}$, $D_{124}D_{123}$, $D_{124}D_{134}$ and bilinear terms.
+# for slides in two links. Wherever the first equation holds, $s_1\cdot s_4$ is a constant, and with it each term is
+# bilinear in $1,\cos,\sin$ of $\theta_2$ and $\theta_3$. Below, functions of $\theta_2$ are tables with the columns
+# $1,\cos\theta_2,\sin\theta_2$, those of $\theta_3$ likewise.
 
 # %%
-axes = {j: d.vector(f"s_{j}", rf"\vec s_{j}", f"direction of axis {j}", "1") for j in range(1, 5)}
+turn_before, turn_after = sp.symbols("phi_1 phi_2", real=True)
 
 
-def D(i, j, k):
-    return sp.Matrix.hstack(*(sp.Matrix(list(axes[n])) for n in (i, j, k))).det()
+def from_first(t):
+    """Vector of link 12, given along the axes at joint 2, seen from link 23 (at joint 2): Rz(-theta_2) t."""
+    return sp.Matrix([[0, t[0], t[1]], [0, t[1], -t[0]], [t[2], 0, 0]])
 
 
-def product(i, j):
-    return dot(axes[i], axes[j])
+def from_third(t, rotation):
+    """Vector of link 34 seen from link 23: R Rz(theta_3) t, with the rotation R along link 23."""
+    return rotation * sp.Matrix([[0, t[0], -t[1]], [0, t[1], t[0]], [t[2], 0, 0]])
 
 
-def table(rows, columns):
-    return im([[product(i, j) for j in columns] for i in rows])
+def across(v, table):
+    """Cross product of a vector of link 23 with each column of a table."""
+    return sp.Matrix.hstack(*(v.cross(table[:, n]) for n in range(3)))
 
 
-four = sum(
-    ((-1) ** n * D(*(j for j in range(1, 5) if j != n)) * sp.Matrix(list(axes[n])) for n in range(1, 5)),
-    sp.zeros(3, 1),
-)
-d.check(
-    "four-axes",
-    equal(im(four), sp.zeros(3, 1).as_immutable()),
-    text="Four vectors in space: D₂₃₄ s₁ − D₁₃₄ s₂ + D₁₂₄ s₃ − D₁₂₃ s₄ = 0.",
-).prove()
+def alone(value):
+    return sp.Matrix([[value, 0, 0], [0, 0, 0], [0, 0, 0]])
 
-# %%
-d.check(
-    "neighbouring-slides",
-    equal(
-        product(1, 3) * D(1, 2, 4),
-        product(1, 4) * D(1, 2, 3) + product(1, 2) * D(1, 3, 4) - product(1, 1) * D(2, 3, 4),
-    ),
-    equal(
-        product(2, 4) * D(1, 3, 4),
-        product(1, 4) * D(2, 3, 4) + product(3, 4) * D(1, 2, 4) - product(4, 4) * D(1, 2, 3),
-    ),
-    equal(D(1, 2, 4) * D(1, 2, 3), table((1, 2, 4), (1, 2, 3)).det()),
-    equal(D(1, 2, 4) * D(1, 3, 4), table((1, 2, 4), (1, 3, 4)).det()),
-    text="Products of two bilinear functions that are bilinear again: dot products of neighbouring axes are constant, "
-    "and each determinant of dot products holds x and y once.",
-).prove()
 
-# %%
-p_slide = d.vector("p_slide", r"\vec p", "direction of a slide in link 12", "1")
-q_slide = d.vector("q_slide", r"\vec q", "direction of another slide", "1")
-d.check(
-    "projection-across-two-slides",
-    equal(
-        dot(
-            sp.Matrix(list(p_slide)).cross(sp.Matrix(list(q_slide))),
-            sp.Matrix(list(axes[4])).cross(sp.Matrix(list(axes[1]))),
+def second_only(row):
+    """Function of the second angle alone, as a function of both."""
+    return sp.Matrix.vstack(row, sp.zeros(2, 3))
+
+
+def first_only(column):
+    return sp.Matrix.hstack(column, sp.zeros(3, 2))
+
+
+def projections(p, q, V, s1, s4, c41, gamma, R):
+    """Projection of the vector loop on p x q, as a table, for slides in each pair of links.
+
+    `V` are the vectors of links 12, 23 and 34; `s1` is given in link 12 and `s4` in link 34, `gamma` times s4 x s1 is
+    left of link 41. For each pair the slide `p` lies in the first link named, and `q` in the second.
+    """
+    V0, V1, V2 = V
+    f, t = from_first, lambda v: from_third(v, R)
+    p0, q2 = f(p), t(q)
+    return {
+        "12_12": alone((p.cross(q)).dot(V0))
+        + first_only(f(p.cross(q)).T * V1)
+        + f(p.cross(q)).T * t(V2)
+        + gamma * f(s1.cross(p.cross(q))).T * t(s4),
+        "23_23": first_only(f(V0).T * p.cross(q))
+        + alone(p.cross(q).dot(V1))
+        + second_only(p.cross(q).T * t(V2))
+        - gamma * across(p.cross(q), f(s1)).T * t(s4),
+        "34_34": f(V0).T * t(p.cross(q))
+        + second_only(V1.T * t(p.cross(q)))
+        + alone(p.cross(q).dot(V2))
+        + gamma * f(s1).T * t(p.cross(q).cross(s4)),
+        "12_23": first_only(f(V0.cross(p)).T * q + p0.T * q.cross(V1))
+        + p0.T * across(q, t(V2))
+        + gamma
+        * (
+            first_only(c41 * p0.T * q)
+            - f(p.cross(s1)).T * across(q, t(s4))
+            - second_only(p.dot(s1) * q.T * t(s4))
         ),
-        dot(p_slide, axes[4]) * dot(q_slide, axes[1]) - dot(p_slide, axes[1]) * dot(q_slide, axes[4]),
+        "12_34": f(V0.cross(p)).T * q2
+        - p0.T * across(V1, q2)
+        + p0.T * t(q.cross(V2))
+        + gamma * (c41 * p0.T * q2 + f(p.cross(s1)).T * t(s4.cross(q)) - alone(p.dot(s1) * q.dot(s4))),
+        "23_34": f(V0).T * across(p, q2)
+        + second_only(V1.cross(p).T * q2 + p.T * t(q.cross(V2)))
+        + gamma
+        * (
+            second_only(c41 * p.T * q2)
+            + across(p, f(s1)).T * t(s4.cross(q))
+            - first_only(q.dot(s4) * f(s1).T * p)
+        ),
+    }
+
+
+letters = {
+    name: d.vector(name, latex, doc, unit)
+    for name, latex, doc, unit in (
+        ("p_slide", r"\vec p", "direction of a slide", "1"),
+        ("q_slide", r"\vec q", "direction of another slide", "1"),
+        ("v_12", r"\vec v_{12}", "vector of link 12", "length"),
+        ("v_23", r"\vec v_{23}", "vector of link 23", "length"),
+        ("v_34", r"\vec v_{34}", "vector of link 34", "length"),
+        ("s_1", r"\vec s_1", "direction of axis 1, in link 12", "1"),
+        ("s_4", r"\vec s_4", "direction of axis 4, in link 34", "1"),
+    )
+}
+p, q, *V, s1, s4 = (sp.Matrix(list(v)) for v in letters.values())
+cosine41 = d.symbol("c_41", r"c_{41}", "cosine of the twist of link 41", "1")
+gamma = d.symbol("gamma", r"\gamma", "part of link 41 along s₄ × s₁", "length")
+middle = rotation_z(turn_before) * tilt * rotation_z(turn_after)
+see = {
+    "12": rotation_z(-theta[2]),
+    "23": sp.eye(3),
+    "34": middle * rotation_z(theta[3]),
+}
+loop = sum(
+    (see[link] * v for link, v in zip(see, V, strict=True)), gamma * (see["34"] * s4).cross(see["12"] * s1)
+)
+tables = projections(p, q, V, s1, s4, cosine41, gamma, middle)
+d.check(
+    "any-two-slides",
+    *(
+        equal(
+            (see[name[:2]] * p).cross(see[name[3:]] * q).dot(loop),
+            bilinear(table, 2, 3)
+            + (
+                0
+                if name[:2] == name[3:]
+                else gamma
+                * (see[name[:2]] * p).dot(see[name[3:]] * q)
+                * ((see["12"] * s1).dot(see["34"] * s4) - cosine41)
+            ),
+        )
+        for name, table in tables.items()
     ),
-    text="The one part of the projection that is no sum of bilinear terms at sight.",
+    text="For slides in any two links of 12, 23 and 34 the projection is a bilinear table, and a multiple of the first "
+    "equation besides.",
+).prove()
+
+# %%
+n_axis = d.vector("n", r"\vec n", "direction of axis 1 seen from axis 4, along z, in link 41", "1")
+v_41 = d.vector("v_41", r"\vec v_{41}", "vector of link 41, there", "length")
+
+
+def closing_parts(n, v):
+    """Parts of a vector along z, n and z x n, each times the square of the sine between z and n."""
+    along, other = v[2], v.dot(n)
+    return along - n[2] * other, other - n[2] * along, n[0] * v[1] - n[1] * v[0]
+
+
+n, v41 = sp.Matrix(list(n_axis)), sp.Matrix(list(v_41))
+z = sp.Matrix([0, 0, 1])
+parts = closing_parts(n, v41)
+d.check(
+    "link-41",
+    equal(im(parts[0] * z + parts[1] * n + parts[2] * z.cross(n)), im((n[0] ** 2 + n[1] ** 2) * v41)),
+    text="The vector of link 41 as a sum of s₄, s₁ and s₄ × s₁; it needs axes that are not parallel.",
+).prove(modulo={n_axis.components[2]: dot(n_axis, n_axis) - 1})
+
+# %%
+d.check(
+    "first-of-any-two-slides",
+    equal(bilinear(from_first(s1).T * from_third(s4, middle), 2, 3), (see["12"] * s1).dot(see["34"] * s4)),
+    text="The first equation is bilinear at sight.",
 ).prove()
 
 # %% [markdown]
@@ -743,7 +822,39 @@ def rrrcc_back():
     return k.build()
 
 
-derivation.kernel(rccc(), rrrcc_pair(), rrrcc_back())
+def ring_pair(slides):
+    first_link, second_link = slides[:2], slides[3:]
+    where = f"the links {first_link} and {second_link}" if first_link != second_link else f"link {first_link}"
+    k = KernelBuilder(
+        f"loop_pair_{slides}",
+        summary=f"Write a ring of four links with two slides, in {where}, as a bilinear pair.",
+        source="derivation spatial_loops; Crane and Duffy, group two solution process",
+        notes="Each link is a rotation from the frame at its second joint to that at its first, z along the joint, and a "
+        "vector in the latter. Rows multiply 1, cos, sin of the second angle, columns those of the third.",
+    )
+    rotations = k.input("rotation", (4, 3, 3), unit="1", doc="of the links 12, 23, 34 and 41")
+    vectors = k.input("vector", (4, 3), unit="length", doc="of these links, without the slides")
+    p = k.input("p", 3, unit="1", doc=f"direction of the first slide, in link {first_link}")
+    q = k.input("q", 3, unit="1", doc=f"direction of the second slide, in link {second_link}")
+    R12, R23, R34, R41 = (sp.Matrix(rotations[n].tolist()) for n in range(4))
+    v12, v23, v34, v41 = (vectors[n, :].T for n in range(4))
+    n = R41[:, 2]
+    square = k.let("square", n[0] ** 2 + n[1] ** 2)
+    parts = k.let("part", sp.Matrix(closing_parts(n, v41)) / square)
+    s1 = R12[2, :].T  # along the axes at joint 2
+    s4 = R34[:, 2]
+    V12 = k.let("v_12", R12.T * v12 + parts[1] * s1)
+    V34 = k.let("v_34", v34 + parts[0] * s4)
+    inward = lambda link, v, name: k.let(f"{name}_12", R12.T * v) if link == "12" else v  # noqa: E731
+    p, q = inward(first_link, p, "p"), inward(second_link, q, "q")
+    second = projections(p, q, (V12, v23, V34), s1, s4, n[2], parts[2], R23)[slides]
+    first = from_first(s1).T * from_third(s4, R23) - alone(n[2])
+    pair = sp.ImmutableDenseNDimArray([first.tolist(), second.tolist()])
+    k.output("pair", pair, unit="1", doc="coefficients; those of the second equation are lengths")
+    return k.build()
+
+
+derivation.kernel(rccc(), rrrcc_pair(), rrrcc_back(), *(ring_pair(slides) for slides in tables))
 if in_notebook() and __name__ == "__main__":  # not where another notebook imports this one
     for kernel in derivation.kernels.values():
         print(f"{kernel.name:40} {sum(kernel.operations.values()):5d} operations")
