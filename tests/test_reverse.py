@@ -35,8 +35,13 @@ def slopes(kernel: Kernel, mode: str, **values: Any) -> np.ndarray:
     return np.asarray(made.evaluate(values)["f_jacobian"], dtype=float)
 
 
+DIFFERENTIATED = sorted(n for n, k in KERNELS.items() if "covariance" not in n and k.derivative is None)
+# SymPy takes a minute for the derivatives of a thousand operations, and the same rules make them as those of a few.
+LONG = {n for n in DIFFERENTIATED if sum(KERNELS[n].operations.values()) > 500}
+
+
 @pytest.mark.parametrize(
-    "name", sorted(n for n, k in KERNELS.items() if "covariance" not in n and k.derivative is None)
+    "name", [pytest.param(n, marks=pytest.mark.slow) if n in LONG else n for n in DIFFERENTIATED]
 )
 def test_both_modes_agree_on_every_kernel_and_at_every_hard_input(name: str) -> None:
     """Zeros, infinities, NaN and case distinctions among the inputs; both modes with 50 digits."""
