@@ -42,7 +42,16 @@ SIDES = np.array([-30.0, -4.0, 4.0, 30.0])
 NEAR = 1e-6
 """Solutions that meet and are not farther apart are one: rounding moves them by 1e-8 to 1e-7."""
 STRETCH = 1e-2
-"""As far as this they are one if half way between them the equations hold as well: three solutions meet, or nearly."""
+"""As far as this they are one if half way between them the equations nearly hold: three solutions meet, or more."""
+CLUSTER = 64
+"""How nearly, over what rounding leaves. Half way between two places 1e-6 apart where two solutions each meet more is
+left than that."""
+HALVINGS = 20
+"""Steps to a line on which both equations hold; where they do to second order, each halves the distance."""
+NEAR_LINE = 1e-3
+"""How far, in rad, solutions that meet may be from such a line to be taken for a part of it."""
+MEETING = 8
+"""Steps of Newton's method for the equations and their determinant together, which are regular where two meet."""
 EXPECTED = 1e-3
 """Of an eigenvalue that stands alone, in rad: far more than it is off by, and less than it is from others."""
 SAMPLES = 60
@@ -158,7 +167,7 @@ def _downhill(M: Any, angles: Any) -> Any:
         reached = _values(M, trial)
         better = np.square(reached).sum(axis=-1) < np.square(value).sum(axis=-1)
         angles[better], value[better] = trial[better], reached[better]
-        longest = np.where(better, 2 * longest, np.minimum(longest, length) / 4)
+        longest = np.maximum(np.where(better, 2 * longest, np.minimum(longest, length) / 4), EPS**2)
     return angles
 
 
@@ -175,18 +184,23 @@ def collected(M: Any, loss: Any, starts: Any) -> tuple[Any, Any]:
     with np.errstate(invalid="ignore"):
         there = residual <= limit[:, None]
         regular = there & (condition <= regular_below(loss)[:, None])
-    free = there & ~regular & _free(M, angles, limit)
+    free = np.zeros(there.shape, int)
+    of, which = np.nonzero(there & ~regular)
+    if len(of):
+        met = _where_they_meet(M[of], limit[of], angles[of, which])
+        angles[of, which], free[of, which] = _on_lines(M[of], limit[of], met)
     kind = np.select(
-        [regular, free, there],
+        [regular, free > 0, there],
         [PairStatus.REGULAR, PairStatus.COMMON_FACTOR, PairStatus.DOUBLE],
         PairStatus.NONE,
     )
     # what is best first stands for those it is the same as
     order = np.argsort(np.where(there, kind + residual, 9.0), axis=-1, kind="stable")
     angles = np.take_along_axis(angles, order[..., None], axis=1)
-    kind, condition = np.take_along_axis(kind, order, axis=1), np.take_along_axis(condition, order, axis=1)
+    kind, condition, free = (np.take_along_axis(x, order, axis=1) for x in (kind, condition, free))
     found = np.full((n, SLOTS, 2), np.nan)
     status, known = np.full((n, SLOTS), PairStatus.NONE, np.int8), np.full((n, SLOTS), np.nan)
+    lines = np.zeros((n, SLOTS), int)
     count = np.zeros(n, int)
     width = int(there.sum(axis=-1).max(initial=0))
     for k in range(width):
@@ -194,12 +208,40 @@ def collected(M: Any, loss: Any, starts: Any) -> tuple[Any, Any]:
         same = _known(
             M[rows], limit[rows], angles[rows, k], kind[rows, k], found[rows], status[rows], known[rows]
         )
+        same |= _line_known(angles[rows, k], free[rows, k], found[rows], lines[rows])
         rows = rows[~same]
         place = rows, count[rows]
         found[place], status[place], known[place] = angles[rows, k], kind[rows, k], condition[rows, k]
+        lines[place] = free[rows, k]
         count[rows] += 1
     order = np.lexsort((found[..., 1], found[..., 0]), axis=-1)
     return np.take_along_axis(found, order[..., None], axis=1), np.take_along_axis(status, order, axis=1)
+
+
+def _where_they_meet(M: Any, limit: Any, angles: Any) -> Any:
+    """Bring angles (n, 2) of solutions that meet to where the determinant vanishes as well, as near as it gets."""
+    now, value = angles.copy(), _values(M, angles)
+    best = angles.copy()
+    lowest = np.full(len(now), np.inf)
+    for _ in range(MEETING):
+        u, v = basis(now[:, 0]), basis(now[:, 1])
+        du, dv = u[:, [0, 2, 1]] * [0, -1, 1], v[:, [0, 2, 1]] * [0, -1, 1]
+        ddu, ddv = -u * [0, 1, 1], -v * [0, 1, 1]
+        value = np.einsum("neij,ni,nj->ne", M, u, v)
+        a, b = np.einsum("neij,ni,nj->ne", M, du, v), np.einsum("neij,ni,nj->ne", M, u, dv)
+        aa, bb = np.einsum("neij,ni,nj->ne", M, ddu, v), np.einsum("neij,ni,nj->ne", M, u, ddv)
+        ab = np.einsum("neij,ni,nj->ne", M, du, dv)
+        det = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+        by_first = aa[:, 0] * b[:, 1] + a[:, 0] * ab[:, 1] - aa[:, 1] * b[:, 0] - a[:, 1] * ab[:, 0]
+        by_second = ab[:, 0] * b[:, 1] + a[:, 0] * bb[:, 1] - ab[:, 1] * b[:, 0] - a[:, 1] * bb[:, 0]
+        missed = np.abs(value).max(axis=-1) / np.abs(M).sum(axis=(-2, -1)).max(axis=-1)
+        better = (missed <= limit) & (np.abs(det) < lowest)
+        best[better], lowest[better] = now[better], np.abs(det)[better]
+        three = np.concatenate([value, det[:, None]], axis=1)
+        J = np.stack([np.column_stack([a, by_first]), np.column_stack([b, by_second])], axis=-1)
+        step = (np.linalg.pinv(J, rcond=1e-5) @ three[..., None])[..., 0]
+        now = now - np.clip(step, -1e-3, 1e-3)
+    return wrapped(best)
 
 
 def _with_both_sides(M: Any, limit: Any, found: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -226,14 +268,34 @@ def _with_both_sides(M: Any, limit: Any, found: tuple[Any, ...]) -> tuple[Any, .
     return tuple(added)
 
 
-def _free(M: Any, angles: Any, limit: Any) -> Any:
-    """Tell where one angle alone makes both equations hold, whatever the other."""
-    u, v = (basis(np.nan_to_num(angles[..., k])) for k in (0, 1))
+def _on_lines(M: Any, limit: Any, angles: Any) -> tuple[Any, Any]:
+    """Bring angles (n, 2) to lines on which both equations hold, if they are near one: angles, and which one is free.
+
+    The second is 0 for none, 1 where the first angle alone makes the equations hold, 2 where the second does.
+    """
+    angles, free = angles.copy(), np.zeros(len(angles), int)
     size = np.abs(M).sum(axis=(-2, -1))
-    row = np.abs(np.einsum("neij,nmi->nmej", M, u)).sum(axis=-1) / size[:, None]
-    column = np.abs(np.einsum("neij,nmj->nmei", M, v)).sum(axis=-1) / size[:, None]
-    bound = 4 * limit[:, None, None]
-    return (row <= bound).all(axis=-1) | (column <= bound).all(axis=-1)
+    for which, m in enumerate((M, M.swapaxes(-1, -2))):
+        now = angles[:, which].copy()
+        for _ in range(HALVINGS):  # least squares of all six coefficients of what is left
+            u = basis(now)
+            rest = np.einsum("neij,ni->nej", m, u)
+            slope = np.einsum("neij,ni->nej", m, u[:, [0, 2, 1]] * [0, -1, 1])
+            square = np.square(slope).sum(axis=(-2, -1))
+            now = now - (slope * rest).sum(axis=(-2, -1)) / np.where(square > 0, square, 1.0)
+        rest = np.abs(np.einsum("neij,ni->nej", m, basis(now))).sum(axis=-1) / size
+        near = np.abs(np.remainder(now - angles[:, which] + np.pi, 2 * np.pi) - np.pi) <= NEAR_LINE
+        there = near & (rest <= 4 * limit[:, None]).all(axis=-1) & (free == 0)
+        angles[there, which], free[there] = now[there], which + 1
+    return wrapped(angles), free
+
+
+def _line_known(angles: Any, free: Any, found: Any, lines: Any) -> Any:
+    """Tell which candidates (n, 2) are on one of the lines found (n, 8, 2)."""
+    off = np.abs(np.remainder(angles[:, None] - found + np.pi, 2 * np.pi) - np.pi)
+    with np.errstate(invalid="ignore"):
+        on = [(free == which)[:, None] & (lines == which) & (off[..., which - 1] <= NEAR) for which in (1, 2)]
+    return (on[0] | on[1]).any(axis=-1)
 
 
 def _known(M: Any, limit: Any, angles: Any, kind: Any, found: Any, status: Any, condition: Any) -> Any:
@@ -242,15 +304,16 @@ def _known(M: Any, limit: Any, angles: Any, kind: Any, found: Any, status: Any, 
     with np.errstate(invalid="ignore"):
         both = (kind == PairStatus.REGULAR)[:, None] & (status == PairStatus.REGULAR)
         same = distance <= np.where(both, 0.25 / condition, NEAR)
-        family = (kind == PairStatus.COMMON_FACTOR)[:, None] & (status == PairStatus.COMMON_FACTOR)
         rows, slots = np.nonzero(~same & ~both & (distance <= STRETCH))
     if len(rows):
         turn = np.remainder(angles[rows] - found[rows, slots] + np.pi, 2 * np.pi) - np.pi
         half_way = found[rows, slots] + turn / 2
-        u, v = basis(half_way[:, 0]), basis(half_way[:, 1])
-        missed = np.abs(np.einsum("neij,ni,nj->ne", M[rows], u, v)) / np.abs(M[rows]).sum(axis=(-2, -1))
-        same[rows, slots] = missed.max(axis=-1) <= 2 * limit[rows]
-    return (same | family).any(axis=-1)
+        for _ in range(2):  # solutions that meet lie along a curve: go across, back to it
+            across = np.linalg.pinv(_derivatives(M[rows], half_way), rcond=1e-2)
+            half_way = half_way - (across @ _values(M[rows], half_way)[..., None])[..., 0]
+        near = apart(half_way, found[rows, slots]) <= distance[rows, slots]
+        same[rows, slots] = near & (_missed(M[rows], half_way) <= CLUSTER * limit[rows])
+    return same.any(axis=-1)
 
 
 def consistent(M: Any, angles: Any, status: Any, expected: Any) -> Any:
@@ -270,7 +333,8 @@ def consistent(M: Any, angles: Any, status: Any, expected: Any) -> Any:
     # between solutions, that is at samples and half way between neighbours, the sign changes with the count
     first = np.where(alone, angles[..., 0], np.pi)
     first = np.sort(first, axis=-1)
-    neighbours = (first[:, 1:] + first[:, :-1]) / 2
+    # solutions at one θ1 have none between them
+    neighbours = np.where(np.diff(first, axis=-1) > 2 * NEAR, (first[:, 1:] + first[:, :-1]) / 2, np.pi)
     samples = np.broadcast_to(np.linspace(-np.pi, np.pi, SAMPLES, endpoint=False) + 0.01, (n, SAMPLES))
     at = np.concatenate([samples, neighbours], axis=1)
     rows = np.einsum("neij,nki->nkej", M, basis(at))
