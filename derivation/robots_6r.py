@@ -158,6 +158,8 @@ d.check(
     equal(turned.dot(turned), 2 * a23 * l1 * c3 - 2 * a23 * l2 * s3 + a23**2 + l1**2 + l2**2),
     text="The length of the triangle's third side gives θ3: 2 a23 (l1 c3 - l2 s3) + a23² + |l|² - |w|² = 0.",
 ).prove(modulo=UNIT)
+
+# %%
 d.check(
     "theta2",
     equal(arm.dot(turned), arm.dot(arm) * c2),
@@ -177,6 +179,8 @@ d.check(
     text="The last column holds θ4 and θ5. Its last entry gives the cosine of θ5, whose sine may have either sign; the "
     "other two then give θ4.",
 ).prove()
+
+# %%
 wrist_4 = rz(4).T * sp.Matrix(list(d.vector("n", r"\vec n", "first column of N", "1")))
 n = sp.Matrix(sp.symbols("n_1 n_2 n_3", real=True))
 from_left = tx("56").T * rz(5).T * tx("45").T * rz(4).T
@@ -215,6 +219,8 @@ d.check(
     vectors(moved("56", 6, ZERO) - OFFSET[6] * tx("56") * Z_AXIS, ZERO),
     text="With a56 = 0 the point S6 before the end is the origin of frame 5.",
 ).prove(given={LENGTH["56"]: 0})
+
+# %%
 to_5 = OFFSET[2] * Z_AXIS + rz(2) * moved("23", 3, moved("34", 4, moved("45", 5, ZERO)))
 plane_4 = rz(2) * rz(3) * rz(4)
 d.check(
@@ -226,6 +232,8 @@ d.check(
     text="Less a45 and S5, whose directions are known from θ2 + θ3 + θ4, the same triangle is left, with the forearm "
     "a34.",
 ).prove(given={**PARALLEL_23, **PARALLEL_34})
+
+# %%
 c45_S5 = (Z_AXIS.T * plane_4 * tx("45") * Z_AXIS)[0]
 d.check("parallel-height", equal(c45_S5, c45), text="S2 · S5 = c45.").prove()
 
@@ -237,6 +245,8 @@ d.check(
     vectors(row, sp.Matrix([p_row * c6 + q_row * s6, q_row * c6 - p_row * s6, c45 * c56 - s45 * s56 * c5])),
     text="S2, seen from the end, holds θ5 and θ6: the cosine of θ5 as in a wrist, and then θ6.",
 ).prove()
+
+# %%
 base_to_4 = tx("45") * rz(5) * tx("56") * rz(6)
 d.check(
     "parallel-sum",
@@ -382,6 +392,8 @@ d.check(
     equal(A_7 * c1 + B_7 * s1 + D_7, rest.dot(axis_2)),
     text="A = s12 (S6 Y7 - S7 s71), B = s12 (S6 X7 + a71), D = c12 (S6 Z7 + S7 c71 + S1) + H: the loop along S2.",
 ).prove()
+
+# %%
 K_1 = -S6 * xyz_71[0] - S7 * xyz_1[0] - a71 * c1
 K_2 = -S1 * s12 + S6 * xyz_71[1] + S7 * xyz_1[1] + a71 * c12 * s1
 d.check(
@@ -391,6 +403,8 @@ d.check(
     text="The triangle's end for a12 = 0: K1 = -S6 X71 - S7 X1 - a71 c1, K2 = -S1 s12 + S6 Y71 + S7 Y1 + a71 c12 s1, "
     "the loop along a12 and S2 × a12.",
 ).prove()
+
+# %%
 from_base = tx("34").T * rz(3).T * tx("23").T * rz(2).T * tx("12").T * back["S6"]
 d.check(
     "heptagon-wrist",
@@ -398,6 +412,8 @@ d.check(
     vectors(rz(4) * tx("45") * rz(5) * tx("56") * Z_AXIS, star_54),
     text="S6 in the axes of joint 4 from both sides: X7123 = X54, Y7123 = -X*54, Z7123 = Z5, which give θ5 and θ4.",
 ).prove()
+
+# %%
 from_end = tx("56").T * rz(5).T * tx("45").T * rz(4).T
 xyz_67 = joined(single("56", 6, "67"), 7, "71")
 d.check(
@@ -405,6 +421,8 @@ d.check(
     vectors(tx("12").T * back["S6"], sp.diag(1, -1, 1) * xyz_71),
     text="With three parallel axes S4 = S2, and Z71 = c45 c56 - s45 s56 c5 gives θ5.",
 ).prove()
+
+# %%
 side_5 = rz(1).T * tx("71").T * rz(7).T * tx("67").T * rz(6).T * tx("56").T * Z_AXIS
 xyz_671 = joined(xyz_67, 1, "12")
 d.check(
@@ -433,6 +451,8 @@ d.check(
     equal((rz(1) * x_turned).dot(y_held), c1 * f_c + s1 * f_s + x_turned[2] * y_held[2]),
     text="The product with a turned vector.",
 ).prove()
+
+# %%
 at = d.symbol("at", r"\kappa", "the value of fc cos t + fs sin t that is wanted", "1")
 aside = d.symbol("rest", r"q", "√(fc² + fs² - κ²)", "1")
 fc, fs = d.symbol("along", "f_c", "factor of cos t", "1"), d.symbol("across", "f_s", "factor of sin t", "1")
