@@ -204,7 +204,7 @@ def test_nearly_double_solutions_are_not_lost(distance):
 @methods
 def test_no_solution_is_counted_twice(method):
     """Small whole coefficients, where three and more solutions meet in many rows."""
-    M = np.random.default_rng(22).integers(-1, 2, size=(3000, 2, 3, 3)).astype(float)
+    M = np.random.default_rng(22).integers(-1, 2, size=(800, 2, 3, 3)).astype(float)
     pair = spatial.solve_pair(M, method=method)
     family = (pair.status == PairStatus.COMMON_FACTOR).any(axis=-1)
     alone, double = (
@@ -259,8 +259,8 @@ def test_a_factor_of_one_angle():
     M = outer(a[:, None], b)
     for case in (M, M.swapaxes(-1, -2)):
         pair = spatial.solve_pair(case)
-        told = (pair.status == PairStatus.COMMON_FACTOR).any(axis=-1)
-        np.testing.assert_array_equal(told, solvable)
+        told = (pair.status == PairStatus.COMMON_FACTOR).sum(axis=-1)
+        np.testing.assert_array_equal(told, 2 * solvable)
         assert (pair.status[~solvable] == PairStatus.NONE).all()
         assert holds_on_family(case, pair)
 

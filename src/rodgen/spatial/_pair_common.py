@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from rodgen.spatial._pair_eigenvalues import seconds
-from rodgen.spatial._pair_solutions import ROUNDING, apart, basis, polished, regular_below
+from rodgen.spatial._pair_solutions import NEAR, ROUNDING, apart, basis, on_lines, polished, regular_below
 from rodgen.spatial._pair_status import SLOTS, PairStatus
 
 __all__ = ["grid", "with_common_factor"]
@@ -50,8 +50,26 @@ def with_common_factor(M: Any) -> tuple[Any, Any]:
             found.append((angles[k], PairStatus.REGULAR))
     family = np.flatnonzero(there & ~alone)
     if len(family):
-        found.append((angles[family[residual[family].argmin()]], PairStatus.COMMON_FACTOR))
+        found += _representatives(M, angles[family], residual[family])
     ordered = sorted(found[-SLOTS:], key=lambda one: (one[0][0], one[0][1]))
     for slot, (pair, kind) in enumerate(ordered):
         slots[slot], status[slot] = pair, kind
     return slots, status
+
+
+def _representatives(M: Any, angles: Any, residual: Any) -> list[tuple[Any, PairStatus]]:
+    """Take of points (n, 2) of families one a line on which one angle is free, and one of what is no line."""
+    many = np.broadcast_to(M, (len(angles), *M.shape))
+    moved, free = on_lines(many, np.full(len(angles), ROUNDING), angles)
+    found: list[tuple[Any, PairStatus]] = []
+    for which in (1, 2):
+        known: list[float] = []
+        for pair in moved[free == which]:
+            fixed = pair[which - 1]
+            if all(abs(np.remainder(fixed - other + np.pi, 2 * np.pi) - np.pi) > NEAR for other in known):
+                known.append(fixed)
+                found.append((pair, PairStatus.COMMON_FACTOR))
+    curve = np.flatnonzero(free == 0)
+    if len(curve):
+        found.append((angles[curve[residual[curve].argmin()]], PairStatus.COMMON_FACTOR))
+    return found

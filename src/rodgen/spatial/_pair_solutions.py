@@ -19,7 +19,17 @@ import numpy as np
 from rodgen._kernels import kernels
 from rodgen.spatial._pair_status import SLOTS, PairStatus
 
-__all__ = ["ROUNDING", "apart", "basis", "collected", "consistent", "polished", "regular_below", "wrapped"]
+__all__ = [
+    "ROUNDING",
+    "apart",
+    "basis",
+    "collected",
+    "consistent",
+    "on_lines",
+    "polished",
+    "regular_below",
+    "wrapped",
+]
 
 EPS = float(np.finfo(float).eps)
 ROUNDING = 16 * EPS
@@ -188,7 +198,7 @@ def collected(M: Any, loss: Any, starts: Any) -> tuple[Any, Any]:
     of, which = np.nonzero(there & ~regular)
     if len(of):
         met = _where_they_meet(M[of], limit[of], angles[of, which])
-        angles[of, which], free[of, which] = _on_lines(M[of], limit[of], met)
+        angles[of, which], free[of, which] = on_lines(M[of], limit[of], met)
     kind = np.select(
         [regular, free > 0, there],
         [PairStatus.REGULAR, PairStatus.COMMON_FACTOR, PairStatus.DOUBLE],
@@ -268,7 +278,7 @@ def _with_both_sides(M: Any, limit: Any, found: tuple[Any, ...]) -> tuple[Any, .
     return tuple(added)
 
 
-def _on_lines(M: Any, limit: Any, angles: Any) -> tuple[Any, Any]:
+def on_lines(M: Any, limit: Any, angles: Any) -> tuple[Any, Any]:
     """Bring angles (n, 2) to lines on which both equations hold, if they are near one: angles, and which one is free.
 
     The second is 0 for none, 1 where the first angle alone makes the equations hold, 2 where the second does.
