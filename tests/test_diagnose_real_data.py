@@ -103,6 +103,7 @@ def test_the_command_names_the_same_effects_from_the_files_of_a_user(capsys):
     assert printed["rms"]["after"] == pytest.approx(telescope().rms.after, rel=1e-6)
 
 
+@pytest.mark.slow  # the telescope's stars, above, hold the same of a larger arc
 def test_a_gain_an_eccentricity_and_a_second_harmonic_look_the_same_over_a_small_arc():
     if not POSITIONER.exists():
         pytest.skip(f"needs {POSITIONER}, which is not part of this repository")
