@@ -173,6 +173,29 @@ def test_axes_that_are_all_but_parallel_lose_what_the_convention_must():
         assert worst <= (100 * np.finfo(float).eps / sine if sine > 1e-8 else 4 * sine)
 
 
+def test_several_axes_that_are_all_but_parallel_lose_no_more_than_two():
+    """Some pairs above the tolerance and some below: feet far away must not carry the next axes with them. Rounding
+    over 1e-8, and the sine where an axis is taken for parallel, of a chain of the size 1."""
+    rng = np.random.default_rng(8)
+    for trial in range(200):
+        tilt = 10.0 ** rng.uniform(-10, -6)
+        screws = []
+        for j in range(6):
+            axis = rng.normal(size=3)
+            if 1 <= j <= 4:
+                axis = np.array([0, 0, 1.0]) + tilt * axis
+            axis /= np.linalg.norm(axis)
+            slides = j == 3 and trial % 4 == 0
+            screws.append(
+                [0, 0, 0, *axis] if slides else [*axis, *np.cross(rng.uniform(-1, 1, size=3), axis)]
+            )
+        q = rng.uniform(-2, 2, size=6)
+        off = np.abs(
+            spatial.from_product_of_exponentials(screws).forward(q) - product(screws, np.eye(4), q)
+        ).max()
+        assert off <= 1e-6
+
+
 def test_a_screw_of_another_length_is_told():
     with pytest.raises(RodgenError, match="screw 2 has an axis of the length 2"):
         spatial.from_product_of_exponentials([[0, 0, 1, 0, 0, 0], [0, 0, 2, 0, 0, 0]])

@@ -25,6 +25,10 @@ MEETING = 64 * np.finfo(float).eps
 """Distance between axes, or along one, relative to the size of the chain, that is none: what computing it may have
 lost."""
 
+FAR = 100.0
+"""Height of a foot, relative to the size of the chain, beyond which nothing else is put there: where axes that are
+nearly parallel have theirs, it would take the digits of all that follows."""
+
 
 class Links(NamedTuple):
     """Links with the joints at zero, and where the first one's system is."""
@@ -61,55 +65,61 @@ def links_from_axes(
     count = len(kinds)
     turning = [j for j in range(count) if kinds[j] != "P"]
     size = float(np.abs(points[turning]).max(initial=0.0))
-    here = points[turning[0]] if turning else np.zeros(3)  # where the last perpendicular meets this axis
+    own = (
+        points[turning[0]] if turning else np.zeros(3)
+    )  # the point of this axis that heights are counted from
+    here = 0.0  # the height at which the last perpendicular meets it
     x = _across(directions[0])
     a, alpha = np.zeros(count - 1), np.zeros(count - 1)
     offset, angle = np.zeros(count), np.zeros(count)
     base: NDArray[Any] | None = None
     for j in range(count):
         z = directions[j]
+        near = here if abs(here) <= FAR * size else 0.0
         if j == count - 1:
-            along, foot, there = x, here, here
+            along, foot, there, own_there = x, near, 0.0, own
         else:
-            point = here if kinds[j + 1] == "P" else points[j + 1]
-            along, foot, there, a[j], alpha[j] = _perpendicular(
-                z, here, directions[j + 1], point, x, tolerance, size
-            )
+            own_there = own + near * z if kinds[j + 1] == "P" else points[j + 1]
+            axis, other = (z, own, here), (directions[j + 1], own_there)
+            along, foot, there, a[j], alpha[j] = _perpendicular(axis, other, x, tolerance, size)
         if base is None:
-            base = _frame(along, z, foot)
+            base = _frame(along, z, own + foot * z)
         else:
-            along_axis = float((foot - here).dot(z))
-            offset[j] = 0.0 if abs(along_axis) <= MEETING * size else along_axis
+            offset[j] = 0.0 if abs(foot - here) <= MEETING * size else foot - here
             angle[j] = math.atan2(np.cross(x, along).dot(z), x.dot(along))
-        x, here = along, there
+        x, here, own = along, there, own_there
     assert base is not None
     return Links(a, alpha, offset, angle, base)
 
 
 def _perpendicular(
-    z: NDArray[Any],
-    point: NDArray[Any],
-    other_z: NDArray[Any],
-    other: NDArray[Any],
+    axis: tuple[NDArray[Any], NDArray[Any], float],
+    other_axis: tuple[NDArray[Any], NDArray[Any]],
     before: NDArray[Any],
     tolerance: float,
     size: float,
-) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], float, float]:
-    """Return direction, foot on this axis and on the next, length and twist of the link between them."""
-    normal, gap = np.cross(z, other_z), other - point
+) -> tuple[NDArray[Any], float, float, float, float]:
+    """Return direction, heights of the feet on this axis and on the next, length and twist of the link between them."""
+    (z, own, here), (other_z, other) = axis, other_axis
+    normal = np.cross(z, other_z)
     sine = float(np.linalg.norm(normal))
     if sine <= tolerance:
+        # at the height of the link before, but not where that is so far away that the axes are apart there
+        foot = here if sine * abs(here) <= MEETING * size else 0.0
+        gap = other - (own + foot * z)
         level = gap - gap.dot(z) * z
         length = float(np.linalg.norm(level))
         twist = 0.0 if z.dot(other_z) > 0 else math.pi
+        there = -float(gap.dot(other_z))
         if length <= MEETING * size:
-            return _level(before, z), point, point, 0.0, twist
-        return level / length, point, point + level, length, twist
+            return _level(before, z), foot, there, 0.0, twist
+        return level / length, foot, there, length, twist
     # Across the first axis to rounding: a cross product of nearly parallel axes is not. What is left of its error turns
     # the link about that axis, and is made good where all that follows is measured in the link's own directions.
     x = normal / sine
     x -= x.dot(z) * z
     x /= np.linalg.norm(x)
+    gap = other - own
     length = float(gap.dot(x))
     if length < 0:
         x, length = -x, -length
@@ -118,8 +128,7 @@ def _perpendicular(
     y = np.cross(z, x)
     sine, cosine = -float(y.dot(other_z)), float(z.dot(other_z))
     beyond = float(gap.dot(y)) / sine
-    foot = point + (float(gap.dot(z)) + beyond * cosine) * z
-    return x, foot, other + beyond * other_z, length, math.atan2(sine, cosine)
+    return x, float(gap.dot(z)) + beyond * cosine, beyond, length, math.atan2(sine, cosine)
 
 
 def _level(x: NDArray[Any], z: NDArray[Any]) -> NDArray[Any]:
