@@ -234,7 +234,7 @@ d.state(
 ).refute(
     {alpha[1]: sp.pi / 2, alpha[7]: sp.pi / 6, theta[1]: sp.pi / 2, theta[7]: 0},
     equal(along, Xb_1 * sp.cos(theta[7]) - Yb_1 * sp.sin(theta[7])),
-    label="P1",
+    label="N1",
     because="What counts is whether the subscripts rise or fall around the loop, where 1 follows on n: 71 rises and "
     "has no bar, 17 falls and has one.",
 )
@@ -516,7 +516,7 @@ d.state(
     triangle,
     equal(Yb2, s31 * c1),
     proof=[d.entries["fundamental-3"]],
-    label="P2",
+    label="N2",
     because="The sine is that of the twist between joints 3 and 1, as in the law of X.",
 )
 
@@ -872,8 +872,8 @@ def triangle(k, u, v, w, size, inside):
     one = k.let("one_angle", sp.Or(*zero))
     (p, q), any_angle = found, k.let("any_angle", sp.Or(flat, sp.And(*zero)))
     whole = k.let("p_and_q", select(any_angle, 1, p + q))
-    cosine = k.let("cosine", select(any_angle, 1, (q - p if inside else p - q) / whole))
-    sine = k.let("sine", select(any_angle, 0, 2 * sp.sqrt(abs(p * q)) / whole))
+    cosine = k.let("angle_c", select(any_angle, 1, (q - p if inside else p - q) / whole))
+    sine = k.let("angle_s", select(any_angle, 0, 2 * sp.sqrt(abs(p * q)) / whole))
     # not the sine with another sign where both angles are one: -0 would make -pi of pi
     other = k.let("other_sine", select(one, sine, -sine))
     return (cosine, sine, other), none, any_angle, one
@@ -922,7 +922,8 @@ def quadrilateral():
         length = k.let(f"divisor_2_{number}", select(length > 0, length, 1))
         second = (k.let(f"c_2_{number}", cosine_2 / length), k.let(f"s_2_{number}", sine_2 / length))
         row = closing_row(k, f"{number}", [p4[0], -p4[1], 0], [p41, (c, s), p12, second])
-        third = sp.atan2(p23[0] * row[1] + p23[1] * row[2], row[0])
+        sine_3 = k.let(f"sine_3_{number}", p23[0] * row[1] + p23[1] * row[2])
+        third = sp.atan2(sine_3, row[0])
         rows.append([sp.atan2(s, c), sp.atan2(sine_2, cosine_2), third, theta_4])
     values = sp.Matrix(rows)
     k.output(
@@ -969,7 +970,8 @@ def pentagon():
         divisor = k.let(f"divisor_1_{number}", select(divisor > 0, divisor, 1))
         first = (k.let(f"c_1_{number}", cosine_1 / divisor), k.let(f"s_1_{number}", sine_1 / divisor))
         row = closing_row(k, f"{number}", [p4[0], -p4[1], 0], [p45, p5, p51, first, p12, (c, s)])
-        third = sp.atan2(p23[0] * row[1] + p23[1] * row[2], row[0])
+        sine_3 = k.let(f"sine_3_{number}", p23[0] * row[1] + p23[1] * row[2])
+        third = sp.atan2(sine_3, row[0])
         rows.append([sp.atan2(sine_1, cosine_1), sp.atan2(s, c), third, *given])
     family = k.let("family", sp.Or(every, *free))
     values = sp.Matrix(rows)
@@ -1010,8 +1012,151 @@ for count in (1, 2):
         text="The kernel is the recursion with dual angles.",
     ).prove()
 
+
+# %% [markdown]
+# The steps of the two kernels that close polygons, one by one, where no axes coincide. `b` is half the angle that
+# they find by an arctangent.
+
 # %%
-derivation.kernel(*kernels, quadrilateral(), pentagon())
+half_b = d.symbol("b", "b", "half the angle between two axes", "rad")
+
+
+def steps(kernel, values, keep=()):
+    """Named steps as a column, in the inputs and the steps that are kept."""
+    column = [entry for value in values for entry in sp.Matrix([kernel.expand(value, keep=keep)])]
+    return im([entry.xreplace(dict.fromkeys(entry.atoms(sp.atan2), 2 * half_b)) for entry in column])
+
+
+def usual(formula):
+    """Take the branches of the usual case: nothing coincides, and no twist is negative."""
+    return formula.replace(lambda node: isinstance(node, sp.Piecewise), lambda node: node.args[-1].expr)
+
+
+def kept(name, count=None):
+    names = [name] if count is None else [f"{name}_{number}" for number in range(1, count + 1)]
+    return [sp.Symbol(name, real=True) for name in names]
+
+
+def check_triangle(kernel, sides):
+    """The half sums of the sides, P and Q, and cosine and sine of the angle."""
+    u, v, w = sides
+    h = kept("half_sums", 4)
+    p, q = sp.symbols("p q", real=True)
+    inside = 1 if kernel.name.endswith("quadrilateral") else -1
+    d.check(
+        f"kernel-{kernel.name.removeprefix('polygon_')}-triangle",
+        equal(
+            2 * steps(kernel, ["half_sums"], keep=("sine_13", "z_4", "x_45", "y_45", "z_45")),
+            im([w + u - v, w - u + v, u + v + w, u + v - w]),
+        ),
+        equal(
+            usual(steps(kernel, ["p_side", "q_side"], keep=("half_sums", "size"))),
+            im([sp.sin(h[0]) * sp.sin(h[1]), sp.sin(h[2]) * sp.sin(h[3])]),
+        ),
+        equal(
+            usual(steps(kernel, ["angle_c"], keep=("p", "q", "any_angle"))), im([inside * (q - p) / (p + q)])
+        ),
+        equal(
+            usual(steps(kernel, ["angle_s"], keep=("p", "q", "any_angle"))),
+            im([2 * sp.sqrt(abs(p * q)) / (p + q)]),
+        ),
+        text="The kernel takes half of P and of Q.",
+    ).prove()
+
+
+def check_row(kernel, number, factors):
+    """The row of all factors but those of joint 3 and the links beside it."""
+    steps_of = ("c_1_1", "s_1_1", "c_2_1", "s_2_1", "angle_c", "angle_s")
+    a, g = (kernel.inputs[n].symbols for n in (0, 1))
+    product = x_axis.T
+    for kind, place in factors:
+        if kind == "x":
+            product = product * Rx(a[place])
+        else:
+            named_pair = isinstance(place, tuple)
+            c, s = sp.symbols(place, real=True) if named_pair else (sp.cos(g[place]), sp.sin(g[place]))
+            product = product * im([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    row = steps(kernel, [f"row_1{number}"], keep=steps_of)
+    c3, s3 = sp.cos(theta[3]), sp.sin(theta[3])
+    last = kept(f"row_1{number}", 3)
+    found = kernel.expand("sine_3_1", keep=tuple(symbol.name for symbol in last))
+    twist = a[1]
+    there = dict(zip(last, (c3, s3 * sp.cos(twist), s3 * sp.sin(twist)), strict=True))
+    d.check(
+        f"kernel-{kernel.name.removeprefix('polygon_')}-row",
+        equal(row, im(product.T)),
+        equal(found.xreplace(there), s3),
+        text="The row of the other rotations, and the sine of θ₃ from it.",
+    ).prove()
+
+
+quad_kernel, pent_kernel = quadrilateral(), pentagon()
+a, (g,) = quad_kernel.port("alpha").symbols, quad_kernel.port("theta_4").symbols
+check_triangle(quad_kernel, (a[0], 2 * half_b, a[1]))
+near = chain_value([(sp.cos(x), sp.sin(x)) for x in (a[2], g, a[3])])
+x_4, y_4, z_4, c_1, s_1 = (kept(name)[0] for name in ("x_4", "y_4", "z_4", "c_1_1", "s_1_1"))
+d.check(
+    "kernel-quadrilateral-names",
+    equal(steps(quad_kernel, ["x_4", "y_4", "z_4"]), im([near[0], near[2], near[3]])),
+    equal(
+        steps(quad_kernel, ["x_41_1", "y_41_1"], keep=("x_4", "y_4", "z_4", "c_1_1", "s_1_1")),
+        im(
+            [
+                x_4 * c_1 - y_4 * s_1,
+                sp.cos(a[0]) * (x_4 * s_1 + y_4 * c_1) - sp.sin(a[0]) * z_4,
+            ]
+        ),
+    ),
+    text="X₄, Y₄, Z₄, and X₄₁ and Y₄₁, whose quotients are the sine and the cosine of θ₂.",
+).prove()
+check_row(
+    quad_kernel, 4, [("z", 0), ("x", 3), ("z", ("c_1_1", "s_1_1")), ("x", 0), ("z", ("c_2_1", "s_2_1"))]
+)
+
+# %%
+a, g = pent_kernel.port("alpha").symbols, pent_kernel.port("theta_45").symbols
+check_triangle(pent_kernel, (a[0], a[1], 2 * half_b))
+far = chain_value([(sp.cos(x), sp.sin(x)) for x in (a[2], g[0], a[3], g[1], a[4])])
+c_2, s_2 = (kept(name)[0] for name in ("angle_c", "angle_s"))
+bar = chain_value([(sp.cos(a[1]), sp.sin(a[1])), (c_2, s_2), (sp.cos(a[0]), sp.sin(a[0]))])
+d.check(
+    "kernel-pentagon-names",
+    equal(steps(pent_kernel, ["x_45", "y_45", "z_45"]), im([far[0], far[2], far[3]])),
+    equal(steps(pent_kernel, ["xb_2_1", "yb_2_1"], keep=("angle_c", "angle_s")), im([bar[0], bar[2]])),
+    text="X₄₅, Y₄₅, Z₄₅, and X and Y of joint 2 with a bar.",
+).prove()
+keep = ("xb_2_1", "yb_2_1", "x_45", "y_45", "flat_1_1")
+to_names = dict(
+    zip(
+        (*kept("xb_2_1"), *kept("yb_2_1"), *kept("x_45"), *kept("y_45")),
+        (bar_x, bar_y, X45, Y45),
+        strict=True,
+    )
+)
+d.check(
+    "kernel-pentagon-theta-1",
+    equal(
+        usual(steps(pent_kernel, ["cosine_1_1", "sine_1_1"], keep=keep)).xreplace(to_names),
+        im([linear[c1] * square, linear[s1] * square]),
+    ),
+    text="Cosine and sine of θ₁, times a positive number.",
+).prove()
+check_row(
+    pent_kernel,
+    6,
+    [
+        ("z", 0),
+        ("x", 3),
+        ("z", 1),
+        ("x", 4),
+        ("z", ("c_1_1", "s_1_1")),
+        ("x", 0),
+        ("z", ("angle_c", "angle_s")),
+    ],
+)
+
+# %%
+derivation.kernel(*kernels, quad_kernel, pent_kernel)
 if in_notebook() and __name__ == "__main__":  # not where another notebook imports this one
     for kernel in derivation.kernels.values():
         print(f"{kernel.name:40} {sum(kernel.operations.values()):5d} operations")

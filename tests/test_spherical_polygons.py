@@ -355,7 +355,7 @@ def test_derivation_is_closed_and_its_errata_are_told() -> None:
     derivation = spherical_polygons.derivation
     assert derivation.open == []
     refuted = {entry.refutation.label: entry for entry in derivation if entry.refutation}
-    assert {label: entry.origin for label, entry in refuted.items()} == {"P1": "said", "P2": "printed"}
+    assert {label: entry.origin for label, entry in refuted.items()} == {"N1": "said", "N2": "printed"}
     text = errata(derivation)
     assert "double-subscripts" in text
     assert text.count("right:") == 2
