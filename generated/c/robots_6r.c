@@ -3913,3 +3913,511 @@ void robots_6r_robot_parallel_reverse_batch_f32(size_t count, const float *pose,
   for (size_t i = 0; i < count; ++i)
     robots_6r_robot_parallel_reverse_f32(pose + 16 * i, a + 5 * i, cosine + 5 * i, sine + 5 * i, offset + 6 * i, angles + 48 * i, status + 8 * i);
 }
+
+/* robot_pair_456: 18 add, 46 mul */
+void robots_6r_robot_pair_456_f64(const double pose[16], const double a[5], const double cosine[5], const double sine[5], const double offset[6], double equations[18]) {
+  /* inputs */
+  const double pose_1_3 = pose[2];
+  const double pose_1_4 = pose[3];
+  const double pose_2_3 = pose[6];
+  const double pose_2_4 = pose[7];
+  const double pose_3_3 = pose[10];
+  const double pose_3_4 = pose[11];
+  const double a_1 = a[0];
+  const double a_2 = a[1];
+  const double a_3 = a[2];
+  const double cosine_1 = cosine[0];
+  const double cosine_2 = cosine[1];
+  const double cosine_3 = cosine[2];
+  const double sine_1 = sine[0];
+  const double sine_2 = sine[1];
+  const double sine_3 = sine[2];
+  const double offset_1 = offset[0];
+  const double offset_2 = offset[1];
+  const double offset_3 = offset[2];
+  const double offset_4 = offset[3];
+  const double offset_6 = offset[5];
+  /* intermediate terms */
+  const double x0 = cosine_3*offset_4 + offset_3;
+  const double x1 = cosine_2*x0;
+  const double x2 = 2.0*offset_2;
+  const double x3 = offset_1 + offset_6*pose_3_3 - pose_3_4;
+  const double x4 = 2.0*a_2;
+  const double x5 = offset_4*sine_3;
+  const double x6 = 2.0*a_3;
+  const double x7 = a_1*x6;
+  const double x8 = 2.0*a_1;
+  const double x9 = x5*x8;
+  const double x10 = sine_2*x0;
+  const double x11 = cosine_1*sine_2;
+  const double x12 = sine_1*x5;
+  const double x13 = a_3*sine_1;
+  /* outputs */
+  equations[0] = (a_1*a_1) + (a_2*a_2) + (a_3*a_3) + (offset_2*offset_2) + (offset_4*offset_4)*(sine_3*sine_3) + (x0*x0) + x1*x2 - (x3*x3) - ((pose_1_4 - offset_6*pose_1_3)*(pose_1_4 - offset_6*pose_1_3)) - ((pose_2_4 - offset_6*pose_2_3)*(pose_2_4 - offset_6*pose_2_3));
+  equations[1] = a_3*x4 - sine_2*x2*x5;
+  equations[2] = offset_2*sine_2*x6 + x4*x5;
+  equations[3] = a_1*x4;
+  equations[4] = x7;
+  equations[5] = x9;
+  equations[6] = x10*x8;
+  equations[7] = cosine_2*x9;
+  equations[8] = -cosine_2*x7;
+  equations[9] = cosine_1*offset_2 + cosine_1*x1 + x3;
+  equations[10] = -x11*x5;
+  equations[11] = a_3*x11;
+  equations[12] = -sine_1*x10;
+  equations[13] = -cosine_2*x12;
+  equations[14] = cosine_2*x13;
+  equations[15] = a_2*sine_1;
+  equations[16] = x13;
+  equations[17] = x12;
+}
+
+void robots_6r_robot_pair_456_batch_f64(size_t count, const double *pose, const double *a, const double *cosine, const double *sine, const double *offset, double *equations) {
+  for (size_t i = 0; i < count; ++i)
+    robots_6r_robot_pair_456_f64(pose + 16 * i, a + 5 * i, cosine + 5 * i, sine + 5 * i, offset + 6 * i, equations + 18 * i);
+}
+
+/* robot_pair_456: 18 add, 46 mul */
+void robots_6r_robot_pair_456_f32(const float pose[16], const float a[5], const float cosine[5], const float sine[5], const float offset[6], float equations[18]) {
+  /* inputs */
+  const float pose_1_3 = pose[2];
+  const float pose_1_4 = pose[3];
+  const float pose_2_3 = pose[6];
+  const float pose_2_4 = pose[7];
+  const float pose_3_3 = pose[10];
+  const float pose_3_4 = pose[11];
+  const float a_1 = a[0];
+  const float a_2 = a[1];
+  const float a_3 = a[2];
+  const float cosine_1 = cosine[0];
+  const float cosine_2 = cosine[1];
+  const float cosine_3 = cosine[2];
+  const float sine_1 = sine[0];
+  const float sine_2 = sine[1];
+  const float sine_3 = sine[2];
+  const float offset_1 = offset[0];
+  const float offset_2 = offset[1];
+  const float offset_3 = offset[2];
+  const float offset_4 = offset[3];
+  const float offset_6 = offset[5];
+  /* intermediate terms */
+  const float x0 = cosine_3*offset_4 + offset_3;
+  const float x1 = cosine_2*x0;
+  const float x2 = 2.0f*offset_2;
+  const float x3 = offset_1 + offset_6*pose_3_3 - pose_3_4;
+  const float x4 = 2.0f*a_2;
+  const float x5 = offset_4*sine_3;
+  const float x6 = 2.0f*a_3;
+  const float x7 = a_1*x6;
+  const float x8 = 2.0f*a_1;
+  const float x9 = x5*x8;
+  const float x10 = sine_2*x0;
+  const float x11 = cosine_1*sine_2;
+  const float x12 = sine_1*x5;
+  const float x13 = a_3*sine_1;
+  /* outputs */
+  equations[0] = (a_1*a_1) + (a_2*a_2) + (a_3*a_3) + (offset_2*offset_2) + (offset_4*offset_4)*(sine_3*sine_3) + (x0*x0) + x1*x2 - (x3*x3) - ((pose_1_4 - offset_6*pose_1_3)*(pose_1_4 - offset_6*pose_1_3)) - ((pose_2_4 - offset_6*pose_2_3)*(pose_2_4 - offset_6*pose_2_3));
+  equations[1] = a_3*x4 - sine_2*x2*x5;
+  equations[2] = offset_2*sine_2*x6 + x4*x5;
+  equations[3] = a_1*x4;
+  equations[4] = x7;
+  equations[5] = x9;
+  equations[6] = x10*x8;
+  equations[7] = cosine_2*x9;
+  equations[8] = -cosine_2*x7;
+  equations[9] = cosine_1*offset_2 + cosine_1*x1 + x3;
+  equations[10] = -x11*x5;
+  equations[11] = a_3*x11;
+  equations[12] = -sine_1*x10;
+  equations[13] = -cosine_2*x12;
+  equations[14] = cosine_2*x13;
+  equations[15] = a_2*sine_1;
+  equations[16] = x13;
+  equations[17] = x12;
+}
+
+void robots_6r_robot_pair_456_batch_f32(size_t count, const float *pose, const float *a, const float *cosine, const float *sine, const float *offset, float *equations) {
+  for (size_t i = 0; i < count; ++i)
+    robots_6r_robot_pair_456_f32(pose + 16 * i, a + 5 * i, cosine + 5 * i, sine + 5 * i, offset + 6 * i, equations + 18 * i);
+}
+
+/* robot_pair_234: 35 add, 70 mul */
+void robots_6r_robot_pair_234_f64(const double pose[16], const double a[5], const double cosine[5], const double sine[5], const double offset[6], double equations[18]) {
+  /* inputs */
+  const double pose_1_1 = pose[0];
+  const double pose_1_2 = pose[1];
+  const double pose_1_3 = pose[2];
+  const double pose_1_4 = pose[3];
+  const double pose_2_1 = pose[4];
+  const double pose_2_2 = pose[5];
+  const double pose_2_3 = pose[6];
+  const double pose_2_4 = pose[7];
+  const double pose_3_1 = pose[8];
+  const double pose_3_2 = pose[9];
+  const double pose_3_3 = pose[10];
+  const double pose_3_4 = pose[11];
+  const double a_1 = a[0];
+  const double a_4 = a[3];
+  const double a_5 = a[4];
+  const double cosine_1 = cosine[0];
+  const double cosine_4 = cosine[3];
+  const double cosine_5 = cosine[4];
+  const double sine_1 = sine[0];
+  const double sine_4 = sine[3];
+  const double sine_5 = sine[4];
+  const double offset_1 = offset[0];
+  const double offset_2 = offset[1];
+  const double offset_4 = offset[3];
+  const double offset_5 = offset[4];
+  const double offset_6 = offset[5];
+  /* intermediate terms */
+  const double x0 = pose_1_3*pose_1_4;
+  const double x1 = pose_2_3*pose_2_4;
+  const double x2 = cosine_1*offset_2;
+  const double x3 = offset_1 - pose_3_4;
+  const double x4 = x2 + x3;
+  const double x5 = cosine_4*offset_4 + offset_5;
+  const double x6 = pose_1_2*pose_1_4 + pose_2_2*pose_2_4 - pose_3_2*x4;
+  const double x7 = pose_3_1*x4 - pose_1_1*pose_1_4 - pose_2_1*pose_2_4;
+  const double x8 = offset_2*sine_1;
+  const double x9 = a_1*pose_1_3 - pose_2_3*x8;
+  const double x10 = a_1*pose_1_2 - pose_2_2*x8;
+  const double x11 = a_1*pose_1_1 - pose_2_1*x8;
+  const double x12 = a_1*pose_2_3 + pose_1_3*x8;
+  const double x13 = a_1*pose_2_2 + pose_1_2*x8;
+  const double x14 = a_1*pose_2_1 + pose_1_1*x8;
+  const double x15 = (offset_2*offset_2);
+  const double x17 = 2.0*offset_6;
+  const double x18 = 2.0*a_5;
+  const double x19 = 2.0*a_1;
+  const double x20 = 2.0*x8;
+  /* outputs */
+  equations[0] = cosine_5*(offset_6 + pose_3_3*x4 - x0 - x1) + x5;
+  equations[1] = -sine_5*x6;
+  equations[2] = sine_5*x7;
+  equations[3] = cosine_5*x9;
+  equations[4] = sine_5*x10;
+  equations[5] = sine_5*x11;
+  equations[6] = cosine_5*x12;
+  equations[7] = sine_5*x13;
+  equations[8] = sine_5*x14;
+  equations[9] = (a_1*a_1) + (a_5*a_5) + (cosine_1*cosine_1)*x15 + (offset_6*offset_6) + (pose_1_4*pose_1_4) + (pose_2_4*pose_2_4) + (sine_1*sine_1)*x15 + x17*(pose_3_3*x4 - x0 - x1) + 2.0*x2*x3 + (x3*x3) - (a_4*a_4) - (offset_4*offset_4)*(sine_4*sine_4) - (x5*x5);
+  equations[10] = x18*x7;
+  equations[11] = x18*x6;
+  equations[12] = pose_2_4*x20 + x17*x9 - pose_1_4*x19;
+  equations[13] = x11*x18;
+  equations[14] = -x10*x18;
+  equations[15] = 2.0*offset_6*x12 - pose_1_4*x20 - pose_2_4*x19;
+  equations[16] = x14*x18;
+  equations[17] = -x13*x18;
+}
+
+void robots_6r_robot_pair_234_batch_f64(size_t count, const double *pose, const double *a, const double *cosine, const double *sine, const double *offset, double *equations) {
+  for (size_t i = 0; i < count; ++i)
+    robots_6r_robot_pair_234_f64(pose + 16 * i, a + 5 * i, cosine + 5 * i, sine + 5 * i, offset + 6 * i, equations + 18 * i);
+}
+
+/* robot_pair_234: 35 add, 70 mul */
+void robots_6r_robot_pair_234_f32(const float pose[16], const float a[5], const float cosine[5], const float sine[5], const float offset[6], float equations[18]) {
+  /* inputs */
+  const float pose_1_1 = pose[0];
+  const float pose_1_2 = pose[1];
+  const float pose_1_3 = pose[2];
+  const float pose_1_4 = pose[3];
+  const float pose_2_1 = pose[4];
+  const float pose_2_2 = pose[5];
+  const float pose_2_3 = pose[6];
+  const float pose_2_4 = pose[7];
+  const float pose_3_1 = pose[8];
+  const float pose_3_2 = pose[9];
+  const float pose_3_3 = pose[10];
+  const float pose_3_4 = pose[11];
+  const float a_1 = a[0];
+  const float a_4 = a[3];
+  const float a_5 = a[4];
+  const float cosine_1 = cosine[0];
+  const float cosine_4 = cosine[3];
+  const float cosine_5 = cosine[4];
+  const float sine_1 = sine[0];
+  const float sine_4 = sine[3];
+  const float sine_5 = sine[4];
+  const float offset_1 = offset[0];
+  const float offset_2 = offset[1];
+  const float offset_4 = offset[3];
+  const float offset_5 = offset[4];
+  const float offset_6 = offset[5];
+  /* intermediate terms */
+  const float x0 = pose_1_3*pose_1_4;
+  const float x1 = pose_2_3*pose_2_4;
+  const float x2 = cosine_1*offset_2;
+  const float x3 = offset_1 - pose_3_4;
+  const float x4 = x2 + x3;
+  const float x5 = cosine_4*offset_4 + offset_5;
+  const float x6 = pose_1_2*pose_1_4 + pose_2_2*pose_2_4 - pose_3_2*x4;
+  const float x7 = pose_3_1*x4 - pose_1_1*pose_1_4 - pose_2_1*pose_2_4;
+  const float x8 = offset_2*sine_1;
+  const float x9 = a_1*pose_1_3 - pose_2_3*x8;
+  const float x10 = a_1*pose_1_2 - pose_2_2*x8;
+  const float x11 = a_1*pose_1_1 - pose_2_1*x8;
+  const float x12 = a_1*pose_2_3 + pose_1_3*x8;
+  const float x13 = a_1*pose_2_2 + pose_1_2*x8;
+  const float x14 = a_1*pose_2_1 + pose_1_1*x8;
+  const float x15 = (offset_2*offset_2);
+  const float x17 = 2.0f*offset_6;
+  const float x18 = 2.0f*a_5;
+  const float x19 = 2.0f*a_1;
+  const float x20 = 2.0f*x8;
+  /* outputs */
+  equations[0] = cosine_5*(offset_6 + pose_3_3*x4 - x0 - x1) + x5;
+  equations[1] = -sine_5*x6;
+  equations[2] = sine_5*x7;
+  equations[3] = cosine_5*x9;
+  equations[4] = sine_5*x10;
+  equations[5] = sine_5*x11;
+  equations[6] = cosine_5*x12;
+  equations[7] = sine_5*x13;
+  equations[8] = sine_5*x14;
+  equations[9] = (a_1*a_1) + (a_5*a_5) + (cosine_1*cosine_1)*x15 + (offset_6*offset_6) + (pose_1_4*pose_1_4) + (pose_2_4*pose_2_4) + (sine_1*sine_1)*x15 + x17*(pose_3_3*x4 - x0 - x1) + 2.0f*x2*x3 + (x3*x3) - (a_4*a_4) - (offset_4*offset_4)*(sine_4*sine_4) - (x5*x5);
+  equations[10] = x18*x7;
+  equations[11] = x18*x6;
+  equations[12] = pose_2_4*x20 + x17*x9 - pose_1_4*x19;
+  equations[13] = x11*x18;
+  equations[14] = -x10*x18;
+  equations[15] = 2.0f*offset_6*x12 - pose_1_4*x20 - pose_2_4*x19;
+  equations[16] = x14*x18;
+  equations[17] = -x13*x18;
+}
+
+void robots_6r_robot_pair_234_batch_f32(size_t count, const float *pose, const float *a, const float *cosine, const float *sine, const float *offset, float *equations) {
+  for (size_t i = 0; i < count; ++i)
+    robots_6r_robot_pair_234_f32(pose + 16 * i, a + 5 * i, cosine + 5 * i, sine + 5 * i, offset + 6 * i, equations + 18 * i);
+}
+
+/* robot_pair_parallel_234: 9 add, 29 mul */
+void robots_6r_robot_pair_parallel_234_f64(const double pose[16], const double a[5], const double cosine[5], const double sine[5], const double offset[6], double equations[18]) {
+  /* inputs */
+  const double pose_1_1 = pose[0];
+  const double pose_1_2 = pose[1];
+  const double pose_1_3 = pose[2];
+  const double pose_1_4 = pose[3];
+  const double pose_2_1 = pose[4];
+  const double pose_2_2 = pose[5];
+  const double pose_2_3 = pose[6];
+  const double pose_2_4 = pose[7];
+  const double pose_3_1 = pose[8];
+  const double pose_3_2 = pose[9];
+  const double pose_3_3 = pose[10];
+  const double pose_3_4 = pose[11];
+  const double a_5 = a[4];
+  const double cosine_1 = cosine[0];
+  const double cosine_4 = cosine[3];
+  const double cosine_5 = cosine[4];
+  const double sine_1 = sine[0];
+  const double sine_5 = sine[4];
+  const double offset_1 = offset[0];
+  const double offset_2 = offset[1];
+  const double offset_3 = offset[2];
+  const double offset_4 = offset[3];
+  const double offset_5 = offset[4];
+  const double offset_6 = offset[5];
+  /* intermediate terms */
+  const double x0 = cosine_1*pose_3_3;
+  const double x1 = cosine_1*sine_5;
+  const double x2 = cosine_5*sine_1;
+  const double x3 = sine_1*sine_5;
+  const double x4 = a_5*cosine_1;
+  const double x5 = offset_6*sine_1;
+  const double x6 = a_5*sine_1;
+  /* outputs */
+  equations[0] = cosine_5*x0 - cosine_4;
+  equations[1] = pose_3_2*x1;
+  equations[2] = pose_3_1*x1;
+  equations[3] = -pose_2_3*x2;
+  equations[4] = -pose_2_2*x3;
+  equations[5] = -pose_2_1*x3;
+  equations[6] = pose_1_3*x2;
+  equations[7] = pose_1_2*x3;
+  equations[8] = pose_1_1*x3;
+  equations[9] = cosine_1*(pose_3_4 - offset_1) - cosine_4*offset_5 - offset_2 - offset_3 - offset_4 - offset_6*x0;
+  equations[10] = -pose_3_1*x4;
+  equations[11] = pose_3_2*x4;
+  equations[12] = pose_2_3*x5 - pose_2_4*sine_1;
+  equations[13] = pose_2_1*x6;
+  equations[14] = -pose_2_2*x6;
+  equations[15] = pose_1_4*sine_1 - pose_1_3*x5;
+  equations[16] = -pose_1_1*x6;
+  equations[17] = pose_1_2*x6;
+}
+
+void robots_6r_robot_pair_parallel_234_batch_f64(size_t count, const double *pose, const double *a, const double *cosine, const double *sine, const double *offset, double *equations) {
+  for (size_t i = 0; i < count; ++i)
+    robots_6r_robot_pair_parallel_234_f64(pose + 16 * i, a + 5 * i, cosine + 5 * i, sine + 5 * i, offset + 6 * i, equations + 18 * i);
+}
+
+/* robot_pair_parallel_234: 9 add, 29 mul */
+void robots_6r_robot_pair_parallel_234_f32(const float pose[16], const float a[5], const float cosine[5], const float sine[5], const float offset[6], float equations[18]) {
+  /* inputs */
+  const float pose_1_1 = pose[0];
+  const float pose_1_2 = pose[1];
+  const float pose_1_3 = pose[2];
+  const float pose_1_4 = pose[3];
+  const float pose_2_1 = pose[4];
+  const float pose_2_2 = pose[5];
+  const float pose_2_3 = pose[6];
+  const float pose_2_4 = pose[7];
+  const float pose_3_1 = pose[8];
+  const float pose_3_2 = pose[9];
+  const float pose_3_3 = pose[10];
+  const float pose_3_4 = pose[11];
+  const float a_5 = a[4];
+  const float cosine_1 = cosine[0];
+  const float cosine_4 = cosine[3];
+  const float cosine_5 = cosine[4];
+  const float sine_1 = sine[0];
+  const float sine_5 = sine[4];
+  const float offset_1 = offset[0];
+  const float offset_2 = offset[1];
+  const float offset_3 = offset[2];
+  const float offset_4 = offset[3];
+  const float offset_5 = offset[4];
+  const float offset_6 = offset[5];
+  /* intermediate terms */
+  const float x0 = cosine_1*pose_3_3;
+  const float x1 = cosine_1*sine_5;
+  const float x2 = cosine_5*sine_1;
+  const float x3 = sine_1*sine_5;
+  const float x4 = a_5*cosine_1;
+  const float x5 = offset_6*sine_1;
+  const float x6 = a_5*sine_1;
+  /* outputs */
+  equations[0] = cosine_5*x0 - cosine_4;
+  equations[1] = pose_3_2*x1;
+  equations[2] = pose_3_1*x1;
+  equations[3] = -pose_2_3*x2;
+  equations[4] = -pose_2_2*x3;
+  equations[5] = -pose_2_1*x3;
+  equations[6] = pose_1_3*x2;
+  equations[7] = pose_1_2*x3;
+  equations[8] = pose_1_1*x3;
+  equations[9] = cosine_1*(pose_3_4 - offset_1) - cosine_4*offset_5 - offset_2 - offset_3 - offset_4 - offset_6*x0;
+  equations[10] = -pose_3_1*x4;
+  equations[11] = pose_3_2*x4;
+  equations[12] = pose_2_3*x5 - pose_2_4*sine_1;
+  equations[13] = pose_2_1*x6;
+  equations[14] = -pose_2_2*x6;
+  equations[15] = pose_1_4*sine_1 - pose_1_3*x5;
+  equations[16] = -pose_1_1*x6;
+  equations[17] = pose_1_2*x6;
+}
+
+void robots_6r_robot_pair_parallel_234_batch_f32(size_t count, const float *pose, const float *a, const float *cosine, const float *sine, const float *offset, float *equations) {
+  for (size_t i = 0; i < count; ++i)
+    robots_6r_robot_pair_parallel_234_f32(pose + 16 * i, a + 5 * i, cosine + 5 * i, sine + 5 * i, offset + 6 * i, equations + 18 * i);
+}
+
+/* robot_pair_parallel_123: 9 add, 26 mul */
+void robots_6r_robot_pair_parallel_123_f64(const double pose[16], const double a[5], const double cosine[5], const double sine[5], const double offset[6], double equations[18]) {
+  /* inputs */
+  const double pose_3_1 = pose[8];
+  const double pose_3_2 = pose[9];
+  const double pose_3_3 = pose[10];
+  const double pose_3_4 = pose[11];
+  const double a_4 = a[3];
+  const double a_5 = a[4];
+  const double cosine_3 = cosine[2];
+  const double cosine_4 = cosine[3];
+  const double cosine_5 = cosine[4];
+  const double sine_4 = sine[3];
+  const double sine_5 = sine[4];
+  const double offset_1 = offset[0];
+  const double offset_2 = offset[1];
+  const double offset_3 = offset[2];
+  const double offset_4 = offset[3];
+  const double offset_5 = offset[4];
+  const double offset_6 = offset[5];
+  /* intermediate terms */
+  const double x0 = cosine_4*sine_5;
+  const double x1 = pose_3_3*sine_5;
+  const double x2 = pose_3_2*sine_4;
+  const double x3 = pose_3_1*sine_4;
+  const double x4 = a_4*pose_3_1;
+  const double x5 = a_4*pose_3_2;
+  /* outputs */
+  equations[0] = cosine_4*cosine_5*pose_3_3 - cosine_3;
+  equations[1] = pose_3_2*x0;
+  equations[2] = pose_3_1*x0;
+  equations[3] = -sine_4*x1;
+  equations[4] = cosine_5*x2;
+  equations[5] = cosine_5*x3;
+  equations[6] = 0.0;
+  equations[7] = x3;
+  equations[8] = -x2;
+  equations[9] = cosine_3*offset_4 + cosine_5*offset_5*pose_3_3 + offset_1 + offset_2 + offset_3 + offset_6*pose_3_3 - pose_3_4;
+  equations[10] = a_5*pose_3_1 + offset_5*pose_3_2*sine_5;
+  equations[11] = offset_5*pose_3_1*sine_5 - a_5*pose_3_2;
+  equations[12] = 0.0;
+  equations[13] = x4;
+  equations[14] = -x5;
+  equations[15] = a_4*x1;
+  equations[16] = -cosine_5*x5;
+  equations[17] = -cosine_5*x4;
+}
+
+void robots_6r_robot_pair_parallel_123_batch_f64(size_t count, const double *pose, const double *a, const double *cosine, const double *sine, const double *offset, double *equations) {
+  for (size_t i = 0; i < count; ++i)
+    robots_6r_robot_pair_parallel_123_f64(pose + 16 * i, a + 5 * i, cosine + 5 * i, sine + 5 * i, offset + 6 * i, equations + 18 * i);
+}
+
+/* robot_pair_parallel_123: 9 add, 26 mul */
+void robots_6r_robot_pair_parallel_123_f32(const float pose[16], const float a[5], const float cosine[5], const float sine[5], const float offset[6], float equations[18]) {
+  /* inputs */
+  const float pose_3_1 = pose[8];
+  const float pose_3_2 = pose[9];
+  const float pose_3_3 = pose[10];
+  const float pose_3_4 = pose[11];
+  const float a_4 = a[3];
+  const float a_5 = a[4];
+  const float cosine_3 = cosine[2];
+  const float cosine_4 = cosine[3];
+  const float cosine_5 = cosine[4];
+  const float sine_4 = sine[3];
+  const float sine_5 = sine[4];
+  const float offset_1 = offset[0];
+  const float offset_2 = offset[1];
+  const float offset_3 = offset[2];
+  const float offset_4 = offset[3];
+  const float offset_5 = offset[4];
+  const float offset_6 = offset[5];
+  /* intermediate terms */
+  const float x0 = cosine_4*sine_5;
+  const float x1 = pose_3_3*sine_5;
+  const float x2 = pose_3_2*sine_4;
+  const float x3 = pose_3_1*sine_4;
+  const float x4 = a_4*pose_3_1;
+  const float x5 = a_4*pose_3_2;
+  /* outputs */
+  equations[0] = cosine_4*cosine_5*pose_3_3 - cosine_3;
+  equations[1] = pose_3_2*x0;
+  equations[2] = pose_3_1*x0;
+  equations[3] = -sine_4*x1;
+  equations[4] = cosine_5*x2;
+  equations[5] = cosine_5*x3;
+  equations[6] = 0.0f;
+  equations[7] = x3;
+  equations[8] = -x2;
+  equations[9] = cosine_3*offset_4 + cosine_5*offset_5*pose_3_3 + offset_1 + offset_2 + offset_3 + offset_6*pose_3_3 - pose_3_4;
+  equations[10] = a_5*pose_3_1 + offset_5*pose_3_2*sine_5;
+  equations[11] = offset_5*pose_3_1*sine_5 - a_5*pose_3_2;
+  equations[12] = 0.0f;
+  equations[13] = x4;
+  equations[14] = -x5;
+  equations[15] = a_4*x1;
+  equations[16] = -cosine_5*x5;
+  equations[17] = -cosine_5*x4;
+}
+
+void robots_6r_robot_pair_parallel_123_batch_f32(size_t count, const float *pose, const float *a, const float *cosine, const float *sine, const float *offset, float *equations) {
+  for (size_t i = 0; i < count; ++i)
+    robots_6r_robot_pair_parallel_123_f32(pose + 16 * i, a + 5 * i, cosine + 5 * i, sine + 5 * i, offset + 6 * i, equations + 18 * i);
+}

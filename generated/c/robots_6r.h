@@ -64,6 +64,66 @@ void robots_6r_robot_parallel_reverse_batch_f64(size_t count, const double *pose
 void robots_6r_robot_parallel_reverse_f32(const float pose[16], const float a[5], const float cosine[5], const float sine[5], const float offset[6], float angles[48], int8_t status[8]);
 void robots_6r_robot_parallel_reverse_batch_f32(size_t count, const float *pose, const float *a, const float *cosine, const float *sine, const float *offset, float *angles, int8_t *status);
 
+/* Two equations in theta2 and theta3 of an arm whose axes 4, 5, 6 meet.
+ * Source: derivation robots_6r, group 2 of Crane and Duffy: projections and self-scalar products of the loop
+ * Operations: 18 add, 46 mul
+ * pose : array (4, 4), 1, length transform from the end to the base
+ * a : array (5), length a12, a23, a34, a45, a56
+ * cosine : array (5), 1 cosines of the twists alpha12 to alpha56
+ * sine : array (5), 1 sines of the twists
+ * offset : array (6), length S1 to S6
+ * equations : array (2, 3, 3), 1 or length or length^2 coefficients of u_i v_j in each equation
+ */
+void robots_6r_robot_pair_456_f64(const double pose[16], const double a[5], const double cosine[5], const double sine[5], const double offset[6], double equations[18]);
+void robots_6r_robot_pair_456_batch_f64(size_t count, const double *pose, const double *a, const double *cosine, const double *sine, const double *offset, double *equations);
+void robots_6r_robot_pair_456_f32(const float pose[16], const float a[5], const float cosine[5], const float sine[5], const float offset[6], float equations[18]);
+void robots_6r_robot_pair_456_batch_f32(size_t count, const float *pose, const float *a, const float *cosine, const float *sine, const float *offset, float *equations);
+
+/* Two equations in theta1 and theta6 of an arm whose axes 2, 3, 4 meet.
+ * Source: derivation robots_6r, group 2 of Crane and Duffy: projections and self-scalar products of the loop
+ * Operations: 35 add, 70 mul
+ * pose : array (4, 4), 1, length transform from the end to the base
+ * a : array (5), length a12, a23, a34, a45, a56
+ * cosine : array (5), 1 cosines of the twists alpha12 to alpha56
+ * sine : array (5), 1 sines of the twists
+ * offset : array (6), length S1 to S6
+ * equations : array (2, 3, 3), 1 or length or length^2 coefficients of u_i v_j in each equation
+ */
+void robots_6r_robot_pair_234_f64(const double pose[16], const double a[5], const double cosine[5], const double sine[5], const double offset[6], double equations[18]);
+void robots_6r_robot_pair_234_batch_f64(size_t count, const double *pose, const double *a, const double *cosine, const double *sine, const double *offset, double *equations);
+void robots_6r_robot_pair_234_f32(const float pose[16], const float a[5], const float cosine[5], const float sine[5], const float offset[6], float equations[18]);
+void robots_6r_robot_pair_234_batch_f32(size_t count, const float *pose, const float *a, const float *cosine, const float *sine, const float *offset, float *equations);
+
+/* Two equations in theta1 and theta6 of an arm whose axes 2, 3, 4 are parallel.
+ * Source: derivation robots_6r, group 2 of Crane and Duffy: projections and self-scalar products of the loop
+ * Operations: 9 add, 29 mul
+ * pose : array (4, 4), 1, length transform from the end to the base
+ * a : array (5), length a12, a23, a34, a45, a56
+ * cosine : array (5), 1 cosines of the twists alpha12 to alpha56
+ * sine : array (5), 1 sines of the twists
+ * offset : array (6), length S1 to S6
+ * equations : array (2, 3, 3), 1 or length or length^2 coefficients of u_i v_j in each equation
+ */
+void robots_6r_robot_pair_parallel_234_f64(const double pose[16], const double a[5], const double cosine[5], const double sine[5], const double offset[6], double equations[18]);
+void robots_6r_robot_pair_parallel_234_batch_f64(size_t count, const double *pose, const double *a, const double *cosine, const double *sine, const double *offset, double *equations);
+void robots_6r_robot_pair_parallel_234_f32(const float pose[16], const float a[5], const float cosine[5], const float sine[5], const float offset[6], float equations[18]);
+void robots_6r_robot_pair_parallel_234_batch_f32(size_t count, const float *pose, const float *a, const float *cosine, const float *sine, const float *offset, float *equations);
+
+/* Two equations in theta5 and theta6 of an arm whose axes 1, 2, 3 are parallel.
+ * Source: derivation robots_6r, group 2 of Crane and Duffy: projections and self-scalar products of the loop
+ * Operations: 9 add, 26 mul
+ * pose : array (4, 4), 1, length transform from the end to the base
+ * a : array (5), length a12, a23, a34, a45, a56
+ * cosine : array (5), 1 cosines of the twists alpha12 to alpha56
+ * sine : array (5), 1 sines of the twists
+ * offset : array (6), length S1 to S6
+ * equations : array (2, 3, 3), 1 or length or length^2 coefficients of u_i v_j in each equation
+ */
+void robots_6r_robot_pair_parallel_123_f64(const double pose[16], const double a[5], const double cosine[5], const double sine[5], const double offset[6], double equations[18]);
+void robots_6r_robot_pair_parallel_123_batch_f64(size_t count, const double *pose, const double *a, const double *cosine, const double *sine, const double *offset, double *equations);
+void robots_6r_robot_pair_parallel_123_f32(const float pose[16], const float a[5], const float cosine[5], const float sine[5], const float offset[6], float equations[18]);
+void robots_6r_robot_pair_parallel_123_batch_f32(size_t count, const float *pose, const float *a, const float *cosine, const float *sine, const float *offset, float *equations);
+
 #ifdef __cplusplus
 }
 #endif

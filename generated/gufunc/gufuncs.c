@@ -63,6 +63,10 @@ DECLARE_ALL(machine_model_rotation_from_vector)
 DECLARE_ALL(machine_model_tilted_axis)
 DECLARE_ALL(robots_6r_robot_wrist_reverse)
 DECLARE_ALL(robots_6r_robot_parallel_reverse)
+DECLARE_ALL(robots_6r_robot_pair_456)
+DECLARE_ALL(robots_6r_robot_pair_234)
+DECLARE_ALL(robots_6r_robot_pair_parallel_234)
+DECLARE_ALL(robots_6r_robot_pair_parallel_123)
 DECLARE_ALL(rodrigues_solve_axis_paper)
 DECLARE_ALL(rotations_rotate)
 DECLARE_ALL(rotations_rodrigues_vector_from_axis_angle)
@@ -249,6 +253,22 @@ NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8
 static const char types_robots_6r_robot_parallel_reverse[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
+};
+static const char types_robots_6r_robot_pair_456[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_robots_6r_robot_pair_234[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_robots_6r_robot_pair_parallel_234[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_robots_6r_robot_pair_parallel_123[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 };
 static const char types_rodrigues_solve_axis_paper[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
@@ -542,6 +562,14 @@ static const struct definition definitions[] = {
    ALL_LOOPS(robots_6r_robot_wrist_reverse), types_robots_6r_robot_wrist_reverse},
   {"robot_parallel_reverse", "(4,4),(5),(5),(5),(6)->(8,6),(8)", "All joint angles of an arm with parallel axes 2, 3 and 4, and axes 5 and 6 that meet.", 5, 2, 7,
    ALL_LOOPS(robots_6r_robot_parallel_reverse), types_robots_6r_robot_parallel_reverse},
+  {"robot_pair_456", "(4,4),(5),(5),(5),(6)->(2,3,3)", "Two equations in theta2 and theta3 of an arm whose axes 4, 5, 6 meet.", 5, 1, 6,
+   ALL_LOOPS(robots_6r_robot_pair_456), types_robots_6r_robot_pair_456},
+  {"robot_pair_234", "(4,4),(5),(5),(5),(6)->(2,3,3)", "Two equations in theta1 and theta6 of an arm whose axes 2, 3, 4 meet.", 5, 1, 6,
+   ALL_LOOPS(robots_6r_robot_pair_234), types_robots_6r_robot_pair_234},
+  {"robot_pair_parallel_234", "(4,4),(5),(5),(5),(6)->(2,3,3)", "Two equations in theta1 and theta6 of an arm whose axes 2, 3, 4 are parallel.", 5, 1, 6,
+   ALL_LOOPS(robots_6r_robot_pair_parallel_234), types_robots_6r_robot_pair_parallel_234},
+  {"robot_pair_parallel_123", "(4,4),(5),(5),(5),(6)->(2,3,3)", "Two equations in theta5 and theta6 of an arm whose axes 1, 2, 3 are parallel.", 5, 1, 6,
+   ALL_LOOPS(robots_6r_robot_pair_parallel_123), types_robots_6r_robot_pair_parallel_123},
   {"solve_axis_paper", "(3),(3),()->(2,3),(3)", "Rodrigues vectors that turn a point into another by a known angle, as the paper computes them.", 3, 2, 5,
    ALL_LOOPS(rodrigues_solve_axis_paper), types_rodrigues_solve_axis_paper},
   {"rotate", "(3),(3)->(3)", "Rotate a vector by Rodrigues' formula.", 2, 1, 3,

@@ -4545,3 +4545,1359 @@ void LOOP(robots_6r_robot_parallel_reverse_loop_f32)(char **args, const ptrdiff_
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
+
+/* robot_pair_456: 18 add, 46 mul */
+/* 18 add, 46 mul */
+static inline void robot_pair_456_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const double pose_1_3 = input[2][i];
+    const double pose_1_4 = input[3][i];
+    const double pose_2_3 = input[6][i];
+    const double pose_2_4 = input[7][i];
+    const double pose_3_3 = input[10][i];
+    const double pose_3_4 = input[11][i];
+    const double a_1 = input[16][i];
+    const double a_2 = input[17][i];
+    const double a_3 = input[18][i];
+    const double cosine_1 = input[21][i];
+    const double cosine_2 = input[22][i];
+    const double cosine_3 = input[23][i];
+    const double sine_1 = input[26][i];
+    const double sine_2 = input[27][i];
+    const double sine_3 = input[28][i];
+    const double offset_1 = input[31][i];
+    const double offset_2 = input[32][i];
+    const double offset_3 = input[33][i];
+    const double offset_4 = input[34][i];
+    const double offset_6 = input[36][i];
+    const double x0 = cosine_3*offset_4 + offset_3;
+    const double x1 = cosine_2*x0;
+    const double x2 = 2.0*offset_2;
+    const double x3 = offset_1 + offset_6*pose_3_3 - pose_3_4;
+    const double equations_1_1_1 = (a_1*a_1) + (a_2*a_2) + (a_3*a_3) + (offset_2*offset_2) + (offset_4*offset_4)*(sine_3*sine_3) + (x0*x0) + x1*x2 - (x3*x3) - ((pose_1_4 - offset_6*pose_1_3)*(pose_1_4 - offset_6*pose_1_3)) - ((pose_2_4 - offset_6*pose_2_3)*(pose_2_4 - offset_6*pose_2_3));
+    const double x4 = 2.0*a_2;
+    const double x5 = offset_4*sine_3;
+    const double equations_1_1_2 = a_3*x4 - sine_2*x2*x5;
+    const double x6 = 2.0*a_3;
+    const double equations_1_1_3 = offset_2*sine_2*x6 + x4*x5;
+    const double equations_1_2_1 = a_1*x4;
+    const double x7 = a_1*x6;
+    const double equations_1_2_2 = x7;
+    const double x8 = 2.0*a_1;
+    const double x9 = x5*x8;
+    const double equations_1_2_3 = x9;
+    const double x10 = sine_2*x0;
+    const double equations_1_3_1 = x10*x8;
+    const double equations_1_3_2 = cosine_2*x9;
+    const double equations_1_3_3 = -cosine_2*x7;
+    const double equations_2_1_1 = cosine_1*offset_2 + cosine_1*x1 + x3;
+    const double x11 = cosine_1*sine_2;
+    const double equations_2_1_2 = -x11*x5;
+    const double equations_2_1_3 = a_3*x11;
+    const double equations_2_2_1 = -sine_1*x10;
+    const double x12 = sine_1*x5;
+    const double equations_2_2_2 = -cosine_2*x12;
+    const double x13 = a_3*sine_1;
+    const double equations_2_2_3 = cosine_2*x13;
+    const double equations_2_3_1 = a_2*sine_1;
+    const double equations_2_3_2 = x13;
+    const double equations_2_3_3 = x12;
+    output[0][i] = equations_1_1_1;
+    output[1][i] = equations_1_1_2;
+    output[2][i] = equations_1_1_3;
+    output[3][i] = equations_1_2_1;
+    output[4][i] = equations_1_2_2;
+    output[5][i] = equations_1_2_3;
+    output[6][i] = equations_1_3_1;
+    output[7][i] = equations_1_3_2;
+    output[8][i] = equations_1_3_3;
+    output[9][i] = equations_2_1_1;
+    output[10][i] = equations_2_1_2;
+    output[11][i] = equations_2_1_3;
+    output[12][i] = equations_2_2_1;
+    output[13][i] = equations_2_2_2;
+    output[14][i] = equations_2_2_3;
+    output[15][i] = equations_2_3_1;
+    output[16][i] = equations_2_3_2;
+    output[17][i] = equations_2_3_3;
+  }
+}
+
+static inline void robot_pair_456_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  robot_pair_456_f64(input, output);
+}
+
+void LOOP(robots_6r_robot_pair_456_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+  const ptrdiff_t *core = steps + 6;
+  (void)data, (void)core, (void)width;
+  ptrdiff_t offsets_0[16];
+  for (int k = 0; k < 16; ++k)
+    offsets_0[k] = (k / 4) % 4 * core[0] + (k / 1) % 4 * core[1];
+  ptrdiff_t offsets_1[5];
+  for (int k = 0; k < 5; ++k)
+    offsets_1[k] = (k / 1) % 5 * core[2];
+  ptrdiff_t offsets_2[5];
+  for (int k = 0; k < 5; ++k)
+    offsets_2[k] = (k / 1) % 5 * core[3];
+  ptrdiff_t offsets_3[5];
+  for (int k = 0; k < 5; ++k)
+    offsets_3[k] = (k / 1) % 5 * core[4];
+  ptrdiff_t offsets_4[6];
+  for (int k = 0; k < 6; ++k)
+    offsets_4[k] = (k / 1) % 6 * core[5];
+  ptrdiff_t offsets_5[18];
+  for (int k = 0; k < 18; ++k)
+    offsets_5[k] = (k / 9) % 2 * core[6] + (k / 3) % 3 * core[7] + (k / 1) % 3 * core[8];
+  double input[37][BLOCK], output[18][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[2] == 0) & is_packed(offsets_2, 5, 5 * width, width)) | (is_packed(offsets_2, 5, steps[2], width) & is_aligned(args[2], width));
+  packed &= ((steps[3] == 0) & is_packed(offsets_3, 5, 5 * width, width)) | (is_packed(offsets_3, 5, steps[3], width) & is_aligned(args[3], width));
+  packed &= ((steps[4] == 0) & is_packed(offsets_4, 6, 6 * width, width)) | (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
+  packed &= (is_packed(offsets_5, 18, steps[5], width) & is_aligned(args[5], width));
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[5], total * 18 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 16; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 5; ++k)
+        fill_f64(input[16 + k], args[1] + k * width);
+    if (steps[2] == 0)
+      for (int k = 0; k < 5; ++k)
+        fill_f64(input[21 + k], args[2] + k * width);
+    if (steps[3] == 0)
+      for (int k = 0; k < 5; ++k)
+        fill_f64(input[26 + k], args[3] + k * width);
+    if (steps[4] == 0)
+      for (int k = 0; k < 6; ++k)
+        fill_f64(input[31 + k], args[4] + k * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 16 * width, 16);
+      if (steps[1] != 0)
+        load_f64(input[16], BLOCK, args[1] + start * 5 * width, 5);
+      if (steps[2] != 0)
+        load_f64(input[21], BLOCK, args[2] + start * 5 * width, 5);
+      if (steps[3] != 0)
+        load_f64(input[26], BLOCK, args[3] + start * 5 * width, 5);
+      if (steps[4] != 0)
+        load_f64(input[31], BLOCK, args[4] + start * 6 * width, 6);
+      robot_pair_456_block_f64(input, output);
+      {
+        double rows[18 * BLOCK], scratch[18 * BLOCK];
+        interleave_f64(rows, output[0], BLOCK, 18, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+    }
+    close_writer(&writer_0);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+    gather_f64(input[16], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+    gather_f64(input[21], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
+    gather_f64(input[26], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
+    gather_f64(input[31], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
+    robot_pair_456_block_f64(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 18; ++k)
+        put_f64(args[5] + (start + i) * steps[5] + offsets_5[k], output[0 + k][i]);
+  }
+  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+}
+
+/* robot_pair_456: 18 add, 46 mul */
+/* 18 add, 46 mul */
+static inline void robot_pair_456_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const float pose_1_3 = input[2][i];
+    const float pose_1_4 = input[3][i];
+    const float pose_2_3 = input[6][i];
+    const float pose_2_4 = input[7][i];
+    const float pose_3_3 = input[10][i];
+    const float pose_3_4 = input[11][i];
+    const float a_1 = input[16][i];
+    const float a_2 = input[17][i];
+    const float a_3 = input[18][i];
+    const float cosine_1 = input[21][i];
+    const float cosine_2 = input[22][i];
+    const float cosine_3 = input[23][i];
+    const float sine_1 = input[26][i];
+    const float sine_2 = input[27][i];
+    const float sine_3 = input[28][i];
+    const float offset_1 = input[31][i];
+    const float offset_2 = input[32][i];
+    const float offset_3 = input[33][i];
+    const float offset_4 = input[34][i];
+    const float offset_6 = input[36][i];
+    const float x0 = cosine_3*offset_4 + offset_3;
+    const float x1 = cosine_2*x0;
+    const float x2 = 2.0f*offset_2;
+    const float x3 = offset_1 + offset_6*pose_3_3 - pose_3_4;
+    const float equations_1_1_1 = (a_1*a_1) + (a_2*a_2) + (a_3*a_3) + (offset_2*offset_2) + (offset_4*offset_4)*(sine_3*sine_3) + (x0*x0) + x1*x2 - (x3*x3) - ((pose_1_4 - offset_6*pose_1_3)*(pose_1_4 - offset_6*pose_1_3)) - ((pose_2_4 - offset_6*pose_2_3)*(pose_2_4 - offset_6*pose_2_3));
+    const float x4 = 2.0f*a_2;
+    const float x5 = offset_4*sine_3;
+    const float equations_1_1_2 = a_3*x4 - sine_2*x2*x5;
+    const float x6 = 2.0f*a_3;
+    const float equations_1_1_3 = offset_2*sine_2*x6 + x4*x5;
+    const float equations_1_2_1 = a_1*x4;
+    const float x7 = a_1*x6;
+    const float equations_1_2_2 = x7;
+    const float x8 = 2.0f*a_1;
+    const float x9 = x5*x8;
+    const float equations_1_2_3 = x9;
+    const float x10 = sine_2*x0;
+    const float equations_1_3_1 = x10*x8;
+    const float equations_1_3_2 = cosine_2*x9;
+    const float equations_1_3_3 = -cosine_2*x7;
+    const float equations_2_1_1 = cosine_1*offset_2 + cosine_1*x1 + x3;
+    const float x11 = cosine_1*sine_2;
+    const float equations_2_1_2 = -x11*x5;
+    const float equations_2_1_3 = a_3*x11;
+    const float equations_2_2_1 = -sine_1*x10;
+    const float x12 = sine_1*x5;
+    const float equations_2_2_2 = -cosine_2*x12;
+    const float x13 = a_3*sine_1;
+    const float equations_2_2_3 = cosine_2*x13;
+    const float equations_2_3_1 = a_2*sine_1;
+    const float equations_2_3_2 = x13;
+    const float equations_2_3_3 = x12;
+    output[0][i] = equations_1_1_1;
+    output[1][i] = equations_1_1_2;
+    output[2][i] = equations_1_1_3;
+    output[3][i] = equations_1_2_1;
+    output[4][i] = equations_1_2_2;
+    output[5][i] = equations_1_2_3;
+    output[6][i] = equations_1_3_1;
+    output[7][i] = equations_1_3_2;
+    output[8][i] = equations_1_3_3;
+    output[9][i] = equations_2_1_1;
+    output[10][i] = equations_2_1_2;
+    output[11][i] = equations_2_1_3;
+    output[12][i] = equations_2_2_1;
+    output[13][i] = equations_2_2_2;
+    output[14][i] = equations_2_2_3;
+    output[15][i] = equations_2_3_1;
+    output[16][i] = equations_2_3_2;
+    output[17][i] = equations_2_3_3;
+  }
+}
+
+static inline void robot_pair_456_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  robot_pair_456_f32(input, output);
+}
+
+void LOOP(robots_6r_robot_pair_456_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
+  const ptrdiff_t *core = steps + 6;
+  (void)data, (void)core, (void)width;
+  ptrdiff_t offsets_0[16];
+  for (int k = 0; k < 16; ++k)
+    offsets_0[k] = (k / 4) % 4 * core[0] + (k / 1) % 4 * core[1];
+  ptrdiff_t offsets_1[5];
+  for (int k = 0; k < 5; ++k)
+    offsets_1[k] = (k / 1) % 5 * core[2];
+  ptrdiff_t offsets_2[5];
+  for (int k = 0; k < 5; ++k)
+    offsets_2[k] = (k / 1) % 5 * core[3];
+  ptrdiff_t offsets_3[5];
+  for (int k = 0; k < 5; ++k)
+    offsets_3[k] = (k / 1) % 5 * core[4];
+  ptrdiff_t offsets_4[6];
+  for (int k = 0; k < 6; ++k)
+    offsets_4[k] = (k / 1) % 6 * core[5];
+  ptrdiff_t offsets_5[18];
+  for (int k = 0; k < 18; ++k)
+    offsets_5[k] = (k / 9) % 2 * core[6] + (k / 3) % 3 * core[7] + (k / 1) % 3 * core[8];
+  float input[37][BLOCK], output[18][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[2] == 0) & is_packed(offsets_2, 5, 5 * width, width)) | (is_packed(offsets_2, 5, steps[2], width) & is_aligned(args[2], width));
+  packed &= ((steps[3] == 0) & is_packed(offsets_3, 5, 5 * width, width)) | (is_packed(offsets_3, 5, steps[3], width) & is_aligned(args[3], width));
+  packed &= ((steps[4] == 0) & is_packed(offsets_4, 6, 6 * width, width)) | (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
+  packed &= (is_packed(offsets_5, 18, steps[5], width) & is_aligned(args[5], width));
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[5], total * 18 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 16; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 5; ++k)
+        fill_f32(input[16 + k], args[1] + k * width);
+    if (steps[2] == 0)
+      for (int k = 0; k < 5; ++k)
+        fill_f32(input[21 + k], args[2] + k * width);
+    if (steps[3] == 0)
+      for (int k = 0; k < 5; ++k)
+        fill_f32(input[26 + k], args[3] + k * width);
+    if (steps[4] == 0)
+      for (int k = 0; k < 6; ++k)
+        fill_f32(input[31 + k], args[4] + k * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 16 * width, 16);
+      if (steps[1] != 0)
+        load_f32(input[16], BLOCK, args[1] + start * 5 * width, 5);
+      if (steps[2] != 0)
+        load_f32(input[21], BLOCK, args[2] + start * 5 * width, 5);
+      if (steps[3] != 0)
+        load_f32(input[26], BLOCK, args[3] + start * 5 * width, 5);
+      if (steps[4] != 0)
+        load_f32(input[31], BLOCK, args[4] + start * 6 * width, 6);
+      robot_pair_456_block_f32(input, output);
+      {
+        float rows[18 * BLOCK], scratch[18 * BLOCK];
+        interleave_f32(rows, output[0], BLOCK, 18, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+    }
+    close_writer(&writer_0);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+    gather_f32(input[16], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+    gather_f32(input[21], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
+    gather_f32(input[26], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
+    gather_f32(input[31], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
+    robot_pair_456_block_f32(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 18; ++k)
+        put_f32(args[5] + (start + i) * steps[5] + offsets_5[k], output[0 + k][i]);
+  }
+  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+}
+
+/* robot_pair_234: 35 add, 70 mul */
+/* 35 add, 70 mul */
+static inline void robot_pair_234_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const double pose_1_1 = input[0][i];
+    const double pose_1_2 = input[1][i];
+    const double pose_1_3 = input[2][i];
+    const double pose_1_4 = input[3][i];
+    const double pose_2_1 = input[4][i];
+    const double pose_2_2 = input[5][i];
+    const double pose_2_3 = input[6][i];
+    const double pose_2_4 = input[7][i];
+    const double pose_3_1 = input[8][i];
+    const double pose_3_2 = input[9][i];
+    const double pose_3_3 = input[10][i];
+    const double pose_3_4 = input[11][i];
+    const double a_1 = input[16][i];
+    const double a_4 = input[19][i];
+    const double a_5 = input[20][i];
+    const double cosine_1 = input[21][i];
+    const double cosine_4 = input[24][i];
+    const double cosine_5 = input[25][i];
+    const double sine_1 = input[26][i];
+    const double sine_4 = input[29][i];
+    const double sine_5 = input[30][i];
+    const double offset_1 = input[31][i];
+    const double offset_2 = input[32][i];
+    const double offset_4 = input[34][i];
+    const double offset_5 = input[35][i];
+    const double offset_6 = input[36][i];
+    const double x0 = pose_1_3*pose_1_4;
+    const double x1 = pose_2_3*pose_2_4;
+    const double x2 = cosine_1*offset_2;
+    const double x3 = offset_1 - pose_3_4;
+    const double x4 = x2 + x3;
+    const double x5 = cosine_4*offset_4 + offset_5;
+    const double equations_1_1_1 = cosine_5*(offset_6 + pose_3_3*x4 - x0 - x1) + x5;
+    const double x6 = pose_1_2*pose_1_4 + pose_2_2*pose_2_4 - pose_3_2*x4;
+    const double equations_1_1_2 = -sine_5*x6;
+    const double x7 = pose_3_1*x4 - pose_1_1*pose_1_4 - pose_2_1*pose_2_4;
+    const double equations_1_1_3 = sine_5*x7;
+    const double x8 = offset_2*sine_1;
+    const double x9 = a_1*pose_1_3 - pose_2_3*x8;
+    const double equations_1_2_1 = cosine_5*x9;
+    const double x10 = a_1*pose_1_2 - pose_2_2*x8;
+    const double equations_1_2_2 = sine_5*x10;
+    const double x11 = a_1*pose_1_1 - pose_2_1*x8;
+    const double equations_1_2_3 = sine_5*x11;
+    const double x12 = a_1*pose_2_3 + pose_1_3*x8;
+    const double equations_1_3_1 = cosine_5*x12;
+    const double x13 = a_1*pose_2_2 + pose_1_2*x8;
+    const double equations_1_3_2 = sine_5*x13;
+    const double x14 = a_1*pose_2_1 + pose_1_1*x8;
+    const double equations_1_3_3 = sine_5*x14;
+    const double x15 = (offset_2*offset_2);
+    const double x17 = 2.0*offset_6;
+    const double equations_2_1_1 = (a_1*a_1) + (a_5*a_5) + (cosine_1*cosine_1)*x15 + (offset_6*offset_6) + (pose_1_4*pose_1_4) + (pose_2_4*pose_2_4) + (sine_1*sine_1)*x15 + x17*(pose_3_3*x4 - x0 - x1) + 2.0*x2*x3 + (x3*x3) - (a_4*a_4) - (offset_4*offset_4)*(sine_4*sine_4) - (x5*x5);
+    const double x18 = 2.0*a_5;
+    const double equations_2_1_2 = x18*x7;
+    const double equations_2_1_3 = x18*x6;
+    const double x19 = 2.0*a_1;
+    const double x20 = 2.0*x8;
+    const double equations_2_2_1 = pose_2_4*x20 + x17*x9 - pose_1_4*x19;
+    const double equations_2_2_2 = x11*x18;
+    const double equations_2_2_3 = -x10*x18;
+    const double equations_2_3_1 = 2.0*offset_6*x12 - pose_1_4*x20 - pose_2_4*x19;
+    const double equations_2_3_2 = x14*x18;
+    const double equations_2_3_3 = -x13*x18;
+    output[0][i] = equations_1_1_1;
+    output[1][i] = equations_1_1_2;
+    output[2][i] = equations_1_1_3;
+    output[3][i] = equations_1_2_1;
+    output[4][i] = equations_1_2_2;
+    output[5][i] = equations_1_2_3;
+    output[6][i] = equations_1_3_1;
+    output[7][i] = equations_1_3_2;
+    output[8][i] = equations_1_3_3;
+    output[9][i] = equations_2_1_1;
+    output[10][i] = equations_2_1_2;
+    output[11][i] = equations_2_1_3;
+    output[12][i] = equations_2_2_1;
+    output[13][i] = equations_2_2_2;
+    output[14][i] = equations_2_2_3;
+    output[15][i] = equations_2_3_1;
+    output[16][i] = equations_2_3_2;
+    output[17][i] = equations_2_3_3;
+  }
+}
+
+static inline void robot_pair_234_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  robot_pair_234_f64(input, output);
+}
+
+void LOOP(robots_6r_robot_pair_234_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+  const ptrdiff_t *core = steps + 6;
+  (void)data, (void)core, (void)width;
+  ptrdiff_t offsets_0[16];
+  for (int k = 0; k < 16; ++k)
+    offsets_0[k] = (k / 4) % 4 * core[0] + (k / 1) % 4 * core[1];
+  ptrdiff_t offsets_1[5];
+  for (int k = 0; k < 5; ++k)
+    offsets_1[k] = (k / 1) % 5 * core[2];
+  ptrdiff_t offsets_2[5];
+  for (int k = 0; k < 5; ++k)
+    offsets_2[k] = (k / 1) % 5 * core[3];
+  ptrdiff_t offsets_3[5];
+  for (int k = 0; k < 5; ++k)
+    offsets_3[k] = (k / 1) % 5 * core[4];
+  ptrdiff_t offsets_4[6];
+  for (int k = 0; k < 6; ++k)
+    offsets_4[k] = (k / 1) % 6 * core[5];
+  ptrdiff_t offsets_5[18];
+  for (int k = 0; k < 18; ++k)
+    offsets_5[k] = (k / 9) % 2 * core[6] + (k / 3) % 3 * core[7] + (k / 1) % 3 * core[8];
+  double input[37][BLOCK], output[18][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[2] == 0) & is_packed(offsets_2, 5, 5 * width, width)) | (is_packed(offsets_2, 5, steps[2], width) & is_aligned(args[2], width));
+  packed &= ((steps[3] == 0) & is_packed(offsets_3, 5, 5 * width, width)) | (is_packed(offsets_3, 5, steps[3], width) & is_aligned(args[3], width));
+  packed &= ((steps[4] == 0) & is_packed(offsets_4, 6, 6 * width, width)) | (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
+  packed &= (is_packed(offsets_5, 18, steps[5], width) & is_aligned(args[5], width));
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[5], total * 18 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 16; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 5; ++k)
+        fill_f64(input[16 + k], args[1] + k * width);
+    if (steps[2] == 0)
+      for (int k = 0; k < 5; ++k)
+        fill_f64(input[21 + k], args[2] + k * width);
+    if (steps[3] == 0)
+      for (int k = 0; k < 5; ++k)
+        fill_f64(input[26 + k], args[3] + k * width);
+    if (steps[4] == 0)
+      for (int k = 0; k < 6; ++k)
+        fill_f64(input[31 + k], args[4] + k * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 16 * width, 16);
+      if (steps[1] != 0)
+        load_f64(input[16], BLOCK, args[1] + start * 5 * width, 5);
+      if (steps[2] != 0)
+        load_f64(input[21], BLOCK, args[2] + start * 5 * width, 5);
+      if (steps[3] != 0)
+        load_f64(input[26], BLOCK, args[3] + start * 5 * width, 5);
+      if (steps[4] != 0)
+        load_f64(input[31], BLOCK, args[4] + start * 6 * width, 6);
+      robot_pair_234_block_f64(input, output);
+      {
+        double rows[18 * BLOCK], scratch[18 * BLOCK];
+        interleave_f64(rows, output[0], BLOCK, 18, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+    }
+    close_writer(&writer_0);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+    gather_f64(input[16], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+    gather_f64(input[21], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
+    gather_f64(input[26], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
+    gather_f64(input[31], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
+    robot_pair_234_block_f64(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 18; ++k)
+        put_f64(args[5] + (start + i) * steps[5] + offsets_5[k], output[0 + k][i]);
+  }
+  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+}
+
+/* robot_pair_234: 35 add, 70 mul */
+/* 35 add, 70 mul */
+static inline void robot_pair_234_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const float pose_1_1 = input[0][i];
+    const float pose_1_2 = input[1][i];
+    const float pose_1_3 = input[2][i];
+    const float pose_1_4 = input[3][i];
+    const float pose_2_1 = input[4][i];
+    const float pose_2_2 = input[5][i];
+    const float pose_2_3 = input[6][i];
+    const float pose_2_4 = input[7][i];
+    const float pose_3_1 = input[8][i];
+    const float pose_3_2 = input[9][i];
+    const float pose_3_3 = input[10][i];
+    const float pose_3_4 = input[11][i];
+    const float a_1 = input[16][i];
+    const float a_4 = input[19][i];
+    const float a_5 = input[20][i];
+    const float cosine_1 = input[21][i];
+    const float cosine_4 = input[24][i];
+    const float cosine_5 = input[25][i];
+    const float sine_1 = input[26][i];
+    const float sine_4 = input[29][i];
+    const float sine_5 = input[30][i];
+    const float offset_1 = input[31][i];
+    const float offset_2 = input[32][i];
+    const float offset_4 = input[34][i];
+    const float offset_5 = input[35][i];
+    const float offset_6 = input[36][i];
+    const float x0 = pose_1_3*pose_1_4;
+    const float x1 = pose_2_3*pose_2_4;
+    const float x2 = cosine_1*offset_2;
+    const float x3 = offset_1 - pose_3_4;
+    const float x4 = x2 + x3;
+    const float x5 = cosine_4*offset_4 + offset_5;
+    const float equations_1_1_1 = cosine_5*(offset_6 + pose_3_3*x4 - x0 - x1) + x5;
+    const float x6 = pose_1_2*pose_1_4 + pose_2_2*pose_2_4 - pose_3_2*x4;
+    const float equations_1_1_2 = -sine_5*x6;
+    const float x7 = pose_3_1*x4 - pose_1_1*pose_1_4 - pose_2_1*pose_2_4;
+    const float equations_1_1_3 = sine_5*x7;
+    const float x8 = offset_2*sine_1;
+    const float x9 = a_1*pose_1_3 - pose_2_3*x8;
+    const float equations_1_2_1 = cosine_5*x9;
+    const float x10 = a_1*pose_1_2 - pose_2_2*x8;
+    const float equations_1_2_2 = sine_5*x10;
+    const float x11 = a_1*pose_1_1 - pose_2_1*x8;
+    const float equations_1_2_3 = sine_5*x11;
+    const float x12 = a_1*pose_2_3 + pose_1_3*x8;
+    const float equations_1_3_1 = cosine_5*x12;
+    const float x13 = a_1*pose_2_2 + pose_1_2*x8;
+    const float equations_1_3_2 = sine_5*x13;
+    const float x14 = a_1*pose_2_1 + pose_1_1*x8;
+    const float equations_1_3_3 = sine_5*x14;
+    const float x15 = (offset_2*offset_2);
+    const float x17 = 2.0f*offset_6;
+    const float equations_2_1_1 = (a_1*a_1) + (a_5*a_5) + (cosine_1*cosine_1)*x15 + (offset_6*offset_6) + (pose_1_4*pose_1_4) + (pose_2_4*pose_2_4) + (sine_1*sine_1)*x15 + x17*(pose_3_3*x4 - x0 - x1) + 2.0f*x2*x3 + (x3*x3) - (a_4*a_4) - (offset_4*offset_4)*(sine_4*sine_4) - (x5*x5);
+    const float x18 = 2.0f*a_5;
+    const float equations_2_1_2 = x18*x7;
+    const float equations_2_1_3 = x18*x6;
+    const float x19 = 2.0f*a_1;
+    const float x20 = 2.0f*x8;
+    const float equations_2_2_1 = pose_2_4*x20 + x17*x9 - pose_1_4*x19;
+    const float equations_2_2_2 = x11*x18;
+    const float equations_2_2_3 = -x10*x18;
+    const float equations_2_3_1 = 2.0f*offset_6*x12 - pose_1_4*x20 - pose_2_4*x19;
+    const float equations_2_3_2 = x14*x18;
+    const float equations_2_3_3 = -x13*x18;
+    output[0][i] = equations_1_1_1;
+    output[1][i] = equations_1_1_2;
+    output[2][i] = equations_1_1_3;
+    output[3][i] = equations_1_2_1;
+    output[4][i] = equations_1_2_2;
+    output[5][i] = equations_1_2_3;
+    output[6][i] = equations_1_3_1;
+    output[7][i] = equations_1_3_2;
+    output[8][i] = equations_1_3_3;
+    output[9][i] = equations_2_1_1;
+    output[10][i] = equations_2_1_2;
+    output[11][i] = equations_2_1_3;
+    output[12][i] = equations_2_2_1;
+    output[13][i] = equations_2_2_2;
+    output[14][i] = equations_2_2_3;
+    output[15][i] = equations_2_3_1;
+    output[16][i] = equations_2_3_2;
+    output[17][i] = equations_2_3_3;
+  }
+}
+
+static inline void robot_pair_234_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  robot_pair_234_f32(input, output);
+}
+
+void LOOP(robots_6r_robot_pair_234_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
+  const ptrdiff_t *core = steps + 6;
+  (void)data, (void)core, (void)width;
+  ptrdiff_t offsets_0[16];
+  for (int k = 0; k < 16; ++k)
+    offsets_0[k] = (k / 4) % 4 * core[0] + (k / 1) % 4 * core[1];
+  ptrdiff_t offsets_1[5];
+  for (int k = 0; k < 5; ++k)
+    offsets_1[k] = (k / 1) % 5 * core[2];
+  ptrdiff_t offsets_2[5];
+  for (int k = 0; k < 5; ++k)
+    offsets_2[k] = (k / 1) % 5 * core[3];
+  ptrdiff_t offsets_3[5];
+  for (int k = 0; k < 5; ++k)
+    offsets_3[k] = (k / 1) % 5 * core[4];
+  ptrdiff_t offsets_4[6];
+  for (int k = 0; k < 6; ++k)
+    offsets_4[k] = (k / 1) % 6 * core[5];
+  ptrdiff_t offsets_5[18];
+  for (int k = 0; k < 18; ++k)
+    offsets_5[k] = (k / 9) % 2 * core[6] + (k / 3) % 3 * core[7] + (k / 1) % 3 * core[8];
+  float input[37][BLOCK], output[18][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[2] == 0) & is_packed(offsets_2, 5, 5 * width, width)) | (is_packed(offsets_2, 5, steps[2], width) & is_aligned(args[2], width));
+  packed &= ((steps[3] == 0) & is_packed(offsets_3, 5, 5 * width, width)) | (is_packed(offsets_3, 5, steps[3], width) & is_aligned(args[3], width));
+  packed &= ((steps[4] == 0) & is_packed(offsets_4, 6, 6 * width, width)) | (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
+  packed &= (is_packed(offsets_5, 18, steps[5], width) & is_aligned(args[5], width));
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[5], total * 18 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 16; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 5; ++k)
+        fill_f32(input[16 + k], args[1] + k * width);
+    if (steps[2] == 0)
+      for (int k = 0; k < 5; ++k)
+        fill_f32(input[21 + k], args[2] + k * width);
+    if (steps[3] == 0)
+      for (int k = 0; k < 5; ++k)
+        fill_f32(input[26 + k], args[3] + k * width);
+    if (steps[4] == 0)
+      for (int k = 0; k < 6; ++k)
+        fill_f32(input[31 + k], args[4] + k * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 16 * width, 16);
+      if (steps[1] != 0)
+        load_f32(input[16], BLOCK, args[1] + start * 5 * width, 5);
+      if (steps[2] != 0)
+        load_f32(input[21], BLOCK, args[2] + start * 5 * width, 5);
+      if (steps[3] != 0)
+        load_f32(input[26], BLOCK, args[3] + start * 5 * width, 5);
+      if (steps[4] != 0)
+        load_f32(input[31], BLOCK, args[4] + start * 6 * width, 6);
+      robot_pair_234_block_f32(input, output);
+      {
+        float rows[18 * BLOCK], scratch[18 * BLOCK];
+        interleave_f32(rows, output[0], BLOCK, 18, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+    }
+    close_writer(&writer_0);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+    gather_f32(input[16], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+    gather_f32(input[21], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
+    gather_f32(input[26], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
+    gather_f32(input[31], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
+    robot_pair_234_block_f32(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 18; ++k)
+        put_f32(args[5] + (start + i) * steps[5] + offsets_5[k], output[0 + k][i]);
+  }
+  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+}
+
+/* robot_pair_parallel_234: 9 add, 29 mul */
+/* 9 add, 29 mul */
+static inline void robot_pair_parallel_234_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const double pose_1_1 = input[0][i];
+    const double pose_1_2 = input[1][i];
+    const double pose_1_3 = input[2][i];
+    const double pose_1_4 = input[3][i];
+    const double pose_2_1 = input[4][i];
+    const double pose_2_2 = input[5][i];
+    const double pose_2_3 = input[6][i];
+    const double pose_2_4 = input[7][i];
+    const double pose_3_1 = input[8][i];
+    const double pose_3_2 = input[9][i];
+    const double pose_3_3 = input[10][i];
+    const double pose_3_4 = input[11][i];
+    const double a_5 = input[20][i];
+    const double cosine_1 = input[21][i];
+    const double cosine_4 = input[24][i];
+    const double cosine_5 = input[25][i];
+    const double sine_1 = input[26][i];
+    const double sine_5 = input[30][i];
+    const double offset_1 = input[31][i];
+    const double offset_2 = input[32][i];
+    const double offset_3 = input[33][i];
+    const double offset_4 = input[34][i];
+    const double offset_5 = input[35][i];
+    const double offset_6 = input[36][i];
+    const double x0 = cosine_1*pose_3_3;
+    const double equations_1_1_1 = cosine_5*x0 - cosine_4;
+    const double x1 = cosine_1*sine_5;
+    const double equations_1_1_2 = pose_3_2*x1;
+    const double equations_1_1_3 = pose_3_1*x1;
+    const double x2 = cosine_5*sine_1;
+    const double equations_1_2_1 = -pose_2_3*x2;
+    const double x3 = sine_1*sine_5;
+    const double equations_1_2_2 = -pose_2_2*x3;
+    const double equations_1_2_3 = -pose_2_1*x3;
+    const double equations_1_3_1 = pose_1_3*x2;
+    const double equations_1_3_2 = pose_1_2*x3;
+    const double equations_1_3_3 = pose_1_1*x3;
+    const double equations_2_1_1 = cosine_1*(pose_3_4 - offset_1) - cosine_4*offset_5 - offset_2 - offset_3 - offset_4 - offset_6*x0;
+    const double x4 = a_5*cosine_1;
+    const double equations_2_1_2 = -pose_3_1*x4;
+    const double equations_2_1_3 = pose_3_2*x4;
+    const double x5 = offset_6*sine_1;
+    const double equations_2_2_1 = pose_2_3*x5 - pose_2_4*sine_1;
+    const double x6 = a_5*sine_1;
+    const double equations_2_2_2 = pose_2_1*x6;
+    const double equations_2_2_3 = -pose_2_2*x6;
+    const double equations_2_3_1 = pose_1_4*sine_1 - pose_1_3*x5;
+    const double equations_2_3_2 = -pose_1_1*x6;
+    const double equations_2_3_3 = pose_1_2*x6;
+    output[0][i] = equations_1_1_1;
+    output[1][i] = equations_1_1_2;
+    output[2][i] = equations_1_1_3;
+    output[3][i] = equations_1_2_1;
+    output[4][i] = equations_1_2_2;
+    output[5][i] = equations_1_2_3;
+    output[6][i] = equations_1_3_1;
+    output[7][i] = equations_1_3_2;
+    output[8][i] = equations_1_3_3;
+    output[9][i] = equations_2_1_1;
+    output[10][i] = equations_2_1_2;
+    output[11][i] = equations_2_1_3;
+    output[12][i] = equations_2_2_1;
+    output[13][i] = equations_2_2_2;
+    output[14][i] = equations_2_2_3;
+    output[15][i] = equations_2_3_1;
+    output[16][i] = equations_2_3_2;
+    output[17][i] = equations_2_3_3;
+  }
+}
+
+static inline void robot_pair_parallel_234_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  robot_pair_parallel_234_f64(input, output);
+}
+
+void LOOP(robots_6r_robot_pair_parallel_234_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+  const ptrdiff_t *core = steps + 6;
+  (void)data, (void)core, (void)width;
+  ptrdiff_t offsets_0[16];
+  for (int k = 0; k < 16; ++k)
+    offsets_0[k] = (k / 4) % 4 * core[0] + (k / 1) % 4 * core[1];
+  ptrdiff_t offsets_1[5];
+  for (int k = 0; k < 5; ++k)
+    offsets_1[k] = (k / 1) % 5 * core[2];
+  ptrdiff_t offsets_2[5];
+  for (int k = 0; k < 5; ++k)
+    offsets_2[k] = (k / 1) % 5 * core[3];
+  ptrdiff_t offsets_3[5];
+  for (int k = 0; k < 5; ++k)
+    offsets_3[k] = (k / 1) % 5 * core[4];
+  ptrdiff_t offsets_4[6];
+  for (int k = 0; k < 6; ++k)
+    offsets_4[k] = (k / 1) % 6 * core[5];
+  ptrdiff_t offsets_5[18];
+  for (int k = 0; k < 18; ++k)
+    offsets_5[k] = (k / 9) % 2 * core[6] + (k / 3) % 3 * core[7] + (k / 1) % 3 * core[8];
+  double input[37][BLOCK], output[18][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[2] == 0) & is_packed(offsets_2, 5, 5 * width, width)) | (is_packed(offsets_2, 5, steps[2], width) & is_aligned(args[2], width));
+  packed &= ((steps[3] == 0) & is_packed(offsets_3, 5, 5 * width, width)) | (is_packed(offsets_3, 5, steps[3], width) & is_aligned(args[3], width));
+  packed &= ((steps[4] == 0) & is_packed(offsets_4, 6, 6 * width, width)) | (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
+  packed &= (is_packed(offsets_5, 18, steps[5], width) & is_aligned(args[5], width));
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[5], total * 18 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 16; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 5; ++k)
+        fill_f64(input[16 + k], args[1] + k * width);
+    if (steps[2] == 0)
+      for (int k = 0; k < 5; ++k)
+        fill_f64(input[21 + k], args[2] + k * width);
+    if (steps[3] == 0)
+      for (int k = 0; k < 5; ++k)
+        fill_f64(input[26 + k], args[3] + k * width);
+    if (steps[4] == 0)
+      for (int k = 0; k < 6; ++k)
+        fill_f64(input[31 + k], args[4] + k * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 16 * width, 16);
+      if (steps[1] != 0)
+        load_f64(input[16], BLOCK, args[1] + start * 5 * width, 5);
+      if (steps[2] != 0)
+        load_f64(input[21], BLOCK, args[2] + start * 5 * width, 5);
+      if (steps[3] != 0)
+        load_f64(input[26], BLOCK, args[3] + start * 5 * width, 5);
+      if (steps[4] != 0)
+        load_f64(input[31], BLOCK, args[4] + start * 6 * width, 6);
+      robot_pair_parallel_234_block_f64(input, output);
+      {
+        double rows[18 * BLOCK], scratch[18 * BLOCK];
+        interleave_f64(rows, output[0], BLOCK, 18, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+    }
+    close_writer(&writer_0);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+    gather_f64(input[16], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+    gather_f64(input[21], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
+    gather_f64(input[26], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
+    gather_f64(input[31], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
+    robot_pair_parallel_234_block_f64(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 18; ++k)
+        put_f64(args[5] + (start + i) * steps[5] + offsets_5[k], output[0 + k][i]);
+  }
+  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+}
+
+/* robot_pair_parallel_234: 9 add, 29 mul */
+/* 9 add, 29 mul */
+static inline void robot_pair_parallel_234_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const float pose_1_1 = input[0][i];
+    const float pose_1_2 = input[1][i];
+    const float pose_1_3 = input[2][i];
+    const float pose_1_4 = input[3][i];
+    const float pose_2_1 = input[4][i];
+    const float pose_2_2 = input[5][i];
+    const float pose_2_3 = input[6][i];
+    const float pose_2_4 = input[7][i];
+    const float pose_3_1 = input[8][i];
+    const float pose_3_2 = input[9][i];
+    const float pose_3_3 = input[10][i];
+    const float pose_3_4 = input[11][i];
+    const float a_5 = input[20][i];
+    const float cosine_1 = input[21][i];
+    const float cosine_4 = input[24][i];
+    const float cosine_5 = input[25][i];
+    const float sine_1 = input[26][i];
+    const float sine_5 = input[30][i];
+    const float offset_1 = input[31][i];
+    const float offset_2 = input[32][i];
+    const float offset_3 = input[33][i];
+    const float offset_4 = input[34][i];
+    const float offset_5 = input[35][i];
+    const float offset_6 = input[36][i];
+    const float x0 = cosine_1*pose_3_3;
+    const float equations_1_1_1 = cosine_5*x0 - cosine_4;
+    const float x1 = cosine_1*sine_5;
+    const float equations_1_1_2 = pose_3_2*x1;
+    const float equations_1_1_3 = pose_3_1*x1;
+    const float x2 = cosine_5*sine_1;
+    const float equations_1_2_1 = -pose_2_3*x2;
+    const float x3 = sine_1*sine_5;
+    const float equations_1_2_2 = -pose_2_2*x3;
+    const float equations_1_2_3 = -pose_2_1*x3;
+    const float equations_1_3_1 = pose_1_3*x2;
+    const float equations_1_3_2 = pose_1_2*x3;
+    const float equations_1_3_3 = pose_1_1*x3;
+    const float equations_2_1_1 = cosine_1*(pose_3_4 - offset_1) - cosine_4*offset_5 - offset_2 - offset_3 - offset_4 - offset_6*x0;
+    const float x4 = a_5*cosine_1;
+    const float equations_2_1_2 = -pose_3_1*x4;
+    const float equations_2_1_3 = pose_3_2*x4;
+    const float x5 = offset_6*sine_1;
+    const float equations_2_2_1 = pose_2_3*x5 - pose_2_4*sine_1;
+    const float x6 = a_5*sine_1;
+    const float equations_2_2_2 = pose_2_1*x6;
+    const float equations_2_2_3 = -pose_2_2*x6;
+    const float equations_2_3_1 = pose_1_4*sine_1 - pose_1_3*x5;
+    const float equations_2_3_2 = -pose_1_1*x6;
+    const float equations_2_3_3 = pose_1_2*x6;
+    output[0][i] = equations_1_1_1;
+    output[1][i] = equations_1_1_2;
+    output[2][i] = equations_1_1_3;
+    output[3][i] = equations_1_2_1;
+    output[4][i] = equations_1_2_2;
+    output[5][i] = equations_1_2_3;
+    output[6][i] = equations_1_3_1;
+    output[7][i] = equations_1_3_2;
+    output[8][i] = equations_1_3_3;
+    output[9][i] = equations_2_1_1;
+    output[10][i] = equations_2_1_2;
+    output[11][i] = equations_2_1_3;
+    output[12][i] = equations_2_2_1;
+    output[13][i] = equations_2_2_2;
+    output[14][i] = equations_2_2_3;
+    output[15][i] = equations_2_3_1;
+    output[16][i] = equations_2_3_2;
+    output[17][i] = equations_2_3_3;
+  }
+}
+
+static inline void robot_pair_parallel_234_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  robot_pair_parallel_234_f32(input, output);
+}
+
+void LOOP(robots_6r_robot_pair_parallel_234_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
+  const ptrdiff_t *core = steps + 6;
+  (void)data, (void)core, (void)width;
+  ptrdiff_t offsets_0[16];
+  for (int k = 0; k < 16; ++k)
+    offsets_0[k] = (k / 4) % 4 * core[0] + (k / 1) % 4 * core[1];
+  ptrdiff_t offsets_1[5];
+  for (int k = 0; k < 5; ++k)
+    offsets_1[k] = (k / 1) % 5 * core[2];
+  ptrdiff_t offsets_2[5];
+  for (int k = 0; k < 5; ++k)
+    offsets_2[k] = (k / 1) % 5 * core[3];
+  ptrdiff_t offsets_3[5];
+  for (int k = 0; k < 5; ++k)
+    offsets_3[k] = (k / 1) % 5 * core[4];
+  ptrdiff_t offsets_4[6];
+  for (int k = 0; k < 6; ++k)
+    offsets_4[k] = (k / 1) % 6 * core[5];
+  ptrdiff_t offsets_5[18];
+  for (int k = 0; k < 18; ++k)
+    offsets_5[k] = (k / 9) % 2 * core[6] + (k / 3) % 3 * core[7] + (k / 1) % 3 * core[8];
+  float input[37][BLOCK], output[18][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[2] == 0) & is_packed(offsets_2, 5, 5 * width, width)) | (is_packed(offsets_2, 5, steps[2], width) & is_aligned(args[2], width));
+  packed &= ((steps[3] == 0) & is_packed(offsets_3, 5, 5 * width, width)) | (is_packed(offsets_3, 5, steps[3], width) & is_aligned(args[3], width));
+  packed &= ((steps[4] == 0) & is_packed(offsets_4, 6, 6 * width, width)) | (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
+  packed &= (is_packed(offsets_5, 18, steps[5], width) & is_aligned(args[5], width));
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[5], total * 18 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 16; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 5; ++k)
+        fill_f32(input[16 + k], args[1] + k * width);
+    if (steps[2] == 0)
+      for (int k = 0; k < 5; ++k)
+        fill_f32(input[21 + k], args[2] + k * width);
+    if (steps[3] == 0)
+      for (int k = 0; k < 5; ++k)
+        fill_f32(input[26 + k], args[3] + k * width);
+    if (steps[4] == 0)
+      for (int k = 0; k < 6; ++k)
+        fill_f32(input[31 + k], args[4] + k * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 16 * width, 16);
+      if (steps[1] != 0)
+        load_f32(input[16], BLOCK, args[1] + start * 5 * width, 5);
+      if (steps[2] != 0)
+        load_f32(input[21], BLOCK, args[2] + start * 5 * width, 5);
+      if (steps[3] != 0)
+        load_f32(input[26], BLOCK, args[3] + start * 5 * width, 5);
+      if (steps[4] != 0)
+        load_f32(input[31], BLOCK, args[4] + start * 6 * width, 6);
+      robot_pair_parallel_234_block_f32(input, output);
+      {
+        float rows[18 * BLOCK], scratch[18 * BLOCK];
+        interleave_f32(rows, output[0], BLOCK, 18, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+    }
+    close_writer(&writer_0);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+    gather_f32(input[16], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+    gather_f32(input[21], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
+    gather_f32(input[26], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
+    gather_f32(input[31], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
+    robot_pair_parallel_234_block_f32(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 18; ++k)
+        put_f32(args[5] + (start + i) * steps[5] + offsets_5[k], output[0 + k][i]);
+  }
+  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+}
+
+/* robot_pair_parallel_123: 9 add, 26 mul */
+/* 9 add, 26 mul */
+static inline void robot_pair_parallel_123_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const double pose_3_1 = input[8][i];
+    const double pose_3_2 = input[9][i];
+    const double pose_3_3 = input[10][i];
+    const double pose_3_4 = input[11][i];
+    const double a_4 = input[19][i];
+    const double a_5 = input[20][i];
+    const double cosine_3 = input[23][i];
+    const double cosine_4 = input[24][i];
+    const double cosine_5 = input[25][i];
+    const double sine_4 = input[29][i];
+    const double sine_5 = input[30][i];
+    const double offset_1 = input[31][i];
+    const double offset_2 = input[32][i];
+    const double offset_3 = input[33][i];
+    const double offset_4 = input[34][i];
+    const double offset_5 = input[35][i];
+    const double offset_6 = input[36][i];
+    const double equations_1_1_1 = cosine_4*cosine_5*pose_3_3 - cosine_3;
+    const double x0 = cosine_4*sine_5;
+    const double equations_1_1_2 = pose_3_2*x0;
+    const double equations_1_1_3 = pose_3_1*x0;
+    const double x1 = pose_3_3*sine_5;
+    const double equations_1_2_1 = -sine_4*x1;
+    const double x2 = pose_3_2*sine_4;
+    const double equations_1_2_2 = cosine_5*x2;
+    const double x3 = pose_3_1*sine_4;
+    const double equations_1_2_3 = cosine_5*x3;
+    const double equations_1_3_1 = 0.0;
+    const double equations_1_3_2 = x3;
+    const double equations_1_3_3 = -x2;
+    const double equations_2_1_1 = cosine_3*offset_4 + cosine_5*offset_5*pose_3_3 + offset_1 + offset_2 + offset_3 + offset_6*pose_3_3 - pose_3_4;
+    const double equations_2_1_2 = a_5*pose_3_1 + offset_5*pose_3_2*sine_5;
+    const double equations_2_1_3 = offset_5*pose_3_1*sine_5 - a_5*pose_3_2;
+    const double equations_2_2_1 = 0.0;
+    const double x4 = a_4*pose_3_1;
+    const double equations_2_2_2 = x4;
+    const double x5 = a_4*pose_3_2;
+    const double equations_2_2_3 = -x5;
+    const double equations_2_3_1 = a_4*x1;
+    const double equations_2_3_2 = -cosine_5*x5;
+    const double equations_2_3_3 = -cosine_5*x4;
+    output[0][i] = equations_1_1_1;
+    output[1][i] = equations_1_1_2;
+    output[2][i] = equations_1_1_3;
+    output[3][i] = equations_1_2_1;
+    output[4][i] = equations_1_2_2;
+    output[5][i] = equations_1_2_3;
+    output[6][i] = equations_1_3_1;
+    output[7][i] = equations_1_3_2;
+    output[8][i] = equations_1_3_3;
+    output[9][i] = equations_2_1_1;
+    output[10][i] = equations_2_1_2;
+    output[11][i] = equations_2_1_3;
+    output[12][i] = equations_2_2_1;
+    output[13][i] = equations_2_2_2;
+    output[14][i] = equations_2_2_3;
+    output[15][i] = equations_2_3_1;
+    output[16][i] = equations_2_3_2;
+    output[17][i] = equations_2_3_3;
+  }
+}
+
+static inline void robot_pair_parallel_123_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  robot_pair_parallel_123_f64(input, output);
+}
+
+void LOOP(robots_6r_robot_pair_parallel_123_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+  const ptrdiff_t *core = steps + 6;
+  (void)data, (void)core, (void)width;
+  ptrdiff_t offsets_0[16];
+  for (int k = 0; k < 16; ++k)
+    offsets_0[k] = (k / 4) % 4 * core[0] + (k / 1) % 4 * core[1];
+  ptrdiff_t offsets_1[5];
+  for (int k = 0; k < 5; ++k)
+    offsets_1[k] = (k / 1) % 5 * core[2];
+  ptrdiff_t offsets_2[5];
+  for (int k = 0; k < 5; ++k)
+    offsets_2[k] = (k / 1) % 5 * core[3];
+  ptrdiff_t offsets_3[5];
+  for (int k = 0; k < 5; ++k)
+    offsets_3[k] = (k / 1) % 5 * core[4];
+  ptrdiff_t offsets_4[6];
+  for (int k = 0; k < 6; ++k)
+    offsets_4[k] = (k / 1) % 6 * core[5];
+  ptrdiff_t offsets_5[18];
+  for (int k = 0; k < 18; ++k)
+    offsets_5[k] = (k / 9) % 2 * core[6] + (k / 3) % 3 * core[7] + (k / 1) % 3 * core[8];
+  double input[37][BLOCK], output[18][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[2] == 0) & is_packed(offsets_2, 5, 5 * width, width)) | (is_packed(offsets_2, 5, steps[2], width) & is_aligned(args[2], width));
+  packed &= ((steps[3] == 0) & is_packed(offsets_3, 5, 5 * width, width)) | (is_packed(offsets_3, 5, steps[3], width) & is_aligned(args[3], width));
+  packed &= ((steps[4] == 0) & is_packed(offsets_4, 6, 6 * width, width)) | (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
+  packed &= (is_packed(offsets_5, 18, steps[5], width) & is_aligned(args[5], width));
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[5], total * 18 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 16; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 5; ++k)
+        fill_f64(input[16 + k], args[1] + k * width);
+    if (steps[2] == 0)
+      for (int k = 0; k < 5; ++k)
+        fill_f64(input[21 + k], args[2] + k * width);
+    if (steps[3] == 0)
+      for (int k = 0; k < 5; ++k)
+        fill_f64(input[26 + k], args[3] + k * width);
+    if (steps[4] == 0)
+      for (int k = 0; k < 6; ++k)
+        fill_f64(input[31 + k], args[4] + k * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 16 * width, 16);
+      if (steps[1] != 0)
+        load_f64(input[16], BLOCK, args[1] + start * 5 * width, 5);
+      if (steps[2] != 0)
+        load_f64(input[21], BLOCK, args[2] + start * 5 * width, 5);
+      if (steps[3] != 0)
+        load_f64(input[26], BLOCK, args[3] + start * 5 * width, 5);
+      if (steps[4] != 0)
+        load_f64(input[31], BLOCK, args[4] + start * 6 * width, 6);
+      robot_pair_parallel_123_block_f64(input, output);
+      {
+        double rows[18 * BLOCK], scratch[18 * BLOCK];
+        interleave_f64(rows, output[0], BLOCK, 18, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+    }
+    close_writer(&writer_0);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+    gather_f64(input[16], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+    gather_f64(input[21], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
+    gather_f64(input[26], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
+    gather_f64(input[31], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
+    robot_pair_parallel_123_block_f64(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 18; ++k)
+        put_f64(args[5] + (start + i) * steps[5] + offsets_5[k], output[0 + k][i]);
+  }
+  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+}
+
+/* robot_pair_parallel_123: 9 add, 26 mul */
+/* 9 add, 26 mul */
+static inline void robot_pair_parallel_123_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const float pose_3_1 = input[8][i];
+    const float pose_3_2 = input[9][i];
+    const float pose_3_3 = input[10][i];
+    const float pose_3_4 = input[11][i];
+    const float a_4 = input[19][i];
+    const float a_5 = input[20][i];
+    const float cosine_3 = input[23][i];
+    const float cosine_4 = input[24][i];
+    const float cosine_5 = input[25][i];
+    const float sine_4 = input[29][i];
+    const float sine_5 = input[30][i];
+    const float offset_1 = input[31][i];
+    const float offset_2 = input[32][i];
+    const float offset_3 = input[33][i];
+    const float offset_4 = input[34][i];
+    const float offset_5 = input[35][i];
+    const float offset_6 = input[36][i];
+    const float equations_1_1_1 = cosine_4*cosine_5*pose_3_3 - cosine_3;
+    const float x0 = cosine_4*sine_5;
+    const float equations_1_1_2 = pose_3_2*x0;
+    const float equations_1_1_3 = pose_3_1*x0;
+    const float x1 = pose_3_3*sine_5;
+    const float equations_1_2_1 = -sine_4*x1;
+    const float x2 = pose_3_2*sine_4;
+    const float equations_1_2_2 = cosine_5*x2;
+    const float x3 = pose_3_1*sine_4;
+    const float equations_1_2_3 = cosine_5*x3;
+    const float equations_1_3_1 = 0.0f;
+    const float equations_1_3_2 = x3;
+    const float equations_1_3_3 = -x2;
+    const float equations_2_1_1 = cosine_3*offset_4 + cosine_5*offset_5*pose_3_3 + offset_1 + offset_2 + offset_3 + offset_6*pose_3_3 - pose_3_4;
+    const float equations_2_1_2 = a_5*pose_3_1 + offset_5*pose_3_2*sine_5;
+    const float equations_2_1_3 = offset_5*pose_3_1*sine_5 - a_5*pose_3_2;
+    const float equations_2_2_1 = 0.0f;
+    const float x4 = a_4*pose_3_1;
+    const float equations_2_2_2 = x4;
+    const float x5 = a_4*pose_3_2;
+    const float equations_2_2_3 = -x5;
+    const float equations_2_3_1 = a_4*x1;
+    const float equations_2_3_2 = -cosine_5*x5;
+    const float equations_2_3_3 = -cosine_5*x4;
+    output[0][i] = equations_1_1_1;
+    output[1][i] = equations_1_1_2;
+    output[2][i] = equations_1_1_3;
+    output[3][i] = equations_1_2_1;
+    output[4][i] = equations_1_2_2;
+    output[5][i] = equations_1_2_3;
+    output[6][i] = equations_1_3_1;
+    output[7][i] = equations_1_3_2;
+    output[8][i] = equations_1_3_3;
+    output[9][i] = equations_2_1_1;
+    output[10][i] = equations_2_1_2;
+    output[11][i] = equations_2_1_3;
+    output[12][i] = equations_2_2_1;
+    output[13][i] = equations_2_2_2;
+    output[14][i] = equations_2_2_3;
+    output[15][i] = equations_2_3_1;
+    output[16][i] = equations_2_3_2;
+    output[17][i] = equations_2_3_3;
+  }
+}
+
+static inline void robot_pair_parallel_123_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  robot_pair_parallel_123_f32(input, output);
+}
+
+void LOOP(robots_6r_robot_pair_parallel_123_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
+  const ptrdiff_t *core = steps + 6;
+  (void)data, (void)core, (void)width;
+  ptrdiff_t offsets_0[16];
+  for (int k = 0; k < 16; ++k)
+    offsets_0[k] = (k / 4) % 4 * core[0] + (k / 1) % 4 * core[1];
+  ptrdiff_t offsets_1[5];
+  for (int k = 0; k < 5; ++k)
+    offsets_1[k] = (k / 1) % 5 * core[2];
+  ptrdiff_t offsets_2[5];
+  for (int k = 0; k < 5; ++k)
+    offsets_2[k] = (k / 1) % 5 * core[3];
+  ptrdiff_t offsets_3[5];
+  for (int k = 0; k < 5; ++k)
+    offsets_3[k] = (k / 1) % 5 * core[4];
+  ptrdiff_t offsets_4[6];
+  for (int k = 0; k < 6; ++k)
+    offsets_4[k] = (k / 1) % 6 * core[5];
+  ptrdiff_t offsets_5[18];
+  for (int k = 0; k < 18; ++k)
+    offsets_5[k] = (k / 9) % 2 * core[6] + (k / 3) % 3 * core[7] + (k / 1) % 3 * core[8];
+  float input[37][BLOCK], output[18][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[2] == 0) & is_packed(offsets_2, 5, 5 * width, width)) | (is_packed(offsets_2, 5, steps[2], width) & is_aligned(args[2], width));
+  packed &= ((steps[3] == 0) & is_packed(offsets_3, 5, 5 * width, width)) | (is_packed(offsets_3, 5, steps[3], width) & is_aligned(args[3], width));
+  packed &= ((steps[4] == 0) & is_packed(offsets_4, 6, 6 * width, width)) | (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
+  packed &= (is_packed(offsets_5, 18, steps[5], width) & is_aligned(args[5], width));
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[5], total * 18 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 16; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 5; ++k)
+        fill_f32(input[16 + k], args[1] + k * width);
+    if (steps[2] == 0)
+      for (int k = 0; k < 5; ++k)
+        fill_f32(input[21 + k], args[2] + k * width);
+    if (steps[3] == 0)
+      for (int k = 0; k < 5; ++k)
+        fill_f32(input[26 + k], args[3] + k * width);
+    if (steps[4] == 0)
+      for (int k = 0; k < 6; ++k)
+        fill_f32(input[31 + k], args[4] + k * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 16 * width, 16);
+      if (steps[1] != 0)
+        load_f32(input[16], BLOCK, args[1] + start * 5 * width, 5);
+      if (steps[2] != 0)
+        load_f32(input[21], BLOCK, args[2] + start * 5 * width, 5);
+      if (steps[3] != 0)
+        load_f32(input[26], BLOCK, args[3] + start * 5 * width, 5);
+      if (steps[4] != 0)
+        load_f32(input[31], BLOCK, args[4] + start * 6 * width, 6);
+      robot_pair_parallel_123_block_f32(input, output);
+      {
+        float rows[18 * BLOCK], scratch[18 * BLOCK];
+        interleave_f32(rows, output[0], BLOCK, 18, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+    }
+    close_writer(&writer_0);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+    gather_f32(input[16], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+    gather_f32(input[21], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
+    gather_f32(input[26], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
+    gather_f32(input[31], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
+    robot_pair_parallel_123_block_f32(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 18; ++k)
+        put_f32(args[5] + (start + i) * steps[5] + offsets_5[k], output[0 + k][i]);
+  }
+  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+}

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-__all__ = ["RobotStatus", "robot_wrist_reverse", "robot_parallel_reverse"]
+__all__ = ["RobotStatus", "robot_wrist_reverse", "robot_parallel_reverse", "robot_pair_456", "robot_pair_234", "robot_pair_parallel_234", "robot_pair_parallel_123"]
 
 # Elements evaluated at a time: few enough for the intermediates to stay in the cache.
 BLOCK = 8192
@@ -3147,6 +3147,337 @@ def _robot_parallel_reverse(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, po
     status_8 = np.where(~(good), 5.0, np.where(~(there_4_7), 3.0, code_8))
     del code_8, good, there_4_7
     return (angles_1_1, angles_1_2, angles_1_3, angles_1_4, angles_1_5, angles_1_6, angles_2_1, angles_2_2, angles_2_3, angles_2_4, angles_2_5, angles_2_6, angles_3_1, angles_3_2, angles_3_3, angles_3_4, angles_3_5, angles_3_6, angles_4_1, angles_4_2, angles_4_3, angles_4_4, angles_4_5, angles_4_6, angles_5_1, angles_5_2, angles_5_3, angles_5_4, angles_5_5, angles_5_6, angles_6_1, angles_6_2, angles_6_3, angles_6_4, angles_6_5, angles_6_6, angles_7_1, angles_7_2, angles_7_3, angles_7_4, angles_7_5, angles_7_6, angles_8_1, angles_8_2, angles_8_3, angles_8_4, angles_8_5, angles_8_6, status_1, status_2, status_3, status_4, status_5, status_6, status_7, status_8)
+
+
+def robot_pair_456(pose, a, cosine, sine, offset, *, out=None):
+    """Two equations in theta2 and theta3 of an arm whose axes 4, 5, 6 meet.
+
+    Source: derivation robots_6r, group 2 of Crane and Duffy: projections and self-scalar products of the loop
+
+    The numbers that the geometry makes zero are taken as zero, and parallel axes point the same way.
+
+    Parameters
+    ----------
+    pose : array (..., 4, 4), 1, length
+        transform from the end to the base
+    a : array (..., 5), length
+        a12, a23, a34, a45, a56
+    cosine : array (..., 5), 1
+        cosines of the twists alpha12 to alpha56
+    sine : array (..., 5), 1
+        sines of the twists
+    offset : array (..., 6), length
+        S1 to S6
+
+    Returns
+    -------
+    equations : array (..., 2, 3, 3), 1 or length or length^2
+        coefficients of u_i v_j in each equation
+    """
+    return _evaluate(
+        _robot_pair_456, None,
+        "robot_pair_456",
+        (pose, a, cosine, sine, offset),
+        (("pose", (4, 4)), ("a", (5,)), ("cosine", (5,)), ("sine", (5,)), ("offset", (6,))),
+        (("equations", (2, 3, 3), False),),
+        out,
+    )
+
+
+robot_pair_456.signature = "(4,4),(5),(5),(5),(6)->(2,3,3)"
+robot_pair_456.types = ["ddddd->d", "fffff->f"]
+
+
+def _robot_pair_456(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
+    # 18 add, 46 mul
+    x0 = cosine_3*offset_4 + offset_3
+    x1 = cosine_2*x0
+    x2 = 2.0*offset_2
+    x3 = offset_1 + offset_6*pose_3_3 - pose_3_4
+    equations_1_1_1 = (a_1*a_1) + (a_2*a_2) + (a_3*a_3) + (offset_2*offset_2) + (offset_4*offset_4)*(sine_3*sine_3) + (x0*x0) + x1*x2 - (x3*x3) - ((pose_1_4 - offset_6*pose_1_3)*(pose_1_4 - offset_6*pose_1_3)) - ((pose_2_4 - offset_6*pose_2_3)*(pose_2_4 - offset_6*pose_2_3))
+    x4 = 2.0*a_2
+    x5 = offset_4*sine_3
+    equations_1_1_2 = a_3*x4 - sine_2*x2*x5
+    del x2
+    x6 = 2.0*a_3
+    equations_1_1_3 = offset_2*sine_2*x6 + x4*x5
+    equations_1_2_1 = a_1*x4
+    del x4
+    x7 = a_1*x6
+    del x6
+    equations_1_2_2 = x7
+    x8 = 2.0*a_1
+    x9 = x5*x8
+    equations_1_2_3 = x9
+    x10 = sine_2*x0
+    del x0
+    equations_1_3_1 = x10*x8
+    del x8
+    equations_1_3_2 = cosine_2*x9
+    del x9
+    equations_1_3_3 = -cosine_2*x7
+    del x7
+    equations_2_1_1 = cosine_1*offset_2 + cosine_1*x1 + x3
+    del x1, x3
+    x11 = cosine_1*sine_2
+    equations_2_1_2 = -x11*x5
+    equations_2_1_3 = a_3*x11
+    del x11
+    equations_2_2_1 = -sine_1*x10
+    del x10
+    x12 = sine_1*x5
+    del x5
+    equations_2_2_2 = -cosine_2*x12
+    x13 = a_3*sine_1
+    equations_2_2_3 = cosine_2*x13
+    equations_2_3_1 = a_2*sine_1
+    equations_2_3_2 = x13
+    del x13
+    equations_2_3_3 = x12
+    del x12
+    return (equations_1_1_1, equations_1_1_2, equations_1_1_3, equations_1_2_1, equations_1_2_2, equations_1_2_3, equations_1_3_1, equations_1_3_2, equations_1_3_3, equations_2_1_1, equations_2_1_2, equations_2_1_3, equations_2_2_1, equations_2_2_2, equations_2_2_3, equations_2_3_1, equations_2_3_2, equations_2_3_3)
+
+
+def robot_pair_234(pose, a, cosine, sine, offset, *, out=None):
+    """Two equations in theta1 and theta6 of an arm whose axes 2, 3, 4 meet.
+
+    Source: derivation robots_6r, group 2 of Crane and Duffy: projections and self-scalar products of the loop
+
+    The numbers that the geometry makes zero are taken as zero, and parallel axes point the same way.
+
+    Parameters
+    ----------
+    pose : array (..., 4, 4), 1, length
+        transform from the end to the base
+    a : array (..., 5), length
+        a12, a23, a34, a45, a56
+    cosine : array (..., 5), 1
+        cosines of the twists alpha12 to alpha56
+    sine : array (..., 5), 1
+        sines of the twists
+    offset : array (..., 6), length
+        S1 to S6
+
+    Returns
+    -------
+    equations : array (..., 2, 3, 3), 1 or length or length^2
+        coefficients of u_i v_j in each equation
+    """
+    return _evaluate(
+        _robot_pair_234, None,
+        "robot_pair_234",
+        (pose, a, cosine, sine, offset),
+        (("pose", (4, 4)), ("a", (5,)), ("cosine", (5,)), ("sine", (5,)), ("offset", (6,))),
+        (("equations", (2, 3, 3), False),),
+        out,
+    )
+
+
+robot_pair_234.signature = "(4,4),(5),(5),(5),(6)->(2,3,3)"
+robot_pair_234.types = ["ddddd->d", "fffff->f"]
+
+
+def _robot_pair_234(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
+    # 35 add, 70 mul
+    x0 = pose_1_3*pose_1_4
+    x1 = pose_2_3*pose_2_4
+    x2 = cosine_1*offset_2
+    x3 = offset_1 - pose_3_4
+    x4 = x2 + x3
+    x5 = cosine_4*offset_4 + offset_5
+    equations_1_1_1 = cosine_5*(offset_6 + pose_3_3*x4 - x0 - x1) + x5
+    x6 = pose_1_2*pose_1_4 + pose_2_2*pose_2_4 - pose_3_2*x4
+    equations_1_1_2 = -sine_5*x6
+    x7 = pose_3_1*x4 - pose_1_1*pose_1_4 - pose_2_1*pose_2_4
+    equations_1_1_3 = sine_5*x7
+    x8 = offset_2*sine_1
+    x9 = a_1*pose_1_3 - pose_2_3*x8
+    equations_1_2_1 = cosine_5*x9
+    x10 = a_1*pose_1_2 - pose_2_2*x8
+    equations_1_2_2 = sine_5*x10
+    x11 = a_1*pose_1_1 - pose_2_1*x8
+    equations_1_2_3 = sine_5*x11
+    x12 = a_1*pose_2_3 + pose_1_3*x8
+    equations_1_3_1 = cosine_5*x12
+    x13 = a_1*pose_2_2 + pose_1_2*x8
+    equations_1_3_2 = sine_5*x13
+    x14 = a_1*pose_2_1 + pose_1_1*x8
+    equations_1_3_3 = sine_5*x14
+    x15 = (offset_2*offset_2)
+    x17 = 2.0*offset_6
+    equations_2_1_1 = (a_1*a_1) + (a_5*a_5) + (cosine_1*cosine_1)*x15 + (offset_6*offset_6) + (pose_1_4*pose_1_4) + (pose_2_4*pose_2_4) + (sine_1*sine_1)*x15 + x17*(pose_3_3*x4 - x0 - x1) + 2.0*x2*x3 + (x3*x3) - (a_4*a_4) - (offset_4*offset_4)*(sine_4*sine_4) - (x5*x5)
+    del x0, x1, x15, x2, x3, x4, x5
+    x18 = 2.0*a_5
+    equations_2_1_2 = x18*x7
+    del x7
+    equations_2_1_3 = x18*x6
+    del x6
+    x19 = 2.0*a_1
+    x20 = 2.0*x8
+    del x8
+    equations_2_2_1 = pose_2_4*x20 + x17*x9 - pose_1_4*x19
+    del x17, x9
+    equations_2_2_2 = x11*x18
+    del x11
+    equations_2_2_3 = -x10*x18
+    del x10
+    equations_2_3_1 = 2.0*offset_6*x12 - pose_1_4*x20 - pose_2_4*x19
+    del x12, x19, x20
+    equations_2_3_2 = x14*x18
+    del x14
+    equations_2_3_3 = -x13*x18
+    del x13, x18
+    return (equations_1_1_1, equations_1_1_2, equations_1_1_3, equations_1_2_1, equations_1_2_2, equations_1_2_3, equations_1_3_1, equations_1_3_2, equations_1_3_3, equations_2_1_1, equations_2_1_2, equations_2_1_3, equations_2_2_1, equations_2_2_2, equations_2_2_3, equations_2_3_1, equations_2_3_2, equations_2_3_3)
+
+
+def robot_pair_parallel_234(pose, a, cosine, sine, offset, *, out=None):
+    """Two equations in theta1 and theta6 of an arm whose axes 2, 3, 4 are parallel.
+
+    Source: derivation robots_6r, group 2 of Crane and Duffy: projections and self-scalar products of the loop
+
+    The numbers that the geometry makes zero are taken as zero, and parallel axes point the same way.
+
+    Parameters
+    ----------
+    pose : array (..., 4, 4), 1, length
+        transform from the end to the base
+    a : array (..., 5), length
+        a12, a23, a34, a45, a56
+    cosine : array (..., 5), 1
+        cosines of the twists alpha12 to alpha56
+    sine : array (..., 5), 1
+        sines of the twists
+    offset : array (..., 6), length
+        S1 to S6
+
+    Returns
+    -------
+    equations : array (..., 2, 3, 3), 1 or length or length^2
+        coefficients of u_i v_j in each equation
+    """
+    return _evaluate(
+        _robot_pair_parallel_234, None,
+        "robot_pair_parallel_234",
+        (pose, a, cosine, sine, offset),
+        (("pose", (4, 4)), ("a", (5,)), ("cosine", (5,)), ("sine", (5,)), ("offset", (6,))),
+        (("equations", (2, 3, 3), False),),
+        out,
+    )
+
+
+robot_pair_parallel_234.signature = "(4,4),(5),(5),(5),(6)->(2,3,3)"
+robot_pair_parallel_234.types = ["ddddd->d", "fffff->f"]
+
+
+def _robot_pair_parallel_234(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
+    # 9 add, 29 mul
+    x0 = cosine_1*pose_3_3
+    equations_1_1_1 = cosine_5*x0 - cosine_4
+    x1 = cosine_1*sine_5
+    equations_1_1_2 = pose_3_2*x1
+    equations_1_1_3 = pose_3_1*x1
+    del x1
+    x2 = cosine_5*sine_1
+    equations_1_2_1 = -pose_2_3*x2
+    x3 = sine_1*sine_5
+    equations_1_2_2 = -pose_2_2*x3
+    equations_1_2_3 = -pose_2_1*x3
+    equations_1_3_1 = pose_1_3*x2
+    del x2
+    equations_1_3_2 = pose_1_2*x3
+    equations_1_3_3 = pose_1_1*x3
+    del x3
+    equations_2_1_1 = cosine_1*(pose_3_4 - offset_1) - cosine_4*offset_5 - offset_2 - offset_3 - offset_4 - offset_6*x0
+    del x0
+    x4 = a_5*cosine_1
+    equations_2_1_2 = -pose_3_1*x4
+    equations_2_1_3 = pose_3_2*x4
+    del x4
+    x5 = offset_6*sine_1
+    equations_2_2_1 = pose_2_3*x5 - pose_2_4*sine_1
+    x6 = a_5*sine_1
+    equations_2_2_2 = pose_2_1*x6
+    equations_2_2_3 = -pose_2_2*x6
+    equations_2_3_1 = pose_1_4*sine_1 - pose_1_3*x5
+    del x5
+    equations_2_3_2 = -pose_1_1*x6
+    equations_2_3_3 = pose_1_2*x6
+    del x6
+    return (equations_1_1_1, equations_1_1_2, equations_1_1_3, equations_1_2_1, equations_1_2_2, equations_1_2_3, equations_1_3_1, equations_1_3_2, equations_1_3_3, equations_2_1_1, equations_2_1_2, equations_2_1_3, equations_2_2_1, equations_2_2_2, equations_2_2_3, equations_2_3_1, equations_2_3_2, equations_2_3_3)
+
+
+def robot_pair_parallel_123(pose, a, cosine, sine, offset, *, out=None):
+    """Two equations in theta5 and theta6 of an arm whose axes 1, 2, 3 are parallel.
+
+    Source: derivation robots_6r, group 2 of Crane and Duffy: projections and self-scalar products of the loop
+
+    The numbers that the geometry makes zero are taken as zero, and parallel axes point the same way.
+
+    Parameters
+    ----------
+    pose : array (..., 4, 4), 1, length
+        transform from the end to the base
+    a : array (..., 5), length
+        a12, a23, a34, a45, a56
+    cosine : array (..., 5), 1
+        cosines of the twists alpha12 to alpha56
+    sine : array (..., 5), 1
+        sines of the twists
+    offset : array (..., 6), length
+        S1 to S6
+
+    Returns
+    -------
+    equations : array (..., 2, 3, 3), 1 or length or length^2
+        coefficients of u_i v_j in each equation
+    """
+    return _evaluate(
+        _robot_pair_parallel_123, None,
+        "robot_pair_parallel_123",
+        (pose, a, cosine, sine, offset),
+        (("pose", (4, 4)), ("a", (5,)), ("cosine", (5,)), ("sine", (5,)), ("offset", (6,))),
+        (("equations", (2, 3, 3), False),),
+        out,
+    )
+
+
+robot_pair_parallel_123.signature = "(4,4),(5),(5),(5),(6)->(2,3,3)"
+robot_pair_parallel_123.types = ["ddddd->d", "fffff->f"]
+
+
+def _robot_pair_parallel_123(pose_1_1, pose_1_2, pose_1_3, pose_1_4, pose_2_1, pose_2_2, pose_2_3, pose_2_4, pose_3_1, pose_3_2, pose_3_3, pose_3_4, pose_4_1, pose_4_2, pose_4_3, pose_4_4, a_1, a_2, a_3, a_4, a_5, cosine_1, cosine_2, cosine_3, cosine_4, cosine_5, sine_1, sine_2, sine_3, sine_4, sine_5, offset_1, offset_2, offset_3, offset_4, offset_5, offset_6, eps, largest):
+    # 9 add, 26 mul
+    equations_1_1_1 = cosine_4*cosine_5*pose_3_3 - cosine_3
+    x0 = cosine_4*sine_5
+    equations_1_1_2 = pose_3_2*x0
+    equations_1_1_3 = pose_3_1*x0
+    del x0
+    x1 = pose_3_3*sine_5
+    equations_1_2_1 = -sine_4*x1
+    x2 = pose_3_2*sine_4
+    equations_1_2_2 = cosine_5*x2
+    x3 = pose_3_1*sine_4
+    equations_1_2_3 = cosine_5*x3
+    equations_1_3_1 = 0.0
+    equations_1_3_2 = x3
+    del x3
+    equations_1_3_3 = -x2
+    del x2
+    equations_2_1_1 = cosine_3*offset_4 + cosine_5*offset_5*pose_3_3 + offset_1 + offset_2 + offset_3 + offset_6*pose_3_3 - pose_3_4
+    equations_2_1_2 = a_5*pose_3_1 + offset_5*pose_3_2*sine_5
+    equations_2_1_3 = offset_5*pose_3_1*sine_5 - a_5*pose_3_2
+    equations_2_2_1 = 0.0
+    x4 = a_4*pose_3_1
+    equations_2_2_2 = x4
+    x5 = a_4*pose_3_2
+    equations_2_2_3 = -x5
+    equations_2_3_1 = a_4*x1
+    del x1
+    equations_2_3_2 = -cosine_5*x5
+    del x5
+    equations_2_3_3 = -cosine_5*x4
+    del x4
+    return (equations_1_1_1, equations_1_1_2, equations_1_1_3, equations_1_2_1, equations_1_2_2, equations_1_2_3, equations_1_3_1, equations_1_3_2, equations_1_3_3, equations_2_1_1, equations_2_1_2, equations_2_1_3, equations_2_2_1, equations_2_2_2, equations_2_2_3, equations_2_3_1, equations_2_3_2, equations_2_3_3)
 
 
 def _power_of_two_scale(x):
