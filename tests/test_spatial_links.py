@@ -141,7 +141,7 @@ def test_a_transform_and_its_inverse_make_the_unit_matrix():
         (("RR", [1], [0], None, None, [0, 2.0]), "no screw"),
         (("RR", [1], [0], None, [0.0, np.nan]), "angle of joint 1 is 0; expected NaN"),
         (("RR", [1], [0], [0.0]), "offset has 1 numbers for 2 joints"),
-        (("RR", ["x"], [0]), "expected a row of numbers"),
+        (("RR", ["x"], [0]), "a is not of real numbers"),
         (("RR", [[1]], [0]), "one row"),
     ],
 )
@@ -416,3 +416,22 @@ def test_link_transforms_are_exponentials_of_two_screws():
         np.testing.assert_allclose(
             spatial.link_transform(a, alpha, offset, angle), expm(first) @ expm(second), atol=1e-14
         )
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: spatial.close_loop(1j * np.eye(4)), "the pose is not of real numbers"),
+        (lambda: spatial.close_loop(None), "the pose is not of real numbers"),
+        (lambda: spatial.close_loop(np.eye(3)), r"the pose has the shape \(3, 3\); expected \(..., 4, 4\)"),
+        (lambda: spatial.inverse_transform(1j * np.eye(4)), "the transformation is not of real numbers"),
+        (lambda: spatial.transform([[1.0], [2.0, 3.0]]), "the rotation is no array"),
+        (lambda: spatial.vector_and_angle(np.eye(2)), r"the matrix has the shape \(2, 2\)"),
+        (lambda: spatial.from_product_of_exponentials("x"), "the screws"),
+        (lambda: spatial.from_denavit_hartenberg("R", [1j], [0], [0]), "a is not of real numbers"),
+        (lambda: Mechanism("RR", [1j], [0.0]), "a is not of real numbers"),
+    ],
+)
+def test_what_is_no_array_of_numbers_is_told_in_one_sentence(call, words):
+    with pytest.raises(RodgenError, match=words):
+        call()

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
+from rodgen.spatial._arrays import real_array
 from rodgen.spatial._forward import link_transform
 from rodgen.spatial._mechanism import Mechanism
 from rodgen.spatial._placement import Placement, at_zero, mechanism_at, placed
@@ -108,7 +109,7 @@ def from_denavit_hartenberg(
     labels = {"unit": unit, "name": name, "names": names}
     mechanism, zero = mechanism_at(kinds, length[:-1], twist[:-1], d, theta, h, **labels)
     last = link_transform(length[-1], twist[-1], 0.0, 0.0)
-    return Placement(mechanism, base, last if end is None else last @ np.asarray(end, float), zero)
+    return Placement(mechanism, base, last if end is None else last @ real_array("end", end, (4, 4)), zero)
 
 
 def from_modified_denavit_hartenberg(
@@ -157,7 +158,9 @@ def from_modified_denavit_hartenberg(
     labels = {"unit": unit, "name": name, "names": names}
     mechanism, zero = mechanism_at(kinds, length[1:], twist[1:], d, theta, h, **labels)
     first = link_transform(length[0], twist[0], 0.0, 0.0)
-    return Placement(mechanism, first if base is None else np.asarray(base, float) @ first, end, zero)
+    return Placement(
+        mechanism, first if base is None else real_array("base", base, (4, 4)) @ first, end, zero
+    )
 
 
 def to_denavit_hartenberg(robot: Mechanism | Placement) -> DenavitHartenberg:
@@ -249,7 +252,7 @@ def _table(
     kinds = tuple(joints)
     columns = [kinds]
     for what, given in (("a", a), ("alpha", alpha), ("offset", offset), ("angle", angle), ("pitch", pitch)):
-        column = np.zeros(len(kinds)) if given is None else np.array(given, float)
+        column = np.zeros(len(kinds)) if given is None else real_array(what, given).copy()
         if column.shape != (len(kinds),) or not np.isfinite(column).all():
             raise RodgenError(
                 f"{what} has the shape {column.shape} or a number that is not finite; expected {len(kinds)} numbers, "

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from rodgen._kernels import kernels
 from rodgen.errors import RodgenError
 from rodgen.generated.numpy.spatial_links import HypotheticalStatus
+from rodgen.spatial._arrays import real_array
 from rodgen.spatial._mechanism import Mechanism
 
 __all__ = ["HypotheticalLink", "HypotheticalStatus", "close_loop"]
@@ -114,7 +115,7 @@ def close_loop(
     Raises
     ------
     RodgenError
-        When the tolerance is not between 0 and 1.
+        When the tolerance is not between 0 and 1, or an argument no array of real numbers of its shape.
 
     Notes
     -----
@@ -133,10 +134,10 @@ def close_loop(
     """
     if not 0 <= tolerance < 1:
         raise RodgenError(f"the tolerance is {tolerance}; expected a sine, from 0 to 1")
-    given = np.asarray(pose, float)
-    twist = _best_twist(given) if alpha67 is None else np.asarray(alpha67, float)
-    S7, theta7, a71, alpha71, S1, gamma1, status = kernels.hypothetical_link(given, a67, twist, tolerance)
-    length, twist, _ = np.broadcast_arrays(np.asarray(a67, float), twist, np.asarray(status))
+    given, length = real_array("the pose", pose, (4, 4)), real_array("a67", a67)
+    twist = _best_twist(given) if alpha67 is None else real_array("alpha67", alpha67)
+    S7, theta7, a71, alpha71, S1, gamma1, status = kernels.hypothetical_link(given, length, twist, tolerance)
+    length, twist, _ = np.broadcast_arrays(length, twist, np.asarray(status))
     return HypotheticalLink(S7, theta7, a71, alpha71, S1, gamma1, length, twist, status)
 
 

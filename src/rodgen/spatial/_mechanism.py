@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
+from rodgen.spatial._arrays import real_array
 
 __all__ = ["FREEDOMS", "GE_P60", "PUMA_560", "T3_776", "Mechanism"]
 
@@ -271,10 +272,7 @@ class Mechanism:
 
 
 def _numbers(what: str, values: ArrayLike) -> NDArray[np.float64]:
-    try:
-        found = np.array(values, dtype=float)
-    except (TypeError, ValueError):
-        raise RodgenError(f"{what} is {values!r}; expected a row of numbers") from None
+    found = real_array(what, values).copy()
     if found.ndim != 1:
         raise RodgenError(f"{what} has the shape {found.shape}; expected one row of numbers")
     return found

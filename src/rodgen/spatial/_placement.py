@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
+from rodgen.spatial._arrays import real_array
 from rodgen.spatial._forward import checked, forward
 from rodgen.spatial._mechanism import Mechanism
 
@@ -67,12 +68,12 @@ class Placement:
         if mechanism.closed:
             raise RodgenError("the mechanism is a closed loop; expected an open chain")
         count = len(mechanism.variables)
-        numbers = np.zeros(count) if zero is None else np.array(zero, float)
+        numbers = np.zeros(count) if zero is None else real_array("zero", zero).copy()
         if numbers.shape != (count,) or not np.isfinite(numbers).all():
             raise RodgenError(f"zero has the shape {numbers.shape}; expected {count} numbers, one a variable")
         fixed: dict[str, Any] = {"mechanism": mechanism, "zero": numbers}
         for name, given in (("base", base), ("end", end)):
-            frame = np.eye(4) if given is None else np.array(given, float)
+            frame = np.eye(4) if given is None else real_array(name, given, (4, 4)).copy()
             if frame.shape != (4, 4) or not np.isfinite(frame).all():
                 raise RodgenError(
                     f"{name} has the shape {frame.shape}; expected a transformation matrix (4, 4)"

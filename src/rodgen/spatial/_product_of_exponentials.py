@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
+from rodgen.spatial._arrays import real_array
 from rodgen.spatial._axes import PARALLEL, links_from_axes
 from rodgen.spatial._forward import frames
 from rodgen.spatial._mechanism import Mechanism
@@ -90,7 +91,7 @@ def from_product_of_exponentials(
     >>> arm.mechanism.joints, arm.mechanism.a
     (('R', 'R'), array([300.]))
     """
-    rows = np.array(screws, float)
+    rows = real_array("the screws", screws)
     if rows.ndim != 2 or rows.shape[1] != 6 or not len(rows) or not np.isfinite(rows).all():
         raise RodgenError(
             f"the screws have the shape {rows.shape}; expected (n, 6) finite numbers, one row a joint"
@@ -115,7 +116,7 @@ def from_product_of_exponentials(
         screwed = abs(pitch) > 1e-12 * np.abs(v).max(initial=0.0)
         pitches[j] = pitch if screwed else 0.0
         kinds.append("H" if screwed else "R")
-    end = np.eye(4) if home is None else np.array(home, float)
+    end = np.eye(4) if home is None else real_array("home", home, (4, 4))
     if end.shape != (4, 4) or not np.isfinite(end).all():
         raise RodgenError(f"home has the shape {end.shape}; expected a transformation matrix (4, 4)")
     labels = {"unit": unit, "name": name, "names": tuple(names)}

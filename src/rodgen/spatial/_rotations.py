@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from rodgen._kernels import kernels
 from rodgen.generated.numpy.rotations import RotationStatus
+from rodgen.spatial._arrays import real_array
 
 __all__ = ["VectorAngle", "inverse_transform", "transform", "vector_and_angle"]
 
@@ -39,7 +40,13 @@ def vector_and_angle(matrix: ArrayLike) -> VectorAngle:
     VectorAngle
         vector (..., 3): unit vector m; NaN where there is no turn, since every vector is right there. angle (...): 0
         to π in rad. status (...) of int8: codes of :class:`rodgen.RotationStatus`, IDENTITY for no turn, HALF_TURN
-        for π to rounding, where m and -m are the same and the first component that is not zero is positive.
+        for π to rounding, where m and -m are the same and the first component that is not zero is positive, NOT_NORMAL
+        where the matrix is orthogonal only roughly, INVALID with NaN where it is not finite, or a reflection.
+
+    Raises
+    ------
+    RodgenError
+        When it is no array of real numbers of that shape.
 
     Notes
     -----
@@ -54,7 +61,8 @@ def vector_and_angle(matrix: ArrayLike) -> VectorAngle:
     >>> found.vector, round(float(found.angle), 6)
     (array([0., 0., 1.]), 1.570796)
     """
-    vector, angle, status = (np.array(x) for x in kernels.axis_angle_from_matrix(np.asarray(matrix)))
+    given = real_array("the matrix", matrix, (3, 3))
+    vector, angle, status = (np.array(x) for x in kernels.axis_angle_from_matrix(given))
     vector[angle == 0] = np.nan
     half = status == RotationStatus.HALF_TURN
     if half.any():
@@ -79,14 +87,19 @@ def transform(rotation: ArrayLike | None = None, origin: ArrayLike | None = None
     array (..., 4, 4)
         What takes homogeneous coordinates in B to those in A.
 
+    Raises
+    ------
+    RodgenError
+        When it is no array of real numbers of that shape.
+
     Examples
     --------
     >>> from rodgen import spatial
     >>> spatial.transform(origin=[1.0, 2.0, 3.0])[:3, 3]
     array([1., 2., 3.])
     """
-    turned = np.eye(3) if rotation is None else np.asarray(rotation, float)
-    moved = np.zeros(3) if origin is None else np.asarray(origin, float)
+    turned = np.eye(3) if rotation is None else real_array("the rotation", rotation, (3, 3))
+    moved = np.zeros(3) if origin is None else real_array("the origin", origin, (3,))
     shape = np.broadcast_shapes(turned.shape[:-2], moved.shape[:-1])
     found = np.zeros((*shape, 4, 4))
     found[..., :3, :3] = turned
@@ -108,10 +121,15 @@ def inverse_transform(transformation: ArrayLike) -> Any:
     array (..., 4, 4)
         Rotation and origin of A in B: the transposed rotation, which is exact, and -Rᵀ p.
 
+    Raises
+    ------
+    RodgenError
+        When it is no array of real numbers of that shape.
+
     Examples
     --------
     >>> from rodgen import spatial
     >>> spatial.inverse_transform(spatial.transform(origin=[1.0, 2.0, 3.0]))[:3, 3]
     array([-1., -2., -3.])
     """
-    return kernels.link_inverse(np.asarray(transformation, float))
+    return kernels.link_inverse(real_array("the transformation", transformation, (4, 4)))
