@@ -257,87 +257,158 @@ d.check(
 # %% [markdown]
 # ## Arms with a pair of equations
 #
-# Any three consecutive axes that meet or are parallel leave two equations in two angles, each linear in
-# $(1, c, s)$ of either angle. They are written in the axes in which they are computed; what they are dotted with is
-# found from the pose and the two angles. Chains with such axes at the other end are read backwards.
+# Any three consecutive axes that meet or are parallel leave two equations in two angles, each linear in $(1, c, s)$ of
+# either angle. They are written with the pose $(R,\vec P)$, $\vec P$ less $S_1$ along $\vec S_1$; each is proved to
+# vanish for every pose that the chain reaches. Chains with such axes at the other end are read backwards.
+
 
 # %%
-centre = LENGTH["12"] * X_AXIS + tx("12") * (
-    OFFSET[2] * Z_AXIS + rz(2) * moved("23", 3, moved("34", 4, ZERO))
-)
-tip = sp.Matrix([LENGTH["34"], -s34 * OFFSET[4], OFFSET[3] + c34 * OFFSET[4]])
-link_3 = LENGTH["23"] * X_AXIS + tx("23") * rz(3) * tip
-a12, a34, a45, a56 = (LENGTH[ij] for ij in ("12", "34", "45", "56"))
+class Given:
+    """A pose and an arm's geometry, in letters or as the inputs of a kernel."""
+
+    def __init__(self, R, P, a, cosine, sine, offset):
+        self.R, self.P = R, P
+        self.a12, self.a23, self.a34, self.a45, self.a56 = a
+        self.twists = list(zip(cosine, sine, strict=True))
+        _, self.S2, self.S3, self.S4, self.S5, self.S6 = offset
+
+    def tx(self, link):
+        return about_x(*self.twists[link])
+
+
+def of_letters(R, P, values):
+    """The geometry in the derivation's letters, some of them at `values`."""
+    lengths = [LENGTH[ij] for ij in LINKS[:5]]
+    cosine, sine = zip(*(TWIST[ij] for ij in LINKS[:5]), strict=True)
+    rows = [[x.xreplace(values) for x in row] for row in (lengths, cosine, sine, list(OFFSET.values())[:6])]
+    return Given(R.xreplace(values), P.xreplace(values), *rows)
+
+
+# %%
+def meet_456(g, two, three):
+    """Axes 4, 5, 6 meet: the wrist's distance from the origin of F and its height hold θ2 and θ3 (Pieper)."""
+    W = g.P - g.S6 * g.R[:, 2]
+    c, s = g.twists[2]
+    tip = sp.Matrix([g.a34, -s * g.S4, g.S3 + c * g.S4])
+    turned = about_z(*three) * tip
+    link = g.a23 * X_AXIS + g.tx(1) * turned
+    swung = about_z(*two) * link
+    c, s = g.twists[0]
+    # the squares of vectors that turn are constants
+    square = g.a23**2 + tip.dot(tip) + 2 * g.a23 * turned[0]
+    size = g.a12**2 + g.S2**2 + 2 * g.a12 * swung[0] + 2 * g.S2 * link[2] + square
+    return size - W.dot(W), c * g.S2 + s * swung[1] + c * swung[2] - W[2]
+
+
+def chain_456():
+    """A pose that the chain reaches: the wrist's centre by three angles, and S6 anywhere."""
+    centre = LENGTH["12"] * X_AXIS + tx("12") * (
+        OFFSET[2] * Z_AXIS + rz(2) * moved("23", 3, moved("34", 4, ZERO))
+    )
+    R = about_z(*ANGLE[7]) * tx("45") * rz(6)
+    return R, rz(1) * centre + OFFSET[6] * R * Z_AXIS
+
+
+R_456, P_456 = chain_456()
 d.check(
     "pieper",
-    equal(
-        centre.dot(centre),
-        a12**2
-        + OFFSET[2] ** 2
-        + 2 * a12 * (rz(2) * link_3)[0]
-        + 2 * OFFSET[2] * link_3[2]
-        + a23**2
-        + tip.dot(tip)
-        + 2 * a23 * (rz(3) * tip)[0],
-    ),
-    equal(centre[2], c12 * OFFSET[2] + s12 * (rz(2) * link_3)[1] + c12 * link_3[2]),
-    text="Axes 4, 5, 6 meet: the wrist's distance from the origin of F, and its height along S1, hold θ2 and θ3.",
+    *(equal(e, 0) for e in meet_456(of_letters(R_456, P_456, MEET_456), ANGLE[2], ANGLE[3])),
+    text="The wrist's distance from the origin of F, and its height along S1.",
 ).prove(modulo=UNIT)
 
+
 # %%
-seen = sp.Matrix(
-    d.vector("X", r"\vec X", "the point where axes 2, 3, 4 meet, in the axes of the end", "length")
-)
-in_5 = moved("56", 6, seen)
-of_5 = rz(5).T * (tx("45").T * (-OFFSET[4] * Z_AXIS - a45 * X_AXIS) - OFFSET[5] * Z_AXIS)
+def meet_234(g, one, six):
+    """Axes 2, 3, 4 meet in a point that the base turns by θ1 alone.
+
+    In the axes of joint 5 its height and its distance are constants, and with the pose they hold θ1 and θ6.
+    """
+    c, s = g.twists[0]
+    point = sp.Matrix([g.a12, -s * g.S2, c * g.S2])
+    turned = about_z(*one) * point
+    seen = g.R.T * (turned - g.P)
+    swung = about_z(*six) * seen
+    # the squares of vectors that turn are constants
+    square = point.dot(point) + g.P.dot(g.P) - 2 * turned.dot(g.P)
+    c, s = g.twists[4]
+    height = s * swung[1] + c * (g.S6 + seen[2])
+    size = g.a56**2 + g.S6**2 + 2 * g.a56 * swung[0] + 2 * g.S6 * seen[2] + square
+    c, s = g.twists[3]
+    wanted = g.a45**2 + (s * g.S4) ** 2 + (c * g.S4 + g.S5) ** 2
+    return height + c * g.S4 + g.S5, size - wanted
+
+
+MEET_234 = {LENGTH["23"]: 0, LENGTH["34"]: 0, OFFSET[3]: 0}
+of_5 = rz(5).T * (tx("45").T * (-OFFSET[4] * Z_AXIS - LENGTH["45"] * X_AXIS) - OFFSET[5] * Z_AXIS)
+of_6 = rz(6).T * (tx("56").T * (of_5 - LENGTH["56"] * X_AXIS) - OFFSET[6] * Z_AXIS)
+point_1 = rz(1) * (LENGTH["12"] * X_AXIS + tx("12") * OFFSET[2] * Z_AXIS)
+R_234 = rz(2) * tx("23") * rz(3)
+meeting = of_letters(R_234, point_1 - R_234 * of_6, MEET_234)
 d.check(
     "meeting-in-the-middle",
-    vectors(moved("34", 4, -OFFSET[4] * Z_AXIS), ZERO),
-    vectors(moved("45", 5, of_5), -OFFSET[4] * Z_AXIS),
-    equal(of_5[2], -c45 * OFFSET[4] - OFFSET[5]),
-    equal(of_5.dot(of_5), a45**2 + (s45 * OFFSET[4]) ** 2 + (c45 * OFFSET[4] + OFFSET[5]) ** 2),
-    vectors(rz(5) * of_5 + OFFSET[5] * Z_AXIS, tx("45").T * (-OFFSET[4] * Z_AXIS - a45 * X_AXIS)),
-    equal(in_5[2], s56 * (rz(6) * seen)[1] + c56 * (OFFSET[6] + seen[2])),
-    equal(
-        in_5.dot(in_5),
-        a56**2 + OFFSET[6] ** 2 + 2 * a56 * (rz(6) * seen)[0] + 2 * OFFSET[6] * seen[2] + seen.dot(seen),
-    ),
-    text="Axes 2, 3, 4 meet (a34 = S3 = a23 = 0) in a point that the base turns by θ1 alone. In the axes of joint 5 "
-    "its height and its distance are constants, and with the pose they hold θ1 and θ6; its direction there gives θ5.",
-).prove(given={LENGTH["34"]: 0}, modulo=UNIT)
+    vectors(moved("34", 4, -OFFSET[4] * Z_AXIS).subs(MEET_234), ZERO),
+    vectors(moved("45", 5, moved("56", 6, of_6)), -OFFSET[4] * Z_AXIS),
+    *(equal(e, 0) for e in meet_234(meeting, ANGLE[1], ANGLE[6])),
+    text="The point where the axes meet, S4 before frame 4, from the base and from the end, with any rotation.",
+).prove(modulo=UNIT)
+
 
 # %%
-corner = rz(6).T * (-a56 * X_AXIS) - OFFSET[6] * Z_AXIS
+def parallel_234(g, one, six):
+    """Axes 2, 3, 4 are parallel: S2 · S5 = c45, and the loop from S2 to the origin of frame 5 along S2."""
+    axis_2 = about_z(*one) * g.tx(0) * Z_AXIS
+    axis_5 = about_z(*six).T * g.tx(4).T * Z_AXIS
+    corner = about_z(*six).T * (-g.a56 * X_AXIS) - g.S6 * Z_AXIS
+    c, _ = g.twists[3]
+    up = g.R.T * axis_2
+    return up.dot(axis_5) - c, axis_2.dot(g.P) + up.dot(corner) - (g.S2 + g.S3 + g.S4 + c * g.S5)
+
+
+PARALLEL_234 = {**PARALLEL_23, **PARALLEL_34}
+turned_4 = rz(1) * tx("12") * rz(2)  # one turn for three joints about one direction
+R_parallel = turned_4 * tx("45") * rz(5) * tx("56") * rz(6)
+plane = sp.Matrix([sp.Symbol("x_4", real=True), sp.Symbol("y_4", real=True), 0])
+height_4 = (OFFSET[2] + OFFSET[3] + OFFSET[4]) * Z_AXIS
+P_parallel = rz(1) * (LENGTH["12"] * X_AXIS + tx("12") * (plane + height_4)) + turned_4 * moved(
+    "45", 5, moved("56", 6, ZERO)
+)
 d.check(
     "three-parallel",
-    vectors(moved("56", 6, corner), ZERO),
-    equal((Z_AXIS.T * to_5)[0], OFFSET[2] + OFFSET[3] + OFFSET[4] + c45 * OFFSET[5]),
+    vectors(
+        (to_5 - plane_4 * moved("45", 5, ZERO)).subs(PARALLEL_234),
+        rz(2) * (a23 * X_AXIS + rz(3) * LENGTH["34"] * X_AXIS) + height_4,
+    ),
+    *(
+        equal(e, 0)
+        for e in parallel_234(of_letters(R_parallel, P_parallel, PARALLEL_234), ANGLE[1], ANGLE[6])
+    ),
     vectors(rz(5).T * tx("45").T * Z_AXIS, sp.Matrix([s45 * s5, s45 * c5, c45])),
-    text="Axes 2, 3, 4 are parallel: S2 · S5 = c45, and the loop from S2 to the origin of frame 5 along S2, hold θ1 "
-    "and θ6. Then S2, seen from frame 5, gives θ5.",
-).prove(given={**PARALLEL_23, **PARALLEL_34}, modulo=UNIT)
+    text="Frame 4 is anywhere in the plane. Both equations hold; then S2, seen from frame 5, gives θ5.",
+).prove(modulo=UNIT)
+
 
 # %%
+def parallel_123(g, five, six):
+    """Axes 1, 2, 3 are parallel: S1 · S4 = c34, and the loop along S1. S1, seen from the end, is a row of R."""
+    up = g.R[2, :].T
+    back_6, back_5 = about_z(*six).T, about_z(*five).T
+    axis_5 = back_6 * g.tx(4).T * Z_AXIS
+    axis_4 = back_6 * g.tx(4).T * back_5 * g.tx(3).T * Z_AXIS
+    x_4 = back_6 * g.tx(4).T * back_5 * X_AXIS
+    c, _ = g.twists[2]
+    along = c * g.S4 + g.a45 * up.dot(x_4) + g.S5 * up.dot(axis_5) + g.a56 * up.dot(back_6 * X_AXIS)
+    return up.dot(axis_4) - c, along + g.S6 * up[2] + g.S2 + g.S3 - g.P[2]
+
+
 to_6 = moved("34", 4, moved("45", 5, moved("56", 6, ZERO)))
-all_4 = tx("34") * rz(4) * tx("45") * rz(5) * tx("56") * rz(6)
-up = (Z_AXIS.T * all_4).T
-x_4 = rz(6).T * tx("56").T * rz(5).T * X_AXIS
-axis_4 = rz(6).T * tx("56").T * rz(5).T * tx("45").T * Z_AXIS
-axis_5 = rz(6).T * tx("56").T * Z_AXIS
+R_123 = rz(1) * tx("34") * rz(4) * tx("45") * rz(5) * tx("56") * rz(6)
+P_123 = rz(1) * (to_6 + plane) + (OFFSET[2] + OFFSET[3]) * Z_AXIS
 d.check(
     "three-parallel-first",
-    equal(up.dot(axis_4), c34),
-    equal(
-        to_6[2],
-        c34 * OFFSET[4]
-        + a45 * up.dot(x_4)
-        + OFFSET[5] * up.dot(axis_5)
-        + a56 * up.dot(rz(6).T * X_AXIS)
-        + OFFSET[6] * up[2],
-    ),
+    *(equal(e, 0) for e in parallel_123(of_letters(R_123, P_123, {}), ANGLE[5], ANGLE[6])),
     vectors(rz(4).T * tx("34").T * Z_AXIS, sp.Matrix([s34 * s4, s34 * c4, c34])),
-    text="Axes 1, 2, 3 are parallel: S1, seen from the end, is the last row of the rotation; S1 · S4 = c34, and the "
-    "loop along S1, hold θ5 and θ6. Then S1, seen from frame 4, gives θ4.",
+    text="Frame 3 is anywhere in the plane, turned by any angle. Both equations hold; then S1, seen from frame 4, "
+    "gives θ4.",
 ).prove(modulo=UNIT)
 
 # %% [markdown]
@@ -927,8 +998,63 @@ def three_parallel():
     return finish(k, slots, good, near)
 
 
+# %% [markdown]
+# The pairs of equations as coefficients $M_{eij}$ of $u_iv_j$ with $u=(1,c,s)$ of the first and $v$ of the second
+# angle: derivatives of the expressions that are proved above.
+
 # %%
-derivation.kernel(behind_wrist(), three_parallel())
+FIRST, SECOND = sp.symbols("c_first s_first", real=True), sp.symbols("c_second s_second", real=True)
+PAIRS = {
+    "456": (meet_456, "axes 4, 5, 6 meet", "theta2 and theta3"),
+    "234": (meet_234, "axes 2, 3, 4 meet", "theta1 and theta6"),
+    "parallel_234": (parallel_234, "axes 2, 3, 4 are parallel", "theta1 and theta6"),
+    "parallel_123": (parallel_123, "axes 1, 2, 3 are parallel", "theta5 and theta6"),
+}
+
+
+def pair_kernel(name):
+    """The kernel of one pair, and its equations in the kernel's inputs."""
+    equations, what, angles = PAIRS[name]
+    k = KernelBuilder(
+        f"robot_pair_{name}",
+        summary=f"Two equations in {angles} of an arm whose {what}.",
+        source="derivation robots_6r, group 2 of Crane and Duffy: projections and self-scalar products of the loop",
+        notes="The numbers that the geometry makes zero are taken as zero, and parallel axes point the same way.",
+    )
+    pose = k.input("pose", (4, 4), unit="1, length", doc="transform from the end to the base")
+    a = k.input("a", 5, unit="length", doc="a12, a23, a34, a45, a56")
+    cosine = k.input("cosine", 5, unit="1", doc="cosines of the twists alpha12 to alpha56")
+    sine = k.input("sine", 5, unit="1", doc="sines of the twists")
+    offset = k.input("offset", 6, unit="length", doc="S1 to S6")
+    P = pose[:3, 3] - sp.Matrix([0, 0, offset[0]])
+    written = equations(Given(pose[:3, :3], P, a, cosine, sine, offset), FIRST, SECOND)
+    zero = dict.fromkeys((*FIRST, *SECOND), 0)
+    coefficients = []
+    for equation in written:
+        for x in (None, *FIRST):
+            row = equation if x is None else equation.diff(x)
+            coefficients += [(row if y is None else row.diff(y)).xreplace(zero) for y in (None, *SECOND)]
+    array = sp.ImmutableDenseNDimArray(coefficients, (2, 3, 3))
+    k.output(
+        "equations", array, unit="1 or length or length^2", doc="coefficients of u_i v_j in each equation"
+    )
+    return k.build(), written
+
+
+pair_kernels = []
+for name in PAIRS:
+    kernel, written = pair_kernel(name)
+    found = kernel.expand("equations")
+    u, v = sp.Matrix([1, *FIRST]), sp.Matrix([1, *SECOND])
+    d.check(
+        f"kernel-{name.replace('_', '-')}",
+        *(equal((u.T * found[3 * e : 3 * e + 3, :] * v)[0], written[e]) for e in (0, 1)),
+        text="The kernel's coefficients are those of the equations.",
+    ).prove()
+    pair_kernels.append(kernel)
+
+# %%
+derivation.kernel(behind_wrist(), three_parallel(), *pair_kernels)
 if in_notebook() and __name__ == "__main__":  # not where another notebook imports this one
     for kernel in derivation.kernels.values():
         print(f"{kernel.name:30} {sum(kernel.operations.values()):5d} operations")

@@ -32,8 +32,22 @@ def folded_arm(wrist: bool) -> spatial.Mechanism:
     return spatial.Mechanism("R" * 6, a, alpha, [0.5, 0.0, 0.0, 0.0, 0.0, 1.0])
 
 
+def pair_inputs() -> dict[str, np.ndarray]:
+    """Any arm and any pose: the equations are polynomials in all of them."""
+    rng = np.random.default_rng(32)
+    n = 6
+    alpha = rng.uniform(-3, 3, (n, 5))
+    pose = np.tile(np.eye(4), (n, 1, 1))
+    pose[:, :3, :3] = Rotation.random(n, random_state=33).as_matrix()
+    pose[:, :3, 3] = rng.normal(size=(n, 3)) * 10.0 ** rng.integers(-2, 3, size=(n, 1))
+    a, offset = rng.normal(size=(n, 5)), rng.normal(size=(n, 6))
+    return {"pose": pose, "a": a, "cosine": np.cos(alpha), "sine": np.sin(alpha), "offset": offset}
+
+
 def robot_inputs(name: str) -> dict[str, np.ndarray]:
     """Arrays (n, ...) for every input."""
+    if name.startswith("robot_pair_"):
+        return pair_inputs()
     wrist = name == "robot_wrist_reverse"
     rng = np.random.default_rng(31)
     arms: list[spatial.Mechanism] = []

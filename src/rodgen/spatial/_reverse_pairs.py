@@ -5,9 +5,8 @@ turns about these three axes and about one more. They hold two angles; the pair 
 the axes at an end meet). The rest is one angle from a known direction, and a wrist or a plane triangle with two
 branches.
 
-A function of an angle is written with u = (1, cos, sin): `linear` makes (..., 3, 3) of a vector that turns, and an
-equation is (..., 3, 3). Joints are numbered 1 to 6 here, and P is the end point less S1; the equations are proved in
-the derivation ``robots_6r``.
+The equations are kernels, made in the derivation ``robots_6r`` from the expressions that are proved there; what follows
+from their angles is said there as well. Joints are numbered 1 to 6 here.
 """
 
 from __future__ import annotations
@@ -24,7 +23,6 @@ from rodgen.spatial._reverse_steps import (
     about_z,
     back_x,
     back_z,
-    linear,
     triangle,
     turn,
     wrist,
@@ -38,11 +36,12 @@ X, Z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 class Way(NamedTuple):
     """The two equations of an arm, and all angles from a solution of them.
 
-    ``equations(arm, R, P)`` takes (n, 3, 3) and (n, 3) and gives (n, 2, 3, 3). ``complete(arm, R, P, one, two)`` takes
-    rotations and points with one more axis, which the angles (n, m) have as well, and gives branches of six angles.
+    ``equations`` names the kernel: poses and the arm's numbers to (n, 2, 3, 3). ``complete(arm, R, P, one, two)`` takes
+    rotations and points, S1 taken off, with one more axis, which the angles (n, m) have as well, and gives branches of
+    six angles.
     """
 
-    equations: Any
+    equations: str
     complete: Any
 
 
@@ -83,25 +82,6 @@ def _tip(arm: Arm) -> Any:
     return np.array([a[2], -arm.sine[2] * S[3], S[2] + arm.cosine[2] * S[3]])
 
 
-def _meet_456(arm: Arm, R: Any, P: Any) -> Any:
-    a, S = arm.a, arm.offset
-    (c12, s12), (c23, s23), *_ = _twists(arm)
-    W = P - S[5] * R[..., :, 2]
-    tip = np.broadcast_to(_tip(arm), W.shape)
-    turned = linear(tip)
-    h = about_x(c23, s23, turned)  # (n, angle 3, xyz); its square is linear in the angle as well
-    h[:, 0, 0] += a[1]
-    square = 2 * a[1] * turned[..., 0]
-    square[:, 0] += a[1] ** 2 + np.square(tip).sum(axis=-1)
-    swung = linear(h)  # (n, angle 3, angle 2, xyz)
-    size = 2 * a[0] * swung[..., 0]
-    size[:, :, 0] += square + 2 * S[1] * h[..., 2]
-    size[:, 0, 0] += a[0] ** 2 + S[1] ** 2 - np.square(W).sum(axis=-1)
-    height = s12 * swung[..., 1] + c12 * swung[..., 2]
-    height[:, 0, 0] += c12 * S[1] - W[..., 2]
-    return np.stack([size, height], axis=1).swapaxes(-1, -2)
-
-
 def _from_456(arm: Arm, R: Any, P: Any, two: Any, three: Any) -> Branch:
     (c12, s12), (c23, s23), (c34, s34), *_ = _twists(arm)
     W = P - arm.offset[5] * R[..., :, 2]
@@ -124,23 +104,6 @@ def _from_456(arm: Arm, R: Any, P: Any, two: Any, three: Any) -> Branch:
 
 
 # ---- axes 2, 3 and 4 meet: their point, as the base and as the end has it, holds θ1 and θ6
-
-
-def _meet_234(arm: Arm, R: Any, P: Any) -> Any:
-    a, S = arm.a, arm.offset
-    (c12, s12), _, _, (c45, s45), (c56, s56) = _twists(arm)
-    swept = linear(np.broadcast_to([a[0], -s12 * S[1], c12 * S[1]], P.shape))
-    square = -2 * np.einsum("nia,na->ni", swept, P)
-    square[:, 0] += a[0] ** 2 + S[1] ** 2 + np.square(P).sum(axis=-1)
-    swept[:, 0] -= P
-    seen = np.einsum("nab,nia->nib", R, swept)  # (n, angle 1, xyz), in the axes of the end
-    swung = linear(seen)  # (n, angle 1, angle 6, xyz)
-    along = s56 * swung[..., 1] + c56 * swung[..., 2]
-    along[:, 0, 0] += c56 * S[5] + c45 * S[3] + S[4]
-    size = 2 * a[4] * swung[..., 0]
-    size[:, :, 0] += square + 2 * S[5] * seen[..., 2]
-    size[:, 0, 0] += a[4] ** 2 + S[5] ** 2 - a[3] ** 2 - (s45 * S[3]) ** 2 - (c45 * S[3] + S[4]) ** 2
-    return np.stack([along, size], axis=1)
 
 
 def _from_234(arm: Arm, R: Any, P: Any, one: Any, six: Any) -> Branch:
@@ -167,21 +130,6 @@ def _from_234(arm: Arm, R: Any, P: Any, one: Any, six: Any) -> Branch:
 # ---- axes 2, 3 and 4 are parallel: S2 · S5 and the loop along S2 hold θ1 and θ6
 
 
-def _parallel_234(arm: Arm, R: Any, P: Any) -> Any:
-    a, S = arm.a, arm.offset
-    (c12, s12), _, _, (c45, _), (c56, s56) = _twists(arm)
-    axis_2 = linear(np.broadcast_to([0.0, -s12, c12], P.shape))  # (n, angle 1, xyz)
-    axis_5 = linear(np.array([0.0, s56, c56]), -1.0)  # (angle 6, xyz), in the axes of the end
-    point_5 = linear(np.array([-a[4], 0.0, -S[5]]), -1.0)
-    seen = np.einsum("nab,nia->nib", R, axis_2)
-    direction = np.einsum("nia,ja->nij", seen, axis_5)
-    direction[:, 0, 0] -= c45
-    along = np.einsum("nia,ja->nij", seen, point_5)
-    along[:, :, 0] += np.einsum("nia,na->ni", axis_2, P)
-    along[:, 0, 0] -= S[1] + S[2] + S[3] + c45 * S[4]
-    return np.stack([direction, along], axis=1)
-
-
 def _from_parallel_234(arm: Arm, R: Any, P: Any, one: Any, six: Any) -> Branch:
     a, S = arm.a, arm.offset
     (c12, s12), _, _, (_, s45), (c56, s56) = _twists(arm)
@@ -206,23 +154,6 @@ def _from_parallel_234(arm: Arm, R: Any, P: Any, one: Any, six: Any) -> Branch:
 
 
 # ---- axes 1, 2 and 3 are parallel: S1 · S4 and the loop along S1 hold θ5 and θ6
-
-
-def _parallel_123(arm: Arm, R: Any, P: Any) -> Any:
-    a, S = arm.a, arm.offset
-    _, _, (c34, _), (c45, s45), (c56, s56) = _twists(arm)
-    up = R[..., 2, :]
-    # directions as joint 6 sees them before it turns, (angle 5, xyz), then (angle 5, angle 6, xyz)
-    axis_4 = linear(back_x(c56, s56, linear(np.array([0.0, s45, c45]), -1.0)), -1.0)
-    x_4 = linear(back_x(c56, s56, linear(X, -1.0)), -1.0)
-    axis_5 = linear(np.array([0.0, s56, c56]), -1.0)
-    x_5 = linear(X, -1.0)
-    direction = np.einsum("na,ija->nij", up, axis_4)
-    direction[:, 0, 0] -= c34
-    along = a[3] * np.einsum("na,ija->nij", up, x_4)
-    along[:, 0, :] += np.einsum("na,ja->nj", up, S[4] * axis_5 + a[4] * x_5)
-    along[:, 0, 0] += S[5] * up[..., 2] + S[1] + S[2] + c34 * S[3] - P[..., 2]
-    return np.stack([direction, along], axis=1)
 
 
 def _from_parallel_123(arm: Arm, R: Any, P: Any, five: Any, six: Any) -> Branch:
@@ -253,8 +184,8 @@ def _from_parallel_123(arm: Arm, R: Any, P: Any, five: Any, six: Any) -> Branch:
 
 
 WAYS = {
-    "meet 456": Way(_meet_456, _from_456),
-    "meet 234": Way(_meet_234, _from_234),
-    "parallel 234": Way(_parallel_234, _from_parallel_234),
-    "parallel 123": Way(_parallel_123, _from_parallel_123),
+    "meet 456": Way("robot_pair_456", _from_456),
+    "meet 234": Way("robot_pair_234", _from_234),
+    "parallel 234": Way("robot_pair_parallel_234", _from_parallel_234),
+    "parallel 123": Way("robot_pair_parallel_123", _from_parallel_123),
 }

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from rodgen._kernels import kernels
 from rodgen.spatial._pair import PairStatus, solve_pair
 from rodgen.spatial._reverse_pairs import Way
 from rodgen.spatial._reverse_plan import Arm
@@ -29,7 +30,7 @@ def solved(way: Way, arm: Arm, T: Any) -> tuple[Any, Any, Any]:
     """
     T = arm.pose(T)
     R, P = T[:, :3, :3], T[:, :3, 3] - np.array([0.0, 0.0, arm.offset[0]])
-    M = way.equations(arm, R, P)
+    M = getattr(kernels, way.equations)(T, arm.a, arm.cosine, arm.sine, arm.offset)
     one, two, status = _pairs(M)
     there = status <= PairStatus.COMMON_FACTOR
     safe_one, safe_two = np.where(there, one, 0.0), np.where(there, two, 0.0)

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-__all__ = ["Branch", "about_x", "about_z", "back_x", "back_z", "linear", "triangle", "turn", "wrist"]
+__all__ = ["Branch", "about_x", "about_z", "back_x", "back_z", "triangle", "turn", "wrist"]
 
 EPS = float(np.finfo(float).eps)
 MEETING = 64 * EPS
@@ -45,14 +45,6 @@ def about_z(theta: Any, v: Any) -> Any:
 def back_z(theta: Any, v: Any) -> Any:
     """Rotate vectors (..., 3) about z by angles (...), the other way."""
     return about_z(-np.asarray(theta), v)
-
-
-def linear(v: Any, sign: float = 1.0) -> Any:
-    """Rotation of vectors (..., 3) about z, or back (sign = -1), as (..., 3, 3): times 1, cosine and sine."""
-    x, y, z = v[..., 0], v[..., 1], v[..., 2]
-    o = np.zeros_like(x)
-    rows = [[o, o, z], [x, y, o], [-sign * y, sign * x, o]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 def turn(x: Any, y: Any, u: Any, v: Any) -> Any:
