@@ -59,7 +59,8 @@ d
 # ## Angles and biquadratics
 #
 # Both forms are two names of one thing: the nine products of $1,x,x^2$ are the nine products of $1,\cos,\sin$ times
-# $(1+x_1^2)(1+x_3^2)$, and the change between them can be undone.
+# $(1+x_1^2)(1+x_3^2)$, and the change between them can be undone. The notes call the coefficients $a$ to $j$ without
+# $c$; their $i$ is the number of the equation as well. The code counts them: equation, power of $x_3$, power of $x_1$.
 
 
 # %%

@@ -249,7 +249,8 @@ def begin(k):
     valid = k.let("valid", size <= LARGEST)
     two = k.let("two", square > bound)
     root = k.let("w", select(two, sp.sqrt(select(two, square, 1)), 0))
-    empty = k.let("empty", sp.Eq(long, 0))
+    # unscaled: beside a D that is 1e300 times larger they vanish, and the equation is infeasible all the same
+    empty = k.let("empty", sp.Eq(A, 0) & sp.Eq(B, 0))
     there = k.let("there", valid & sp.Not(empty) & (double | two))
     status = sp.Piecewise(
         (TrigStatus.INVALID, sp.Not(valid)),

@@ -79,6 +79,7 @@ def test_every_kind_of_equation_has_its_status(method):
         (0, 0, 0): TrigStatus.ALL,
         (0, 0, 1): TrigStatus.NONE,
         (0, 0, -1e-300): TrigStatus.NONE,
+        (1e-160, 0, 1e300): TrigStatus.INFEASIBLE,
         (np.nan, 1, 1): TrigStatus.INVALID,
         (1, np.inf, 1): TrigStatus.INVALID,
         (1, 1, np.nan): TrigStatus.INVALID,
@@ -164,5 +165,9 @@ def test_interface():
     assert single.dtype == np.float32
     with pytest.raises(ValueError, match="expected 'trig' or 'half_angle'"):
         spatial.solve_trig(1.0, 2.0, 0.5, "newton")
-    with pytest.raises(TypeError):
+    with pytest.raises(TypeError, match="A is of type complex128; expected real numbers"):
         spatial.solve_trig(1j, 2.0, 0.5)
+    with pytest.raises(TypeError, match="B is of type <U1; expected real numbers"):
+        spatial.solve_trig(1.0, ["x"], 0.5)
+    with pytest.raises(ValueError, match=r"do not broadcast: A \(3,\), B \(\), D \(2,\)"):
+        spatial.solve_trig(np.ones(3), 2.0, np.ones(2))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from rodgen._batched import call
@@ -74,4 +75,20 @@ def solve_trig(
     kernel = {"trig": kernels.trig_solve, "half_angle": kernels.trig_half_angle}.get(method)
     if kernel is None:
         raise ValueError(f"method is {method!r}; expected 'trig' or 'half_angle'")
+    _check({"A": A, "B": B, "D": D})
     return call(kernel, (A, B, D), out)  # type: ignore[no-any-return]
+
+
+def _check(coefficients: dict[str, Any]) -> None:
+    """Refuse coefficients that are no real numbers, or do not broadcast."""
+    given = {
+        name: value if hasattr(value, "dtype") else np.asarray(value) for name, value in coefficients.items()
+    }
+    for name, value in given.items():
+        if value.dtype.kind not in "fiub":
+            raise TypeError(f"{name} is of type {value.dtype}; expected real numbers")
+    try:
+        np.broadcast_shapes(*(value.shape for value in given.values()))
+    except ValueError:
+        shapes = ", ".join(f"{name} {value.shape}" for name, value in given.items())
+        raise ValueError(f"coefficients have shapes that do not broadcast: {shapes}") from None
