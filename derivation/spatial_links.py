@@ -328,10 +328,27 @@ d.state(
     equal(r21 - r12, 2 * mz * s),
     equal(r32 - r23, 2 * mx * s),
     equal(r13 - r31, 2 * my * s),
-    text="Differences of the other entries give the vector. The notes call the last one an exception: their rule "
-    "r_ji − r_ij = 2 m_k s with i < j is right where (i,j,k) is an even permutation, and (1,3,2) is odd.",
+    text="Differences of the other entries give the vector.",
     place="Find Vector and Rotation Angle",
 ).prove()
+
+# %%
+d.state(
+    "differences-rule",
+    equal(r21 - r12, 2 * mz * s),
+    equal(r31 - r13, 2 * my * s),
+    equal(r32 - r23, 2 * mx * s),
+    said="r_ji − r_ij = 2 m_k sin θ for i ≠ j ≠ k and i < j (…) Exception is r13 − r31 = 2 m_y sin θ",
+    text="the rule, without the exception.",
+    place="Find Vector and Rotation Angle",
+    assumptions=[sp.Eq(dot(m, m), 1)],
+).refute(
+    {theta: sp.pi / 2, m: (0, 1, 0)},
+    [equal(r21 - r12, 2 * mz * s), equal(r13 - r31, 2 * my * s), equal(r32 - r23, 2 * mx * s)],
+    label="L3",
+    because="The condition is not i < j: (i,j,k) must be an even permutation of (1,2,3). (1,3,2) is odd, and so the "
+    "pair (1,3) is no exception, but has i = 3, j = 1.",
+)
 
 # %%
 d.state(
@@ -344,7 +361,7 @@ d.state(
     {theta: sp.pi},
     equal(R_m, 2 * m * m.T - one_3),
     given={theta: sp.pi},
-    label="L3",
+    label="L4",
     modulo=UNIT_M,
     because="Not for θ = 0, where every vector is right, nor for θ = π, where the differences are zero and the vector "
     "stands in the symmetric part: its sign is free.",
@@ -460,6 +477,49 @@ d.state(
     text="The transform from link to link.",
     place="General Link to Link Transformation Matrix",
 ).prove()
+
+# %% [markdown]
+# The notes say of the offset that it "has no sense of direction", and give a Hooke joint, two revolute joints whose
+# axes $\vec S_j$ and $\vec S_k$ meet at right angles, the wrong index.
+
+# %%
+d.state(
+    "offset-without-direction",
+    equal(shift_S, im(shift(z=-S))),
+    said="has no sense of direction",
+    text="an offset of a joint and its opposite are the same.",
+    place="Joints",
+).refute(
+    {S: 1},
+    equal(shift_S * im(shift(z=-S)), one_4),
+    label="L5",
+    because="S_j is a signed number along S_j: opposite offsets lead to opposite sides, and one undoes the other.",
+)
+
+# %%
+twist_jk = d.symbol("alpha_jk", r"\alpha_{jk}", "twist of the link after joint j", "rad")
+axis_i, axis_j, axis_k = (
+    d.vector(f"S_{name}_axis", rf"\vec S_{name}", f"axis of joint {name}, in system i", "1", value=value)
+    for name, value in (
+        ("i", sp.Matrix([0, 0, 1])),
+        ("j", about_x(alpha)[:, 2]),
+        ("k", (about_x(alpha) * about_z(theta) * about_x(twist_jk))[:, 2]),
+    )
+)
+d.state(
+    "hooke-joint",
+    equal(dot(axis_i, axis_k), 0),
+    said="α_ik = 90°",
+    text="where the joints j and k are the two of a Hooke joint.",
+    place="Hook Joint, T",
+    assumptions=[sp.Eq(dot(axis_j, axis_k), 0)],
+).refute(
+    {alpha: sp.pi / 2, theta: 0, twist_jk: sp.pi / 2},
+    equal(dot(axis_j, axis_k), cos(twist_jk)),
+    label="L6",
+    because="The right angle is that of the link between the two axes, α_jk. The axes i and k are two links apart and "
+    "at any angle: cos α_ij cos α_jk − sin α_ij sin α_jk cos θ_j.",
+)
 
 # %%
 x, y, z = (d.vector(f"{n}_i", rf"\vec {n}", f"{n} axis of system i", "1") for n in "xyz")
@@ -773,7 +833,7 @@ d.state(
 ).refute(
     {alpha71: 2 * sp.atan(sp.Rational(1, 1000)), azimuth: 0, spin: 0, azimuth_a: 0},
     equal(c7**2 + s7**2, 1 - dot(along_near, axis_7) ** 2),
-    label="L4",
+    label="L7",
     because="Only where S7 and S1 are parallel is a71 across both. With S7 = 0 the loop misses by up to |P| s71; "
     "without, rounding is multiplied by 1/s71. In double precision the two are alike at s71 = 1e-8, which is the "
     "default tolerance here.",
