@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from rodgen import Machine, Measurements, spatial
 from rodgen.errors import RodgenError
 from rodgen.machines.machine import Joint, Measured, Target
-from rodgen.spatial import Mechanism, Placement
+from rodgen.spatial import Mechanism, Placement, _product_of_exponentials
 
 
 def rx(angle):
@@ -194,6 +194,22 @@ def test_several_axes_that_are_all_but_parallel_lose_no_more_than_two():
             spatial.from_product_of_exponentials(screws).forward(q) - product(screws, np.eye(4), q)
         ).max()
         assert off <= 1e-6
+
+
+def test_links_that_miss_the_axes_are_refused(monkeypatch):
+    """What comes out is put back into the poses: with a link that is 1e-5 of the size too long it does not leave."""
+    right = _product_of_exponentials.links_from_axes
+
+    def wrong(*arguments):
+        links = right(*arguments)
+        return links._replace(a=links.a + 1e-5)
+
+    screws = spatial.to_product_of_exponentials(
+        spatial.from_denavit_hartenberg("RPR", [1, 0, 1], [1, 1, 0], [0, 1, 0])
+    )
+    monkeypatch.setattr(_product_of_exponentials, "links_from_axes", wrong)
+    with pytest.raises(RodgenError, match=r"the links are off by .* of the size, expected at most 3e-07"):
+        spatial.from_product_of_exponentials(*screws)
 
 
 def test_a_screw_of_another_length_is_told():

@@ -13,13 +13,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rodgen._kernels import kernels
 from rodgen.errors import RodgenError
 from rodgen.spatial._arrays import real_array
 from rodgen.spatial._axes import PARALLEL, links_from_axes
 from rodgen.spatial._forward import frames
 from rodgen.spatial._mechanism import Mechanism
 from rodgen.spatial._placement import Placement, mechanism_at, placed
-from rodgen.spatial._rotations import inverse_transform
+from rodgen.spatial._rotations import inverse_transform, transform
 
 __all__ = [
     "ProductOfExponentials",
@@ -30,6 +31,10 @@ __all__ = [
 
 UNIT_LENGTH = 1e-6
 """By how much a screw may be off unit length: decimals in a file, no other unit."""
+
+
+ROUNDED = 1e-7
+"""Error of a pose, relative to the size, for each joint, that is let pass: ten times what the tolerance leaves."""
 
 
 class ProductOfExponentials(NamedTuple):
@@ -77,12 +82,13 @@ def from_product_of_exponentials(
     Raises
     ------
     RodgenError
-        When a screw is not finite or not of unit length.
+        When a screw is not finite or not of unit length, or the links miss the poses of the screws: that is tried.
 
     Notes
     -----
     Parallel, meeting and coincident axes are told apart to rounding. Where consecutive axes are all but parallel, the
-    convention itself puts the feet of the perpendicular far away: a pose is right to the rounding unit over the sine.
+    convention itself puts the feet of the perpendicular far away: a pose is right to some ten rounding units over the
+    sine, 1e-7 of the size at worst.
 
     Examples
     --------
@@ -137,7 +143,41 @@ def placement_from_axes(
     mechanism, zero = mechanism_at(kinds, links.a, links.alpha, links.offset, links.angle, pitches, **labels)
     # from the chain's own last frame, so that the pose at zero is the given one whatever was rounded on the way
     last = links.base @ frames(mechanism, zero)[-1]
-    return Placement(mechanism, links.base, inverse_transform(last) @ home, zero)
+    made = Placement(mechanism, links.base, inverse_transform(last) @ home, zero)
+    _put_back(made, kinds, directions, points, pitches, home, tolerance)
+    return made
+
+
+def _put_back(
+    made: Placement,
+    kinds: tuple[str, ...],
+    directions: NDArray[np.float64],
+    points: NDArray[np.float64],
+    pitches: NDArray[np.float64],
+    home: NDArray[np.float64],
+    tolerance: float,
+) -> None:
+    """Hold the mechanism against its own axes in a few places: nothing that is off by more may leave in silence."""
+    turning = np.array([kind != "P" for kind in kinds])
+    sizes = (points[turning], home[:3, 3], pitches)
+    size = max(float(np.abs(x).max(initial=0.0)) for x in sizes) or 1.0
+    moves = np.cos(np.arange(3)[:, None] + 1.7 * np.arange(len(kinds))) * np.where(turning, 2.0, size)
+    wanted = np.broadcast_to(home, (3, 4, 4))
+    for j in reversed(range(len(kinds))):
+        turned = np.eye(3)
+        shifted = moves[:, j, None] * directions[j] * (pitches[j] if turning[j] else 1.0)
+        if turning[j]:
+            turned = kernels.matrix_from_axis_angle(directions[j], moves[:, j])[0]
+            shifted = shifted + points[j] - turned @ points[j]
+        wanted = transform(turned, shifted) @ wanted
+    off = np.abs(made.forward(moves) - wanted)
+    worst = max(float(off[:, :3, :3].max()), float(off[:, :3, 3].max()) / size)
+    allowed = len(kinds) * max(ROUNDED, 10 * tolerance)
+    if not worst <= allowed:
+        raise RodgenError(
+            f"the links are off by {worst:.1g} of the size, expected at most {allowed:.1g}: consecutive axes are so "
+            "nearly parallel that their common perpendiculars cannot be computed; make them exactly parallel"
+        )
 
 
 def to_product_of_exponentials(robot: Mechanism | Placement) -> ProductOfExponentials:
