@@ -79,6 +79,90 @@ void spatial_loops_loop_rrrcc_back_batch_f64(size_t count, const double *alpha, 
 void spatial_loops_loop_rrrcc_back_f32(const float alpha[5], const float a[5], const float S[3], float theta_5, float theta_1, float theta_2, float angles[2], float offsets[2]);
 void spatial_loops_loop_rrrcc_back_batch_f32(size_t count, const float *alpha, const float *a, const float *S, const float *theta_5, const float *theta_1, const float *theta_2, float *angles, float *offsets);
 
+/* Write a ring of four links with two slides, in link 12, as a bilinear pair.
+ * Source: derivation spatial_loops; Crane and Duffy, group two solution process
+ * Operations: 83 add, 144 mul, 1 div
+ * rotation : array (4, 3, 3), 1 of the links 12, 23, 34 and 41
+ * vector : array (4, 3), length of these links, without the slides
+ * p : array (3), 1 direction of the first slide, in link 12
+ * q : array (3), 1 direction of the second slide, in link 12
+ * pair : array (2, 3, 3), 1 coefficients; those of the second equation are lengths
+ */
+void spatial_loops_loop_pair_12_12_f64(const double rotation[36], const double vector[12], const double p[3], const double q[3], double pair[18]);
+void spatial_loops_loop_pair_12_12_batch_f64(size_t count, const double *rotation, const double *vector, const double *p, const double *q, double *pair);
+void spatial_loops_loop_pair_12_12_f32(const float rotation[36], const float vector[12], const float p[3], const float q[3], float pair[18]);
+void spatial_loops_loop_pair_12_12_batch_f32(size_t count, const float *rotation, const float *vector, const float *p, const float *q, float *pair);
+
+/* Write a ring of four links with two slides, in link 23, as a bilinear pair.
+ * Source: derivation spatial_loops; Crane and Duffy, group two solution process
+ * Operations: 73 add, 134 mul, 1 div
+ * rotation : array (4, 3, 3), 1 of the links 12, 23, 34 and 41
+ * vector : array (4, 3), length of these links, without the slides
+ * p : array (3), 1 direction of the first slide, in link 23
+ * q : array (3), 1 direction of the second slide, in link 23
+ * pair : array (2, 3, 3), 1 coefficients; those of the second equation are lengths
+ */
+void spatial_loops_loop_pair_23_23_f64(const double rotation[36], const double vector[12], const double p[3], const double q[3], double pair[18]);
+void spatial_loops_loop_pair_23_23_batch_f64(size_t count, const double *rotation, const double *vector, const double *p, const double *q, double *pair);
+void spatial_loops_loop_pair_23_23_f32(const float rotation[36], const float vector[12], const float p[3], const float q[3], float pair[18]);
+void spatial_loops_loop_pair_23_23_batch_f32(size_t count, const float *rotation, const float *vector, const float *p, const float *q, float *pair);
+
+/* Write a ring of four links with two slides, in link 34, as a bilinear pair.
+ * Source: derivation spatial_loops; Crane and Duffy, group two solution process
+ * Operations: 81 add, 149 mul, 1 div
+ * rotation : array (4, 3, 3), 1 of the links 12, 23, 34 and 41
+ * vector : array (4, 3), length of these links, without the slides
+ * p : array (3), 1 direction of the first slide, in link 34
+ * q : array (3), 1 direction of the second slide, in link 34
+ * pair : array (2, 3, 3), 1 coefficients; those of the second equation are lengths
+ */
+void spatial_loops_loop_pair_34_34_f64(const double rotation[36], const double vector[12], const double p[3], const double q[3], double pair[18]);
+void spatial_loops_loop_pair_34_34_batch_f64(size_t count, const double *rotation, const double *vector, const double *p, const double *q, double *pair);
+void spatial_loops_loop_pair_34_34_f32(const float rotation[36], const float vector[12], const float p[3], const float q[3], float pair[18]);
+void spatial_loops_loop_pair_34_34_batch_f32(size_t count, const float *rotation, const float *vector, const float *p, const float *q, float *pair);
+
+/* Write a ring of four links with two slides, in the links 12 and 23, as a bilinear pair.
+ * Source: derivation spatial_loops; Crane and Duffy, group two solution process
+ * Operations: 116 add, 210 mul, 1 div
+ * rotation : array (4, 3, 3), 1 of the links 12, 23, 34 and 41
+ * vector : array (4, 3), length of these links, without the slides
+ * p : array (3), 1 direction of the first slide, in link 12
+ * q : array (3), 1 direction of the second slide, in link 23
+ * pair : array (2, 3, 3), 1 coefficients; those of the second equation are lengths
+ */
+void spatial_loops_loop_pair_12_23_f64(const double rotation[36], const double vector[12], const double p[3], const double q[3], double pair[18]);
+void spatial_loops_loop_pair_12_23_batch_f64(size_t count, const double *rotation, const double *vector, const double *p, const double *q, double *pair);
+void spatial_loops_loop_pair_12_23_f32(const float rotation[36], const float vector[12], const float p[3], const float q[3], float pair[18]);
+void spatial_loops_loop_pair_12_23_batch_f32(size_t count, const float *rotation, const float *vector, const float *p, const float *q, float *pair);
+
+/* Write a ring of four links with two slides, in the links 12 and 34, as a bilinear pair.
+ * Source: derivation spatial_loops; Crane and Duffy, group two solution process
+ * Operations: 146 add, 251 mul, 1 div
+ * rotation : array (4, 3, 3), 1 of the links 12, 23, 34 and 41
+ * vector : array (4, 3), length of these links, without the slides
+ * p : array (3), 1 direction of the first slide, in link 12
+ * q : array (3), 1 direction of the second slide, in link 34
+ * pair : array (2, 3, 3), 1 coefficients; those of the second equation are lengths
+ */
+void spatial_loops_loop_pair_12_34_f64(const double rotation[36], const double vector[12], const double p[3], const double q[3], double pair[18]);
+void spatial_loops_loop_pair_12_34_batch_f64(size_t count, const double *rotation, const double *vector, const double *p, const double *q, double *pair);
+void spatial_loops_loop_pair_12_34_f32(const float rotation[36], const float vector[12], const float p[3], const float q[3], float pair[18]);
+void spatial_loops_loop_pair_12_34_batch_f32(size_t count, const float *rotation, const float *vector, const float *p, const float *q, float *pair);
+
+/* Write a ring of four links with two slides, in the links 23 and 34, as a bilinear pair.
+ * Source: derivation spatial_loops; Crane and Duffy, group two solution process
+ * Operations: 132 add, 238 mul, 1 div
+ * rotation : array (4, 3, 3), 1 of the links 12, 23, 34 and 41
+ * vector : array (4, 3), length of these links, without the slides
+ * p : array (3), 1 direction of the first slide, in link 23
+ * q : array (3), 1 direction of the second slide, in link 34
+ * pair : array (2, 3, 3), 1 coefficients; those of the second equation are lengths
+ */
+void spatial_loops_loop_pair_23_34_f64(const double rotation[36], const double vector[12], const double p[3], const double q[3], double pair[18]);
+void spatial_loops_loop_pair_23_34_batch_f64(size_t count, const double *rotation, const double *vector, const double *p, const double *q, double *pair);
+void spatial_loops_loop_pair_23_34_f32(const float rotation[36], const float vector[12], const float p[3], const float q[3], float pair[18]);
+void spatial_loops_loop_pair_23_34_batch_f32(size_t count, const float *rotation, const float *vector, const float *p, const float *q, float *pair);
+
 #ifdef __cplusplus
 }
 #endif

@@ -34,7 +34,7 @@ static inline float power_of_two_scale_f32(float x) {
   return x;
 }
 
-/* trig_solve: 10 add, 15 mul, 1 sqrt, 14 select, 11 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
+/* trig_solve: 10 add, 15 mul, 1 sqrt, 14 select, 12 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
 void trig_equation_trig_solve_f64(double A, double B, double D, double theta[2], int8_t *status) {
   /* inputs */
   /* intermediate terms */
@@ -54,7 +54,7 @@ void trig_equation_trig_solve_f64(double A, double B, double D, double theta[2],
   const int valid = size <= DBL_MAX;
   const int two = square > bound;
   const double w = ((two) ? sqrt(square) : 0.0);
-  const int empty = larger == 0.0;
+  const int empty = (A == 0.0) && (B == 0.0);
   const int there = (valid) && (!(empty)) && ((is_double) || (two));
   const double x3 = a*d;
   const double x4 = b*w;
@@ -80,7 +80,7 @@ void trig_equation_trig_solve_batch_f64(size_t count, const double *A, const dou
     trig_equation_trig_solve_f64(A[i], B[i], D[i], theta + 2 * i, status + i);
 }
 
-/* trig_solve: 10 add, 15 mul, 1 sqrt, 14 select, 11 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
+/* trig_solve: 10 add, 15 mul, 1 sqrt, 14 select, 12 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
 void trig_equation_trig_solve_f32(float A, float B, float D, float theta[2], int8_t *status) {
   /* inputs */
   /* intermediate terms */
@@ -100,7 +100,7 @@ void trig_equation_trig_solve_f32(float A, float B, float D, float theta[2], int
   const int valid = size <= FLT_MAX;
   const int two = square > bound;
   const float w = ((two) ? sqrtf(square) : 0.0f);
-  const int empty = larger == 0.0f;
+  const int empty = (A == 0.0f) && (B == 0.0f);
   const int there = (valid) && (!(empty)) && ((is_double) || (two));
   const float x3 = a*d;
   const float x4 = b*w;
@@ -126,7 +126,7 @@ void trig_equation_trig_solve_batch_f32(size_t count, const float *A, const floa
     trig_equation_trig_solve_f32(A[i], B[i], D[i], theta + 2 * i, status + i);
 }
 
-/* trig_half_angle: 10 add, 18 mul, 1 sqrt, 23 select, 16 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
+/* trig_half_angle: 10 add, 18 mul, 1 sqrt, 23 select, 17 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
 void trig_equation_trig_half_angle_f64(double A, double B, double D, double theta[2], int8_t *status) {
   /* inputs */
   /* intermediate terms */
@@ -146,7 +146,7 @@ void trig_equation_trig_half_angle_f64(double A, double B, double D, double thet
   const int valid = size <= DBL_MAX;
   const int two = square > bound;
   const double w = ((two) ? sqrt(square) : 0.0);
-  const int empty = larger == 0.0;
+  const int empty = (A == 0.0) && (B == 0.0);
   const int there = (valid) && (!(empty)) && ((is_double) || (two));
   const int positive = b >= 0.0;
   const double together = ((positive) ? b + w : w - b);
@@ -176,7 +176,7 @@ void trig_equation_trig_half_angle_batch_f64(size_t count, const double *A, cons
     trig_equation_trig_half_angle_f64(A[i], B[i], D[i], theta + 2 * i, status + i);
 }
 
-/* trig_half_angle: 10 add, 18 mul, 1 sqrt, 23 select, 16 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
+/* trig_half_angle: 10 add, 18 mul, 1 sqrt, 23 select, 17 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
 void trig_equation_trig_half_angle_f32(float A, float B, float D, float theta[2], int8_t *status) {
   /* inputs */
   /* intermediate terms */
@@ -196,7 +196,7 @@ void trig_equation_trig_half_angle_f32(float A, float B, float D, float theta[2]
   const int valid = size <= FLT_MAX;
   const int two = square > bound;
   const float w = ((two) ? sqrtf(square) : 0.0f);
-  const int empty = larger == 0.0f;
+  const int empty = (A == 0.0f) && (B == 0.0f);
   const int there = (valid) && (!(empty)) && ((is_double) || (two));
   const int positive = b >= 0.0f;
   const float together = ((positive) ? b + w : w - b);

@@ -36,7 +36,7 @@ enum trig_equation_trig_status {
 
 /* Both angles with A cos(theta) + B sin(theta) + D = 0.
  * Source: Robot Geometry, trig solution method; derivation trig_equation
- * Operations: 10 add, 15 mul, 1 sqrt, 14 select, 11 compare, 7 abs, 2 atan2, 1 power_of_two_scale
+ * Operations: 10 add, 15 mul, 1 sqrt, 14 select, 12 compare, 7 abs, 2 atan2, 1 power_of_two_scale
  * A : array (), 1 coefficient of the cosine, in the unit of all three
  * B : array (), 1 coefficient of the sine
  * D : array (), 1 the rest
@@ -50,7 +50,7 @@ void trig_equation_trig_solve_batch_f32(size_t count, const float *A, const floa
 
 /* Both angles with A cos(theta) + B sin(theta) + D = 0, by the tangent of the half angle.
  * Source: Robot Geometry, tan-half angle method; derivation trig_equation
- * Operations: 10 add, 18 mul, 1 sqrt, 23 select, 16 compare, 7 abs, 2 atan2, 1 power_of_two_scale
+ * Operations: 10 add, 18 mul, 1 sqrt, 23 select, 17 compare, 7 abs, 2 atan2, 1 power_of_two_scale
  * A : array (), 1 coefficient of the cosine, in the unit of all three
  * B : array (), 1 coefficient of the sine
  * D : array (), 1 the rest

@@ -89,6 +89,12 @@ DECLARE_ALL(spatial_links_hypothetical_link)
 DECLARE_ALL(spatial_loops_loop_rccc)
 DECLARE_ALL(spatial_loops_loop_rrrcc_pair)
 DECLARE_ALL(spatial_loops_loop_rrrcc_back)
+DECLARE_ALL(spatial_loops_loop_pair_12_12)
+DECLARE_ALL(spatial_loops_loop_pair_23_23)
+DECLARE_ALL(spatial_loops_loop_pair_34_34)
+DECLARE_ALL(spatial_loops_loop_pair_12_23)
+DECLARE_ALL(spatial_loops_loop_pair_12_34)
+DECLARE_ALL(spatial_loops_loop_pair_23_34)
 DECLARE_ALL(spherical_polygons_polygon_notation_1)
 DECLARE_ALL(spherical_polygons_polygon_notation_2)
 DECLARE_ALL(spherical_polygons_polygon_notation_3)
@@ -358,6 +364,30 @@ static const char types_spatial_loops_loop_rrrcc_back[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 };
+static const char types_spatial_loops_loop_pair_12_12[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_spatial_loops_loop_pair_23_23[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_spatial_loops_loop_pair_34_34[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_spatial_loops_loop_pair_12_23[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_spatial_loops_loop_pair_12_34[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
+static const char types_spatial_loops_loop_pair_23_34[] = {
+NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
+NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
+};
 static const char types_spherical_polygons_polygon_notation_1[] = {
 NPY_FLOAT, NPY_FLOAT, 
 NPY_DOUBLE, NPY_DOUBLE, 
@@ -614,6 +644,18 @@ static const struct definition definitions[] = {
    ALL_LOOPS(spatial_loops_loop_rrrcc_pair), types_spatial_loops_loop_rrrcc_pair},
   {"loop_rrrcc_back", "(5),(5),(3),(),(),()->(2),(2)", "Close an RRRCC loop with a solution of its pair.", 6, 2, 8,
    ALL_LOOPS(spatial_loops_loop_rrrcc_back), types_spatial_loops_loop_rrrcc_back},
+  {"loop_pair_12_12", "(4,3,3),(4,3),(3),(3)->(2,3,3)", "Write a ring of four links with two slides, in link 12, as a bilinear pair.", 4, 1, 5,
+   ALL_LOOPS(spatial_loops_loop_pair_12_12), types_spatial_loops_loop_pair_12_12},
+  {"loop_pair_23_23", "(4,3,3),(4,3),(3),(3)->(2,3,3)", "Write a ring of four links with two slides, in link 23, as a bilinear pair.", 4, 1, 5,
+   ALL_LOOPS(spatial_loops_loop_pair_23_23), types_spatial_loops_loop_pair_23_23},
+  {"loop_pair_34_34", "(4,3,3),(4,3),(3),(3)->(2,3,3)", "Write a ring of four links with two slides, in link 34, as a bilinear pair.", 4, 1, 5,
+   ALL_LOOPS(spatial_loops_loop_pair_34_34), types_spatial_loops_loop_pair_34_34},
+  {"loop_pair_12_23", "(4,3,3),(4,3),(3),(3)->(2,3,3)", "Write a ring of four links with two slides, in the links 12 and 23, as a bilinear pair.", 4, 1, 5,
+   ALL_LOOPS(spatial_loops_loop_pair_12_23), types_spatial_loops_loop_pair_12_23},
+  {"loop_pair_12_34", "(4,3,3),(4,3),(3),(3)->(2,3,3)", "Write a ring of four links with two slides, in the links 12 and 34, as a bilinear pair.", 4, 1, 5,
+   ALL_LOOPS(spatial_loops_loop_pair_12_34), types_spatial_loops_loop_pair_12_34},
+  {"loop_pair_23_34", "(4,3,3),(4,3),(3),(3)->(2,3,3)", "Write a ring of four links with two slides, in the links 23 and 34, as a bilinear pair.", 4, 1, 5,
+   ALL_LOOPS(spatial_loops_loop_pair_23_34), types_spatial_loops_loop_pair_23_34},
   {"polygon_notation_1", "(3)->(4)", "Evaluate X, X*, Y, Z of 1 subscript.", 1, 1, 2,
    ALL_LOOPS(spherical_polygons_polygon_notation_1), types_spherical_polygons_polygon_notation_1},
   {"polygon_notation_2", "(5)->(4)", "Evaluate X, X*, Y, Z of 2 subscripts.", 1, 1, 2,

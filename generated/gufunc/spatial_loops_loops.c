@@ -1417,3 +1417,2627 @@ void LOOP(spatial_loops_loop_rrrcc_back_loop_f32)(char **args, const ptrdiff_t *
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
+
+/* loop_pair_12_12: 83 add, 144 mul, 1 div */
+/* 83 add, 144 mul, 1 div */
+static inline void loop_pair_12_12_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const double rotation_1_1_1 = input[0][i];
+    const double rotation_1_1_2 = input[1][i];
+    const double rotation_1_1_3 = input[2][i];
+    const double rotation_1_2_1 = input[3][i];
+    const double rotation_1_2_2 = input[4][i];
+    const double rotation_1_2_3 = input[5][i];
+    const double rotation_1_3_1 = input[6][i];
+    const double rotation_1_3_2 = input[7][i];
+    const double rotation_1_3_3 = input[8][i];
+    const double rotation_2_1_1 = input[9][i];
+    const double rotation_2_1_2 = input[10][i];
+    const double rotation_2_1_3 = input[11][i];
+    const double rotation_2_2_1 = input[12][i];
+    const double rotation_2_2_2 = input[13][i];
+    const double rotation_2_2_3 = input[14][i];
+    const double rotation_2_3_1 = input[15][i];
+    const double rotation_2_3_2 = input[16][i];
+    const double rotation_2_3_3 = input[17][i];
+    const double rotation_3_1_3 = input[20][i];
+    const double rotation_3_2_3 = input[23][i];
+    const double rotation_3_3_3 = input[26][i];
+    const double rotation_4_1_3 = input[29][i];
+    const double rotation_4_2_3 = input[32][i];
+    const double rotation_4_3_3 = input[35][i];
+    const double vector_1_1 = input[36][i];
+    const double vector_1_2 = input[37][i];
+    const double vector_1_3 = input[38][i];
+    const double vector_2_1 = input[39][i];
+    const double vector_2_2 = input[40][i];
+    const double vector_2_3 = input[41][i];
+    const double vector_3_1 = input[42][i];
+    const double vector_3_2 = input[43][i];
+    const double vector_3_3 = input[44][i];
+    const double vector_4_1 = input[45][i];
+    const double vector_4_2 = input[46][i];
+    const double vector_4_3 = input[47][i];
+    const double p_1 = input[48][i];
+    const double p_2 = input[49][i];
+    const double p_3 = input[50][i];
+    const double q_1 = input[51][i];
+    const double q_2 = input[52][i];
+    const double q_3 = input[53][i];
+    const double square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
+    const double x0 = 1.0/square;
+    const double x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
+    const double part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
+    const double part_2 = x0*x1;
+    const double part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
+    const double v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
+    const double v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
+    const double v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
+    const double v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
+    const double v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
+    const double v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
+    const double p_12_1 = p_1*rotation_1_1_1 + p_2*rotation_1_2_1 + p_3*rotation_1_3_1;
+    const double p_12_2 = p_1*rotation_1_1_2 + p_2*rotation_1_2_2 + p_3*rotation_1_3_2;
+    const double p_12_3 = p_1*rotation_1_1_3 + p_2*rotation_1_2_3 + p_3*rotation_1_3_3;
+    const double q_12_1 = q_1*rotation_1_1_1 + q_2*rotation_1_2_1 + q_3*rotation_1_3_1;
+    const double q_12_2 = q_1*rotation_1_1_2 + q_2*rotation_1_2_2 + q_3*rotation_1_3_2;
+    const double q_12_3 = q_1*rotation_1_1_3 + q_2*rotation_1_2_3 + q_3*rotation_1_3_3;
+    const double x2 = rotation_2_3_3*rotation_3_3_3;
+    const double pair_1_1_1 = rotation_1_3_3*x2 - rotation_4_3_3;
+    const double x3 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3;
+    const double pair_1_1_2 = rotation_1_3_3*x3;
+    const double x4 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3;
+    const double pair_1_1_3 = rotation_1_3_3*x4;
+    const double x5 = rotation_2_1_3*rotation_3_3_3;
+    const double x6 = rotation_2_2_3*rotation_3_3_3;
+    const double pair_1_2_1 = rotation_1_3_1*x5 + rotation_1_3_2*x6;
+    const double x7 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
+    const double x8 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
+    const double pair_1_2_2 = rotation_1_3_1*x7 + rotation_1_3_2*x8;
+    const double x9 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
+    const double x10 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
+    const double pair_1_2_3 = rotation_1_3_1*x9 + rotation_1_3_2*x10;
+    const double pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x6;
+    const double pair_1_3_2 = rotation_1_3_2*x7 - rotation_1_3_1*x8;
+    const double pair_1_3_3 = rotation_1_3_2*x9 - rotation_1_3_1*x10;
+    const double x11 = p_12_2*q_12_3 - p_12_3*q_12_2;
+    const double x12 = p_12_3*q_12_1 - p_12_1*q_12_3;
+    const double x13 = p_12_1*q_12_2 - p_12_2*q_12_1;
+    const double x14 = part_3*(rotation_1_3_1*x12 - rotation_1_3_2*x11);
+    const double pair_2_1_1 = rotation_2_3_3*v_34_3*x13 + v_12_1*x11 + v_12_2*x12 + v_12_3*x13 + vector_2_3*x13 + x14*x2;
+    const double pair_2_1_2 = x13*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x14*x3;
+    const double pair_2_1_3 = x13*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x14*x4;
+    const double x15 = rotation_2_1_3*v_34_3;
+    const double x16 = rotation_2_2_3*v_34_3;
+    const double x17 = rotation_1_3_2*x13 - rotation_1_3_3*x12;
+    const double x18 = part_3*x17;
+    const double x19 = part_3*(rotation_1_3_3*x11 - rotation_1_3_1*x13);
+    const double pair_2_2_1 = vector_2_1*x11 + vector_2_2*x12 + x11*x15 + x12*x16 + x18*x5 + x19*x6;
+    const double x20 = rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2;
+    const double x21 = rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2;
+    const double pair_2_2_2 = x11*x21 + x12*x20 + x18*x7 + x19*x8;
+    const double x22 = rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2;
+    const double x23 = rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2;
+    const double pair_2_2_3 = x10*x19 + x11*x23 + x12*x22 + x18*x9;
+    const double x25 = -part_3*x17;
+    const double pair_2_3_1 = vector_2_1*x12 + x12*x15 + x19*x5 + x25*x6 - vector_2_2*x11 - x11*x16;
+    const double pair_2_3_2 = x12*x21 + x19*x7 + x25*x8 - x11*x20;
+    const double pair_2_3_3 = x10*x25 + x12*x23 + x19*x9 - x11*x22;
+    output[0][i] = pair_1_1_1;
+    output[1][i] = pair_1_1_2;
+    output[2][i] = pair_1_1_3;
+    output[3][i] = pair_1_2_1;
+    output[4][i] = pair_1_2_2;
+    output[5][i] = pair_1_2_3;
+    output[6][i] = pair_1_3_1;
+    output[7][i] = pair_1_3_2;
+    output[8][i] = pair_1_3_3;
+    output[9][i] = pair_2_1_1;
+    output[10][i] = pair_2_1_2;
+    output[11][i] = pair_2_1_3;
+    output[12][i] = pair_2_2_1;
+    output[13][i] = pair_2_2_2;
+    output[14][i] = pair_2_2_3;
+    output[15][i] = pair_2_3_1;
+    output[16][i] = pair_2_3_2;
+    output[17][i] = pair_2_3_3;
+  }
+}
+
+static inline void loop_pair_12_12_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  loop_pair_12_12_f64(input, output);
+}
+
+void LOOP(spatial_loops_loop_pair_12_12_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+  const ptrdiff_t *core = steps + 5;
+  (void)data, (void)core, (void)width;
+  ptrdiff_t offsets_0[36];
+  for (int k = 0; k < 36; ++k)
+    offsets_0[k] = (k / 9) % 4 * core[0] + (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
+  ptrdiff_t offsets_1[12];
+  for (int k = 0; k < 12; ++k)
+    offsets_1[k] = (k / 3) % 4 * core[3] + (k / 1) % 3 * core[4];
+  ptrdiff_t offsets_2[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_2[k] = (k / 1) % 3 * core[5];
+  ptrdiff_t offsets_3[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_3[k] = (k / 1) % 3 * core[6];
+  ptrdiff_t offsets_4[18];
+  for (int k = 0; k < 18; ++k)
+    offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
+  double input[54][BLOCK], output[18][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
+  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
+  packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[4], total * 18 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 36; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 12; ++k)
+        fill_f64(input[36 + k], args[1] + k * width);
+    if (steps[2] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[48 + k], args[2] + k * width);
+    if (steps[3] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[51 + k], args[3] + k * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 36 * width, 36);
+      if (steps[1] != 0)
+        load_f64(input[36], BLOCK, args[1] + start * 12 * width, 12);
+      if (steps[2] != 0)
+        load_f64(input[48], BLOCK, args[2] + start * 3 * width, 3);
+      if (steps[3] != 0)
+        load_f64(input[51], BLOCK, args[3] + start * 3 * width, 3);
+      loop_pair_12_12_block_f64(input, output);
+      {
+        double rows[18 * BLOCK], scratch[18 * BLOCK];
+        interleave_f64(rows, output[0], BLOCK, 18, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+    }
+    close_writer(&writer_0);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+    gather_f64(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+    gather_f64(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    gather_f64(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+    loop_pair_12_12_block_f64(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 18; ++k)
+        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+  }
+  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+}
+
+/* loop_pair_12_12: 83 add, 144 mul, 1 div */
+/* 83 add, 144 mul, 1 div */
+static inline void loop_pair_12_12_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const float rotation_1_1_1 = input[0][i];
+    const float rotation_1_1_2 = input[1][i];
+    const float rotation_1_1_3 = input[2][i];
+    const float rotation_1_2_1 = input[3][i];
+    const float rotation_1_2_2 = input[4][i];
+    const float rotation_1_2_3 = input[5][i];
+    const float rotation_1_3_1 = input[6][i];
+    const float rotation_1_3_2 = input[7][i];
+    const float rotation_1_3_3 = input[8][i];
+    const float rotation_2_1_1 = input[9][i];
+    const float rotation_2_1_2 = input[10][i];
+    const float rotation_2_1_3 = input[11][i];
+    const float rotation_2_2_1 = input[12][i];
+    const float rotation_2_2_2 = input[13][i];
+    const float rotation_2_2_3 = input[14][i];
+    const float rotation_2_3_1 = input[15][i];
+    const float rotation_2_3_2 = input[16][i];
+    const float rotation_2_3_3 = input[17][i];
+    const float rotation_3_1_3 = input[20][i];
+    const float rotation_3_2_3 = input[23][i];
+    const float rotation_3_3_3 = input[26][i];
+    const float rotation_4_1_3 = input[29][i];
+    const float rotation_4_2_3 = input[32][i];
+    const float rotation_4_3_3 = input[35][i];
+    const float vector_1_1 = input[36][i];
+    const float vector_1_2 = input[37][i];
+    const float vector_1_3 = input[38][i];
+    const float vector_2_1 = input[39][i];
+    const float vector_2_2 = input[40][i];
+    const float vector_2_3 = input[41][i];
+    const float vector_3_1 = input[42][i];
+    const float vector_3_2 = input[43][i];
+    const float vector_3_3 = input[44][i];
+    const float vector_4_1 = input[45][i];
+    const float vector_4_2 = input[46][i];
+    const float vector_4_3 = input[47][i];
+    const float p_1 = input[48][i];
+    const float p_2 = input[49][i];
+    const float p_3 = input[50][i];
+    const float q_1 = input[51][i];
+    const float q_2 = input[52][i];
+    const float q_3 = input[53][i];
+    const float square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
+    const float x0 = 1.0f/square;
+    const float x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
+    const float part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
+    const float part_2 = x0*x1;
+    const float part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
+    const float v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
+    const float v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
+    const float v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
+    const float v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
+    const float v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
+    const float v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
+    const float p_12_1 = p_1*rotation_1_1_1 + p_2*rotation_1_2_1 + p_3*rotation_1_3_1;
+    const float p_12_2 = p_1*rotation_1_1_2 + p_2*rotation_1_2_2 + p_3*rotation_1_3_2;
+    const float p_12_3 = p_1*rotation_1_1_3 + p_2*rotation_1_2_3 + p_3*rotation_1_3_3;
+    const float q_12_1 = q_1*rotation_1_1_1 + q_2*rotation_1_2_1 + q_3*rotation_1_3_1;
+    const float q_12_2 = q_1*rotation_1_1_2 + q_2*rotation_1_2_2 + q_3*rotation_1_3_2;
+    const float q_12_3 = q_1*rotation_1_1_3 + q_2*rotation_1_2_3 + q_3*rotation_1_3_3;
+    const float x2 = rotation_2_3_3*rotation_3_3_3;
+    const float pair_1_1_1 = rotation_1_3_3*x2 - rotation_4_3_3;
+    const float x3 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3;
+    const float pair_1_1_2 = rotation_1_3_3*x3;
+    const float x4 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3;
+    const float pair_1_1_3 = rotation_1_3_3*x4;
+    const float x5 = rotation_2_1_3*rotation_3_3_3;
+    const float x6 = rotation_2_2_3*rotation_3_3_3;
+    const float pair_1_2_1 = rotation_1_3_1*x5 + rotation_1_3_2*x6;
+    const float x7 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
+    const float x8 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
+    const float pair_1_2_2 = rotation_1_3_1*x7 + rotation_1_3_2*x8;
+    const float x9 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
+    const float x10 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
+    const float pair_1_2_3 = rotation_1_3_1*x9 + rotation_1_3_2*x10;
+    const float pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x6;
+    const float pair_1_3_2 = rotation_1_3_2*x7 - rotation_1_3_1*x8;
+    const float pair_1_3_3 = rotation_1_3_2*x9 - rotation_1_3_1*x10;
+    const float x11 = p_12_2*q_12_3 - p_12_3*q_12_2;
+    const float x12 = p_12_3*q_12_1 - p_12_1*q_12_3;
+    const float x13 = p_12_1*q_12_2 - p_12_2*q_12_1;
+    const float x14 = part_3*(rotation_1_3_1*x12 - rotation_1_3_2*x11);
+    const float pair_2_1_1 = rotation_2_3_3*v_34_3*x13 + v_12_1*x11 + v_12_2*x12 + v_12_3*x13 + vector_2_3*x13 + x14*x2;
+    const float pair_2_1_2 = x13*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x14*x3;
+    const float pair_2_1_3 = x13*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x14*x4;
+    const float x15 = rotation_2_1_3*v_34_3;
+    const float x16 = rotation_2_2_3*v_34_3;
+    const float x17 = rotation_1_3_2*x13 - rotation_1_3_3*x12;
+    const float x18 = part_3*x17;
+    const float x19 = part_3*(rotation_1_3_3*x11 - rotation_1_3_1*x13);
+    const float pair_2_2_1 = vector_2_1*x11 + vector_2_2*x12 + x11*x15 + x12*x16 + x18*x5 + x19*x6;
+    const float x20 = rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2;
+    const float x21 = rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2;
+    const float pair_2_2_2 = x11*x21 + x12*x20 + x18*x7 + x19*x8;
+    const float x22 = rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2;
+    const float x23 = rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2;
+    const float pair_2_2_3 = x10*x19 + x11*x23 + x12*x22 + x18*x9;
+    const float x25 = -part_3*x17;
+    const float pair_2_3_1 = vector_2_1*x12 + x12*x15 + x19*x5 + x25*x6 - vector_2_2*x11 - x11*x16;
+    const float pair_2_3_2 = x12*x21 + x19*x7 + x25*x8 - x11*x20;
+    const float pair_2_3_3 = x10*x25 + x12*x23 + x19*x9 - x11*x22;
+    output[0][i] = pair_1_1_1;
+    output[1][i] = pair_1_1_2;
+    output[2][i] = pair_1_1_3;
+    output[3][i] = pair_1_2_1;
+    output[4][i] = pair_1_2_2;
+    output[5][i] = pair_1_2_3;
+    output[6][i] = pair_1_3_1;
+    output[7][i] = pair_1_3_2;
+    output[8][i] = pair_1_3_3;
+    output[9][i] = pair_2_1_1;
+    output[10][i] = pair_2_1_2;
+    output[11][i] = pair_2_1_3;
+    output[12][i] = pair_2_2_1;
+    output[13][i] = pair_2_2_2;
+    output[14][i] = pair_2_2_3;
+    output[15][i] = pair_2_3_1;
+    output[16][i] = pair_2_3_2;
+    output[17][i] = pair_2_3_3;
+  }
+}
+
+static inline void loop_pair_12_12_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  loop_pair_12_12_f32(input, output);
+}
+
+void LOOP(spatial_loops_loop_pair_12_12_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
+  const ptrdiff_t *core = steps + 5;
+  (void)data, (void)core, (void)width;
+  ptrdiff_t offsets_0[36];
+  for (int k = 0; k < 36; ++k)
+    offsets_0[k] = (k / 9) % 4 * core[0] + (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
+  ptrdiff_t offsets_1[12];
+  for (int k = 0; k < 12; ++k)
+    offsets_1[k] = (k / 3) % 4 * core[3] + (k / 1) % 3 * core[4];
+  ptrdiff_t offsets_2[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_2[k] = (k / 1) % 3 * core[5];
+  ptrdiff_t offsets_3[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_3[k] = (k / 1) % 3 * core[6];
+  ptrdiff_t offsets_4[18];
+  for (int k = 0; k < 18; ++k)
+    offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
+  float input[54][BLOCK], output[18][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
+  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
+  packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[4], total * 18 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 36; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 12; ++k)
+        fill_f32(input[36 + k], args[1] + k * width);
+    if (steps[2] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[48 + k], args[2] + k * width);
+    if (steps[3] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[51 + k], args[3] + k * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 36 * width, 36);
+      if (steps[1] != 0)
+        load_f32(input[36], BLOCK, args[1] + start * 12 * width, 12);
+      if (steps[2] != 0)
+        load_f32(input[48], BLOCK, args[2] + start * 3 * width, 3);
+      if (steps[3] != 0)
+        load_f32(input[51], BLOCK, args[3] + start * 3 * width, 3);
+      loop_pair_12_12_block_f32(input, output);
+      {
+        float rows[18 * BLOCK], scratch[18 * BLOCK];
+        interleave_f32(rows, output[0], BLOCK, 18, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+    }
+    close_writer(&writer_0);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+    gather_f32(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+    gather_f32(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    gather_f32(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+    loop_pair_12_12_block_f32(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 18; ++k)
+        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+  }
+  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+}
+
+/* loop_pair_23_23: 73 add, 134 mul, 1 div */
+/* 73 add, 134 mul, 1 div */
+static inline void loop_pair_23_23_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const double rotation_1_1_1 = input[0][i];
+    const double rotation_1_1_2 = input[1][i];
+    const double rotation_1_1_3 = input[2][i];
+    const double rotation_1_2_1 = input[3][i];
+    const double rotation_1_2_2 = input[4][i];
+    const double rotation_1_2_3 = input[5][i];
+    const double rotation_1_3_1 = input[6][i];
+    const double rotation_1_3_2 = input[7][i];
+    const double rotation_1_3_3 = input[8][i];
+    const double rotation_2_1_1 = input[9][i];
+    const double rotation_2_1_2 = input[10][i];
+    const double rotation_2_1_3 = input[11][i];
+    const double rotation_2_2_1 = input[12][i];
+    const double rotation_2_2_2 = input[13][i];
+    const double rotation_2_2_3 = input[14][i];
+    const double rotation_2_3_1 = input[15][i];
+    const double rotation_2_3_2 = input[16][i];
+    const double rotation_2_3_3 = input[17][i];
+    const double rotation_3_1_3 = input[20][i];
+    const double rotation_3_2_3 = input[23][i];
+    const double rotation_3_3_3 = input[26][i];
+    const double rotation_4_1_3 = input[29][i];
+    const double rotation_4_2_3 = input[32][i];
+    const double rotation_4_3_3 = input[35][i];
+    const double vector_1_1 = input[36][i];
+    const double vector_1_2 = input[37][i];
+    const double vector_1_3 = input[38][i];
+    const double vector_2_1 = input[39][i];
+    const double vector_2_2 = input[40][i];
+    const double vector_2_3 = input[41][i];
+    const double vector_3_1 = input[42][i];
+    const double vector_3_2 = input[43][i];
+    const double vector_3_3 = input[44][i];
+    const double vector_4_1 = input[45][i];
+    const double vector_4_2 = input[46][i];
+    const double vector_4_3 = input[47][i];
+    const double p_1 = input[48][i];
+    const double p_2 = input[49][i];
+    const double p_3 = input[50][i];
+    const double q_1 = input[51][i];
+    const double q_2 = input[52][i];
+    const double q_3 = input[53][i];
+    const double square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
+    const double x0 = 1.0/square;
+    const double x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
+    const double part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
+    const double part_2 = x0*x1;
+    const double part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
+    const double v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
+    const double v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
+    const double v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
+    const double v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
+    const double v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
+    const double v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
+    const double x2 = rotation_2_3_3*rotation_3_3_3;
+    const double pair_1_1_1 = rotation_1_3_3*x2 - rotation_4_3_3;
+    const double x3 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3;
+    const double pair_1_1_2 = rotation_1_3_3*x3;
+    const double x4 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3;
+    const double pair_1_1_3 = rotation_1_3_3*x4;
+    const double x5 = rotation_2_1_3*rotation_3_3_3;
+    const double x6 = rotation_1_3_1*x5;
+    const double x7 = rotation_2_2_3*rotation_3_3_3;
+    const double x8 = rotation_1_3_2*x7;
+    const double pair_1_2_1 = x6 + x8;
+    const double x9 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
+    const double x10 = rotation_1_3_1*x9;
+    const double x11 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
+    const double x12 = rotation_1_3_2*x11;
+    const double pair_1_2_2 = x10 + x12;
+    const double x13 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
+    const double x14 = rotation_1_3_1*x13;
+    const double x15 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
+    const double x16 = rotation_1_3_2*x15;
+    const double pair_1_2_3 = x14 + x16;
+    const double x17 = rotation_1_3_1*x7;
+    const double pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - x17;
+    const double x18 = rotation_1_3_1*x11;
+    const double pair_1_3_2 = rotation_1_3_2*x9 - x18;
+    const double x19 = rotation_1_3_1*x15;
+    const double pair_1_3_3 = rotation_1_3_2*x13 - x19;
+    const double x20 = p_1*q_2 - p_2*q_1;
+    const double x21 = p_2*q_3 - p_3*q_2;
+    const double x22 = p_3*q_1 - p_1*q_3;
+    const double x23 = part_3*rotation_1_3_3;
+    const double x24 = x21*x23;
+    const double x25 = x22*x23;
+    const double pair_2_1_1 = rotation_2_1_3*v_34_3*x21 + rotation_2_2_3*v_34_3*x22 + rotation_2_3_3*v_34_3*x20 + v_12_3*x20 + vector_2_1*x21 + vector_2_2*x22 + vector_2_3*x20 + x24*x7 - x25*x5;
+    const double pair_2_1_2 = x11*x24 + x20*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x21*(rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2) + x22*(rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2) - x25*x9;
+    const double pair_2_1_3 = x15*x24 + x20*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x21*(rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2) + x22*(rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2) - x13*x25;
+    const double x26 = part_3*x20;
+    const double x27 = part_3*(rotation_1_3_2*x21 - rotation_1_3_1*x22);
+    const double pair_2_2_1 = rotation_1_3_2*x26*x5 + v_12_1*x21 + v_12_2*x22 - x17*x26 - x2*x27;
+    const double pair_2_2_2 = part_3*rotation_1_3_2*x20*x9 - x18*x26 - x27*x3;
+    const double pair_2_2_3 = part_3*rotation_1_3_2*x13*x20 - x19*x26 - x27*x4;
+    const double x28 = part_3*(-rotation_1_3_1*x21 - rotation_1_3_2*x22);
+    const double pair_2_3_1 = v_12_2*x21 - v_12_1*x22 - x2*x28 - x26*x6 - x26*x8;
+    const double pair_2_3_2 = -x10*x26 - x12*x26 - x28*x3;
+    const double pair_2_3_3 = -x14*x26 - x16*x26 - x28*x4;
+    output[0][i] = pair_1_1_1;
+    output[1][i] = pair_1_1_2;
+    output[2][i] = pair_1_1_3;
+    output[3][i] = pair_1_2_1;
+    output[4][i] = pair_1_2_2;
+    output[5][i] = pair_1_2_3;
+    output[6][i] = pair_1_3_1;
+    output[7][i] = pair_1_3_2;
+    output[8][i] = pair_1_3_3;
+    output[9][i] = pair_2_1_1;
+    output[10][i] = pair_2_1_2;
+    output[11][i] = pair_2_1_3;
+    output[12][i] = pair_2_2_1;
+    output[13][i] = pair_2_2_2;
+    output[14][i] = pair_2_2_3;
+    output[15][i] = pair_2_3_1;
+    output[16][i] = pair_2_3_2;
+    output[17][i] = pair_2_3_3;
+  }
+}
+
+static inline void loop_pair_23_23_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  loop_pair_23_23_f64(input, output);
+}
+
+void LOOP(spatial_loops_loop_pair_23_23_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+  const ptrdiff_t *core = steps + 5;
+  (void)data, (void)core, (void)width;
+  ptrdiff_t offsets_0[36];
+  for (int k = 0; k < 36; ++k)
+    offsets_0[k] = (k / 9) % 4 * core[0] + (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
+  ptrdiff_t offsets_1[12];
+  for (int k = 0; k < 12; ++k)
+    offsets_1[k] = (k / 3) % 4 * core[3] + (k / 1) % 3 * core[4];
+  ptrdiff_t offsets_2[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_2[k] = (k / 1) % 3 * core[5];
+  ptrdiff_t offsets_3[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_3[k] = (k / 1) % 3 * core[6];
+  ptrdiff_t offsets_4[18];
+  for (int k = 0; k < 18; ++k)
+    offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
+  double input[54][BLOCK], output[18][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
+  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
+  packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[4], total * 18 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 36; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 12; ++k)
+        fill_f64(input[36 + k], args[1] + k * width);
+    if (steps[2] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[48 + k], args[2] + k * width);
+    if (steps[3] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[51 + k], args[3] + k * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 36 * width, 36);
+      if (steps[1] != 0)
+        load_f64(input[36], BLOCK, args[1] + start * 12 * width, 12);
+      if (steps[2] != 0)
+        load_f64(input[48], BLOCK, args[2] + start * 3 * width, 3);
+      if (steps[3] != 0)
+        load_f64(input[51], BLOCK, args[3] + start * 3 * width, 3);
+      loop_pair_23_23_block_f64(input, output);
+      {
+        double rows[18 * BLOCK], scratch[18 * BLOCK];
+        interleave_f64(rows, output[0], BLOCK, 18, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+    }
+    close_writer(&writer_0);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+    gather_f64(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+    gather_f64(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    gather_f64(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+    loop_pair_23_23_block_f64(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 18; ++k)
+        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+  }
+  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+}
+
+/* loop_pair_23_23: 73 add, 134 mul, 1 div */
+/* 73 add, 134 mul, 1 div */
+static inline void loop_pair_23_23_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const float rotation_1_1_1 = input[0][i];
+    const float rotation_1_1_2 = input[1][i];
+    const float rotation_1_1_3 = input[2][i];
+    const float rotation_1_2_1 = input[3][i];
+    const float rotation_1_2_2 = input[4][i];
+    const float rotation_1_2_3 = input[5][i];
+    const float rotation_1_3_1 = input[6][i];
+    const float rotation_1_3_2 = input[7][i];
+    const float rotation_1_3_3 = input[8][i];
+    const float rotation_2_1_1 = input[9][i];
+    const float rotation_2_1_2 = input[10][i];
+    const float rotation_2_1_3 = input[11][i];
+    const float rotation_2_2_1 = input[12][i];
+    const float rotation_2_2_2 = input[13][i];
+    const float rotation_2_2_3 = input[14][i];
+    const float rotation_2_3_1 = input[15][i];
+    const float rotation_2_3_2 = input[16][i];
+    const float rotation_2_3_3 = input[17][i];
+    const float rotation_3_1_3 = input[20][i];
+    const float rotation_3_2_3 = input[23][i];
+    const float rotation_3_3_3 = input[26][i];
+    const float rotation_4_1_3 = input[29][i];
+    const float rotation_4_2_3 = input[32][i];
+    const float rotation_4_3_3 = input[35][i];
+    const float vector_1_1 = input[36][i];
+    const float vector_1_2 = input[37][i];
+    const float vector_1_3 = input[38][i];
+    const float vector_2_1 = input[39][i];
+    const float vector_2_2 = input[40][i];
+    const float vector_2_3 = input[41][i];
+    const float vector_3_1 = input[42][i];
+    const float vector_3_2 = input[43][i];
+    const float vector_3_3 = input[44][i];
+    const float vector_4_1 = input[45][i];
+    const float vector_4_2 = input[46][i];
+    const float vector_4_3 = input[47][i];
+    const float p_1 = input[48][i];
+    const float p_2 = input[49][i];
+    const float p_3 = input[50][i];
+    const float q_1 = input[51][i];
+    const float q_2 = input[52][i];
+    const float q_3 = input[53][i];
+    const float square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
+    const float x0 = 1.0f/square;
+    const float x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
+    const float part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
+    const float part_2 = x0*x1;
+    const float part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
+    const float v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
+    const float v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
+    const float v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
+    const float v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
+    const float v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
+    const float v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
+    const float x2 = rotation_2_3_3*rotation_3_3_3;
+    const float pair_1_1_1 = rotation_1_3_3*x2 - rotation_4_3_3;
+    const float x3 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3;
+    const float pair_1_1_2 = rotation_1_3_3*x3;
+    const float x4 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3;
+    const float pair_1_1_3 = rotation_1_3_3*x4;
+    const float x5 = rotation_2_1_3*rotation_3_3_3;
+    const float x6 = rotation_1_3_1*x5;
+    const float x7 = rotation_2_2_3*rotation_3_3_3;
+    const float x8 = rotation_1_3_2*x7;
+    const float pair_1_2_1 = x6 + x8;
+    const float x9 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
+    const float x10 = rotation_1_3_1*x9;
+    const float x11 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
+    const float x12 = rotation_1_3_2*x11;
+    const float pair_1_2_2 = x10 + x12;
+    const float x13 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
+    const float x14 = rotation_1_3_1*x13;
+    const float x15 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
+    const float x16 = rotation_1_3_2*x15;
+    const float pair_1_2_3 = x14 + x16;
+    const float x17 = rotation_1_3_1*x7;
+    const float pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - x17;
+    const float x18 = rotation_1_3_1*x11;
+    const float pair_1_3_2 = rotation_1_3_2*x9 - x18;
+    const float x19 = rotation_1_3_1*x15;
+    const float pair_1_3_3 = rotation_1_3_2*x13 - x19;
+    const float x20 = p_1*q_2 - p_2*q_1;
+    const float x21 = p_2*q_3 - p_3*q_2;
+    const float x22 = p_3*q_1 - p_1*q_3;
+    const float x23 = part_3*rotation_1_3_3;
+    const float x24 = x21*x23;
+    const float x25 = x22*x23;
+    const float pair_2_1_1 = rotation_2_1_3*v_34_3*x21 + rotation_2_2_3*v_34_3*x22 + rotation_2_3_3*v_34_3*x20 + v_12_3*x20 + vector_2_1*x21 + vector_2_2*x22 + vector_2_3*x20 + x24*x7 - x25*x5;
+    const float pair_2_1_2 = x11*x24 + x20*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x21*(rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2) + x22*(rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2) - x25*x9;
+    const float pair_2_1_3 = x15*x24 + x20*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x21*(rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2) + x22*(rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2) - x13*x25;
+    const float x26 = part_3*x20;
+    const float x27 = part_3*(rotation_1_3_2*x21 - rotation_1_3_1*x22);
+    const float pair_2_2_1 = rotation_1_3_2*x26*x5 + v_12_1*x21 + v_12_2*x22 - x17*x26 - x2*x27;
+    const float pair_2_2_2 = part_3*rotation_1_3_2*x20*x9 - x18*x26 - x27*x3;
+    const float pair_2_2_3 = part_3*rotation_1_3_2*x13*x20 - x19*x26 - x27*x4;
+    const float x28 = part_3*(-rotation_1_3_1*x21 - rotation_1_3_2*x22);
+    const float pair_2_3_1 = v_12_2*x21 - v_12_1*x22 - x2*x28 - x26*x6 - x26*x8;
+    const float pair_2_3_2 = -x10*x26 - x12*x26 - x28*x3;
+    const float pair_2_3_3 = -x14*x26 - x16*x26 - x28*x4;
+    output[0][i] = pair_1_1_1;
+    output[1][i] = pair_1_1_2;
+    output[2][i] = pair_1_1_3;
+    output[3][i] = pair_1_2_1;
+    output[4][i] = pair_1_2_2;
+    output[5][i] = pair_1_2_3;
+    output[6][i] = pair_1_3_1;
+    output[7][i] = pair_1_3_2;
+    output[8][i] = pair_1_3_3;
+    output[9][i] = pair_2_1_1;
+    output[10][i] = pair_2_1_2;
+    output[11][i] = pair_2_1_3;
+    output[12][i] = pair_2_2_1;
+    output[13][i] = pair_2_2_2;
+    output[14][i] = pair_2_2_3;
+    output[15][i] = pair_2_3_1;
+    output[16][i] = pair_2_3_2;
+    output[17][i] = pair_2_3_3;
+  }
+}
+
+static inline void loop_pair_23_23_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  loop_pair_23_23_f32(input, output);
+}
+
+void LOOP(spatial_loops_loop_pair_23_23_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
+  const ptrdiff_t *core = steps + 5;
+  (void)data, (void)core, (void)width;
+  ptrdiff_t offsets_0[36];
+  for (int k = 0; k < 36; ++k)
+    offsets_0[k] = (k / 9) % 4 * core[0] + (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
+  ptrdiff_t offsets_1[12];
+  for (int k = 0; k < 12; ++k)
+    offsets_1[k] = (k / 3) % 4 * core[3] + (k / 1) % 3 * core[4];
+  ptrdiff_t offsets_2[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_2[k] = (k / 1) % 3 * core[5];
+  ptrdiff_t offsets_3[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_3[k] = (k / 1) % 3 * core[6];
+  ptrdiff_t offsets_4[18];
+  for (int k = 0; k < 18; ++k)
+    offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
+  float input[54][BLOCK], output[18][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
+  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
+  packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[4], total * 18 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 36; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 12; ++k)
+        fill_f32(input[36 + k], args[1] + k * width);
+    if (steps[2] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[48 + k], args[2] + k * width);
+    if (steps[3] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[51 + k], args[3] + k * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 36 * width, 36);
+      if (steps[1] != 0)
+        load_f32(input[36], BLOCK, args[1] + start * 12 * width, 12);
+      if (steps[2] != 0)
+        load_f32(input[48], BLOCK, args[2] + start * 3 * width, 3);
+      if (steps[3] != 0)
+        load_f32(input[51], BLOCK, args[3] + start * 3 * width, 3);
+      loop_pair_23_23_block_f32(input, output);
+      {
+        float rows[18 * BLOCK], scratch[18 * BLOCK];
+        interleave_f32(rows, output[0], BLOCK, 18, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+    }
+    close_writer(&writer_0);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+    gather_f32(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+    gather_f32(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    gather_f32(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+    loop_pair_23_23_block_f32(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 18; ++k)
+        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+  }
+  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+}
+
+/* loop_pair_34_34: 81 add, 149 mul, 1 div */
+/* 81 add, 149 mul, 1 div */
+static inline void loop_pair_34_34_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const double rotation_1_1_1 = input[0][i];
+    const double rotation_1_1_2 = input[1][i];
+    const double rotation_1_1_3 = input[2][i];
+    const double rotation_1_2_1 = input[3][i];
+    const double rotation_1_2_2 = input[4][i];
+    const double rotation_1_2_3 = input[5][i];
+    const double rotation_1_3_1 = input[6][i];
+    const double rotation_1_3_2 = input[7][i];
+    const double rotation_1_3_3 = input[8][i];
+    const double rotation_2_1_1 = input[9][i];
+    const double rotation_2_1_2 = input[10][i];
+    const double rotation_2_1_3 = input[11][i];
+    const double rotation_2_2_1 = input[12][i];
+    const double rotation_2_2_2 = input[13][i];
+    const double rotation_2_2_3 = input[14][i];
+    const double rotation_2_3_1 = input[15][i];
+    const double rotation_2_3_2 = input[16][i];
+    const double rotation_2_3_3 = input[17][i];
+    const double rotation_3_1_3 = input[20][i];
+    const double rotation_3_2_3 = input[23][i];
+    const double rotation_3_3_3 = input[26][i];
+    const double rotation_4_1_3 = input[29][i];
+    const double rotation_4_2_3 = input[32][i];
+    const double rotation_4_3_3 = input[35][i];
+    const double vector_1_1 = input[36][i];
+    const double vector_1_2 = input[37][i];
+    const double vector_1_3 = input[38][i];
+    const double vector_2_1 = input[39][i];
+    const double vector_2_2 = input[40][i];
+    const double vector_2_3 = input[41][i];
+    const double vector_3_1 = input[42][i];
+    const double vector_3_2 = input[43][i];
+    const double vector_3_3 = input[44][i];
+    const double vector_4_1 = input[45][i];
+    const double vector_4_2 = input[46][i];
+    const double vector_4_3 = input[47][i];
+    const double p_1 = input[48][i];
+    const double p_2 = input[49][i];
+    const double p_3 = input[50][i];
+    const double q_1 = input[51][i];
+    const double q_2 = input[52][i];
+    const double q_3 = input[53][i];
+    const double square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
+    const double x0 = 1.0/square;
+    const double x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
+    const double part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
+    const double part_2 = x0*x1;
+    const double part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
+    const double v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
+    const double v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
+    const double v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
+    const double v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
+    const double v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
+    const double v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
+    const double x2 = rotation_1_3_3*rotation_2_3_3;
+    const double pair_1_1_1 = rotation_3_3_3*x2 - rotation_4_3_3;
+    const double pair_1_1_2 = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
+    const double pair_1_1_3 = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
+    const double x3 = rotation_2_2_3*rotation_3_3_3;
+    const double pair_1_2_1 = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x3;
+    const double x4 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
+    const double x5 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
+    const double pair_1_2_2 = rotation_1_3_1*x4 + rotation_1_3_2*x5;
+    const double x6 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
+    const double x7 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
+    const double pair_1_2_3 = rotation_1_3_1*x6 + rotation_1_3_2*x7;
+    const double pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x3;
+    const double pair_1_3_2 = rotation_1_3_2*x4 - rotation_1_3_1*x5;
+    const double pair_1_3_3 = rotation_1_3_2*x6 - rotation_1_3_1*x7;
+    const double x8 = p_2*q_3 - p_3*q_2;
+    const double x9 = p_1*q_3 - p_3*q_1;
+    const double x11 = p_1*q_2 - p_2*q_1;
+    const double x12 = rotation_2_1_3*x11;
+    const double x13 = rotation_2_2_3*x11;
+    const double x14 = rotation_2_3_3*x11;
+    const double x15 = rotation_3_1_3*x9 + rotation_3_2_3*x8;
+    const double pair_2_1_1 = part_3*x15*x2 + v_12_3*x14 + v_34_1*x8 + v_34_3*x11 + vector_2_1*x12 + vector_2_2*x13 + vector_2_3*x14 - v_34_2*x9;
+    const double x16 = rotation_2_3_1*x8 - rotation_2_3_2*x9;
+    const double x17 = rotation_2_1_1*x8 - rotation_2_1_2*x9;
+    const double x18 = rotation_2_2_1*x8 - rotation_2_2_2*x9;
+    const double x19 = -rotation_3_2_3*x11 - rotation_3_3_3*x9;
+    const double x20 = rotation_3_1_3*x11 - rotation_3_3_3*x8;
+    const double x21 = part_3*rotation_1_3_3;
+    const double pair_2_1_2 = v_12_3*x16 + vector_2_1*x17 + vector_2_2*x18 + vector_2_3*x16 + x21*(rotation_2_3_1*x19 + rotation_2_3_2*x20);
+    const double x22 = rotation_2_3_1*x9 + rotation_2_3_2*x8;
+    const double x23 = rotation_2_1_1*x9 + rotation_2_1_2*x8;
+    const double x24 = rotation_2_2_1*x9 + rotation_2_2_2*x8;
+    const double pair_2_1_3 = v_12_3*x22 + vector_2_1*x23 + vector_2_2*x24 + vector_2_3*x22 + x21*(rotation_2_3_2*x19 - rotation_2_3_1*x20);
+    const double x26 = part_3*rotation_1_3_1;
+    const double x27 = part_3*rotation_1_3_2;
+    const double x28 = rotation_2_2_3*x15;
+    const double pair_2_2_1 = rotation_2_1_3*x15*x26 + v_12_1*x12 + v_12_2*x13 + x27*x28;
+    const double x29 = rotation_2_1_1*x19 + rotation_2_1_2*x20;
+    const double x30 = rotation_2_2_1*x19 + rotation_2_2_2*x20;
+    const double pair_2_2_2 = v_12_1*x17 + v_12_2*x18 + x26*x29 + x27*x30;
+    const double x31 = rotation_2_1_2*x19 - rotation_2_1_1*x20;
+    const double x32 = rotation_2_2_2*x19 - rotation_2_2_1*x20;
+    const double pair_2_2_3 = v_12_1*x23 + v_12_2*x24 + x26*x31 + x27*x32;
+    const double pair_2_3_1 = part_3*rotation_1_3_2*rotation_2_1_3*x15 + rotation_2_1_3*v_12_2*x11 - v_12_1*x13 - x26*x28;
+    const double pair_2_3_2 = part_3*rotation_1_3_2*x29 + v_12_2*x17 - v_12_1*x18 - x26*x30;
+    const double pair_2_3_3 = part_3*rotation_1_3_2*x31 + v_12_2*x23 - v_12_1*x24 - x26*x32;
+    output[0][i] = pair_1_1_1;
+    output[1][i] = pair_1_1_2;
+    output[2][i] = pair_1_1_3;
+    output[3][i] = pair_1_2_1;
+    output[4][i] = pair_1_2_2;
+    output[5][i] = pair_1_2_3;
+    output[6][i] = pair_1_3_1;
+    output[7][i] = pair_1_3_2;
+    output[8][i] = pair_1_3_3;
+    output[9][i] = pair_2_1_1;
+    output[10][i] = pair_2_1_2;
+    output[11][i] = pair_2_1_3;
+    output[12][i] = pair_2_2_1;
+    output[13][i] = pair_2_2_2;
+    output[14][i] = pair_2_2_3;
+    output[15][i] = pair_2_3_1;
+    output[16][i] = pair_2_3_2;
+    output[17][i] = pair_2_3_3;
+  }
+}
+
+static inline void loop_pair_34_34_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  loop_pair_34_34_f64(input, output);
+}
+
+void LOOP(spatial_loops_loop_pair_34_34_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+  const ptrdiff_t *core = steps + 5;
+  (void)data, (void)core, (void)width;
+  ptrdiff_t offsets_0[36];
+  for (int k = 0; k < 36; ++k)
+    offsets_0[k] = (k / 9) % 4 * core[0] + (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
+  ptrdiff_t offsets_1[12];
+  for (int k = 0; k < 12; ++k)
+    offsets_1[k] = (k / 3) % 4 * core[3] + (k / 1) % 3 * core[4];
+  ptrdiff_t offsets_2[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_2[k] = (k / 1) % 3 * core[5];
+  ptrdiff_t offsets_3[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_3[k] = (k / 1) % 3 * core[6];
+  ptrdiff_t offsets_4[18];
+  for (int k = 0; k < 18; ++k)
+    offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
+  double input[54][BLOCK], output[18][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
+  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
+  packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[4], total * 18 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 36; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 12; ++k)
+        fill_f64(input[36 + k], args[1] + k * width);
+    if (steps[2] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[48 + k], args[2] + k * width);
+    if (steps[3] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[51 + k], args[3] + k * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 36 * width, 36);
+      if (steps[1] != 0)
+        load_f64(input[36], BLOCK, args[1] + start * 12 * width, 12);
+      if (steps[2] != 0)
+        load_f64(input[48], BLOCK, args[2] + start * 3 * width, 3);
+      if (steps[3] != 0)
+        load_f64(input[51], BLOCK, args[3] + start * 3 * width, 3);
+      loop_pair_34_34_block_f64(input, output);
+      {
+        double rows[18 * BLOCK], scratch[18 * BLOCK];
+        interleave_f64(rows, output[0], BLOCK, 18, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+    }
+    close_writer(&writer_0);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+    gather_f64(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+    gather_f64(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    gather_f64(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+    loop_pair_34_34_block_f64(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 18; ++k)
+        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+  }
+  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+}
+
+/* loop_pair_34_34: 81 add, 149 mul, 1 div */
+/* 81 add, 149 mul, 1 div */
+static inline void loop_pair_34_34_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const float rotation_1_1_1 = input[0][i];
+    const float rotation_1_1_2 = input[1][i];
+    const float rotation_1_1_3 = input[2][i];
+    const float rotation_1_2_1 = input[3][i];
+    const float rotation_1_2_2 = input[4][i];
+    const float rotation_1_2_3 = input[5][i];
+    const float rotation_1_3_1 = input[6][i];
+    const float rotation_1_3_2 = input[7][i];
+    const float rotation_1_3_3 = input[8][i];
+    const float rotation_2_1_1 = input[9][i];
+    const float rotation_2_1_2 = input[10][i];
+    const float rotation_2_1_3 = input[11][i];
+    const float rotation_2_2_1 = input[12][i];
+    const float rotation_2_2_2 = input[13][i];
+    const float rotation_2_2_3 = input[14][i];
+    const float rotation_2_3_1 = input[15][i];
+    const float rotation_2_3_2 = input[16][i];
+    const float rotation_2_3_3 = input[17][i];
+    const float rotation_3_1_3 = input[20][i];
+    const float rotation_3_2_3 = input[23][i];
+    const float rotation_3_3_3 = input[26][i];
+    const float rotation_4_1_3 = input[29][i];
+    const float rotation_4_2_3 = input[32][i];
+    const float rotation_4_3_3 = input[35][i];
+    const float vector_1_1 = input[36][i];
+    const float vector_1_2 = input[37][i];
+    const float vector_1_3 = input[38][i];
+    const float vector_2_1 = input[39][i];
+    const float vector_2_2 = input[40][i];
+    const float vector_2_3 = input[41][i];
+    const float vector_3_1 = input[42][i];
+    const float vector_3_2 = input[43][i];
+    const float vector_3_3 = input[44][i];
+    const float vector_4_1 = input[45][i];
+    const float vector_4_2 = input[46][i];
+    const float vector_4_3 = input[47][i];
+    const float p_1 = input[48][i];
+    const float p_2 = input[49][i];
+    const float p_3 = input[50][i];
+    const float q_1 = input[51][i];
+    const float q_2 = input[52][i];
+    const float q_3 = input[53][i];
+    const float square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
+    const float x0 = 1.0f/square;
+    const float x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
+    const float part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
+    const float part_2 = x0*x1;
+    const float part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
+    const float v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
+    const float v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
+    const float v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
+    const float v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
+    const float v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
+    const float v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
+    const float x2 = rotation_1_3_3*rotation_2_3_3;
+    const float pair_1_1_1 = rotation_3_3_3*x2 - rotation_4_3_3;
+    const float pair_1_1_2 = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
+    const float pair_1_1_3 = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
+    const float x3 = rotation_2_2_3*rotation_3_3_3;
+    const float pair_1_2_1 = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x3;
+    const float x4 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
+    const float x5 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
+    const float pair_1_2_2 = rotation_1_3_1*x4 + rotation_1_3_2*x5;
+    const float x6 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
+    const float x7 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
+    const float pair_1_2_3 = rotation_1_3_1*x6 + rotation_1_3_2*x7;
+    const float pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x3;
+    const float pair_1_3_2 = rotation_1_3_2*x4 - rotation_1_3_1*x5;
+    const float pair_1_3_3 = rotation_1_3_2*x6 - rotation_1_3_1*x7;
+    const float x8 = p_2*q_3 - p_3*q_2;
+    const float x9 = p_1*q_3 - p_3*q_1;
+    const float x11 = p_1*q_2 - p_2*q_1;
+    const float x12 = rotation_2_1_3*x11;
+    const float x13 = rotation_2_2_3*x11;
+    const float x14 = rotation_2_3_3*x11;
+    const float x15 = rotation_3_1_3*x9 + rotation_3_2_3*x8;
+    const float pair_2_1_1 = part_3*x15*x2 + v_12_3*x14 + v_34_1*x8 + v_34_3*x11 + vector_2_1*x12 + vector_2_2*x13 + vector_2_3*x14 - v_34_2*x9;
+    const float x16 = rotation_2_3_1*x8 - rotation_2_3_2*x9;
+    const float x17 = rotation_2_1_1*x8 - rotation_2_1_2*x9;
+    const float x18 = rotation_2_2_1*x8 - rotation_2_2_2*x9;
+    const float x19 = -rotation_3_2_3*x11 - rotation_3_3_3*x9;
+    const float x20 = rotation_3_1_3*x11 - rotation_3_3_3*x8;
+    const float x21 = part_3*rotation_1_3_3;
+    const float pair_2_1_2 = v_12_3*x16 + vector_2_1*x17 + vector_2_2*x18 + vector_2_3*x16 + x21*(rotation_2_3_1*x19 + rotation_2_3_2*x20);
+    const float x22 = rotation_2_3_1*x9 + rotation_2_3_2*x8;
+    const float x23 = rotation_2_1_1*x9 + rotation_2_1_2*x8;
+    const float x24 = rotation_2_2_1*x9 + rotation_2_2_2*x8;
+    const float pair_2_1_3 = v_12_3*x22 + vector_2_1*x23 + vector_2_2*x24 + vector_2_3*x22 + x21*(rotation_2_3_2*x19 - rotation_2_3_1*x20);
+    const float x26 = part_3*rotation_1_3_1;
+    const float x27 = part_3*rotation_1_3_2;
+    const float x28 = rotation_2_2_3*x15;
+    const float pair_2_2_1 = rotation_2_1_3*x15*x26 + v_12_1*x12 + v_12_2*x13 + x27*x28;
+    const float x29 = rotation_2_1_1*x19 + rotation_2_1_2*x20;
+    const float x30 = rotation_2_2_1*x19 + rotation_2_2_2*x20;
+    const float pair_2_2_2 = v_12_1*x17 + v_12_2*x18 + x26*x29 + x27*x30;
+    const float x31 = rotation_2_1_2*x19 - rotation_2_1_1*x20;
+    const float x32 = rotation_2_2_2*x19 - rotation_2_2_1*x20;
+    const float pair_2_2_3 = v_12_1*x23 + v_12_2*x24 + x26*x31 + x27*x32;
+    const float pair_2_3_1 = part_3*rotation_1_3_2*rotation_2_1_3*x15 + rotation_2_1_3*v_12_2*x11 - v_12_1*x13 - x26*x28;
+    const float pair_2_3_2 = part_3*rotation_1_3_2*x29 + v_12_2*x17 - v_12_1*x18 - x26*x30;
+    const float pair_2_3_3 = part_3*rotation_1_3_2*x31 + v_12_2*x23 - v_12_1*x24 - x26*x32;
+    output[0][i] = pair_1_1_1;
+    output[1][i] = pair_1_1_2;
+    output[2][i] = pair_1_1_3;
+    output[3][i] = pair_1_2_1;
+    output[4][i] = pair_1_2_2;
+    output[5][i] = pair_1_2_3;
+    output[6][i] = pair_1_3_1;
+    output[7][i] = pair_1_3_2;
+    output[8][i] = pair_1_3_3;
+    output[9][i] = pair_2_1_1;
+    output[10][i] = pair_2_1_2;
+    output[11][i] = pair_2_1_3;
+    output[12][i] = pair_2_2_1;
+    output[13][i] = pair_2_2_2;
+    output[14][i] = pair_2_2_3;
+    output[15][i] = pair_2_3_1;
+    output[16][i] = pair_2_3_2;
+    output[17][i] = pair_2_3_3;
+  }
+}
+
+static inline void loop_pair_34_34_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  loop_pair_34_34_f32(input, output);
+}
+
+void LOOP(spatial_loops_loop_pair_34_34_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
+  const ptrdiff_t *core = steps + 5;
+  (void)data, (void)core, (void)width;
+  ptrdiff_t offsets_0[36];
+  for (int k = 0; k < 36; ++k)
+    offsets_0[k] = (k / 9) % 4 * core[0] + (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
+  ptrdiff_t offsets_1[12];
+  for (int k = 0; k < 12; ++k)
+    offsets_1[k] = (k / 3) % 4 * core[3] + (k / 1) % 3 * core[4];
+  ptrdiff_t offsets_2[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_2[k] = (k / 1) % 3 * core[5];
+  ptrdiff_t offsets_3[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_3[k] = (k / 1) % 3 * core[6];
+  ptrdiff_t offsets_4[18];
+  for (int k = 0; k < 18; ++k)
+    offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
+  float input[54][BLOCK], output[18][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
+  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
+  packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[4], total * 18 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 36; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 12; ++k)
+        fill_f32(input[36 + k], args[1] + k * width);
+    if (steps[2] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[48 + k], args[2] + k * width);
+    if (steps[3] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[51 + k], args[3] + k * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 36 * width, 36);
+      if (steps[1] != 0)
+        load_f32(input[36], BLOCK, args[1] + start * 12 * width, 12);
+      if (steps[2] != 0)
+        load_f32(input[48], BLOCK, args[2] + start * 3 * width, 3);
+      if (steps[3] != 0)
+        load_f32(input[51], BLOCK, args[3] + start * 3 * width, 3);
+      loop_pair_34_34_block_f32(input, output);
+      {
+        float rows[18 * BLOCK], scratch[18 * BLOCK];
+        interleave_f32(rows, output[0], BLOCK, 18, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+    }
+    close_writer(&writer_0);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+    gather_f32(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+    gather_f32(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    gather_f32(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+    loop_pair_34_34_block_f32(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 18; ++k)
+        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+  }
+  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+}
+
+/* loop_pair_12_23: 116 add, 210 mul, 1 div */
+/* 116 add, 210 mul, 1 div */
+static inline void loop_pair_12_23_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const double rotation_1_1_1 = input[0][i];
+    const double rotation_1_1_2 = input[1][i];
+    const double rotation_1_1_3 = input[2][i];
+    const double rotation_1_2_1 = input[3][i];
+    const double rotation_1_2_2 = input[4][i];
+    const double rotation_1_2_3 = input[5][i];
+    const double rotation_1_3_1 = input[6][i];
+    const double rotation_1_3_2 = input[7][i];
+    const double rotation_1_3_3 = input[8][i];
+    const double rotation_2_1_1 = input[9][i];
+    const double rotation_2_1_2 = input[10][i];
+    const double rotation_2_1_3 = input[11][i];
+    const double rotation_2_2_1 = input[12][i];
+    const double rotation_2_2_2 = input[13][i];
+    const double rotation_2_2_3 = input[14][i];
+    const double rotation_2_3_1 = input[15][i];
+    const double rotation_2_3_2 = input[16][i];
+    const double rotation_2_3_3 = input[17][i];
+    const double rotation_3_1_3 = input[20][i];
+    const double rotation_3_2_3 = input[23][i];
+    const double rotation_3_3_3 = input[26][i];
+    const double rotation_4_1_3 = input[29][i];
+    const double rotation_4_2_3 = input[32][i];
+    const double rotation_4_3_3 = input[35][i];
+    const double vector_1_1 = input[36][i];
+    const double vector_1_2 = input[37][i];
+    const double vector_1_3 = input[38][i];
+    const double vector_2_1 = input[39][i];
+    const double vector_2_2 = input[40][i];
+    const double vector_2_3 = input[41][i];
+    const double vector_3_1 = input[42][i];
+    const double vector_3_2 = input[43][i];
+    const double vector_3_3 = input[44][i];
+    const double vector_4_1 = input[45][i];
+    const double vector_4_2 = input[46][i];
+    const double vector_4_3 = input[47][i];
+    const double p_1 = input[48][i];
+    const double p_2 = input[49][i];
+    const double p_3 = input[50][i];
+    const double q_1 = input[51][i];
+    const double q_2 = input[52][i];
+    const double q_3 = input[53][i];
+    const double square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
+    const double x0 = 1.0/square;
+    const double x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
+    const double part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
+    const double part_2 = x0*x1;
+    const double part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
+    const double v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
+    const double v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
+    const double v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
+    const double v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
+    const double v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
+    const double v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
+    const double p_12_1 = p_1*rotation_1_1_1 + p_2*rotation_1_2_1 + p_3*rotation_1_3_1;
+    const double p_12_2 = p_1*rotation_1_1_2 + p_2*rotation_1_2_2 + p_3*rotation_1_3_2;
+    const double p_12_3 = p_1*rotation_1_1_3 + p_2*rotation_1_2_3 + p_3*rotation_1_3_3;
+    const double x2 = rotation_2_3_3*rotation_3_3_3;
+    const double pair_1_1_1 = rotation_1_3_3*x2 - rotation_4_3_3;
+    const double x3 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3;
+    const double pair_1_1_2 = rotation_1_3_3*x3;
+    const double x4 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3;
+    const double pair_1_1_3 = rotation_1_3_3*x4;
+    const double x5 = rotation_2_1_3*rotation_3_3_3;
+    const double x6 = rotation_2_2_3*rotation_3_3_3;
+    const double pair_1_2_1 = rotation_1_3_1*x5 + rotation_1_3_2*x6;
+    const double x7 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
+    const double x8 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
+    const double pair_1_2_2 = rotation_1_3_1*x7 + rotation_1_3_2*x8;
+    const double x9 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
+    const double x10 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
+    const double pair_1_2_3 = rotation_1_3_1*x9 + rotation_1_3_2*x10;
+    const double pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x6;
+    const double pair_1_3_2 = rotation_1_3_2*x7 - rotation_1_3_1*x8;
+    const double pair_1_3_3 = rotation_1_3_2*x9 - rotation_1_3_1*x10;
+    const double x11 = rotation_2_2_3*v_34_3;
+    const double x12 = q_2*v_34_3;
+    const double x13 = p_12_1*rotation_1_3_1 + p_12_2*rotation_1_3_2 + p_12_3*rotation_1_3_3;
+    const double x14 = q_1*x13;
+    const double x15 = q_2*x13;
+    const double x16 = q_3*x13;
+    const double x17 = p_12_1*rotation_1_3_2 - p_12_2*rotation_1_3_1;
+    const double pair_2_1_1 = p_12_3*(q_1*vector_2_2 - q_2*vector_2_1) + p_12_3*(q_1*x11 - rotation_2_1_3*x12) + part_3*(p_12_3*q_3*rotation_4_3_3 - x14*x5 - x15*x6 - x16*x2 - x17*(q_1*x6 - q_2*x5)) + q_3*(p_12_2*v_12_1 - p_12_1*v_12_2);
+    const double x18 = rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2;
+    const double x19 = rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2;
+    const double pair_2_1_2 = p_12_3*(q_1*x18 - q_2*x19) + part_3*(-x14*x7 - x15*x8 - x16*x3 - x17*(q_1*x8 - q_2*x7));
+    const double x20 = rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2;
+    const double x21 = rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2;
+    const double pair_2_1_3 = p_12_3*(q_1*x20 - q_2*x21) + part_3*(-x10*x15 - x14*x9 - x16*x4 - x17*(q_1*x10 - q_2*x9));
+    const double x22 = q_2*vector_2_3 - q_3*vector_2_2;
+    const double x23 = q_3*vector_2_1 - q_1*vector_2_3;
+    const double x24 = p_12_2*v_12_3 - p_12_3*v_12_2;
+    const double x25 = p_12_1*v_12_3 - p_12_3*v_12_1;
+    const double x26 = rotation_2_3_3*x12 - q_3*x11;
+    const double x27 = q_3*rotation_2_1_3*v_34_3 - q_1*rotation_2_3_3*v_34_3;
+    const double x28 = q_2*rotation_4_3_3;
+    const double x29 = p_12_3*rotation_1_3_1 - p_12_1*rotation_1_3_3;
+    const double x30 = q_3*rotation_2_1_3*rotation_3_3_3 - q_1*x2;
+    const double x31 = p_12_2*rotation_1_3_3 - p_12_3*rotation_1_3_2;
+    const double x32 = q_2*x2 - q_3*x6;
+    const double pair_2_2_1 = p_12_1*x22 + p_12_1*x26 + p_12_2*x23 + p_12_2*x27 + part_3*(p_12_1*q_1*rotation_4_3_3 + p_12_2*x28 - x29*x30 - x31*x32) + q_2*x25 - q_1*x24;
+    const double x33 = rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2;
+    const double x34 = q_2*x33 - q_3*x18;
+    const double x35 = q_3*x19 - q_1*x33;
+    const double x36 = q_3*x7 - q_1*x3;
+    const double x37 = q_2*x3 - q_3*x8;
+    const double pair_2_2_2 = p_12_1*x34 + p_12_2*x35 + part_3*(-x29*x36 - x31*x37);
+    const double x38 = rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2;
+    const double x39 = q_2*x38 - q_3*x20;
+    const double x40 = q_3*x21 - q_1*x38;
+    const double x41 = q_3*x9 - q_1*x4;
+    const double x42 = q_2*x4 - q_3*x10;
+    const double pair_2_2_3 = p_12_1*x39 + p_12_2*x40 + part_3*(-x29*x41 - x31*x42);
+    const double pair_2_3_1 = p_12_2*x22 + p_12_2*x26 + part_3*(p_12_2*q_1*rotation_4_3_3 + x30*x31 - p_12_1*x28 - x29*x32) + q_1*x25 + q_2*x24 - p_12_1*x23 - p_12_1*x27;
+    const double pair_2_3_2 = p_12_2*x34 + part_3*(x31*x36 - x29*x37) - p_12_1*x35;
+    const double pair_2_3_3 = p_12_2*x39 + part_3*(x31*x41 - x29*x42) - p_12_1*x40;
+    output[0][i] = pair_1_1_1;
+    output[1][i] = pair_1_1_2;
+    output[2][i] = pair_1_1_3;
+    output[3][i] = pair_1_2_1;
+    output[4][i] = pair_1_2_2;
+    output[5][i] = pair_1_2_3;
+    output[6][i] = pair_1_3_1;
+    output[7][i] = pair_1_3_2;
+    output[8][i] = pair_1_3_3;
+    output[9][i] = pair_2_1_1;
+    output[10][i] = pair_2_1_2;
+    output[11][i] = pair_2_1_3;
+    output[12][i] = pair_2_2_1;
+    output[13][i] = pair_2_2_2;
+    output[14][i] = pair_2_2_3;
+    output[15][i] = pair_2_3_1;
+    output[16][i] = pair_2_3_2;
+    output[17][i] = pair_2_3_3;
+  }
+}
+
+static inline void loop_pair_12_23_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  loop_pair_12_23_f64(input, output);
+}
+
+void LOOP(spatial_loops_loop_pair_12_23_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+  const ptrdiff_t *core = steps + 5;
+  (void)data, (void)core, (void)width;
+  ptrdiff_t offsets_0[36];
+  for (int k = 0; k < 36; ++k)
+    offsets_0[k] = (k / 9) % 4 * core[0] + (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
+  ptrdiff_t offsets_1[12];
+  for (int k = 0; k < 12; ++k)
+    offsets_1[k] = (k / 3) % 4 * core[3] + (k / 1) % 3 * core[4];
+  ptrdiff_t offsets_2[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_2[k] = (k / 1) % 3 * core[5];
+  ptrdiff_t offsets_3[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_3[k] = (k / 1) % 3 * core[6];
+  ptrdiff_t offsets_4[18];
+  for (int k = 0; k < 18; ++k)
+    offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
+  double input[54][BLOCK], output[18][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
+  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
+  packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[4], total * 18 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 36; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 12; ++k)
+        fill_f64(input[36 + k], args[1] + k * width);
+    if (steps[2] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[48 + k], args[2] + k * width);
+    if (steps[3] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[51 + k], args[3] + k * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 36 * width, 36);
+      if (steps[1] != 0)
+        load_f64(input[36], BLOCK, args[1] + start * 12 * width, 12);
+      if (steps[2] != 0)
+        load_f64(input[48], BLOCK, args[2] + start * 3 * width, 3);
+      if (steps[3] != 0)
+        load_f64(input[51], BLOCK, args[3] + start * 3 * width, 3);
+      loop_pair_12_23_block_f64(input, output);
+      {
+        double rows[18 * BLOCK], scratch[18 * BLOCK];
+        interleave_f64(rows, output[0], BLOCK, 18, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+    }
+    close_writer(&writer_0);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+    gather_f64(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+    gather_f64(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    gather_f64(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+    loop_pair_12_23_block_f64(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 18; ++k)
+        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+  }
+  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+}
+
+/* loop_pair_12_23: 116 add, 210 mul, 1 div */
+/* 116 add, 210 mul, 1 div */
+static inline void loop_pair_12_23_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const float rotation_1_1_1 = input[0][i];
+    const float rotation_1_1_2 = input[1][i];
+    const float rotation_1_1_3 = input[2][i];
+    const float rotation_1_2_1 = input[3][i];
+    const float rotation_1_2_2 = input[4][i];
+    const float rotation_1_2_3 = input[5][i];
+    const float rotation_1_3_1 = input[6][i];
+    const float rotation_1_3_2 = input[7][i];
+    const float rotation_1_3_3 = input[8][i];
+    const float rotation_2_1_1 = input[9][i];
+    const float rotation_2_1_2 = input[10][i];
+    const float rotation_2_1_3 = input[11][i];
+    const float rotation_2_2_1 = input[12][i];
+    const float rotation_2_2_2 = input[13][i];
+    const float rotation_2_2_3 = input[14][i];
+    const float rotation_2_3_1 = input[15][i];
+    const float rotation_2_3_2 = input[16][i];
+    const float rotation_2_3_3 = input[17][i];
+    const float rotation_3_1_3 = input[20][i];
+    const float rotation_3_2_3 = input[23][i];
+    const float rotation_3_3_3 = input[26][i];
+    const float rotation_4_1_3 = input[29][i];
+    const float rotation_4_2_3 = input[32][i];
+    const float rotation_4_3_3 = input[35][i];
+    const float vector_1_1 = input[36][i];
+    const float vector_1_2 = input[37][i];
+    const float vector_1_3 = input[38][i];
+    const float vector_2_1 = input[39][i];
+    const float vector_2_2 = input[40][i];
+    const float vector_2_3 = input[41][i];
+    const float vector_3_1 = input[42][i];
+    const float vector_3_2 = input[43][i];
+    const float vector_3_3 = input[44][i];
+    const float vector_4_1 = input[45][i];
+    const float vector_4_2 = input[46][i];
+    const float vector_4_3 = input[47][i];
+    const float p_1 = input[48][i];
+    const float p_2 = input[49][i];
+    const float p_3 = input[50][i];
+    const float q_1 = input[51][i];
+    const float q_2 = input[52][i];
+    const float q_3 = input[53][i];
+    const float square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
+    const float x0 = 1.0f/square;
+    const float x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
+    const float part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
+    const float part_2 = x0*x1;
+    const float part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
+    const float v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
+    const float v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
+    const float v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
+    const float v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
+    const float v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
+    const float v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
+    const float p_12_1 = p_1*rotation_1_1_1 + p_2*rotation_1_2_1 + p_3*rotation_1_3_1;
+    const float p_12_2 = p_1*rotation_1_1_2 + p_2*rotation_1_2_2 + p_3*rotation_1_3_2;
+    const float p_12_3 = p_1*rotation_1_1_3 + p_2*rotation_1_2_3 + p_3*rotation_1_3_3;
+    const float x2 = rotation_2_3_3*rotation_3_3_3;
+    const float pair_1_1_1 = rotation_1_3_3*x2 - rotation_4_3_3;
+    const float x3 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3;
+    const float pair_1_1_2 = rotation_1_3_3*x3;
+    const float x4 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3;
+    const float pair_1_1_3 = rotation_1_3_3*x4;
+    const float x5 = rotation_2_1_3*rotation_3_3_3;
+    const float x6 = rotation_2_2_3*rotation_3_3_3;
+    const float pair_1_2_1 = rotation_1_3_1*x5 + rotation_1_3_2*x6;
+    const float x7 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
+    const float x8 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
+    const float pair_1_2_2 = rotation_1_3_1*x7 + rotation_1_3_2*x8;
+    const float x9 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
+    const float x10 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
+    const float pair_1_2_3 = rotation_1_3_1*x9 + rotation_1_3_2*x10;
+    const float pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x6;
+    const float pair_1_3_2 = rotation_1_3_2*x7 - rotation_1_3_1*x8;
+    const float pair_1_3_3 = rotation_1_3_2*x9 - rotation_1_3_1*x10;
+    const float x11 = rotation_2_2_3*v_34_3;
+    const float x12 = q_2*v_34_3;
+    const float x13 = p_12_1*rotation_1_3_1 + p_12_2*rotation_1_3_2 + p_12_3*rotation_1_3_3;
+    const float x14 = q_1*x13;
+    const float x15 = q_2*x13;
+    const float x16 = q_3*x13;
+    const float x17 = p_12_1*rotation_1_3_2 - p_12_2*rotation_1_3_1;
+    const float pair_2_1_1 = p_12_3*(q_1*vector_2_2 - q_2*vector_2_1) + p_12_3*(q_1*x11 - rotation_2_1_3*x12) + part_3*(p_12_3*q_3*rotation_4_3_3 - x14*x5 - x15*x6 - x16*x2 - x17*(q_1*x6 - q_2*x5)) + q_3*(p_12_2*v_12_1 - p_12_1*v_12_2);
+    const float x18 = rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2;
+    const float x19 = rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2;
+    const float pair_2_1_2 = p_12_3*(q_1*x18 - q_2*x19) + part_3*(-x14*x7 - x15*x8 - x16*x3 - x17*(q_1*x8 - q_2*x7));
+    const float x20 = rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2;
+    const float x21 = rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2;
+    const float pair_2_1_3 = p_12_3*(q_1*x20 - q_2*x21) + part_3*(-x10*x15 - x14*x9 - x16*x4 - x17*(q_1*x10 - q_2*x9));
+    const float x22 = q_2*vector_2_3 - q_3*vector_2_2;
+    const float x23 = q_3*vector_2_1 - q_1*vector_2_3;
+    const float x24 = p_12_2*v_12_3 - p_12_3*v_12_2;
+    const float x25 = p_12_1*v_12_3 - p_12_3*v_12_1;
+    const float x26 = rotation_2_3_3*x12 - q_3*x11;
+    const float x27 = q_3*rotation_2_1_3*v_34_3 - q_1*rotation_2_3_3*v_34_3;
+    const float x28 = q_2*rotation_4_3_3;
+    const float x29 = p_12_3*rotation_1_3_1 - p_12_1*rotation_1_3_3;
+    const float x30 = q_3*rotation_2_1_3*rotation_3_3_3 - q_1*x2;
+    const float x31 = p_12_2*rotation_1_3_3 - p_12_3*rotation_1_3_2;
+    const float x32 = q_2*x2 - q_3*x6;
+    const float pair_2_2_1 = p_12_1*x22 + p_12_1*x26 + p_12_2*x23 + p_12_2*x27 + part_3*(p_12_1*q_1*rotation_4_3_3 + p_12_2*x28 - x29*x30 - x31*x32) + q_2*x25 - q_1*x24;
+    const float x33 = rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2;
+    const float x34 = q_2*x33 - q_3*x18;
+    const float x35 = q_3*x19 - q_1*x33;
+    const float x36 = q_3*x7 - q_1*x3;
+    const float x37 = q_2*x3 - q_3*x8;
+    const float pair_2_2_2 = p_12_1*x34 + p_12_2*x35 + part_3*(-x29*x36 - x31*x37);
+    const float x38 = rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2;
+    const float x39 = q_2*x38 - q_3*x20;
+    const float x40 = q_3*x21 - q_1*x38;
+    const float x41 = q_3*x9 - q_1*x4;
+    const float x42 = q_2*x4 - q_3*x10;
+    const float pair_2_2_3 = p_12_1*x39 + p_12_2*x40 + part_3*(-x29*x41 - x31*x42);
+    const float pair_2_3_1 = p_12_2*x22 + p_12_2*x26 + part_3*(p_12_2*q_1*rotation_4_3_3 + x30*x31 - p_12_1*x28 - x29*x32) + q_1*x25 + q_2*x24 - p_12_1*x23 - p_12_1*x27;
+    const float pair_2_3_2 = p_12_2*x34 + part_3*(x31*x36 - x29*x37) - p_12_1*x35;
+    const float pair_2_3_3 = p_12_2*x39 + part_3*(x31*x41 - x29*x42) - p_12_1*x40;
+    output[0][i] = pair_1_1_1;
+    output[1][i] = pair_1_1_2;
+    output[2][i] = pair_1_1_3;
+    output[3][i] = pair_1_2_1;
+    output[4][i] = pair_1_2_2;
+    output[5][i] = pair_1_2_3;
+    output[6][i] = pair_1_3_1;
+    output[7][i] = pair_1_3_2;
+    output[8][i] = pair_1_3_3;
+    output[9][i] = pair_2_1_1;
+    output[10][i] = pair_2_1_2;
+    output[11][i] = pair_2_1_3;
+    output[12][i] = pair_2_2_1;
+    output[13][i] = pair_2_2_2;
+    output[14][i] = pair_2_2_3;
+    output[15][i] = pair_2_3_1;
+    output[16][i] = pair_2_3_2;
+    output[17][i] = pair_2_3_3;
+  }
+}
+
+static inline void loop_pair_12_23_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  loop_pair_12_23_f32(input, output);
+}
+
+void LOOP(spatial_loops_loop_pair_12_23_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
+  const ptrdiff_t *core = steps + 5;
+  (void)data, (void)core, (void)width;
+  ptrdiff_t offsets_0[36];
+  for (int k = 0; k < 36; ++k)
+    offsets_0[k] = (k / 9) % 4 * core[0] + (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
+  ptrdiff_t offsets_1[12];
+  for (int k = 0; k < 12; ++k)
+    offsets_1[k] = (k / 3) % 4 * core[3] + (k / 1) % 3 * core[4];
+  ptrdiff_t offsets_2[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_2[k] = (k / 1) % 3 * core[5];
+  ptrdiff_t offsets_3[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_3[k] = (k / 1) % 3 * core[6];
+  ptrdiff_t offsets_4[18];
+  for (int k = 0; k < 18; ++k)
+    offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
+  float input[54][BLOCK], output[18][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
+  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
+  packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[4], total * 18 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 36; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 12; ++k)
+        fill_f32(input[36 + k], args[1] + k * width);
+    if (steps[2] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[48 + k], args[2] + k * width);
+    if (steps[3] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[51 + k], args[3] + k * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 36 * width, 36);
+      if (steps[1] != 0)
+        load_f32(input[36], BLOCK, args[1] + start * 12 * width, 12);
+      if (steps[2] != 0)
+        load_f32(input[48], BLOCK, args[2] + start * 3 * width, 3);
+      if (steps[3] != 0)
+        load_f32(input[51], BLOCK, args[3] + start * 3 * width, 3);
+      loop_pair_12_23_block_f32(input, output);
+      {
+        float rows[18 * BLOCK], scratch[18 * BLOCK];
+        interleave_f32(rows, output[0], BLOCK, 18, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+    }
+    close_writer(&writer_0);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+    gather_f32(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+    gather_f32(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    gather_f32(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+    loop_pair_12_23_block_f32(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 18; ++k)
+        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+  }
+  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+}
+
+/* loop_pair_12_34: 146 add, 251 mul, 1 div */
+/* 146 add, 251 mul, 1 div */
+static inline void loop_pair_12_34_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const double rotation_1_1_1 = input[0][i];
+    const double rotation_1_1_2 = input[1][i];
+    const double rotation_1_1_3 = input[2][i];
+    const double rotation_1_2_1 = input[3][i];
+    const double rotation_1_2_2 = input[4][i];
+    const double rotation_1_2_3 = input[5][i];
+    const double rotation_1_3_1 = input[6][i];
+    const double rotation_1_3_2 = input[7][i];
+    const double rotation_1_3_3 = input[8][i];
+    const double rotation_2_1_1 = input[9][i];
+    const double rotation_2_1_2 = input[10][i];
+    const double rotation_2_1_3 = input[11][i];
+    const double rotation_2_2_1 = input[12][i];
+    const double rotation_2_2_2 = input[13][i];
+    const double rotation_2_2_3 = input[14][i];
+    const double rotation_2_3_1 = input[15][i];
+    const double rotation_2_3_2 = input[16][i];
+    const double rotation_2_3_3 = input[17][i];
+    const double rotation_3_1_3 = input[20][i];
+    const double rotation_3_2_3 = input[23][i];
+    const double rotation_3_3_3 = input[26][i];
+    const double rotation_4_1_3 = input[29][i];
+    const double rotation_4_2_3 = input[32][i];
+    const double rotation_4_3_3 = input[35][i];
+    const double vector_1_1 = input[36][i];
+    const double vector_1_2 = input[37][i];
+    const double vector_1_3 = input[38][i];
+    const double vector_2_1 = input[39][i];
+    const double vector_2_2 = input[40][i];
+    const double vector_2_3 = input[41][i];
+    const double vector_3_1 = input[42][i];
+    const double vector_3_2 = input[43][i];
+    const double vector_3_3 = input[44][i];
+    const double vector_4_1 = input[45][i];
+    const double vector_4_2 = input[46][i];
+    const double vector_4_3 = input[47][i];
+    const double p_1 = input[48][i];
+    const double p_2 = input[49][i];
+    const double p_3 = input[50][i];
+    const double q_1 = input[51][i];
+    const double q_2 = input[52][i];
+    const double q_3 = input[53][i];
+    const double square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
+    const double x0 = 1.0/square;
+    const double x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
+    const double part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
+    const double part_2 = x0*x1;
+    const double part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
+    const double v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
+    const double v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
+    const double v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
+    const double v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
+    const double v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
+    const double v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
+    const double p_12_1 = p_1*rotation_1_1_1 + p_2*rotation_1_2_1 + p_3*rotation_1_3_1;
+    const double p_12_2 = p_1*rotation_1_1_2 + p_2*rotation_1_2_2 + p_3*rotation_1_3_2;
+    const double p_12_3 = p_1*rotation_1_1_3 + p_2*rotation_1_2_3 + p_3*rotation_1_3_3;
+    const double pair_1_1_1 = rotation_1_3_3*rotation_2_3_3*rotation_3_3_3 - rotation_4_3_3;
+    const double pair_1_1_2 = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
+    const double pair_1_1_3 = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
+    const double x2 = rotation_2_2_3*rotation_3_3_3;
+    const double pair_1_2_1 = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x2;
+    const double x3 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
+    const double x4 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
+    const double pair_1_2_2 = rotation_1_3_1*x3 + rotation_1_3_2*x4;
+    const double x5 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
+    const double x6 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
+    const double pair_1_2_3 = rotation_1_3_1*x5 + rotation_1_3_2*x6;
+    const double pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x2;
+    const double pair_1_3_2 = rotation_1_3_2*x3 - rotation_1_3_1*x4;
+    const double pair_1_3_3 = rotation_1_3_2*x5 - rotation_1_3_1*x6;
+    const double x7 = q_1*v_34_2 - q_2*v_34_1;
+    const double x8 = p_12_3*rotation_2_3_3;
+    const double x9 = p_12_2*v_12_1 - p_12_1*v_12_2;
+    const double x10 = q_3*rotation_2_3_3;
+    const double x11 = p_12_1*rotation_1_3_2 - p_12_2*rotation_1_3_1;
+    const double x12 = q_2*rotation_3_1_3 - q_1*rotation_3_2_3;
+    const double pair_2_1_1 = part_3*(q_3*rotation_4_3_3*x8 + rotation_2_3_3*x11*x12 - (p_12_1*rotation_1_3_1 + p_12_2*rotation_1_3_2 + p_12_3*rotation_1_3_3)*(q_1*rotation_3_1_3 + q_2*rotation_3_2_3 + q_3*rotation_3_3_3)) + x10*x9 + x7*x8 - p_12_3*(q_3*rotation_2_2_3*vector_2_1 - q_3*rotation_2_1_3*vector_2_2);
+    const double x13 = q_1*rotation_2_3_1 + q_2*rotation_2_3_2;
+    const double x14 = q_2*v_34_3 - q_3*v_34_2;
+    const double x15 = q_1*v_34_3 - q_3*v_34_1;
+    const double x17 = q_1*rotation_2_2_1 + q_2*rotation_2_2_2;
+    const double x18 = q_1*rotation_2_1_1 + q_2*rotation_2_1_2;
+    const double x19 = p_12_3*rotation_4_3_3;
+    const double x20 = q_3*rotation_3_2_3 - q_2*rotation_3_3_3;
+    const double x21 = q_1*rotation_3_3_3 - q_3*rotation_3_1_3;
+    const double pair_2_1_2 = p_12_3*(rotation_2_3_1*x14 - rotation_2_3_2*x15) + part_3*(x11*(rotation_2_3_1*x20 + rotation_2_3_2*x21) + x13*x19) + x13*x9 - p_12_3*(vector_2_1*x17 - vector_2_2*x18);
+    const double x22 = q_1*rotation_2_3_2 - q_2*rotation_2_3_1;
+    const double x23 = q_1*rotation_2_2_2 - q_2*rotation_2_2_1;
+    const double x24 = q_1*rotation_2_1_2 - q_2*rotation_2_1_1;
+    const double pair_2_1_3 = p_12_3*(rotation_2_3_1*x15 + rotation_2_3_2*x14) + part_3*(x11*(rotation_2_3_2*x20 - rotation_2_3_1*x21) + x19*x22) + x22*x9 - p_12_3*(vector_2_1*x23 - vector_2_2*x24);
+    const double x26 = rotation_2_1_3*x7;
+    const double x27 = rotation_2_2_3*x7;
+    const double x28 = p_12_2*v_12_3 - p_12_3*v_12_2;
+    const double x30 = q_3*rotation_2_1_3;
+    const double x31 = p_12_1*v_12_3 - p_12_3*v_12_1;
+    const double x32 = q_3*rotation_2_2_3;
+    const double x33 = q_3*rotation_2_3_3*vector_2_2 - vector_2_3*x32;
+    const double x34 = vector_2_3*x30 - vector_2_1*x10;
+    const double x35 = p_12_1*rotation_4_3_3;
+    const double x36 = p_12_2*rotation_4_3_3;
+    const double x37 = p_12_2*rotation_1_3_3 - p_12_3*rotation_1_3_2;
+    const double x38 = rotation_2_1_3*x12;
+    const double x39 = p_12_3*rotation_1_3_1 - p_12_1*rotation_1_3_3;
+    const double x40 = rotation_2_2_3*x12;
+    const double pair_2_2_1 = p_12_1*x26 + p_12_2*x27 + part_3*(x30*x35 + x32*x36 + x37*x38 + x39*x40) + x31*x32 - p_12_1*x33 - p_12_2*x34 - x28*x30;
+    const double x41 = rotation_2_1_1*x14 - rotation_2_1_2*x15;
+    const double x42 = vector_2_2*x13 - vector_2_3*x17;
+    const double x43 = rotation_2_2_1*x14 - rotation_2_2_2*x15;
+    const double x44 = vector_2_3*x18 - vector_2_1*x13;
+    const double x45 = rotation_2_2_1*x20 + rotation_2_2_2*x21;
+    const double x46 = rotation_2_1_1*x20 + rotation_2_1_2*x21;
+    const double pair_2_2_2 = p_12_1*x41 + p_12_2*x43 + part_3*(x17*x36 + x18*x35 + x37*x46 + x39*x45) + x17*x31 - p_12_1*x42 - p_12_2*x44 - x18*x28;
+    const double x47 = rotation_2_1_1*x15 + rotation_2_1_2*x14;
+    const double x48 = rotation_2_2_1*x15 + rotation_2_2_2*x14;
+    const double x49 = vector_2_2*x22 - vector_2_3*x23;
+    const double x50 = vector_2_3*x24 - vector_2_1*x22;
+    const double x51 = rotation_2_2_2*x20 - rotation_2_2_1*x21;
+    const double x52 = rotation_2_1_2*x20 - rotation_2_1_1*x21;
+    const double pair_2_2_3 = p_12_1*x47 + p_12_2*x48 + part_3*(x23*x36 + x24*x35 + x37*x52 + x39*x51) + x23*x31 - p_12_1*x49 - p_12_2*x50 - x24*x28;
+    const double pair_2_3_1 = p_12_1*x34 + p_12_2*x26 + part_3*(x30*x36 + x38*x39 - x32*x35 - x37*x40) + x28*x32 + x30*x31 - p_12_1*x27 - p_12_2*x33;
+    const double pair_2_3_2 = p_12_1*x44 + p_12_2*x41 + part_3*(x18*x36 + x39*x46 - x17*x35 - x37*x45) + x17*x28 + x18*x31 - p_12_1*x43 - p_12_2*x42;
+    const double pair_2_3_3 = p_12_1*x50 + p_12_2*x47 + part_3*(x24*x36 + x39*x52 - x23*x35 - x37*x51) + x23*x28 + x24*x31 - p_12_1*x48 - p_12_2*x49;
+    output[0][i] = pair_1_1_1;
+    output[1][i] = pair_1_1_2;
+    output[2][i] = pair_1_1_3;
+    output[3][i] = pair_1_2_1;
+    output[4][i] = pair_1_2_2;
+    output[5][i] = pair_1_2_3;
+    output[6][i] = pair_1_3_1;
+    output[7][i] = pair_1_3_2;
+    output[8][i] = pair_1_3_3;
+    output[9][i] = pair_2_1_1;
+    output[10][i] = pair_2_1_2;
+    output[11][i] = pair_2_1_3;
+    output[12][i] = pair_2_2_1;
+    output[13][i] = pair_2_2_2;
+    output[14][i] = pair_2_2_3;
+    output[15][i] = pair_2_3_1;
+    output[16][i] = pair_2_3_2;
+    output[17][i] = pair_2_3_3;
+  }
+}
+
+static inline void loop_pair_12_34_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  loop_pair_12_34_f64(input, output);
+}
+
+void LOOP(spatial_loops_loop_pair_12_34_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+  const ptrdiff_t *core = steps + 5;
+  (void)data, (void)core, (void)width;
+  ptrdiff_t offsets_0[36];
+  for (int k = 0; k < 36; ++k)
+    offsets_0[k] = (k / 9) % 4 * core[0] + (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
+  ptrdiff_t offsets_1[12];
+  for (int k = 0; k < 12; ++k)
+    offsets_1[k] = (k / 3) % 4 * core[3] + (k / 1) % 3 * core[4];
+  ptrdiff_t offsets_2[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_2[k] = (k / 1) % 3 * core[5];
+  ptrdiff_t offsets_3[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_3[k] = (k / 1) % 3 * core[6];
+  ptrdiff_t offsets_4[18];
+  for (int k = 0; k < 18; ++k)
+    offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
+  double input[54][BLOCK], output[18][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
+  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
+  packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[4], total * 18 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 36; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 12; ++k)
+        fill_f64(input[36 + k], args[1] + k * width);
+    if (steps[2] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[48 + k], args[2] + k * width);
+    if (steps[3] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[51 + k], args[3] + k * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 36 * width, 36);
+      if (steps[1] != 0)
+        load_f64(input[36], BLOCK, args[1] + start * 12 * width, 12);
+      if (steps[2] != 0)
+        load_f64(input[48], BLOCK, args[2] + start * 3 * width, 3);
+      if (steps[3] != 0)
+        load_f64(input[51], BLOCK, args[3] + start * 3 * width, 3);
+      loop_pair_12_34_block_f64(input, output);
+      {
+        double rows[18 * BLOCK], scratch[18 * BLOCK];
+        interleave_f64(rows, output[0], BLOCK, 18, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+    }
+    close_writer(&writer_0);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+    gather_f64(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+    gather_f64(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    gather_f64(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+    loop_pair_12_34_block_f64(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 18; ++k)
+        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+  }
+  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+}
+
+/* loop_pair_12_34: 146 add, 251 mul, 1 div */
+/* 146 add, 251 mul, 1 div */
+static inline void loop_pair_12_34_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const float rotation_1_1_1 = input[0][i];
+    const float rotation_1_1_2 = input[1][i];
+    const float rotation_1_1_3 = input[2][i];
+    const float rotation_1_2_1 = input[3][i];
+    const float rotation_1_2_2 = input[4][i];
+    const float rotation_1_2_3 = input[5][i];
+    const float rotation_1_3_1 = input[6][i];
+    const float rotation_1_3_2 = input[7][i];
+    const float rotation_1_3_3 = input[8][i];
+    const float rotation_2_1_1 = input[9][i];
+    const float rotation_2_1_2 = input[10][i];
+    const float rotation_2_1_3 = input[11][i];
+    const float rotation_2_2_1 = input[12][i];
+    const float rotation_2_2_2 = input[13][i];
+    const float rotation_2_2_3 = input[14][i];
+    const float rotation_2_3_1 = input[15][i];
+    const float rotation_2_3_2 = input[16][i];
+    const float rotation_2_3_3 = input[17][i];
+    const float rotation_3_1_3 = input[20][i];
+    const float rotation_3_2_3 = input[23][i];
+    const float rotation_3_3_3 = input[26][i];
+    const float rotation_4_1_3 = input[29][i];
+    const float rotation_4_2_3 = input[32][i];
+    const float rotation_4_3_3 = input[35][i];
+    const float vector_1_1 = input[36][i];
+    const float vector_1_2 = input[37][i];
+    const float vector_1_3 = input[38][i];
+    const float vector_2_1 = input[39][i];
+    const float vector_2_2 = input[40][i];
+    const float vector_2_3 = input[41][i];
+    const float vector_3_1 = input[42][i];
+    const float vector_3_2 = input[43][i];
+    const float vector_3_3 = input[44][i];
+    const float vector_4_1 = input[45][i];
+    const float vector_4_2 = input[46][i];
+    const float vector_4_3 = input[47][i];
+    const float p_1 = input[48][i];
+    const float p_2 = input[49][i];
+    const float p_3 = input[50][i];
+    const float q_1 = input[51][i];
+    const float q_2 = input[52][i];
+    const float q_3 = input[53][i];
+    const float square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
+    const float x0 = 1.0f/square;
+    const float x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
+    const float part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
+    const float part_2 = x0*x1;
+    const float part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
+    const float v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
+    const float v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
+    const float v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
+    const float v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
+    const float v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
+    const float v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
+    const float p_12_1 = p_1*rotation_1_1_1 + p_2*rotation_1_2_1 + p_3*rotation_1_3_1;
+    const float p_12_2 = p_1*rotation_1_1_2 + p_2*rotation_1_2_2 + p_3*rotation_1_3_2;
+    const float p_12_3 = p_1*rotation_1_1_3 + p_2*rotation_1_2_3 + p_3*rotation_1_3_3;
+    const float pair_1_1_1 = rotation_1_3_3*rotation_2_3_3*rotation_3_3_3 - rotation_4_3_3;
+    const float pair_1_1_2 = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
+    const float pair_1_1_3 = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
+    const float x2 = rotation_2_2_3*rotation_3_3_3;
+    const float pair_1_2_1 = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x2;
+    const float x3 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
+    const float x4 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
+    const float pair_1_2_2 = rotation_1_3_1*x3 + rotation_1_3_2*x4;
+    const float x5 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
+    const float x6 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
+    const float pair_1_2_3 = rotation_1_3_1*x5 + rotation_1_3_2*x6;
+    const float pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x2;
+    const float pair_1_3_2 = rotation_1_3_2*x3 - rotation_1_3_1*x4;
+    const float pair_1_3_3 = rotation_1_3_2*x5 - rotation_1_3_1*x6;
+    const float x7 = q_1*v_34_2 - q_2*v_34_1;
+    const float x8 = p_12_3*rotation_2_3_3;
+    const float x9 = p_12_2*v_12_1 - p_12_1*v_12_2;
+    const float x10 = q_3*rotation_2_3_3;
+    const float x11 = p_12_1*rotation_1_3_2 - p_12_2*rotation_1_3_1;
+    const float x12 = q_2*rotation_3_1_3 - q_1*rotation_3_2_3;
+    const float pair_2_1_1 = part_3*(q_3*rotation_4_3_3*x8 + rotation_2_3_3*x11*x12 - (p_12_1*rotation_1_3_1 + p_12_2*rotation_1_3_2 + p_12_3*rotation_1_3_3)*(q_1*rotation_3_1_3 + q_2*rotation_3_2_3 + q_3*rotation_3_3_3)) + x10*x9 + x7*x8 - p_12_3*(q_3*rotation_2_2_3*vector_2_1 - q_3*rotation_2_1_3*vector_2_2);
+    const float x13 = q_1*rotation_2_3_1 + q_2*rotation_2_3_2;
+    const float x14 = q_2*v_34_3 - q_3*v_34_2;
+    const float x15 = q_1*v_34_3 - q_3*v_34_1;
+    const float x17 = q_1*rotation_2_2_1 + q_2*rotation_2_2_2;
+    const float x18 = q_1*rotation_2_1_1 + q_2*rotation_2_1_2;
+    const float x19 = p_12_3*rotation_4_3_3;
+    const float x20 = q_3*rotation_3_2_3 - q_2*rotation_3_3_3;
+    const float x21 = q_1*rotation_3_3_3 - q_3*rotation_3_1_3;
+    const float pair_2_1_2 = p_12_3*(rotation_2_3_1*x14 - rotation_2_3_2*x15) + part_3*(x11*(rotation_2_3_1*x20 + rotation_2_3_2*x21) + x13*x19) + x13*x9 - p_12_3*(vector_2_1*x17 - vector_2_2*x18);
+    const float x22 = q_1*rotation_2_3_2 - q_2*rotation_2_3_1;
+    const float x23 = q_1*rotation_2_2_2 - q_2*rotation_2_2_1;
+    const float x24 = q_1*rotation_2_1_2 - q_2*rotation_2_1_1;
+    const float pair_2_1_3 = p_12_3*(rotation_2_3_1*x15 + rotation_2_3_2*x14) + part_3*(x11*(rotation_2_3_2*x20 - rotation_2_3_1*x21) + x19*x22) + x22*x9 - p_12_3*(vector_2_1*x23 - vector_2_2*x24);
+    const float x26 = rotation_2_1_3*x7;
+    const float x27 = rotation_2_2_3*x7;
+    const float x28 = p_12_2*v_12_3 - p_12_3*v_12_2;
+    const float x30 = q_3*rotation_2_1_3;
+    const float x31 = p_12_1*v_12_3 - p_12_3*v_12_1;
+    const float x32 = q_3*rotation_2_2_3;
+    const float x33 = q_3*rotation_2_3_3*vector_2_2 - vector_2_3*x32;
+    const float x34 = vector_2_3*x30 - vector_2_1*x10;
+    const float x35 = p_12_1*rotation_4_3_3;
+    const float x36 = p_12_2*rotation_4_3_3;
+    const float x37 = p_12_2*rotation_1_3_3 - p_12_3*rotation_1_3_2;
+    const float x38 = rotation_2_1_3*x12;
+    const float x39 = p_12_3*rotation_1_3_1 - p_12_1*rotation_1_3_3;
+    const float x40 = rotation_2_2_3*x12;
+    const float pair_2_2_1 = p_12_1*x26 + p_12_2*x27 + part_3*(x30*x35 + x32*x36 + x37*x38 + x39*x40) + x31*x32 - p_12_1*x33 - p_12_2*x34 - x28*x30;
+    const float x41 = rotation_2_1_1*x14 - rotation_2_1_2*x15;
+    const float x42 = vector_2_2*x13 - vector_2_3*x17;
+    const float x43 = rotation_2_2_1*x14 - rotation_2_2_2*x15;
+    const float x44 = vector_2_3*x18 - vector_2_1*x13;
+    const float x45 = rotation_2_2_1*x20 + rotation_2_2_2*x21;
+    const float x46 = rotation_2_1_1*x20 + rotation_2_1_2*x21;
+    const float pair_2_2_2 = p_12_1*x41 + p_12_2*x43 + part_3*(x17*x36 + x18*x35 + x37*x46 + x39*x45) + x17*x31 - p_12_1*x42 - p_12_2*x44 - x18*x28;
+    const float x47 = rotation_2_1_1*x15 + rotation_2_1_2*x14;
+    const float x48 = rotation_2_2_1*x15 + rotation_2_2_2*x14;
+    const float x49 = vector_2_2*x22 - vector_2_3*x23;
+    const float x50 = vector_2_3*x24 - vector_2_1*x22;
+    const float x51 = rotation_2_2_2*x20 - rotation_2_2_1*x21;
+    const float x52 = rotation_2_1_2*x20 - rotation_2_1_1*x21;
+    const float pair_2_2_3 = p_12_1*x47 + p_12_2*x48 + part_3*(x23*x36 + x24*x35 + x37*x52 + x39*x51) + x23*x31 - p_12_1*x49 - p_12_2*x50 - x24*x28;
+    const float pair_2_3_1 = p_12_1*x34 + p_12_2*x26 + part_3*(x30*x36 + x38*x39 - x32*x35 - x37*x40) + x28*x32 + x30*x31 - p_12_1*x27 - p_12_2*x33;
+    const float pair_2_3_2 = p_12_1*x44 + p_12_2*x41 + part_3*(x18*x36 + x39*x46 - x17*x35 - x37*x45) + x17*x28 + x18*x31 - p_12_1*x43 - p_12_2*x42;
+    const float pair_2_3_3 = p_12_1*x50 + p_12_2*x47 + part_3*(x24*x36 + x39*x52 - x23*x35 - x37*x51) + x23*x28 + x24*x31 - p_12_1*x48 - p_12_2*x49;
+    output[0][i] = pair_1_1_1;
+    output[1][i] = pair_1_1_2;
+    output[2][i] = pair_1_1_3;
+    output[3][i] = pair_1_2_1;
+    output[4][i] = pair_1_2_2;
+    output[5][i] = pair_1_2_3;
+    output[6][i] = pair_1_3_1;
+    output[7][i] = pair_1_3_2;
+    output[8][i] = pair_1_3_3;
+    output[9][i] = pair_2_1_1;
+    output[10][i] = pair_2_1_2;
+    output[11][i] = pair_2_1_3;
+    output[12][i] = pair_2_2_1;
+    output[13][i] = pair_2_2_2;
+    output[14][i] = pair_2_2_3;
+    output[15][i] = pair_2_3_1;
+    output[16][i] = pair_2_3_2;
+    output[17][i] = pair_2_3_3;
+  }
+}
+
+static inline void loop_pair_12_34_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  loop_pair_12_34_f32(input, output);
+}
+
+void LOOP(spatial_loops_loop_pair_12_34_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
+  const ptrdiff_t *core = steps + 5;
+  (void)data, (void)core, (void)width;
+  ptrdiff_t offsets_0[36];
+  for (int k = 0; k < 36; ++k)
+    offsets_0[k] = (k / 9) % 4 * core[0] + (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
+  ptrdiff_t offsets_1[12];
+  for (int k = 0; k < 12; ++k)
+    offsets_1[k] = (k / 3) % 4 * core[3] + (k / 1) % 3 * core[4];
+  ptrdiff_t offsets_2[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_2[k] = (k / 1) % 3 * core[5];
+  ptrdiff_t offsets_3[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_3[k] = (k / 1) % 3 * core[6];
+  ptrdiff_t offsets_4[18];
+  for (int k = 0; k < 18; ++k)
+    offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
+  float input[54][BLOCK], output[18][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
+  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
+  packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[4], total * 18 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 36; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 12; ++k)
+        fill_f32(input[36 + k], args[1] + k * width);
+    if (steps[2] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[48 + k], args[2] + k * width);
+    if (steps[3] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[51 + k], args[3] + k * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 36 * width, 36);
+      if (steps[1] != 0)
+        load_f32(input[36], BLOCK, args[1] + start * 12 * width, 12);
+      if (steps[2] != 0)
+        load_f32(input[48], BLOCK, args[2] + start * 3 * width, 3);
+      if (steps[3] != 0)
+        load_f32(input[51], BLOCK, args[3] + start * 3 * width, 3);
+      loop_pair_12_34_block_f32(input, output);
+      {
+        float rows[18 * BLOCK], scratch[18 * BLOCK];
+        interleave_f32(rows, output[0], BLOCK, 18, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+    }
+    close_writer(&writer_0);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+    gather_f32(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+    gather_f32(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    gather_f32(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+    loop_pair_12_34_block_f32(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 18; ++k)
+        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+  }
+  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+}
+
+/* loop_pair_23_34: 132 add, 238 mul, 1 div */
+/* 132 add, 238 mul, 1 div */
+static inline void loop_pair_23_34_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const double rotation_1_1_1 = input[0][i];
+    const double rotation_1_1_2 = input[1][i];
+    const double rotation_1_1_3 = input[2][i];
+    const double rotation_1_2_1 = input[3][i];
+    const double rotation_1_2_2 = input[4][i];
+    const double rotation_1_2_3 = input[5][i];
+    const double rotation_1_3_1 = input[6][i];
+    const double rotation_1_3_2 = input[7][i];
+    const double rotation_1_3_3 = input[8][i];
+    const double rotation_2_1_1 = input[9][i];
+    const double rotation_2_1_2 = input[10][i];
+    const double rotation_2_1_3 = input[11][i];
+    const double rotation_2_2_1 = input[12][i];
+    const double rotation_2_2_2 = input[13][i];
+    const double rotation_2_2_3 = input[14][i];
+    const double rotation_2_3_1 = input[15][i];
+    const double rotation_2_3_2 = input[16][i];
+    const double rotation_2_3_3 = input[17][i];
+    const double rotation_3_1_3 = input[20][i];
+    const double rotation_3_2_3 = input[23][i];
+    const double rotation_3_3_3 = input[26][i];
+    const double rotation_4_1_3 = input[29][i];
+    const double rotation_4_2_3 = input[32][i];
+    const double rotation_4_3_3 = input[35][i];
+    const double vector_1_1 = input[36][i];
+    const double vector_1_2 = input[37][i];
+    const double vector_1_3 = input[38][i];
+    const double vector_2_1 = input[39][i];
+    const double vector_2_2 = input[40][i];
+    const double vector_2_3 = input[41][i];
+    const double vector_3_1 = input[42][i];
+    const double vector_3_2 = input[43][i];
+    const double vector_3_3 = input[44][i];
+    const double vector_4_1 = input[45][i];
+    const double vector_4_2 = input[46][i];
+    const double vector_4_3 = input[47][i];
+    const double p_1 = input[48][i];
+    const double p_2 = input[49][i];
+    const double p_3 = input[50][i];
+    const double q_1 = input[51][i];
+    const double q_2 = input[52][i];
+    const double q_3 = input[53][i];
+    const double square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
+    const double x0 = 1.0/square;
+    const double x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
+    const double part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
+    const double part_2 = x0*x1;
+    const double part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
+    const double v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
+    const double v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
+    const double v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
+    const double v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
+    const double v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
+    const double v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
+    const double pair_1_1_1 = rotation_1_3_3*rotation_2_3_3*rotation_3_3_3 - rotation_4_3_3;
+    const double pair_1_1_2 = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
+    const double pair_1_1_3 = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
+    const double x2 = rotation_2_2_3*rotation_3_3_3;
+    const double pair_1_2_1 = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x2;
+    const double x3 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
+    const double x4 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
+    const double pair_1_2_2 = rotation_1_3_1*x3 + rotation_1_3_2*x4;
+    const double x5 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
+    const double x6 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
+    const double pair_1_2_3 = rotation_1_3_1*x5 + rotation_1_3_2*x6;
+    const double pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x2;
+    const double pair_1_3_2 = rotation_1_3_2*x3 - rotation_1_3_1*x4;
+    const double pair_1_3_3 = rotation_1_3_2*x5 - rotation_1_3_1*x6;
+    const double x7 = q_1*v_34_2 - q_2*v_34_1;
+    const double x8 = p_3*rotation_2_3_3;
+    const double x9 = p_3*vector_2_2 - p_2*vector_2_3;
+    const double x10 = q_3*rotation_2_1_3;
+    const double x11 = p_1*vector_2_3 - p_3*vector_2_1;
+    const double x12 = q_3*rotation_2_2_3;
+    const double x13 = p_2*vector_2_1 - p_1*vector_2_2;
+    const double x14 = q_3*rotation_2_3_3;
+    const double x15 = p_1*rotation_4_3_3;
+    const double x16 = p_2*rotation_4_3_3;
+    const double x17 = p_2*rotation_1_3_3;
+    const double x18 = q_2*rotation_3_1_3 - q_1*rotation_3_2_3;
+    const double x19 = rotation_2_1_3*x18;
+    const double x20 = p_1*rotation_1_3_3;
+    const double x21 = rotation_2_2_3*x18;
+    const double x22 = q_1*rotation_3_1_3 + q_2*rotation_3_2_3 + q_3*rotation_3_3_3;
+    const double pair_2_1_1 = p_1*rotation_2_1_3*x7 + p_2*rotation_2_2_3*x7 + part_3*(q_3*rotation_4_3_3*x8 + x10*x15 + x12*x16 + x17*x19 - p_3*rotation_1_3_3*x22 - x20*x21) + v_12_3*(p_1*x12 - p_2*x10) + x10*x9 + x11*x12 + x13*x14 + x7*x8;
+    const double x23 = q_1*rotation_2_3_1 + q_2*rotation_2_3_2;
+    const double x24 = q_1*rotation_2_2_1 + q_2*rotation_2_2_2;
+    const double x25 = q_1*rotation_2_1_1 + q_2*rotation_2_1_2;
+    const double x26 = q_2*v_34_3 - q_3*v_34_2;
+    const double x27 = q_1*v_34_3 - q_3*v_34_1;
+    const double x29 = p_3*rotation_4_3_3;
+    const double x30 = q_3*rotation_3_2_3 - q_2*rotation_3_3_3;
+    const double x31 = q_1*rotation_3_3_3 - q_3*rotation_3_1_3;
+    const double x32 = rotation_2_1_1*x30 + rotation_2_1_2*x31;
+    const double x33 = rotation_2_2_1*x30 + rotation_2_2_2*x31;
+    const double pair_2_1_2 = p_1*(rotation_2_1_1*x26 - rotation_2_1_2*x27) + p_2*(rotation_2_2_1*x26 - rotation_2_2_2*x27) + p_3*(rotation_2_3_1*x26 - rotation_2_3_2*x27) + part_3*(x15*x25 + x16*x24 + x17*x32 + x23*x29 - x20*x33) + v_12_3*(p_1*x24 - p_2*x25) + x11*x24 + x13*x23 + x25*x9;
+    const double x34 = q_1*rotation_2_3_2 - q_2*rotation_2_3_1;
+    const double x35 = q_1*rotation_2_2_2 - q_2*rotation_2_2_1;
+    const double x36 = q_1*rotation_2_1_2 - q_2*rotation_2_1_1;
+    const double x38 = rotation_2_1_2*x30 - rotation_2_1_1*x31;
+    const double x39 = rotation_2_2_2*x30 - rotation_2_2_1*x31;
+    const double pair_2_1_3 = p_1*(rotation_2_1_1*x27 + rotation_2_1_2*x26) + p_2*(rotation_2_2_1*x27 + rotation_2_2_2*x26) + p_3*(rotation_2_3_1*x27 + rotation_2_3_2*x26) + part_3*(x15*x36 + x16*x35 + x17*x38 + x29*x34 - x20*x39) + v_12_3*(p_1*x35 - p_2*x36) + x11*x35 + x13*x34 + x36*x9;
+    const double x40 = p_2*x14 - p_3*x12;
+    const double x41 = p_3*q_3*rotation_2_1_3 - p_1*x14;
+    const double x42 = p_3*rotation_1_3_2;
+    const double x43 = p_1*rotation_1_3_1;
+    const double x44 = p_2*rotation_1_3_2;
+    const double x45 = p_1*rotation_1_3_2;
+    const double x46 = p_2*rotation_1_3_1;
+    const double x47 = x45 - x46;
+    const double pair_2_2_1 = part_3*(p_3*rotation_1_3_1*rotation_2_2_3*x18 + rotation_2_3_3*x18*x47 - x19*x42 - x22*x43 - x22*x44) + v_12_1*x40 + v_12_2*x41;
+    const double x48 = p_2*x23 - p_3*x24;
+    const double x49 = p_3*x25 - p_1*x23;
+    const double x50 = p_3*rotation_1_3_1;
+    const double x51 = rotation_2_3_1*x30 + rotation_2_3_2*x31;
+    const double pair_2_2_2 = part_3*(x33*x50 + x47*x51 - x32*x42) + v_12_1*x48 + v_12_2*x49;
+    const double x52 = p_2*x34 - p_3*x35;
+    const double x53 = p_3*x36 - p_1*x34;
+    const double x54 = rotation_2_3_2*x30 - rotation_2_3_1*x31;
+    const double pair_2_2_3 = part_3*(x39*x50 + x47*x54 - x38*x42) + v_12_1*x52 + v_12_2*x53;
+    const double x55 = -x43 - x44;
+    const double pair_2_3_1 = part_3*(rotation_2_3_3*x18*x55 + x19*x50 + x21*x42 + x22*x46 - x22*x45) + v_12_2*x40 - v_12_1*x41;
+    const double pair_2_3_2 = part_3*(x32*x50 + x33*x42 + x51*x55) + v_12_2*x48 - v_12_1*x49;
+    const double pair_2_3_3 = part_3*(x38*x50 + x39*x42 + x54*x55) + v_12_2*x52 - v_12_1*x53;
+    output[0][i] = pair_1_1_1;
+    output[1][i] = pair_1_1_2;
+    output[2][i] = pair_1_1_3;
+    output[3][i] = pair_1_2_1;
+    output[4][i] = pair_1_2_2;
+    output[5][i] = pair_1_2_3;
+    output[6][i] = pair_1_3_1;
+    output[7][i] = pair_1_3_2;
+    output[8][i] = pair_1_3_3;
+    output[9][i] = pair_2_1_1;
+    output[10][i] = pair_2_1_2;
+    output[11][i] = pair_2_1_3;
+    output[12][i] = pair_2_2_1;
+    output[13][i] = pair_2_2_2;
+    output[14][i] = pair_2_2_3;
+    output[15][i] = pair_2_3_1;
+    output[16][i] = pair_2_3_2;
+    output[17][i] = pair_2_3_3;
+  }
+}
+
+static inline void loop_pair_23_34_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+  loop_pair_23_34_f64(input, output);
+}
+
+void LOOP(spatial_loops_loop_pair_23_34_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+  const ptrdiff_t *core = steps + 5;
+  (void)data, (void)core, (void)width;
+  ptrdiff_t offsets_0[36];
+  for (int k = 0; k < 36; ++k)
+    offsets_0[k] = (k / 9) % 4 * core[0] + (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
+  ptrdiff_t offsets_1[12];
+  for (int k = 0; k < 12; ++k)
+    offsets_1[k] = (k / 3) % 4 * core[3] + (k / 1) % 3 * core[4];
+  ptrdiff_t offsets_2[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_2[k] = (k / 1) % 3 * core[5];
+  ptrdiff_t offsets_3[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_3[k] = (k / 1) % 3 * core[6];
+  ptrdiff_t offsets_4[18];
+  for (int k = 0; k < 18; ++k)
+    offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
+  double input[54][BLOCK], output[18][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
+  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
+  packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[4], total * 18 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 36; ++k)
+        fill_f64(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 12; ++k)
+        fill_f64(input[36 + k], args[1] + k * width);
+    if (steps[2] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[48 + k], args[2] + k * width);
+    if (steps[3] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f64(input[51 + k], args[3] + k * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      if (steps[0] != 0)
+        load_f64(input[0], BLOCK, args[0] + start * 36 * width, 36);
+      if (steps[1] != 0)
+        load_f64(input[36], BLOCK, args[1] + start * 12 * width, 12);
+      if (steps[2] != 0)
+        load_f64(input[48], BLOCK, args[2] + start * 3 * width, 3);
+      if (steps[3] != 0)
+        load_f64(input[51], BLOCK, args[3] + start * 3 * width, 3);
+      loop_pair_23_34_block_f64(input, output);
+      {
+        double rows[18 * BLOCK], scratch[18 * BLOCK];
+        interleave_f64(rows, output[0], BLOCK, 18, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+    }
+    close_writer(&writer_0);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+    gather_f64(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+    gather_f64(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    gather_f64(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+    loop_pair_23_34_block_f64(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 18; ++k)
+        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+  }
+  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+}
+
+/* loop_pair_23_34: 132 add, 238 mul, 1 div */
+/* 132 add, 238 mul, 1 div */
+static inline void loop_pair_23_34_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  VECTORISE
+  for (int i = 0; i < BLOCK; ++i) {
+    const float rotation_1_1_1 = input[0][i];
+    const float rotation_1_1_2 = input[1][i];
+    const float rotation_1_1_3 = input[2][i];
+    const float rotation_1_2_1 = input[3][i];
+    const float rotation_1_2_2 = input[4][i];
+    const float rotation_1_2_3 = input[5][i];
+    const float rotation_1_3_1 = input[6][i];
+    const float rotation_1_3_2 = input[7][i];
+    const float rotation_1_3_3 = input[8][i];
+    const float rotation_2_1_1 = input[9][i];
+    const float rotation_2_1_2 = input[10][i];
+    const float rotation_2_1_3 = input[11][i];
+    const float rotation_2_2_1 = input[12][i];
+    const float rotation_2_2_2 = input[13][i];
+    const float rotation_2_2_3 = input[14][i];
+    const float rotation_2_3_1 = input[15][i];
+    const float rotation_2_3_2 = input[16][i];
+    const float rotation_2_3_3 = input[17][i];
+    const float rotation_3_1_3 = input[20][i];
+    const float rotation_3_2_3 = input[23][i];
+    const float rotation_3_3_3 = input[26][i];
+    const float rotation_4_1_3 = input[29][i];
+    const float rotation_4_2_3 = input[32][i];
+    const float rotation_4_3_3 = input[35][i];
+    const float vector_1_1 = input[36][i];
+    const float vector_1_2 = input[37][i];
+    const float vector_1_3 = input[38][i];
+    const float vector_2_1 = input[39][i];
+    const float vector_2_2 = input[40][i];
+    const float vector_2_3 = input[41][i];
+    const float vector_3_1 = input[42][i];
+    const float vector_3_2 = input[43][i];
+    const float vector_3_3 = input[44][i];
+    const float vector_4_1 = input[45][i];
+    const float vector_4_2 = input[46][i];
+    const float vector_4_3 = input[47][i];
+    const float p_1 = input[48][i];
+    const float p_2 = input[49][i];
+    const float p_3 = input[50][i];
+    const float q_1 = input[51][i];
+    const float q_2 = input[52][i];
+    const float q_3 = input[53][i];
+    const float square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
+    const float x0 = 1.0f/square;
+    const float x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
+    const float part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
+    const float part_2 = x0*x1;
+    const float part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
+    const float v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
+    const float v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
+    const float v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
+    const float v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
+    const float v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
+    const float v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
+    const float pair_1_1_1 = rotation_1_3_3*rotation_2_3_3*rotation_3_3_3 - rotation_4_3_3;
+    const float pair_1_1_2 = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
+    const float pair_1_1_3 = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
+    const float x2 = rotation_2_2_3*rotation_3_3_3;
+    const float pair_1_2_1 = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x2;
+    const float x3 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
+    const float x4 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
+    const float pair_1_2_2 = rotation_1_3_1*x3 + rotation_1_3_2*x4;
+    const float x5 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
+    const float x6 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
+    const float pair_1_2_3 = rotation_1_3_1*x5 + rotation_1_3_2*x6;
+    const float pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x2;
+    const float pair_1_3_2 = rotation_1_3_2*x3 - rotation_1_3_1*x4;
+    const float pair_1_3_3 = rotation_1_3_2*x5 - rotation_1_3_1*x6;
+    const float x7 = q_1*v_34_2 - q_2*v_34_1;
+    const float x8 = p_3*rotation_2_3_3;
+    const float x9 = p_3*vector_2_2 - p_2*vector_2_3;
+    const float x10 = q_3*rotation_2_1_3;
+    const float x11 = p_1*vector_2_3 - p_3*vector_2_1;
+    const float x12 = q_3*rotation_2_2_3;
+    const float x13 = p_2*vector_2_1 - p_1*vector_2_2;
+    const float x14 = q_3*rotation_2_3_3;
+    const float x15 = p_1*rotation_4_3_3;
+    const float x16 = p_2*rotation_4_3_3;
+    const float x17 = p_2*rotation_1_3_3;
+    const float x18 = q_2*rotation_3_1_3 - q_1*rotation_3_2_3;
+    const float x19 = rotation_2_1_3*x18;
+    const float x20 = p_1*rotation_1_3_3;
+    const float x21 = rotation_2_2_3*x18;
+    const float x22 = q_1*rotation_3_1_3 + q_2*rotation_3_2_3 + q_3*rotation_3_3_3;
+    const float pair_2_1_1 = p_1*rotation_2_1_3*x7 + p_2*rotation_2_2_3*x7 + part_3*(q_3*rotation_4_3_3*x8 + x10*x15 + x12*x16 + x17*x19 - p_3*rotation_1_3_3*x22 - x20*x21) + v_12_3*(p_1*x12 - p_2*x10) + x10*x9 + x11*x12 + x13*x14 + x7*x8;
+    const float x23 = q_1*rotation_2_3_1 + q_2*rotation_2_3_2;
+    const float x24 = q_1*rotation_2_2_1 + q_2*rotation_2_2_2;
+    const float x25 = q_1*rotation_2_1_1 + q_2*rotation_2_1_2;
+    const float x26 = q_2*v_34_3 - q_3*v_34_2;
+    const float x27 = q_1*v_34_3 - q_3*v_34_1;
+    const float x29 = p_3*rotation_4_3_3;
+    const float x30 = q_3*rotation_3_2_3 - q_2*rotation_3_3_3;
+    const float x31 = q_1*rotation_3_3_3 - q_3*rotation_3_1_3;
+    const float x32 = rotation_2_1_1*x30 + rotation_2_1_2*x31;
+    const float x33 = rotation_2_2_1*x30 + rotation_2_2_2*x31;
+    const float pair_2_1_2 = p_1*(rotation_2_1_1*x26 - rotation_2_1_2*x27) + p_2*(rotation_2_2_1*x26 - rotation_2_2_2*x27) + p_3*(rotation_2_3_1*x26 - rotation_2_3_2*x27) + part_3*(x15*x25 + x16*x24 + x17*x32 + x23*x29 - x20*x33) + v_12_3*(p_1*x24 - p_2*x25) + x11*x24 + x13*x23 + x25*x9;
+    const float x34 = q_1*rotation_2_3_2 - q_2*rotation_2_3_1;
+    const float x35 = q_1*rotation_2_2_2 - q_2*rotation_2_2_1;
+    const float x36 = q_1*rotation_2_1_2 - q_2*rotation_2_1_1;
+    const float x38 = rotation_2_1_2*x30 - rotation_2_1_1*x31;
+    const float x39 = rotation_2_2_2*x30 - rotation_2_2_1*x31;
+    const float pair_2_1_3 = p_1*(rotation_2_1_1*x27 + rotation_2_1_2*x26) + p_2*(rotation_2_2_1*x27 + rotation_2_2_2*x26) + p_3*(rotation_2_3_1*x27 + rotation_2_3_2*x26) + part_3*(x15*x36 + x16*x35 + x17*x38 + x29*x34 - x20*x39) + v_12_3*(p_1*x35 - p_2*x36) + x11*x35 + x13*x34 + x36*x9;
+    const float x40 = p_2*x14 - p_3*x12;
+    const float x41 = p_3*q_3*rotation_2_1_3 - p_1*x14;
+    const float x42 = p_3*rotation_1_3_2;
+    const float x43 = p_1*rotation_1_3_1;
+    const float x44 = p_2*rotation_1_3_2;
+    const float x45 = p_1*rotation_1_3_2;
+    const float x46 = p_2*rotation_1_3_1;
+    const float x47 = x45 - x46;
+    const float pair_2_2_1 = part_3*(p_3*rotation_1_3_1*rotation_2_2_3*x18 + rotation_2_3_3*x18*x47 - x19*x42 - x22*x43 - x22*x44) + v_12_1*x40 + v_12_2*x41;
+    const float x48 = p_2*x23 - p_3*x24;
+    const float x49 = p_3*x25 - p_1*x23;
+    const float x50 = p_3*rotation_1_3_1;
+    const float x51 = rotation_2_3_1*x30 + rotation_2_3_2*x31;
+    const float pair_2_2_2 = part_3*(x33*x50 + x47*x51 - x32*x42) + v_12_1*x48 + v_12_2*x49;
+    const float x52 = p_2*x34 - p_3*x35;
+    const float x53 = p_3*x36 - p_1*x34;
+    const float x54 = rotation_2_3_2*x30 - rotation_2_3_1*x31;
+    const float pair_2_2_3 = part_3*(x39*x50 + x47*x54 - x38*x42) + v_12_1*x52 + v_12_2*x53;
+    const float x55 = -x43 - x44;
+    const float pair_2_3_1 = part_3*(rotation_2_3_3*x18*x55 + x19*x50 + x21*x42 + x22*x46 - x22*x45) + v_12_2*x40 - v_12_1*x41;
+    const float pair_2_3_2 = part_3*(x32*x50 + x33*x42 + x51*x55) + v_12_2*x48 - v_12_1*x49;
+    const float pair_2_3_3 = part_3*(x38*x50 + x39*x42 + x54*x55) + v_12_2*x52 - v_12_1*x53;
+    output[0][i] = pair_1_1_1;
+    output[1][i] = pair_1_1_2;
+    output[2][i] = pair_1_1_3;
+    output[3][i] = pair_1_2_1;
+    output[4][i] = pair_1_2_2;
+    output[5][i] = pair_1_2_3;
+    output[6][i] = pair_1_3_1;
+    output[7][i] = pair_1_3_2;
+    output[8][i] = pair_1_3_3;
+    output[9][i] = pair_2_1_1;
+    output[10][i] = pair_2_1_2;
+    output[11][i] = pair_2_1_3;
+    output[12][i] = pair_2_2_1;
+    output[13][i] = pair_2_2_2;
+    output[14][i] = pair_2_2_3;
+    output[15][i] = pair_2_3_1;
+    output[16][i] = pair_2_3_2;
+    output[17][i] = pair_2_3_3;
+  }
+}
+
+static inline void loop_pair_23_34_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
+  loop_pair_23_34_f32(input, output);
+}
+
+void LOOP(spatial_loops_loop_pair_23_34_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
+  const ptrdiff_t *core = steps + 5;
+  (void)data, (void)core, (void)width;
+  ptrdiff_t offsets_0[36];
+  for (int k = 0; k < 36; ++k)
+    offsets_0[k] = (k / 9) % 4 * core[0] + (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
+  ptrdiff_t offsets_1[12];
+  for (int k = 0; k < 12; ++k)
+    offsets_1[k] = (k / 3) % 4 * core[3] + (k / 1) % 3 * core[4];
+  ptrdiff_t offsets_2[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_2[k] = (k / 1) % 3 * core[5];
+  ptrdiff_t offsets_3[3];
+  for (int k = 0; k < 3; ++k)
+    offsets_3[k] = (k / 1) % 3 * core[6];
+  ptrdiff_t offsets_4[18];
+  for (int k = 0; k < 18; ++k)
+    offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
+  float input[54][BLOCK], output[18][BLOCK];
+  ptrdiff_t start = 0;
+
+  /* the usual layout: every array packed or one number for all */
+  int packed = 1;
+  packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
+  packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
+  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
+  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
+  packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
+  if (packed) {
+    struct writer writer_0;
+    open_writer(&writer_0, args[4], total * 18 * width);
+    if (steps[0] == 0)
+      for (int k = 0; k < 36; ++k)
+        fill_f32(input[0 + k], args[0] + k * width);
+    if (steps[1] == 0)
+      for (int k = 0; k < 12; ++k)
+        fill_f32(input[36 + k], args[1] + k * width);
+    if (steps[2] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[48 + k], args[2] + k * width);
+    if (steps[3] == 0)
+      for (int k = 0; k < 3; ++k)
+        fill_f32(input[51 + k], args[3] + k * width);
+    for (; start + BLOCK <= total; start += BLOCK) {
+      if (steps[0] != 0)
+        load_f32(input[0], BLOCK, args[0] + start * 36 * width, 36);
+      if (steps[1] != 0)
+        load_f32(input[36], BLOCK, args[1] + start * 12 * width, 12);
+      if (steps[2] != 0)
+        load_f32(input[48], BLOCK, args[2] + start * 3 * width, 3);
+      if (steps[3] != 0)
+        load_f32(input[51], BLOCK, args[3] + start * 3 * width, 3);
+      loop_pair_23_34_block_f32(input, output);
+      {
+        float rows[18 * BLOCK], scratch[18 * BLOCK];
+        interleave_f32(rows, output[0], BLOCK, 18, scratch);
+        write_block(&writer_0, rows, sizeof rows);
+      }
+    }
+    close_writer(&writer_0);
+  }
+
+  /* any layout, and the elements that do not fill a block */
+  for (; start < total; start += BLOCK) {
+    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
+    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+    gather_f32(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+    gather_f32(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    gather_f32(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+    loop_pair_23_34_block_f32(input, output);
+    for (ptrdiff_t i = 0; i < count; ++i)
+      for (int k = 0; k < 18; ++k)
+        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+  }
+  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+}

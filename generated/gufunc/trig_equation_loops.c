@@ -24,8 +24,8 @@
 
 enum { BLOCK = 16 };
 
-/* trig_solve: 10 add, 15 mul, 1 sqrt, 14 select, 11 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
-/* 10 add, 15 mul, 1 sqrt, 14 select, 11 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
+/* trig_solve: 10 add, 15 mul, 1 sqrt, 14 select, 12 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
+/* 10 add, 15 mul, 1 sqrt, 14 select, 12 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
 static inline void trig_solve_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -48,7 +48,7 @@ static inline void trig_solve_f64(double (*restrict input)[BLOCK], double (*rest
     const int64_t valid = mask_f64(size <= DBL_MAX);
     const int64_t two = mask_f64(square > bound);
     const double w = blend_f64(two, sqrt(square), 0.0);
-    const int64_t empty = mask_f64(larger == 0.0);
+    const int64_t empty = (mask_f64(A == 0.0)) & (mask_f64(B == 0.0));
     const int64_t there = (valid) & (~(empty)) & ((is_double) | (two));
     const double x3 = a*d;
     const double x4 = b*w;
@@ -189,8 +189,8 @@ void LOOP(trig_equation_trig_solve_loop_f64)(char **args, const ptrdiff_t *dimen
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* trig_solve: 10 add, 15 mul, 1 sqrt, 14 select, 11 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
-/* 10 add, 15 mul, 1 sqrt, 14 select, 11 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
+/* trig_solve: 10 add, 15 mul, 1 sqrt, 14 select, 12 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
+/* 10 add, 15 mul, 1 sqrt, 14 select, 12 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
 static inline void trig_solve_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -213,7 +213,7 @@ static inline void trig_solve_f32(float (*restrict input)[BLOCK], float (*restri
     const int32_t valid = mask_f32(size <= FLT_MAX);
     const int32_t two = mask_f32(square > bound);
     const float w = blend_f32(two, sqrtf(square), 0.0f);
-    const int32_t empty = mask_f32(larger == 0.0f);
+    const int32_t empty = (mask_f32(A == 0.0f)) & (mask_f32(B == 0.0f));
     const int32_t there = (valid) & (~(empty)) & ((is_double) | (two));
     const float x3 = a*d;
     const float x4 = b*w;
@@ -354,8 +354,8 @@ void LOOP(trig_equation_trig_solve_loop_f32)(char **args, const ptrdiff_t *dimen
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* trig_half_angle: 10 add, 18 mul, 1 sqrt, 23 select, 16 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
-/* 10 add, 18 mul, 1 sqrt, 23 select, 16 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
+/* trig_half_angle: 10 add, 18 mul, 1 sqrt, 23 select, 17 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
+/* 10 add, 18 mul, 1 sqrt, 23 select, 17 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
 static inline void trig_half_angle_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -378,7 +378,7 @@ static inline void trig_half_angle_f64(double (*restrict input)[BLOCK], double (
     const int64_t valid = mask_f64(size <= DBL_MAX);
     const int64_t two = mask_f64(square > bound);
     const double w = blend_f64(two, sqrt(square), 0.0);
-    const int64_t empty = mask_f64(larger == 0.0);
+    const int64_t empty = (mask_f64(A == 0.0)) & (mask_f64(B == 0.0));
     const int64_t there = (valid) & (~(empty)) & ((is_double) | (two));
     const int64_t positive = mask_f64(b >= 0.0);
     const double together = blend_f64(positive, b + w, w - b);
@@ -523,8 +523,8 @@ void LOOP(trig_equation_trig_half_angle_loop_f64)(char **args, const ptrdiff_t *
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* trig_half_angle: 10 add, 18 mul, 1 sqrt, 23 select, 16 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
-/* 10 add, 18 mul, 1 sqrt, 23 select, 16 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
+/* trig_half_angle: 10 add, 18 mul, 1 sqrt, 23 select, 17 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
+/* 10 add, 18 mul, 1 sqrt, 23 select, 17 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
 static inline void trig_half_angle_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -547,7 +547,7 @@ static inline void trig_half_angle_f32(float (*restrict input)[BLOCK], float (*r
     const int32_t valid = mask_f32(size <= FLT_MAX);
     const int32_t two = mask_f32(square > bound);
     const float w = blend_f32(two, sqrtf(square), 0.0f);
-    const int32_t empty = mask_f32(larger == 0.0f);
+    const int32_t empty = (mask_f32(A == 0.0f)) & (mask_f32(B == 0.0f));
     const int32_t there = (valid) & (~(empty)) & ((is_double) | (two));
     const int32_t positive = mask_f32(b >= 0.0f);
     const float together = blend_f32(positive, b + w, w - b);

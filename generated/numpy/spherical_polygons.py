@@ -1064,10 +1064,10 @@ def _polygon_quadrilateral(alpha_1, alpha_2, alpha_3, alpha_4, theta_4, eps, lar
     p_and_q = np.where(any_angle, 1.0, p + q)
     x6 = 1.0/p_and_q
     del p_and_q
-    cosine = np.where(any_angle, 1.0, x6*(q - p))
-    sine = np.where(any_angle, 0.0, 2.0*x6*np.sqrt(np.abs(p*q)))
+    angle_c = np.where(any_angle, 1.0, x6*(q - p))
+    angle_s = np.where(any_angle, 0.0, 2.0*x6*np.sqrt(np.abs(p*q)))
     del p, q, x6
-    other_sine = np.where(one_angle, sine, -sine)
+    other_sine = np.where(one_angle, angle_s, -angle_s)
     on_axis = sine_13 <= x5
     far = np.where(on_axis, 1.0, sine_13)
     del sine_13
@@ -1076,12 +1076,12 @@ def _polygon_quadrilateral(alpha_1, alpha_2, alpha_3, alpha_4, theta_4, eps, lar
     c_gamma = np.where(on_axis, 1.0, x7*y_4)
     s_gamma = np.where(on_axis, 0.0, x7*x_4)
     del on_axis, x7
-    x8 = c_gamma*cosine
-    c_1_1 = x8 - s_gamma*sine
-    x9 = cosine*s_gamma
-    del cosine
-    s_1_1 = c_gamma*sine + x9
-    del sine
+    x8 = angle_c*c_gamma
+    c_1_1 = x8 - angle_s*s_gamma
+    x9 = angle_c*s_gamma
+    del angle_c
+    s_1_1 = angle_s*c_gamma + x9
+    del angle_s
     c_1_2 = x8 - other_sine*s_gamma
     del s_gamma, x8
     s_1_2 = c_gamma*other_sine + x9
@@ -1129,6 +1129,8 @@ def _polygon_quadrilateral(alpha_1, alpha_2, alpha_3, alpha_4, theta_4, eps, lar
     del c_2_1, row_13_1, row_13_2, s_2_1
     row_14_3 = row_13_3
     del row_13_3
+    sine_3_1 = c_alpha_2*row_14_2 + row_14_3*s_alpha_2
+    del row_14_2, row_14_3
     x_41_2 = c_1_2*x_4 - s_1_2*y_4
     y_41_2 = c_alpha_1*(c_1_2*y_4 + s_1_2*x_4) + x10
     del x10, x_4, y_4
@@ -1165,20 +1167,22 @@ def _polygon_quadrilateral(alpha_1, alpha_2, alpha_3, alpha_4, theta_4, eps, lar
     del c_2_2, row_23_1, row_23_2, s_2_2
     row_24_3 = row_23_3
     del row_23_3
+    sine_3_2 = c_alpha_2*row_24_2 + row_24_3*s_alpha_2
+    del c_alpha_2, row_24_2, row_24_3, s_alpha_2
     theta_1_1 = np.where(good, np.arctan2(s_1_1, c_1_1), np.nan)
     del c_1_1, s_1_1
     theta_1_2 = np.where(good, np.arctan2(sine_2_1, cosine_2_1), np.nan)
     del cosine_2_1, sine_2_1
-    theta_1_3 = np.where(good, np.arctan2(c_alpha_2*row_14_2 + row_14_3*s_alpha_2, row_14_1), np.nan)
-    del row_14_1, row_14_2, row_14_3
+    theta_1_3 = np.where(good, np.arctan2(sine_3_1, row_14_1), np.nan)
+    del row_14_1, sine_3_1
     x16 = np.where(good, theta_4, np.nan)
     theta_1_4 = x16
     theta_2_1 = np.where(good, np.arctan2(s_1_2, c_1_2), np.nan)
     del c_1_2, s_1_2
     theta_2_2 = np.where(good, np.arctan2(sine_2_2, cosine_2_2), np.nan)
     del cosine_2_2, sine_2_2
-    theta_2_3 = np.where(good, np.arctan2(c_alpha_2*row_24_2 + row_24_3*s_alpha_2, row_24_1), np.nan)
-    del c_alpha_2, good, row_24_1, row_24_2, row_24_3, s_alpha_2
+    theta_2_3 = np.where(good, np.arctan2(sine_3_2, row_24_1), np.nan)
+    del good, row_24_1, sine_3_2
     theta_2_4 = x16
     del x16
     status = np.where(~(finite), 4.0, np.where(no_angle, 3.0, np.where(family, 2.0, np.where(one_angle, 1.0, 0.0))))
@@ -1296,14 +1300,14 @@ def _polygon_pentagon(alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, theta_45_1, t
     p_and_q = np.where(any_angle, 1.0, p + q)
     x10 = 1.0/p_and_q
     del p_and_q
-    cosine = np.where(any_angle, 1.0, x10*(p - q))
-    sine = np.where(any_angle, 0.0, 2.0*x10*np.sqrt(np.abs(p*q)))
+    angle_c = np.where(any_angle, 1.0, x10*(p - q))
+    angle_s = np.where(any_angle, 0.0, 2.0*x10*np.sqrt(np.abs(p*q)))
     del p, q, x10
-    other_sine = np.where(one_angle, sine, -sine)
+    other_sine = np.where(one_angle, angle_s, -angle_s)
     finite = np.abs(alpha_1) + np.abs(alpha_2) + np.abs(alpha_3) + np.abs(alpha_4) + np.abs(alpha_5) + np.abs(theta_45_1) + np.abs(theta_45_2) <= largest
     good = (finite) & (~(no_angle))
-    xb_2_1 = s_alpha_2*sine
-    x11 = -c_alpha_1*cosine*s_alpha_2 - c_alpha_2*s_alpha_1
+    xb_2_1 = angle_s*s_alpha_2
+    x11 = -angle_c*c_alpha_1*s_alpha_2 - c_alpha_2*s_alpha_1
     yb_2_1 = x11
     length_1_1 = np.sqrt((xb_2_1*xb_2_1) + (yb_2_1*yb_2_1))
     flat_1_1 = length_1_1 <= x9
@@ -1346,11 +1350,13 @@ def _polygon_pentagon(alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, theta_45_1, t
     row_15_2 = c_alpha_1*row_14_2 + row_14_3*s_alpha_1
     row_15_3 = c_alpha_1*row_14_3 - row_14_2*s_alpha_1
     del row_14_2, row_14_3
-    row_16_1 = cosine*row_15_1 + row_15_2*sine
-    row_16_2 = cosine*row_15_2 - row_15_1*sine
+    row_16_1 = angle_c*row_15_1 + angle_s*row_15_2
+    row_16_2 = angle_c*row_15_2 - angle_s*row_15_1
     del row_15_1, row_15_2
     row_16_3 = row_15_3
     del row_15_3
+    sine_3_1 = c_alpha_2*row_16_2 + row_16_3*s_alpha_2
+    del row_16_2, row_16_3
     xb_2_2 = other_sine*s_alpha_2
     yb_2_2 = x11
     del x11
@@ -1394,29 +1400,31 @@ def _polygon_pentagon(alpha_1, alpha_2, alpha_3, alpha_4, alpha_5, theta_45_1, t
     row_25_2 = c_alpha_1*row_24_2 + row_24_3*s_alpha_1
     row_25_3 = c_alpha_1*row_24_3 - row_24_2*s_alpha_1
     del c_alpha_1, row_24_2, row_24_3, s_alpha_1
-    row_26_1 = cosine*row_25_1 + other_sine*row_25_2
-    row_26_2 = cosine*row_25_2 - other_sine*row_25_1
+    row_26_1 = angle_c*row_25_1 + other_sine*row_25_2
+    row_26_2 = angle_c*row_25_2 - other_sine*row_25_1
     del row_25_1, row_25_2
     row_26_3 = row_25_3
     del row_25_3
+    sine_3_2 = c_alpha_2*row_26_2 + row_26_3*s_alpha_2
+    del c_alpha_2, row_26_2, row_26_3, s_alpha_2
     family = (any_angle) | (flat_1_1) | (flat_1_2)
     del any_angle, flat_1_1, flat_1_2
     theta_1_1 = np.where(good, np.arctan2(sine_1_1, cosine_1_1), np.nan)
     del cosine_1_1, sine_1_1
-    theta_1_2 = np.where(good, np.arctan2(sine, cosine), np.nan)
-    del sine
-    theta_1_3 = np.where(good, np.arctan2(c_alpha_2*row_16_2 + row_16_3*s_alpha_2, row_16_1), np.nan)
-    del row_16_1, row_16_2, row_16_3
+    theta_1_2 = np.where(good, np.arctan2(angle_s, angle_c), np.nan)
+    del angle_s
+    theta_1_3 = np.where(good, np.arctan2(sine_3_1, row_16_1), np.nan)
+    del row_16_1, sine_3_1
     x16 = np.where(good, theta_45_1, np.nan)
     theta_1_4 = x16
     x17 = np.where(good, theta_45_2, np.nan)
     theta_1_5 = x17
     theta_2_1 = np.where(good, np.arctan2(sine_1_2, cosine_1_2), np.nan)
     del cosine_1_2, sine_1_2
-    theta_2_2 = np.where(good, np.arctan2(other_sine, cosine), np.nan)
-    del cosine, other_sine
-    theta_2_3 = np.where(good, np.arctan2(c_alpha_2*row_26_2 + row_26_3*s_alpha_2, row_26_1), np.nan)
-    del c_alpha_2, good, row_26_1, row_26_2, row_26_3, s_alpha_2
+    theta_2_2 = np.where(good, np.arctan2(other_sine, angle_c), np.nan)
+    del angle_c, other_sine
+    theta_2_3 = np.where(good, np.arctan2(sine_3_2, row_26_1), np.nan)
+    del good, row_26_1, sine_3_2
     theta_2_4 = x16
     del x16
     theta_2_5 = x17

@@ -74,7 +74,7 @@ trig_solve.types = ["ddd->db", "fff->fb"]
 
 
 def _trig_solve(A, B, D, eps, largest):
-    # 10 add, 15 mul, 1 sqrt, 14 select, 11 compare, 7 abs, 2 atan2, 1 power_of_two_scale
+    # 10 add, 15 mul, 1 sqrt, 14 select, 12 compare, 7 abs, 2 atan2, 1 power_of_two_scale
     size = 0.25*np.abs(A) + 0.25*np.abs(B) + 0.25*np.abs(D)
     scale = _power_of_two_scale(size)
     a = A*scale
@@ -90,7 +90,7 @@ def _trig_solve(A, B, D, eps, largest):
     del smaller
     square = x2 + (larger - d)*(d + larger)
     bound = 4.0*eps*((larger*larger) + x2)
-    del x2
+    del larger, x2
     is_double = np.abs(square) <= bound
     valid = size <= largest
     del size
@@ -98,8 +98,7 @@ def _trig_solve(A, B, D, eps, largest):
     del bound
     w = np.where(two, np.sqrt(square), 0.0)
     del square
-    empty = larger == 0.0
-    del larger
+    empty = (A == 0.0) & (B == 0.0)
     there = (valid) & (~(empty)) & ((is_double) | (two))
     x3 = a*d
     x4 = b*w
@@ -215,7 +214,7 @@ trig_half_angle.types = ["ddd->db", "fff->fb"]
 
 
 def _trig_half_angle(A, B, D, eps, largest):
-    # 10 add, 18 mul, 1 sqrt, 23 select, 16 compare, 7 abs, 2 atan2, 1 power_of_two_scale
+    # 10 add, 18 mul, 1 sqrt, 23 select, 17 compare, 7 abs, 2 atan2, 1 power_of_two_scale
     size = 0.25*np.abs(A) + 0.25*np.abs(B) + 0.25*np.abs(D)
     scale = _power_of_two_scale(size)
     a = A*scale
@@ -231,7 +230,7 @@ def _trig_half_angle(A, B, D, eps, largest):
     del smaller
     square = x2 + (larger - d)*(d + larger)
     bound = 4.0*eps*((larger*larger) + x2)
-    del x2
+    del larger, x2
     is_double = np.abs(square) <= bound
     valid = size <= largest
     del size
@@ -239,8 +238,7 @@ def _trig_half_angle(A, B, D, eps, largest):
     del bound
     w = np.where(two, np.sqrt(square), 0.0)
     del square
-    empty = larger == 0.0
-    del larger
+    empty = (A == 0.0) & (B == 0.0)
     there = (valid) & (~(empty)) & ((is_double) | (two))
     positive = b >= 0.0
     together = np.where(positive, b + w, w - b)
