@@ -7,8 +7,9 @@ negative number is NaN, a comparison with NaN is false.
 
 from __future__ import annotations
 
+import functools
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import mpmath
@@ -21,10 +22,12 @@ from rodgen.symbolic import EPS, LARGEST, power_of_two_scale
 if TYPE_CHECKING:
     from rodgen.codegen.kernel import Kernel
 
-__all__ = ["evaluate"]
+__all__ = ["evaluate", "program"]
 
 Real: TypeAlias = Any
 """An mpf, or a bool for a condition."""
+
+Evaluation: TypeAlias = Callable[[Sequence[Real]], Real]
 
 
 def _scale(x: Real, largest: Real) -> Real:
@@ -76,65 +79,111 @@ _COMPARISONS: dict[str, Callable[[Real, Real], bool]] = {
 }
 
 
-def _value(tree: sp.Basic, environment: Mapping[sp.Symbol, Real]) -> Real:
-    """Return the value of an expression or condition; of a select only the case that holds is evaluated."""
+def _translated(tree: sp.Basic, places: Mapping[sp.Symbol, int]) -> Evaluation:
+    """Make an expression or condition a function of the list of all values; of a select only one case is evaluated.
+
+    Once for all points, because SymPy takes longer to say what a node is than mpmath to compute its value. Constants
+    have the digits that are set when this is called.
+    """
     if isinstance(tree, sp.Symbol):
-        return environment[tree]
+        return operator.itemgetter(places[tree])
     if isinstance(tree, sp.Rational):
-        return mpmath.mpf(int(tree.p)) / int(tree.q)
-    if isinstance(tree, sp.Piecewise):
-        return next(_value(case, environment) for case, holds in tree.args if _value(holds, environment))
-    if isinstance(tree, Relational):
-        return _COMPARISONS[tree.rel_op](_value(tree.lhs, environment), _value(tree.rhs, environment))
-    if isinstance(tree, sp.And):
-        return all(_value(a, environment) for a in tree.args)
-    if isinstance(tree, sp.Or):
-        return any(_value(a, environment) for a in tree.args)
-    if isinstance(tree, sp.Not):
-        return not _value(tree.args[0], environment)
-    if isinstance(tree, sp.ITE):  # SymPy makes this of a select inside a condition
-        return _value(tree.args[1] if _value(tree.args[0], environment) else tree.args[2], environment)
+        return _constant(mpmath.mpf(int(tree.p)) / int(tree.q))
+    if isinstance(tree, sp.NumberSymbol):
+        return _constant(mpmath.mpf(getattr(mpmath, str(tree).lower())))
     if tree in (sp.true, sp.false):
-        return tree is sp.true
+        return _constant(tree is sp.true)
     if tree is sp.nan:
-        return mpmath.nan
-    if isinstance(tree, sp.Add):
-        total = _value(tree.args[0], environment)
-        for term in tree.args[1:]:
-            total = total + _value(term, environment)
-        return total
+        return _constant(mpmath.nan)
+    if isinstance(tree, sp.Piecewise):
+        cases = [(_translated(case, places), _translated(holds, places)) for case, holds in tree.args]
+        return lambda known: next(case(known) for case, holds in cases if holds(known))
     if isinstance(tree, sp.Mul):
-        above, below = mpmath.mpf(1), mpmath.mpf(1)
-        for factor in tree.args:
-            if isinstance(factor, sp.Pow) and factor.exp.is_negative:
-                below = below * _power(factor.base, -factor.exp, environment)
-            else:
-                above = above * _value(factor, environment)
-        return _quotient(above, below)
+        return _product(tree, places)
     if isinstance(tree, sp.Pow):
         if tree.exp.is_negative:
-            return _quotient(mpmath.mpf(1), _power(tree.base, -tree.exp, environment))
-        return _power(tree.base, tree.exp, environment)
-    if isinstance(tree, sp.NumberSymbol):
-        return mpmath.mpf(getattr(mpmath, str(tree).lower()))
-    arguments = [_value(a, environment) for a in tree.args]
+            below = _power(tree.base, -tree.exp, places)
+            return lambda known: _quotient(mpmath.mpf(1), below(known))
+        return _power(tree.base, tree.exp, places)
+    parts = [_translated(part, places) for part in tree.args]
+    if isinstance(tree, Relational):
+        compare, (left, right) = _COMPARISONS[tree.rel_op], parts
+        return lambda known: compare(left(known), right(known))
+    if isinstance(tree, sp.And):
+        return lambda known: all(part(known) for part in parts)
+    if isinstance(tree, sp.Or):
+        return lambda known: any(part(known) for part in parts)
+    if isinstance(tree, sp.Not):
+        return lambda known: not parts[0](known)
+    if isinstance(tree, sp.ITE):  # SymPy makes this of a select inside a condition
+        condition, yes, no = parts
+        return lambda known: yes(known) if condition(known) else no(known)
+    if isinstance(tree, sp.Add):
+        return lambda known: functools.reduce(operator.add, [part(known) for part in parts])
     if isinstance(tree, power_of_two_scale):
-        return _scale(arguments[0], environment[LARGEST])
-    if any(mpmath.isnan(x) for x in arguments):
-        return mpmath.nan
-    return _FUNCTIONS[type(tree)](*arguments)
+        largest = places[LARGEST]
+        return lambda known: _scale(parts[0](known), known[largest])
+    return _function(_FUNCTIONS[type(tree)], parts)
 
 
-def _power(base: sp.Expr, exponent: sp.Expr, environment: Mapping[sp.Symbol, Real]) -> Real:
-    x = _value(base, environment)
+def _constant(value: Real) -> Evaluation:
+    return lambda known: value
+
+
+def _function(function: Callable[..., Real], parts: Sequence[Evaluation]) -> Evaluation:
+    def value(known: Sequence[Real]) -> Real:
+        arguments = [part(known) for part in parts]
+        return mpmath.nan if any(map(mpmath.isnan, arguments)) else function(*arguments)
+
+    return value
+
+
+def _product(tree: sp.Mul, places: Mapping[sp.Symbol, int]) -> Evaluation:
+    above, below = [], []
+    for factor in tree.args:
+        if isinstance(factor, sp.Pow) and factor.exp.is_negative:
+            below.append(_power(factor.base, -factor.exp, places))
+        else:
+            above.append(_translated(factor, places))
+
+    def value(known: Sequence[Real]) -> Real:
+        product = mpmath.mpf(1)
+        for factor in above:
+            product = product * factor(known)
+        if not below:
+            return product
+        divisor = mpmath.mpf(1)
+        for factor in below:
+            divisor = divisor * factor(known)
+        return _quotient(product, divisor)
+
+    return value
+
+
+def _power(base: sp.Expr, exponent: sp.Expr, places: Mapping[sp.Symbol, int]) -> Evaluation:
+    x = _translated(base, places)
     if exponent == 1:
         return x
     if exponent == sp.S.Half:
-        return _root(x)
+        return lambda known: _root(x(known))
     if exponent.is_Integer:
-        return x ** int(exponent)
-    y = _value(exponent, environment)
-    return mpmath.nan if x < 0 else x**y
+        n = int(exponent)
+        return lambda known: x(known) ** n
+    y = _translated(exponent, places)
+
+    def value(known: Sequence[Real]) -> Real:
+        number = x(known)
+        return mpmath.nan if number < 0 else number ** y(known)
+
+    return value
+
+
+def program(kernel: Kernel) -> tuple[dict[sp.Symbol, int], list[Evaluation]]:
+    """Translate a kernel: the place of each symbol among the values, and what gives the value of each assignment."""
+    inputs = [s for port in kernel.inputs for s in port.symbols]
+    symbols = [EPS, LARGEST, *inputs, *(a.symbol for a in kernel.assignments)]
+    places = {symbol: place for place, symbol in enumerate(symbols)}
+    return places, [_translated(a.value, places) for a in kernel.assignments]
 
 
 def evaluate(
@@ -161,22 +210,25 @@ def evaluate(
         For each output an mpf, an int (status), or an object array of the port's shape.
     """
     with mpmath.workdps(digits):
-        environment: dict[sp.Symbol, Any] = {
-            EPS: mpmath.mpf(2) ** -52 if eps is None else mpmath.mpf(eps),
-            LARGEST: mpmath.mpf(np.finfo(np.float64).max.item()) if largest is None else mpmath.mpf(largest),
-        }
+        known = [
+            mpmath.mpf(2) ** -52 if eps is None else mpmath.mpf(eps),
+            mpmath.mpf(np.finfo(np.float64).max.item()) if largest is None else mpmath.mpf(largest),
+        ]
         for port in kernel.inputs:
             components = np.asarray(values[port.name], dtype=object)
             if components.shape != port.shape:
                 raise ValueError(
                     f"kernel {kernel.name}: {port.name} has shape {components.shape}; expected {port.shape}"
                 )
-            environment.update((s, _number(x)) for s, x in zip(port.symbols, components.ravel(), strict=True))
-        for assignment in kernel.assignments:
-            environment[assignment.symbol] = _value(assignment.value, environment)
+            known += map(_number, components.ravel())
+        if digits not in kernel.programs:
+            kernel.programs[digits] = program(kernel)
+        places, steps = kernel.programs[digits]
+        for step in steps:
+            known.append(step(known))
         result: dict[str, Any] = {}
         for port in kernel.outputs:
-            flat = [environment[s] for s in port.symbols]
+            flat = [known[places[s]] for s in port.symbols]
             flat = [int(x) for x in flat] if port.is_status else [mpmath.mpf(x) for x in flat]
             array = np.empty(len(flat), dtype=object)
             array[:] = flat

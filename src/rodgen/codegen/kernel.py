@@ -415,6 +415,11 @@ class Kernel:
 
         return evaluate(self, values, digits=digits, eps=eps, largest=largest)
 
+    @cached_property
+    def programs(self) -> dict[int, Any]:
+        """What :func:`rodgen.codegen.exact.program` made of this kernel, by digits."""
+        return {}
+
     def usual_case(self) -> Kernel:
         """Return the shorter kernel of the usual case, with a further output: the condition ``is_usual``.
 
