@@ -198,7 +198,15 @@ def test_groups_of_loops(kinds, number, polygon, most):
     n = len(kinds)
     found = group(Mechanism(kinds, np.ones(n), np.ones(n)))
     assert (found.number, found.polygon, found.most_solutions) == (number, polygon, most)
-    assert bool(found.method) == (most is not None)
+    assert found.method.startswith("no group's method") == (most is None)
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [("four-bar", "(planar)"), ("RSSR", "of 2 freedoms 1 are idle spins"), ("no Bennett", "-2")],
+)
+def test_why_no_group_applies(name, why):
+    assert why in group(LOOPS[name][0]).method
 
 
 def test_groups_of_robots():

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rodgen.errors import RodgenError
 from rodgen.spatial._loops_links import rx, rz
 from rodgen.spatial._mechanism import Mechanism
+from rodgen.spatial._mobility import mobility
 
 __all__ = ["Group", "SphericalEquivalent", "equivalent_spherical", "group"]
 
@@ -81,7 +82,7 @@ class Group:
         How many solutions the reverse analysis of a loop with mobility 1, or of a robot with 6 freedoms, can have.
         Where axes of a robot meet or are parallel, fewer than the group's; None for other mechanisms.
     method : str
-        How it is done.
+        How it is done, or why a group's method does not apply.
     """
 
     number: int
@@ -188,7 +189,7 @@ def group(mechanism: Mechanism) -> Group:
     number = turning - 3
     wanted = 7 if mechanism.closed else 6
     counted = sum(mechanism.freedoms) == wanted and number in METHODS
-    most, method = (MOST_SOLUTIONS[number], METHODS[number]) if counted else (None, "")
+    most, method = (MOST_SOLUTIONS[number], METHODS[number]) if counted else (None, _no_method(mechanism))
     if mechanism.joints == ("R",) * 6 and not mechanism.closed:
         from rodgen.spatial._reverse import reverse_method
         from rodgen.spatial._reverse_plan import plan
@@ -196,3 +197,15 @@ def group(mechanism: Mechanism) -> Group:
         most, method = plan(mechanism).slots, reverse_method(mechanism)
     polygon = POLYGONS.get(turning, f"{turning}-gon") if turning > 2 else ""
     return Group(number, polygon, most, method)
+
+
+def _no_method(mechanism: Mechanism) -> str:
+    """Say why the solution process of a group does not apply."""
+    found = mobility(mechanism)
+    if not mechanism.closed:
+        return f"no group's method applies: {found.value} freedoms instead of the 6 of a robot"
+    if found.exception:
+        return f"no group's method applies: the loop moves by its special geometry ({found.exception})"
+    if found.passive:
+        return f"no group's method applies: of {found.value} freedoms {found.passive} are idle spins"
+    return f"no group's method applies: mobility {found.value} instead of 1"
