@@ -74,6 +74,21 @@ def emitted_c(compiler: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder that all test processes of one run share, so that what takes long is made by one of them."""
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "shared"
+    folder.mkdir(exist_ok=True)
+    return folder
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _references_are_shared(shared_folder: Path) -> None:
+    """Let the references of the kernels find the folder; they are asked for outside of fixtures, too."""
+    os.environ["RODGEN_TEST_SHARED"] = str(shared_folder)
+
+
+@pytest.fixture(scope="session")
 def gufuncs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, ModuleType]:
     """The installed extension once for each instruction set that this processor has, by its name.
 

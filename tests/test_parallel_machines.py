@@ -8,9 +8,11 @@ known before; one step of Newton's leaves the square of the way to it, (0.2 mm /
 
 from __future__ import annotations
 
+import contextlib
 import re
 import subprocess
 import sys
+import time
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
@@ -488,7 +490,8 @@ def test_a_platform_at_home_is_told_to_be_singular():
 
 
 @pytest.fixture(scope="module")
-def devices(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, tuple[Legged, dict[str, float], Path]]:
+def devices(shared_folder: Path) -> Mapping[str, tuple[Legged, dict[str, float], Path]]:
+    """Machines, parameters, and the folder of the code; of all test processes the first emits it."""
     made = {}
     for family in FAMILIES:
         a, b, c = LEGS[family]
@@ -504,11 +507,20 @@ def devices(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, tuple[Legg
         ]
         case = legged(file, 30, np.random.default_rng(15), runs=1)
         values = case.sizeable(case.model.keys)
-        folder = tmp_path_factory.mktemp(family)
-        machine = replace(case.machine, values=values)
-        emit(machine, "c", folder, name="device", travel=case.observations.travel)
-        emit(machine, "numpy", folder, name="device_np", travel=case.observations.travel)
-        made[family] = case, values, folder
+        made[family] = case, values, shared_folder / f"emitted-{family}"
+    for case, values, folder in made.values():
+        with contextlib.suppress(FileExistsError):
+            folder.mkdir()
+            machine = replace(case.machine, values=values)
+            try:
+                emit(machine, "c", folder, name="device", travel=case.observations.travel)
+                emit(machine, "numpy", folder, name="device_np", travel=case.observations.travel)
+            finally:
+                (folder / "done").touch()
+    for _, _, folder in made.values():  # what another process has begun
+        end = time.monotonic() + 300
+        while not (folder / "done").exists() and time.monotonic() < end:
+            time.sleep(0.2)
     return made
 
 
