@@ -272,6 +272,17 @@ def test_a_chain_with_slides_is_solved_as_a_loop() -> None:
     np.testing.assert_allclose(spatial.forward(gantry, found.solutions[:2]), [T, T], rtol=0, atol=1e-12)
 
 
+def test_a_placed_robot_is_solved_in_its_own_coordinates() -> None:
+    base = np.eye(4)
+    base[:3, 3] = 1, 2, 3
+    robot = spatial.Placement(spatial.PUMA_560, base=base, zero=[0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
+    q = [0.3, -0.2, 0.4, 0.5, -0.6, 0.7]
+    found = spatial.reverse(robot, robot.forward(q))
+    assert (found.status == ReverseStatus.REGULAR).all()
+    assert np.abs(found.solutions - q).max(axis=1).min() < 1e-12
+    assert spatial.reverse_method(robot) == spatial.reverse_method(spatial.PUMA_560)
+
+
 def test_lengths_may_have_any_size() -> None:
     for kind in ("wrist", "parallel", "meet 456", "parallel 123"):
         arm = arm_of(kind, 2)

@@ -15,6 +15,7 @@ from rodgen._kernels import kernels
 from rodgen.errors import RodgenError
 from rodgen.spatial._forward import forward, jacobian
 from rodgen.spatial._mechanism import Mechanism
+from rodgen.spatial._placement import Placement
 from rodgen.spatial._reverse_pairs import WAYS
 from rodgen.spatial._reverse_plan import Plan, plan
 from rodgen.spatial._reverse_solve import solved
@@ -49,13 +50,14 @@ class Reverse(NamedTuple):
     status: Any
 
 
-def reverse(mechanism: Mechanism, T: ArrayLike) -> Reverse:
+def reverse(mechanism: Mechanism | Placement, T: ArrayLike) -> Reverse:
     """Find every set of joint angles that brings the end of an arm to a pose.
 
     Parameters
     ----------
     mechanism : Mechanism
-        Open chain of six revolute joints. A chain with two or three slides is handed to :func:`reverse_sliding`.
+        Open chain of six revolute joints. A chain with two or three slides is handed to :func:`reverse_sliding`; of a
+        :class:`Placement` the pose and the angles are the robot's own.
     T : array_like (..., 4, 4)
         Pose of the last joint's frame in the fixed frame F, as :func:`forward` returns it.
 
@@ -93,6 +95,8 @@ def reverse(mechanism: Mechanism, T: ArrayLike) -> Reverse:
     >>> bool(np.abs(spatial.forward(spatial.PUMA_560, solutions) - pose).max() < 1e-12)
     True
     """
+    if isinstance(mechanism, Placement):
+        return mechanism.reverse(T)
     pose = _checked(T)
     if not mechanism.closed and set(mechanism.joints) & set("PC") and sum(mechanism.freedoms) == 6:
         from rodgen.spatial._loops import reverse_sliding
@@ -124,7 +128,7 @@ def reverse(mechanism: Mechanism, T: ArrayLike) -> Reverse:
     return Reverse(angles.reshape(*shape, slots, 6), status.reshape(*shape, slots))
 
 
-def reverse_method(mechanism: Mechanism) -> str:
+def reverse_method(mechanism: Mechanism | Placement) -> str:
     """Tell how :func:`reverse` solves an arm.
 
     Parameters
@@ -143,7 +147,7 @@ def reverse_method(mechanism: Mechanism) -> str:
     >>> spatial.reverse_method(spatial.GE_P60)
     'closed form: axes 2, 3, 4 are parallel, axes 5, 6 meet'
     """
-    chosen = plan(mechanism)
+    chosen = plan(mechanism.mechanism if isinstance(mechanism, Placement) else mechanism)
     words = _WORDS[chosen.way]
     if chosen.arm.backwards:  # the axes as the given chain counts them
         kind, _, axes = words.partition(":")

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -124,10 +123,13 @@ def plan(mechanism: Mechanism) -> Plan:
         raise RodgenError(
             f"the joints are {''.join(mechanism.joints)}; expected RRRRRR, or six freedoms of joints R, P and C"
         )
-    return _plan(mechanism)
+    known: Plan | None = vars(mechanism).get("_reverse_plan")
+    if known is None:  # kept with the mechanism: to hash its numbers takes longer than to solve a pose
+        known = _plan(mechanism)
+        object.__setattr__(mechanism, "_reverse_plan", known)
+    return known
 
 
-@lru_cache(maxsize=128)
 def _plan(mechanism: Mechanism) -> Plan:
     arms = list(_arms(mechanism))
     if not _moves_freely(mechanism):
