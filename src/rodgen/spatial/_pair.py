@@ -58,8 +58,8 @@ def pair_from_biquadratics(E: ArrayLike) -> Any:
     >>> import numpy as np
     >>> from rodgen import spatial
     >>> E = np.zeros((2, 3, 3))
-    >>> E[0, 0] = [-1, 0, 1]  # x1² = 1
-    >>> E[1, 1] = [-2, 1, 0]  # (x1 - 2) x2 = 0: x2 = 0, or infinite
+    >>> E[0, 0] = E[0, 2] = [-1, 0, 1]  # (x1² - 1)(1 + x2²) = 0
+    >>> E[1, 1] = [-2, 1, 0]  # (x1 - 2) x2 = 0: x2 is 0, or infinite, since x2² is not there
     >>> pair = spatial.solve_pair(spatial.pair_from_biquadratics(E))
     >>> np.degrees(pair.theta1[:4]).round(9), np.degrees(pair.theta2[:4]).round(9) + 0.0
     (array([-90., -90.,  90.,  90.]), array([  0., 180.,   0., 180.]))
