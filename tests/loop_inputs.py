@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 COUNT = 10
 
@@ -10,6 +11,8 @@ COUNT = 10
 def loop_inputs(name: str) -> dict[str, np.ndarray]:
     """Arrays (n, ...) for every input of a kernel."""
     rng = np.random.default_rng(41)
+    if name.startswith("loop_pair_"):
+        return ring_inputs(rng)
     links = 4 if name == "loop_rccc" else 5
     alpha = rng.uniform(-np.pi, np.pi, (COUNT, links))
     a = rng.uniform(-2, 2, (COUNT, links))
@@ -33,3 +36,13 @@ def loop_inputs(name: str) -> dict[str, np.ndarray]:
     if name == "loop_rrrcc_back":
         values |= {"theta_1": angles[:, 1], "theta_2": angles[:, 2]}
     return values
+
+
+def ring_inputs(rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """Rings of four links: any ones, one of right angles, one with parallel axes, and one that is not finite."""
+    rotations = Rotation.random(4 * 5, random_state=8).as_matrix().reshape(5, 4, 3, 3)
+    rotations[1] = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
+    vectors, p, q = rng.normal(size=(5, 4, 3)), rng.normal(size=(5, 3)), rng.normal(size=(5, 3))
+    rotations[3, 3] = np.eye(3)
+    p[4, 1] = np.nan
+    return {"rotation": rotations, "vector": vectors, "p": p, "q": q}

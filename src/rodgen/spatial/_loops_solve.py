@@ -4,10 +4,8 @@ Three angles (group 1): the rotation closes by itself. With Rz(t1) R1 Rz(t2) R2 
 3 and 1, which R3 keeps, gives A cos t2 + B sin t2 + D = 0; the other angles and the slides are linear.
 
 Four angles (group 2): the angle between the axes 4 and 1 is an equation in t2 and t3, and the projection of the vector
-loop across both slides is the second. It is not bilinear in 1, cos, sin of t2 and t3 as it stands, but is equal to a
-function that is, wherever the first equation holds, whatever the order of the joints (proved in the derivation
-``spatial_loops``). Its nine coefficients are found from values: at angles that satisfy the first equation, complex ones
-among them, the projection is computed, and the smallest coefficients that reproduce it are taken.
+loop across both slides is the second. Both are bilinear in 1, cos, sin of t2 and t3, whatever the order of the joints,
+wherever the first holds: proved in the derivation ``spatial_loops``, whose kernels compute the coefficients.
 """
 
 from __future__ import annotations
@@ -18,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen._kernels import kernels
 from rodgen.spatial._loops_closure import offsets, polish
 from rodgen.spatial._loops_links import Link, Merged, rz
 from rodgen.spatial._loops_search import different, moves, repeated, search
@@ -39,18 +38,10 @@ MEET = 1e-7
 moves a solution by more than its own distance to the next one."""
 ODD = 1e-8
 """Sine of a twist, or share of an equation's coefficients, below which the equation says nothing."""
-NOISE = 1e-14
-"""Coefficients of an equation below this, in its natural scale, are the rounding of zero."""
-SAMPLES = 7
-"""Values of each angle at which the projection is computed, at both values of the other: 28 equations or more, where 8
-are needed, so that none of them has to be well placed."""
-FIT_RANK = 1e-10
-"""Share of the largest singular value below which a combination of coefficients is not determined by the values."""
-
-
-def _apply(R: Array, v: Array) -> Array:
-    found: Array = np.einsum("...ij,...j->...i", R, v)
-    return found
+NOISE = 2e-15
+"""Coefficients of an equation below this, in its natural scale, are the rounding of zero: sums of a few dozen terms."""
+LINKS = ("12", "23", "34")
+"""Names of a ring's links in the kernels; slides are in the first three."""
 
 
 def _angle(before: Array, after: Array) -> Array:
@@ -241,9 +232,9 @@ def _rows(link: Link, rows: NDArray[np.intp]) -> Link:
 
 def _ring(ring: list[Link]) -> tuple[Array, NDArray[Any], NDArray[np.bool_]]:
     """Solve for the angles of four axes in a ring; the last link has no slide."""
-    first = _cosine_law(ring)
-    second = _fitted(ring, first)
-    pair = solve_pair(np.stack([first, second], axis=-3))
+    equations = _pair(ring)
+    first = equations[:, 0]
+    pair = solve_pair(equations)
     theta2, theta3 = pair.theta1, pair.theta2
     R0, R1, R2, R3 = (link.R[:, None] for link in ring)
     whole = R0 @ rz(theta2) @ R1 @ rz(theta3) @ R2
@@ -258,101 +249,15 @@ def _ring(ring: list[Link]) -> tuple[Array, NDArray[Any], NDArray[np.bool_]]:
     return np.stack([theta1, theta2, theta3, theta4], axis=-1), status, possible & strange.any(axis=-1)
 
 
-def _cosine_law(ring: list[Link]) -> Array:
-    """Coefficients (count, 3, 3) of s4 . s1 - cos(alpha_41) in 1, cos, sin of the angles 2 and 3."""
-    row, column = ring[0].R[:, 2, :], ring[2].R[:, :, 2]
-    left, right = np.zeros((len(row), 3, 3)), np.zeros((len(row), 3, 3))
-    left[:, 0, 2] = row[:, 2]
-    left[:, 1, 0], left[:, 1, 1] = row[:, 0], row[:, 1]
-    left[:, 2, 0], left[:, 2, 1] = row[:, 1], -row[:, 0]
-    right[:, 2, 0] = column[:, 2]
-    right[:, 0, 1], right[:, 1, 1] = column[:, 0], column[:, 1]
-    right[:, 0, 2], right[:, 1, 2] = -column[:, 1], column[:, 0]
-    found = left @ ring[1].R @ right
-    found[:, 0, 0] -= ring[3].R[:, 2, 2]
-    return np.where(np.abs(found) > NOISE, found, 0.0)
-
-
-def _on_the_curve(law: Array) -> tuple[Array, Array, Array]:
-    """Cosines and sines of both angles, complex, where the first equation holds: two (count, k, 3), and a weight."""
-    turns = 2 * np.pi * (np.arange(SAMPLES) + 0.3) / SAMPLES
-    given = np.stack([np.ones_like(turns), np.cos(turns), np.sin(turns)], axis=-1)
-
-    def other(table: Array) -> tuple[Array, Array]:
-        D, A, B = np.moveaxis(given @ table, -1, 0)
-        square = A**2 + B**2
-        size = square + D**2
-        fine = square > 1e-6 * np.where(size > 0, size, 1.0)
-        safe = np.where(fine, square, 1.0)
-        root = np.sqrt(np.where(fine, square - D**2, 0.0).astype(complex))
-        # real roots are two; of complex ones the second is the conjugate of the first and says nothing new
-        w = np.concatenate([root, -root], axis=-1)
-        A, B, D, safe = (np.concatenate([x, x], axis=-1) for x in (A, B, D, safe))
-        cosine, sine = (-A * D - B * w) / safe, (-B * D + A * w) / safe
-        return np.stack([np.ones_like(cosine), cosine, sine], axis=-1), np.concatenate([fine, fine], axis=-1)
-
-    third, fine3 = other(law)
-    second, fine2 = other(np.swapaxes(law, -1, -2))
-    same = np.broadcast_to(np.concatenate([given, given]), third.shape)
-    u = np.concatenate([same, second], axis=1)
-    v = np.concatenate([third, same], axis=1)
-    return u, v, np.concatenate([fine3, fine2], axis=1)
-
-
-def _turned(cs: Array, v: Array) -> Array:
-    """Rotate vectors (count, 3) about z by angles with cosine and sine cs (count, k, 3)."""
-    v = v[:, None]
-    x = cs[..., 1] * v[..., 0] - cs[..., 2] * v[..., 1]
-    y = cs[..., 2] * v[..., 0] + cs[..., 1] * v[..., 1]
-    return np.stack([x, y, v[..., 2] * cs[..., 0]], axis=-1)
-
-
-def _projection(ring: list[Link], u: Array, v: Array) -> Array:
-    """Vector loop dotted with the cross product of both slides' directions, seen from link 23."""
-    back = u * np.array([1.0, 1.0, -1.0])
-    middle = ring[1].R[:, None]
-
-    def from_first(vector: Array) -> Array:
-        return _turned(back, np.einsum("nji,nj->ni", ring[0].R, vector))
-
-    def from_third(vector: Array) -> Array:
-        return _apply(middle, _turned(v, vector))
-
-    up = np.broadcast_to(np.array([0.0, 0.0, 1.0]), ring[0].v.shape)
-    s1, s4 = from_first(up), from_third(ring[2].R[:, :, 2])
-    # the last link's vector as a sum of s4, s1 and their cross product
-    next_axis = ring[3].R[:, :, 2]
-    across = np.cross(up, next_axis)
-    sine2 = (across**2).sum(axis=-1)
-    safe = np.where(sine2 > 0, sine2, np.nan)
-    cosine = next_axis[:, 2]
-    along4, along1 = ring[3].v[:, 2], (ring[3].v * next_axis).sum(axis=-1)
-    parts = np.stack(
-        [along4 - cosine * along1, along1 - cosine * along4, (ring[3].v * across).sum(axis=-1)], axis=-1
-    )
-    parts = (parts / safe[:, None])[:, None]
-    total = from_first(ring[0].v) + ring[1].v[:, None] + from_third(ring[2].v)
-    total = total + parts[..., :1] * s4 + parts[..., 1:2] * s1 + parts[..., 2:] * np.cross(s4, s1)
-    directions = [from_first(d) for _, d in ring[0].slides]
-    directions += [np.broadcast_to(d[:, None], total.shape) for _, d in ring[1].slides]
-    directions += [from_third(d) for _, d in ring[2].slides]
-    found: Array = (np.cross(directions[0], directions[1]) * total).sum(axis=-1)
-    return found
-
-
-def _fitted(ring: list[Link], law: Array) -> Array:
-    """Find the smallest coefficients (count, 3, 3) that give the projection where the first equation holds."""
-    u, v, fine = _on_the_curve(law)
-    values = _projection(ring, u, v)
-    monomials = (u[..., :, None] * v[..., None, :]).reshape(*values.shape, 9)
-    weight = np.where(fine, 1 / np.abs(monomials).max(axis=-1), 0.0)
-    monomials, values = monomials * weight[..., None], values * weight
-    system = np.concatenate([monomials.real, monomials.imag], axis=1)
-    right = np.concatenate([values.real, values.imag], axis=1)
-    good = np.isfinite(system).all(axis=(1, 2)) & np.isfinite(right).all(axis=1)
-    system = np.where(good[:, None, None], system, 0.0)
-    fitted = _apply(np.linalg.pinv(system, rcond=FIT_RANK), np.where(good[:, None], right, 0.0))
-    # a length: that of the whole loop is its natural scale
-    scale = sum(np.abs(link.v).max(axis=-1) for link in ring)
-    fitted = np.where(np.abs(fitted) > 16 * NOISE * scale[:, None], fitted, 0.0)
-    return np.where(good[:, None], fitted, 0.0).reshape(-1, 3, 3)
+def _pair(ring: list[Link]) -> Array:
+    """Coefficients (count, 2, 3, 3) of both equations, from the kernel for the links that the slides are in."""
+    slides = [(link, direction) for link in range(3) for _, direction in ring[link].slides]
+    (first, p), (second, q) = slides
+    kernel = getattr(kernels, f"loop_pair_{LINKS[first]}_{LINKS[second]}")
+    rotations = np.stack([link.R for link in ring], axis=1)
+    found: Array = kernel(rotations, np.stack([link.v for link in ring], axis=1), p, q)
+    # the first equation has numbers of order 1, the second lengths of the order of the whole loop
+    scale = np.stack([np.ones(len(p)), sum(np.linalg.norm(link.v, axis=-1) for link in ring)], axis=1)
+    found = np.where(np.abs(found) > NOISE * scale[:, :, None, None], found, 0.0)
+    finite = np.isfinite(found.reshape(len(found), 18)).sum(axis=1) == 18
+    return np.where(finite[:, None, None, None], found, 0.0)
