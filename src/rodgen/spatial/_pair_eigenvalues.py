@@ -8,6 +8,7 @@ power is well conditioned; it is divided by, and an ordinary eigenvalue problem 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,8 @@ __all__ = ["biquadratics", "eigenvalues", "starts", "turned"]
 TURNS = 2 * np.pi / 9 * np.arange(9) + 0.1
 """Directions that θ1 may be counted from: nine, because a resultant that is not identically zero has no more than
 eight zeros."""
+SOLVABLE = 1e-14
+"""Smallest over largest singular value of the matrix that is divided by: below this rounding may make it singular."""
 COMPLEX = 0.05
 """Imaginary part of an angle up to which it may be a real one: eight solutions in one lose all but an eighth of sixteen
 digits."""
@@ -69,17 +72,14 @@ def eigenvalues(M: Any, method: str = "sylvester") -> tuple[Any, Any]:
     """Return angles θ1 (n, 8), complex ones among them, and how far the resultant is from vanishing (n,)."""
     n = len(M)
     form = sylvester if method == "sylvester" else bezout
-    # at x = ∞ the matrix is that of the highest power, so it is asked for at all nine turns
-    leading = np.stack([form(biquadratics(turned(M, np.full(n, turn))))[:, -1] for turn in TURNS], axis=1)
-    singular = np.linalg.svd(leading, compute_uv=False)
-    largest = np.where(singular[..., :1].max(axis=1) > 0, singular[..., :1].max(axis=1), 1.0)
-    smallest = singular[..., -1] / largest
+    smallest = _smallest(M, form)
     best = smallest.argmax(axis=-1)
-    distance = smallest[np.arange(n), best]
+    # Sylvester's matrix tells a common factor to rounding, Bezout's to the root of that
+    distance = (smallest if method == "sylvester" else _smallest(M, sylvester)).max(axis=-1)
     turn = TURNS[best]
     P = form(biquadratics(turned(M, turn)))
     degree, size = P.shape[1] - 1, P.shape[2]
-    good = distance > 1e-14
+    good = smallest[np.arange(n), best] > SOLVABLE
     last = np.where(good[:, None, None], P[:, -1], np.eye(size))
     companion = np.zeros((n, degree * size, degree * size))
     companion[:, :-size, size:] = np.eye((degree - 1) * size)
@@ -91,6 +91,19 @@ def eigenvalues(M: Any, method: str = "sylvester") -> tuple[Any, Any]:
         psi = 2 * np.arctan(x)
         psi = np.where(np.abs(x.imag) == 0, 2 * np.arctan(x.real), psi)
     return psi + turn[:, None], distance
+
+
+def _smallest(M: Any, form: Callable[[Any], Any]) -> Any:
+    """Smallest over largest singular value of the matrix of the highest power, for nine turns: (n, 9).
+
+    At x = ∞ the matrix polynomial is that matrix, so all turns together ask for it at nine angles.
+    """
+    leading = np.stack(
+        [form(biquadratics(turned(M, np.full(len(M), turn))))[:, -1] for turn in TURNS], axis=1
+    )
+    singular = np.linalg.svd(leading, compute_uv=False)
+    largest = singular[..., :1].max(axis=1)
+    return singular[..., -1] / np.where(largest > 0, largest, 1.0)
 
 
 def starts(M: Any, method: str = "sylvester") -> tuple[Any, Any, Any]:
