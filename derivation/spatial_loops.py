@@ -549,40 +549,41 @@ d.check(
 square = [(0, 0), (1, 0), (1, 1), (0, 1)]
 screws = sp.Matrix([[0, 0, 1, y, -x, 0] for x, y in square]).T
 rank = d.symbol("r", "r", "rank of the joints' screws", "1", value=sp.Integer(screws.rank()))
+bodies = d.symbol("bodies", "n", "bodies, and joints, of a single loop", "1")
+freedoms = d.symbol("f", "f", "freedoms of each joint", "1")
 d.state(
     "mobility-formula",
-    equal(4 - rank, 6 * (4 - 1) - 4 * (6 - 1)),
+    equal(bodies * freedoms - rank, 6 * (bodies - 1) - bodies * (6 - freedoms)),
     tacit=True,
-    text="The freedoms of a loop, its joints' freedoms less the rank of their screws, are 6 (n − 1) − Σ (6 − f). For a "
+    text="The freedoms of a loop, those of its joints less the rank of their screws, are 6 (n − 1) − Σ (6 − f). For a "
     "four-bar linkage with parallel axes, here at the corners of a square:",
     place="Mobility",
 ).refute(
-    {},
-    equal(4 - rank, 3 * (4 - 1) - 4 * (3 - 1)),
+    {bodies: 4, freedoms: 1},
+    equal(bodies * freedoms - rank, 3 * (bodies - 1) - bodies * (3 - freedoms)),
     label="M1",
     because="The motions of a planar linkage are a group of order 3, which takes the place of 6.",
 )
 
 # %%
-M_spatial = d.symbol(
-    "M_spatial", r"M_\mathrm{spatial}", "mobility of an RRRCC loop", "1", value=sp.Integer(3 * 1 + 2 * 2 - 6)
-)
+total = d.symbol("F", "F", "freedoms of all joints of a loop", "1")
+turning = d.symbol("N", "N", "joints of its equivalent spherical mechanism", "1")
+M_spatial = d.symbol("M_spatial", r"M_\mathrm{spatial}", "mobility of the loop", "1", value=total - 6)
 M_spherical = d.symbol(
     "M_spherical",
     r"M_\mathrm{spherical}",
-    "mobility of its equivalent spherical mechanism",
+    "mobility of the spherical mechanism, whose motions have order 3",
     "1",
-    value=sp.Integer(5 - 3),
+    value=3 * (turning - 1) - turning * (3 - 1),
 )
 d.state(
     "group-of-a-mechanism",
-    equal(M_spatial, 5 - 3),
-    text="The mobility that gives a mechanism its group, the number of its turning joints less three, is written with "
-    "the index “spatial”. For the RRRCC loop, with five of them:",
+    equal(M_spatial, turning - 3),
+    text="The mobility that gives a mechanism its group is written with the index “spatial”. For the RRRCC loop:",
     place="Spherical Mechanism Groups",
 ).refute(
-    {},
-    equal(M_spherical, 5 - 3),
+    {total: 7, turning: 5},
+    equal(M_spherical, turning - 3),
     label="M2",
     because="It is that of the equivalent spherical mechanism; the spatial loop has one freedom.",
 )
@@ -829,8 +830,8 @@ def ring_pair(slides):
         f"loop_pair_{slides}",
         summary=f"Write a ring of four links with two slides, in {where}, as a bilinear pair.",
         source="derivation spatial_loops; Crane and Duffy, group two solution process",
-        notes="Each link is a rotation from the frame at its second joint to that at its first, z along the joint, and a "
-        "vector in the latter. Rows multiply 1, cos, sin of the second angle, columns those of the third.",
+        notes="Each link is a rotation from the frame at its second joint to that at its first, z along the joint, and "
+        "a vector in the latter. Rows multiply 1, cos, sin of the second angle, columns those of the third.",
     )
     rotations = k.input("rotation", (4, 3, 3), unit="1", doc="of the links 12, 23, 34 and 41")
     vectors = k.input("vector", (4, 3), unit="length", doc="of these links, without the slides")
