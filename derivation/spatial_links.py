@@ -125,6 +125,29 @@ d.state(
 ).prove(modulo=UNIT)
 
 # %% [markdown]
+# Homogeneous coordinates $(X,Y,Z,w)$ are those of the point $(X,Y,Z)/w$. Where $w\to 0$ the point runs away along
+# $(X,Y,Z)$: with $w=0$ it is the point at infinity in this direction, and a transformation only turns it.
+
+# %%
+weight = d.symbol("w_h", "w", "last of the homogeneous coordinates, not zero", "1")
+direction = d.vector("X", r"\vec X", "first three homogeneous coordinates", "length")
+XYZ = sp.Matrix(list(direction))
+d.check(
+    "homogeneous",
+    equal(
+        T_AB * im([*direction, weight]), im([*(weight * (R * (XYZ / weight) + sp.Matrix(list(P)))), weight])
+    ),
+    text="The coordinates (X, Y, Z, w) go to those of the transformed point (X, Y, Z)/w, with the same w.",
+).prove()
+
+# %%
+d.check(
+    "point-at-infinity",
+    equal(T_AB * im([*direction, 0]), im([*(R * XYZ), 0])),
+    text="A direction is turned and not shifted.",
+).prove()
+
+# %% [markdown]
 # ## Rotation about a general vector
 #
 # System $C$ has its $z$ axis along $\vec m$ and its other axes $\vec a$, $\vec b$ anywhere. It is turned about
@@ -440,6 +463,13 @@ if in_notebook():
 # %% [markdown]
 # ## From link to link
 #
+# A link of a machine may have any shape: what counts is where it holds the axes of its joints. How two lines lie to one
+# another is told by the length of their common perpendicular and the angle between them about it, $a_{ij}$ and
+# $\alpha_{ij}$, and that is the kinematic link. Where the axes meet the length is zero, and either sense of
+# $\vec a_{ij}$ may be chosen; parallel axes have a common perpendicular everywhere, and one is chosen. Once the sense is
+# fixed the length may be negative. Where the perpendiculars of two neighbouring links meet a joint's axis gives its
+# offset and angle.
+#
 # System $j$ has its $x$ axis along $\vec a_{jk}$, its $z$ axis along $\vec S_j$, and its origin where both meet. The
 # transform of link $ij$ and joint $j$ is a screw motion about $\vec a_{ij}$ and one about $\vec S_j$. It is what
 # others call modified Denavit-Hartenberg: length and twist come before offset and angle.
@@ -520,6 +550,46 @@ d.state(
     because="The right angle is that of the link between the two axes, α_jk. The axes i and k are two links apart and "
     "at any angle: cos α_ij cos α_jk − sin α_ij sin α_jk cos θ_j.",
 )
+
+# %% [markdown]
+# Revolute and prismatic joints have one variable, $\theta_j$ or $S_j$; a cylindric joint has both, and in a screw joint
+# $S_j=S_0+h\theta_j$ with the pitch $h$. The others are rows of these, with links of no length between them. A Hooke
+# joint is two revolute ones at right angles; a spherical joint three whose axes meet, which turn to every attitude;
+# a plane joint two prismatic ones across each other and a revolute one across both.
+
+# %%
+theta_2, theta_3, S_2 = (
+    d.symbol("theta_2", r"\theta_2", "angle of a second joint in the row", "rad"),
+    d.symbol("theta_3", r"\theta_3", "angle of a third joint in the row", "rad"),
+    d.symbol("S_2", "S_2", "offset of a second joint in the row", "length"),
+)
+corner = sp.pi / 2
+d.check(
+    "spherical-joint",
+    equal(
+        im(link(0, 0, 0, theta) * link(0, corner, 0, theta_2) * link(0, corner, 0, theta_3)),
+        im(transform(about_z(theta) * about_y(-theta_2) * about_x(sp.pi) * about_z(theta_3), [0, 0, 0])),
+    ),
+    text="Three revolute joints, each at right angles to the next, turn about one point: about z, y and z, which are "
+    "Euler's angles of every attitude. The first two are a Hooke joint.",
+).prove()
+
+# %%
+d.check(
+    "plane-joint",
+    equal(
+        im(link(0, 0, S, 0) * link(0, corner, S_2, corner) * link(0, corner, 0, theta)),
+        im(transform(about_x(corner) * about_z(corner) * about_x(corner), [0, -S_2, S])) * turn_theta,
+    ),
+    text="Two prismatic joints shift along −y and z, and the revolute one after them turns about their normal x.",
+).prove()
+
+# %%
+d.check(
+    "plane-normal",
+    equal(im((about_x(corner) * about_z(corner) * about_x(corner))[:, 2]), im([1, 0, 0])),
+    text="For that is where its axis is.",
+).prove()
 
 # %%
 x, y, z = (d.vector(f"{n}_i", rf"\vec {n}", f"{n} axis of system i", "1") for n in "xyz")
@@ -661,6 +731,13 @@ d.check(
 ).prove()
 
 # %% [markdown]
+# ## The iterative technique
+#
+# The reverse analysis asks which angles bring the end to a given pose $T_g$. One may look for where
+# $F(\phi_1,\theta_2,\ldots,\theta_6)=\lVert{}^F_6T-T_g\rVert^2$ is least, with the Jacobian above for the steps.
+# From one start that gives one solution or none, and from however many starts it never says that there are no more: so
+# it is the check here, from 300 starts a pose and without the equations of these notebooks, and not the way.
+#
 # ## Closing the loop with a hypothetical link
 #
 # The end frame is given: $\vec S_6$, $\vec a_{67}$ and its origin $\vec P$. A seventh joint and the links 67 and 71

@@ -303,6 +303,29 @@ def test_placements_of_loops_and_wrong_frames_are_told():
 # machines ------------------------------------------------------------------------------------------------------------
 
 
+def test_the_jacobian_of_a_placement_is_that_of_its_end_in_its_base():
+    """Against differences of the pose: h = 1e-6 leaves h² times third derivatives, and eps/h of rounding."""
+    rng = np.random.default_rng(11)
+    mixed = Mechanism("RPCR", [1.0, 0.5, 0.2], [0.3, -1.2, 0.7])
+    for mechanism in (spatial.PUMA_560, mixed):
+        count = len(mechanism.variables)
+        robot = Placement(mechanism, random_frame(rng), random_frame(rng), rng.normal(size=count))
+        q = rng.normal(size=count)
+        rates, pose, h = robot.jacobian(q), robot.forward(q), 1e-6
+        for v in range(count):
+            rate = (robot.forward(q + h * np.eye(count)[v]) - robot.forward(q - h * np.eye(count)[v])) / (
+                2 * h
+            )
+            turning = rate[:3, :3] @ pose[:3, :3].T
+            wanted = [turning[2, 1], turning[0, 2], turning[1, 0], *rate[:3, 3]]
+            assert np.abs(rates[:, v] - wanted).max() < 1e-8 * (1 + np.abs(pose).max())
+
+
+def test_a_placement_where_a_mechanism_is_wanted_is_told():
+    with pytest.raises(TypeError, match=r"a Placement was given; expected a Mechanism: its \.mechanism"):
+        spatial.forward(Placement(spatial.PUMA_560), np.zeros(6))
+
+
 def seen(machine: Machine, q: np.ndarray) -> np.ndarray:
     """What the machine's own model says that its targets are seen at: (rows, targets, 3)."""
     units = ["deg" if joint.type == "revolute" else "mm" for joint in machine.joints]
@@ -329,6 +352,12 @@ def machine_of(screws, targets) -> Machine:
     return Machine(
         "Made up", "mm", "deg", (0.0, 0.0, -1.0), 20.0, tuple(joints), marks, Measured("point", "machine")
     )
+
+
+def test_machine_files_of_robots_at_right_angles_have_no_dust():
+    for joint in spatial.to_machine(spatial.PUMA_560).joints:
+        assert set(np.abs(joint.axis)) <= {0.0, 1.0}
+        assert set(np.abs(joint.point)) <= {0.0, 5.9, 17.0, 0.8 + 17.0}
 
 
 def test_a_rigid_machine_and_its_mechanism_see_targets_alike():

@@ -13,9 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from rodgen._kernels import kernels
 from rodgen.errors import RodgenError
-from rodgen.spatial._mechanism import Mechanism
+from rodgen.spatial._mechanism import Mechanism, check_mechanism
 
 __all__ = ["checked", "forward", "frames", "jacobian", "link_transform"]
+
+RIGHT_ANGLE = 2 * float(np.finfo(float).eps)
+"""A multiple of 90 degrees, up to a turn, is off by the rounding of an angle near 2π: no more than this."""
 
 
 def link_transform(a: ArrayLike, alpha: ArrayLike, offset: ArrayLike, angle: ArrayLike) -> Any:
@@ -169,6 +172,7 @@ def jacobian(mechanism: Mechanism, variables: ArrayLike) -> Any:
 
 def checked(mechanism: Mechanism, variables: ArrayLike) -> NDArray[Any]:
     """Return variables as an array of numbers (..., v), or say what is wrong with them."""
+    check_mechanism(mechanism)
     expected = len(mechanism.variables)
     q = np.asarray(variables)
     if q.dtype.kind not in "fiub":
@@ -186,8 +190,7 @@ def _is_6r(mechanism: Mechanism) -> bool:
 
 
 def _six(mechanism: Mechanism) -> tuple[NDArray[Any], ...]:
-    alpha = mechanism.alpha
-    return mechanism.a, np.cos(alpha), np.sin(alpha), mechanism.offset
+    return mechanism.a, *_cosine_and_sine(mechanism.alpha), mechanism.offset
 
 
 def _all(mechanism: Mechanism, q: NDArray[Any]) -> list[NDArray[Any]]:
@@ -198,7 +201,7 @@ def _all(mechanism: Mechanism, q: NDArray[Any]) -> list[NDArray[Any]]:
     for j, kind in enumerate(mechanism.joints):
         if kind == "H":
             offsets[j] = offsets[j] + mechanism.pitch[j] * angles[j]
-    cosine, sine = np.cos(mechanism.alpha), np.sin(mechanism.alpha)
+    cosine, sine = _cosine_and_sine(mechanism.alpha)
     frame = kernels.link_step(np.eye(4), 0.0, 1.0, 0.0, offsets[0], angles[0])
     found = [frame]
     for j in range(1, len(mechanism.joints)):
@@ -211,5 +214,15 @@ def _all(mechanism: Mechanism, q: NDArray[Any]) -> list[NDArray[Any]]:
 
 
 def _closing(mechanism: Mechanism, frame: NDArray[Any]) -> Any:
-    twist = mechanism.alpha[-1]
-    return kernels.link_step(frame, mechanism.a[-1], np.cos(twist), np.sin(twist), 0.0, 0.0)
+    cosine, sine = _cosine_and_sine(mechanism.alpha[-1])
+    return kernels.link_step(frame, mechanism.a[-1], cosine, sine, 0.0, 0.0)
+
+
+def _cosine_and_sine(twist: Any) -> tuple[Any, Any]:
+    """Return both, exact at right angles, which are no number of radians: no dust in poses and machine files."""
+    cosine, sine = np.cos(twist), np.sin(twist)
+    level, upright = np.abs(sine) <= RIGHT_ANGLE, np.abs(cosine) <= RIGHT_ANGLE
+    return (
+        np.where(level, np.sign(cosine), np.where(upright, 0.0, cosine)),
+        np.where(upright, np.sign(sine), np.where(level, 0.0, sine)),
+    )

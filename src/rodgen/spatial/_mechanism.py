@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from rodgen.errors import RodgenError
 from rodgen.spatial._arrays import real_array
 
-__all__ = ["FREEDOMS", "GE_P60", "PUMA_560", "T3_776", "Mechanism"]
+__all__ = ["FREEDOMS", "GE_P60", "PUMA_560", "T3_776", "Mechanism", "check_mechanism"]
 
 FREEDOMS = {"R": 1, "P": 1, "H": 1, "C": 2, "T": 2, "S": 3, "E": 3}
 """Freedoms of each kind of joint: revolute, prismatic, screw, cylindric, Hooke, spherical, plane."""
@@ -269,6 +269,14 @@ class Mechanism:
             name=self.name,
             names=names,
         )
+
+
+def check_mechanism(given: object) -> None:
+    """Raise a TypeError for what is no mechanism, as a placement is none."""
+    if not isinstance(given, Mechanism):
+        kind = type(given).__name__
+        hint = ": its .mechanism, or the placement's own functions" if kind == "Placement" else ""
+        raise TypeError(f"a {kind} was given; expected a Mechanism{hint}")
 
 
 def _numbers(what: str, values: ArrayLike) -> NDArray[np.float64]:

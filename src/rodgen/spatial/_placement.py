@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
 from rodgen.spatial._arrays import real_array
-from rodgen.spatial._forward import checked, forward
+from rodgen.spatial._forward import checked, forward, jacobian
 from rodgen.spatial._mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -103,6 +103,42 @@ class Placement:
         """
         q = checked(self.mechanism, coordinates)
         return self.base @ forward(self.mechanism, q + self.zero) @ self.end
+
+    def jacobian(self, coordinates: ArrayLike) -> Any:
+        """Return how the end frame moves with each coordinate.
+
+        Parameters
+        ----------
+        coordinates : array_like (..., v)
+            The robot's coordinates, angles in rad.
+
+        Returns
+        -------
+        array (..., 6, v)
+            Angular velocity (rows 0 to 2) and velocity of the origin of the end frame (rows 3 to 5), in the base frame,
+            per unit of each coordinate.
+
+        Raises
+        ------
+        RodgenError
+            As for :func:`jacobian`.
+
+        Examples
+        --------
+        >>> from rodgen import spatial
+        >>> tool = spatial.transform(None, [0, 0, 100.0])
+        >>> arm = spatial.Placement(spatial.Mechanism("RR", [0.0], [1.5707963267948966]), end=tool)
+        >>> arm.jacobian([0.0, 0.0])[3:].round(9) + 0.0  # the first joint swings the tool along x
+        array([[100.,   0.],
+               [  0.,   0.],
+               [  0.,   0.]])
+        """
+        q = checked(self.mechanism, coordinates) + self.zero
+        rates = jacobian(self.mechanism, q)
+        turning = rates[..., :3, :]
+        lever = forward(self.mechanism, q)[..., :3, :3] @ self.end[:3, 3]
+        moving = rates[..., 3:, :] + np.cross(turning, lever[..., None], axis=-2)
+        return np.concatenate([self.base[:3, :3] @ turning, self.base[:3, :3] @ moving], axis=-2)
 
     def reverse(self, pose: ArrayLike) -> Reverse:
         """Return all coordinates that bring the end frame to a pose in the base frame.

@@ -23,7 +23,7 @@ MATRIX = tuple(f"r{i}{j}" for i in "123" for j in "123")
 
 ATTITUDE_TEXT = """\
 Attitudes are, by --from,
-  ZYX (default), ZYZ or another of the twelve sequences: alpha [deg],beta [deg],gamma [deg], the three angles in the
+  ZYX, ZYZ or another of the twelve sequences: alpha [deg],beta [deg],gamma [deg], the three angles in the
       order of the sequence, in any unit of angle. Capitals are intrinsic, about turned axes; small letters extrinsic.
   quaternion: q0,qx,qy,qz, of unit length, scalar part first
   matrix: r11,r12,r13,r21,...,r33; its columns are the moved axes
@@ -43,15 +43,15 @@ def _form(text: str) -> str:
     return text
 
 
-def add_form(parser: argparse.ArgumentParser) -> None:
-    """Add the option that says how attitudes are written."""
+def add_form(parser: argparse.ArgumentParser, usual: str = "ZYX") -> None:
+    """Add the option that says how attitudes are written, and how they are where it is left out."""
     parser.add_argument(
         "--from",
         dest="form",
         metavar="SEQUENCE|quaternion|matrix",
         type=_form,
-        default="ZYX",
-        help="how the table writes attitudes; default: %(default)s",
+        default=usual,
+        help=f"how the table writes attitudes; default: {usual}",
     )
 
 

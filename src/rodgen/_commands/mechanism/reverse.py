@@ -24,6 +24,8 @@ from rodgen.errors import InputFileError, shown
 
 __all__ = ["add_to"]
 
+_USUAL = "quaternion"
+"""How 'rodgen mechanism forward' writes attitudes."""
 _OFF = 1e-3
 """How far an attitude in a table may be off a rotation: digits that were cut off, not another convention."""
 
@@ -52,8 +54,8 @@ def add_to(command: Command) -> None:
     """Add the command."""
     parser = command("reverse", _run, "all joint coordinates of poses, or of a loop's input", _TEXT)
     add_files(parser, "POSES")
-    add_form(parser)
-    parser.set_defaults(form=None)
+    add_form(parser, _USUAL)
+    parser.set_defaults(form=None)  # a loop has no poses: there the option must not be given
     add_tool(parser)
     parser.add_argument(
         "--given",
@@ -73,7 +75,7 @@ def _robot(options: argparse.Namespace, chain: Chain) -> int:
 
     if options.given is not None:
         raise InputFileError("command line", "--given", "for an open chain", "a closed loop, or no --given")
-    form = options.form or "quaternion"
+    form = options.form or _USUAL
     columns = [*(Column(axis, "length") for axis in "xyz"), *columns_of(form)]
 
     def prepare(unit: str) -> Any:
