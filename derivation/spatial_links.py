@@ -466,8 +466,8 @@ if in_notebook():
 # A link of a machine may have any shape: what counts is where it holds the axes of its joints. How two lines lie to one
 # another is told by the length of their common perpendicular and the angle between them about it, $a_{ij}$ and
 # $\alpha_{ij}$, and that is the kinematic link. Where the axes meet the length is zero, and either sense of
-# $\vec a_{ij}$ may be chosen; parallel axes have a common perpendicular everywhere, and one is chosen. Once the sense is
-# fixed the length may be negative. Where the perpendiculars of two neighbouring links meet a joint's axis gives its
+# $\vec a_{ij}$ may be chosen; parallel axes have a common perpendicular everywhere, and one is chosen. Once the sense
+# is fixed the length may be negative. Where the perpendiculars of two neighbouring links meet a joint's axis gives its
 # offset and angle.
 #
 # System $j$ has its $x$ axis along $\vec a_{jk}$, its $z$ axis along $\vec S_j$, and its origin where both meet. The

@@ -259,11 +259,11 @@ def chain_value(angles: Sequence[tuple[Any, Any]]) -> tuple[Any, Any, Any, Any]:
     if not rest or len(rest) % 2:
         raise ValueError(f"a chain has an odd number of angles, three and more, not {len(angles)}")
     c, s = rest[0]
-    x, star = near * s, -near * c
+    x, star, y = near * s, -near * c, None
     for step in range(0, len(rest), 2):
         if step:
             c, s = rest[step]
-            x, star = x * c - y * s, x * s + y * c  # noqa: F821  (y is of the step before)
+            x, star = x * c - y * s, x * s + y * c
         ce, se = rest[step + 1]
         y, z = star * ce - z * se, star * se + z * ce
     return x, star, y, z
