@@ -54,8 +54,8 @@ def _measure(part: str, facts: dict[str, str], *, quick: bool) -> dict:
         import axis
 
         return axis.run(facts, quick=quick)
-    measure = importlib.import_module(f"{part}.measure").measure
-    return {"machine": facts, **measure(quick=quick)}
+    found = importlib.import_module(f"{part}.measure").measure(quick=quick)
+    return {"machine": report.machine(native.compiler), **found}  # now that its peers are there
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ FEW = 500
 """Poses of the peers, which take them one by one."""
 ROBOTS = {"Puma 560": spatial.PUMA_560, "GE P60": spatial.GE_P60, "T3-776": spatial.T3_776}
 OWN_REVERSE, OWN_FORWARD = "rodgen: reverse", "rodgen: forward"
-FORWARD = (OWN_FORWARD, "ssik: fk", "EAIK: fwdkin")
+FORWARD = (OWN_FORWARD, "ssik: fk, in Python", "EAIK: fwdkin")
 AGREE = 1e-6
 """Largest difference of an angle: the peers lose digits near poses where solutions meet."""
 
@@ -54,7 +54,7 @@ def measure(*, quick: bool = False) -> dict:
                 lambda m=mechanism, T=few: [spatial.reverse(m, one) for one in T], FEW
             ),
             OWN_FORWARD: clock.Entry(lambda m=mechanism, q=q: spatial.forward(m, q), N),
-            "ssik: fk": clock.Entry(lambda p=peers, q=few_q: p.forward_ssik(q), FEW),
+            "ssik: fk, in Python": clock.Entry(lambda p=peers, q=few_q: p.forward_ssik(q), FEW),
             "EAIK: fwdkin": clock.Entry(lambda p=peers, q=few_q: p.forward_eaik(q), FEW),
         }
         for entry in entries.values():

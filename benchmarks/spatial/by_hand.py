@@ -12,7 +12,7 @@ REAL = 1e-6
 
 def _biquadratics(m: np.ndarray) -> np.ndarray:
     """Coefficients [equation][power of x2][power of x1]."""
-    return np.einsum("bj,ai,eij->eba", HALF, HALF, m)
+    return HALF @ m.transpose(0, 2, 1) @ HALF.T
 
 
 def _sylvester(E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -30,7 +30,7 @@ def _angles(x1: np.ndarray, E: np.ndarray) -> np.ndarray:
     """Keep the real tangents, and find the other angle of each."""
     x1 = x1[np.isfinite(x1)]
     x1 = x1[np.abs(x1.imag) <= REAL * (1 + np.abs(x1) ** 2)].real
-    r, q, p = np.einsum("ebn,en->ben", E @ np.vander(x1, 3, increasing=True).T, np.ones((2, len(x1))))
+    r, q, p = (E @ np.array([np.ones_like(x1), x1, x1 * x1])).swapaxes(0, 1)
     pq, pr = p[0] * q[1] - p[1] * q[0], p[0] * r[1] - p[1] * r[0]
     return np.stack([2 * np.arctan(x1), 2 * np.arctan2(-pr, pq)], axis=-1)
 
@@ -43,6 +43,20 @@ def by_eigenvalues(M: np.ndarray) -> list[np.ndarray]:
         A, B = _sylvester(E)
         found.append(_angles(np.linalg.eigvals(np.linalg.solve(B, A)), E))
     return found
+
+
+def companions(M: np.ndarray) -> list[np.ndarray]:
+    """Matrices (8, 8) of each pair, for :func:`eigenvalues_alone`."""
+    found = []
+    for m in M:
+        A, B = _sylvester(_biquadratics(m))
+        found.append(np.linalg.solve(B, A))
+    return found
+
+
+def eigenvalues_alone(matrices: list[np.ndarray]) -> list[np.ndarray]:
+    """NumPy's eigenvalues of matrices that are there already: no angles, and no part of the way to them."""
+    return [np.linalg.eigvals(matrix) for matrix in matrices]
 
 
 def by_pencils(M: np.ndarray) -> list[np.ndarray]:

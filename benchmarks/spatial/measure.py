@@ -13,7 +13,15 @@ from contenders import native
 from environments import HERE
 
 from rodgen import spatial
-from spatial.by_hand import all_at_once, by_eigenvalues, by_pencils, by_roots, trig_vectorised
+from spatial.by_hand import (
+    all_at_once,
+    by_eigenvalues,
+    by_pencils,
+    by_roots,
+    companions,
+    eigenvalues_alone,
+    trig_vectorised,
+)
 
 TRIG = 4_000_000
 CACHED = 4_000
@@ -94,6 +102,7 @@ def _pair(n: int, rounds: int) -> dict:
     M = np.random.default_rng(2).normal(size=(n, 2, 3, 3))
     pair = spatial.solve_pair(M)
     count = (pair.status <= spatial.PairStatus.DOUBLE).sum(axis=-1)
+    matrices = companions(M[:LOOPED])
     by_hand = {"by_eigenvalues": by_eigenvalues, "by_pencils": by_pencils, "by_roots": by_roots}
     same = {
         name: float(np.mean([len(angles) == c for angles, c in zip(solve(M[:LOOPED]), count, strict=False)]))
@@ -103,6 +112,7 @@ def _pair(n: int, rounds: int) -> dict:
         OWN_PAIR: (lambda: spatial.solve_pair(M), n),
         OWN_STABLE: (lambda: spatial.solve_pair(M[:STABLE_PAIRS], method="sylvester"), STABLE_PAIRS),
         "NumPy, eigenvalues in a loop": (lambda: by_eigenvalues(M[:LOOPED]), LOOPED),
+        "NumPy, eigvals alone in a loop, matrices there": (lambda: eigenvalues_alone(matrices), LOOPED),
         "NumPy, roots of the octic in a loop": (lambda: by_roots(M[:LOOPED]), LOOPED),
         "SciPy, generalised eigenvalues in a loop": (lambda: by_pencils(M[:LOOPED]), LOOPED),
         "NumPy, eigenvalues of a stack and nothing else": (
