@@ -76,13 +76,15 @@ def test_the_worked_example_of_the_facts():
 @pytest.mark.parametrize("kinds", GROUP_1 + GROUP_2)
 def test_every_way_that_a_search_finds(kinds):
     rng = np.random.default_rng(len(kinds) + sum(map(ord, kinds)))
-    total = 0
+    total, known = 0, 0
     for _ in range(4):
         loop = a_loop(kinds, rng)
         angles = [v for v in loop.variables if v[1] == "theta" or kinds in GROUP_1]
         given = angles[rng.integers(len(angles))]
-        total += check_loop(loop, given, float(rng.uniform(-3, 3)))[0]
-    assert total > 0
+        count, found = check_loop(loop, given, float(rng.uniform(-3, 3)))
+        total, known = total + count, known + int((found.status == ReverseStatus.REGULAR).sum())
+    # a search that finds next to nothing would check nothing; that it misses some is why it is not the way
+    assert total >= 0.75 * known > 0
 
 
 @pytest.mark.slow
@@ -106,10 +108,10 @@ def test_loops_of_right_angles_and_zeros(kinds):
         loop = a_loop(kinds, rng, special=True)
         angles = [v for v in loop.variables if v[1] == "theta"]
         given = angles[rng.integers(len(angles))]
-        found = check_loop(loop, given, float(np.radians(rng.choice([25, 90, 140]))), starts=100)[1]
-        # where the search finds more than there can be, it walks on a family
+        count, found = check_loop(loop, given, float(np.radians(rng.choice([25, 90, 140]))), starts=100)
+        # more may be missing beside a family, or where equations say nothing and the search finds nothing either
         if (found.status == ReverseStatus.INCOMPLETE).any():
-            assert (found.status >= ReverseStatus.FAMILY).any()
+            assert count == 0 or (found.status == ReverseStatus.FAMILY).any()
 
 
 def test_a_pentagon_loop_can_close_in_eight_ways():
@@ -152,8 +154,13 @@ def test_closed_forms_are_the_general_way(kinds, input_joint, monkeypatch):
     monkeypatch.setattr(loops_module, "closed_form", lambda *_: None)
     general = reverse_loop(loop, {given: values})
     assert ((found.status <= 1).sum(axis=1) == (general.status <= 1).sum(axis=1)).all()
-    ours, other = (np.sort(np.nan_to_num(f.values, nan=1e9), axis=1) for f in (found, general))
-    assert np.allclose(ours, other, rtol=1e-9, atol=1e-9)
+    turns = np.array([which == "theta" for _, which in loop.variables])
+    for ours, other in zip(found.values, general.values, strict=True):
+        apart = ours[:, None] - other[None]
+        apart = np.where(turns, np.remainder(apart + np.pi, 2 * np.pi) - np.pi, apart)
+        size = 1 + np.abs(np.where(turns, 0.0, ours)).max(axis=-1)  # offsets grow where sines are small
+        nearest = np.abs(np.nan_to_num(apart, nan=1e9)).max(axis=-1).min(axis=1) / size
+        assert (nearest[np.isfinite(ours[:, 0])] < 1e-9).all()  # each way as a whole
 
 
 def test_where_a_joint_starts_does_not_matter():
