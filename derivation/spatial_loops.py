@@ -565,6 +565,19 @@ d.state(
     because="The motions of a planar linkage are a group of order 3, which takes the place of 6.",
 )
 
+# %% [markdown]
+# ## Planar representation, equivalent spherical mechanism, groups
+#
+# A planar representation draws a link as a line and a joint as its letter, and hatches the link that stands still:
+# `rodgen.spatial.planar_svg`. It shows what is joined to what, and the formula above needs no more.
+#
+# The transforms around a closed loop multiply to the unit matrix, and in the rotation part of the product there is no
+# length: $\prod R_x(\alpha_{ij})R_z(\theta_j)=1$ is the closure of the spherical polygon with the same twists and
+# angles. So all axes may be moved to one point and every law of the polygon holds for the loop. Then a revolute, a
+# cylindric and a screw joint are a revolute one, a prismatic one is stiff, and what is left counts with 3 in the place
+# of 6. The mobility of this spherical mechanism is the group: with one angle given, a loop of group 1 has all others
+# from the polygon alone, and each group higher needs an equation more that has the lengths in it.
+
 # %%
 total = d.symbol("F", "F", "freedoms of all joints of a loop", "1")
 turning = d.symbol("N", "N", "joints of its equivalent spherical mechanism", "1")
