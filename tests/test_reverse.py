@@ -59,8 +59,9 @@ def test_both_modes_agree_on_every_kernel_and_at_every_hard_input(name: str) -> 
         for port in (p for p in kernel.outputs if not p.is_status):
             key = f"{port.name}_jacobian"
             there, here = np.ravel(expected[key]), np.ravel(found[key])
-            if any(mpmath.isnan(x) for x in np.ravel(function[port.name])):
-                assert any(mpmath.isnan(x) for x in here)
+            undefined = any(map(mpmath.isnan, np.ravel(function[port.name])))
+            if undefined and any(map(mpmath.isnan, there)):  # a sum with NaN in it has slopes all the same
+                assert any(map(mpmath.isnan, here))
             elif all(
                 map(mpmath.isfinite, there)
             ):  # elsewhere 0 times infinity depends on the order of factors
