@@ -16,12 +16,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
+from rodgen.spatial._angles import principal
+from rodgen.spatial._arrays import real_array
 from rodgen.spatial._loops_kernels import closed_form
 from rodgen.spatial._loops_links import Merged, merge, rx, rz
 from rodgen.spatial._loops_solve import solve_merged
 from rodgen.spatial._mechanism import Mechanism
 from rodgen.spatial._reverse import reverse
-from rodgen.spatial._status import ReverseStatus
+from rodgen.spatial._status import ReverseStatus, there_first
 
 __all__ = ["LoopSolutions", "Variable", "reverse_loop", "reverse_sliding"]
 
@@ -141,9 +143,7 @@ def reverse_sliding(mechanism: Mechanism, T: ArrayLike) -> LoopSolutions:
     if mechanism.closed:
         raise RodgenError("the mechanism is a closed loop; expected an open chain")
     _check_joints(mechanism)
-    pose = np.asarray(T, float)
-    if pose.shape[-2:] != (4, 4):
-        raise RodgenError(f"T has the shape {pose.shape}; expected (..., 4, 4)")
+    pose = real_array("T", T, (4, 4))
     R, p = pose[..., :3, :3], pose[..., :3, 3]
     off = np.abs(np.swapaxes(R, -1, -2) @ R - np.eye(3)).max(axis=(-1, -2))
     with np.errstate(invalid="ignore"):
@@ -238,13 +238,10 @@ def _solved(
     for i, value in flat.items():
         values[..., i] = value[:, None]
     turning = [i for i, (_, which) in enumerate(variables) if which == "theta" and i not in known]
-    values[..., turning] = _principal(values[..., turning])
+    values[..., turning] = principal(values[..., turning])
     status = np.where(good[:, None], status, np.int8(ReverseStatus.INVALID))
     values = np.where((status < ReverseStatus.NONE)[..., None], values, np.nan)
-    # those that are there first, otherwise in the order in which they were found
-    order = np.argsort(status >= ReverseStatus.NONE, axis=1, kind="stable")
-    kinds = np.take_along_axis(status, order, axis=1).astype(np.int8)
-    values = np.take_along_axis(values, order[..., None], axis=1)
+    values, kinds = there_first(values, status.astype(np.int8))
     slots = kinds.shape[1]
     return LoopSolutions(values.reshape(*shape, slots, len(variables)), kinds.reshape(*shape, slots))
 
@@ -278,12 +275,6 @@ def _seven_turning(mechanism: Mechanism, known: Mapping[int, NDArray[np.float64]
     status = np.where(good[..., None], status, np.int8(ReverseStatus.INVALID))
     values = np.where((status < ReverseStatus.NONE)[..., None], values, np.nan)
     return LoopSolutions(values, status)
-
-
-def _principal(angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Angles in (-pi, pi]."""
-    found: NDArray[np.float64] = np.pi - (np.pi - angles) % (2 * np.pi)
-    return np.where(found <= -np.pi, np.pi, found)
 
 
 def _size(mechanism: Mechanism, merged: Merged, count: int) -> NDArray[np.float64]:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from rodgen.spatial._angles import nearest_turn
 from rodgen.spatial._pair_eigenvalues import seconds
 from rodgen.spatial._pair_solutions import NEAR, ROUNDING, apart, basis, on_lines, polished, regular_below
 from rodgen.spatial._pair_status import SLOTS, PairStatus
@@ -66,7 +67,7 @@ def _representatives(M: Any, angles: Any, residual: Any) -> list[tuple[Any, Pair
         known: list[float] = []
         for pair in moved[free == which]:
             fixed = pair[which - 1]
-            if all(abs(np.remainder(fixed - other + np.pi, 2 * np.pi) - np.pi) > NEAR for other in known):
+            if all(abs(nearest_turn(fixed - other)) > NEAR for other in known):
                 known.append(fixed)
                 found.append((pair, PairStatus.COMMON_FACTOR))
     curve = np.flatnonzero(free == 0)

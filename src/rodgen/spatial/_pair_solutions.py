@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from rodgen._kernels import kernels
+from rodgen.spatial._angles import nearest_turn
 from rodgen.spatial._pair_status import SLOTS, PairStatus
 
 __all__ = [
@@ -86,7 +87,7 @@ def wrapped(theta: Any) -> Any:
 
 def apart(one: Any, other: Any) -> Any:
     """Return the larger of the two differences of angle pairs (..., 2)."""
-    return np.abs(np.remainder(one - other + np.pi, 2 * np.pi) - np.pi).max(axis=-1)
+    return np.abs(nearest_turn(one - other)).max(axis=-1)
 
 
 def polished(M: Any, angles: Any) -> tuple[Any, Any, Any, Any]:
@@ -294,7 +295,7 @@ def on_lines(M: Any, limit: Any, angles: Any) -> tuple[Any, Any]:
             square = np.square(slope).sum(axis=(-2, -1))
             now = now - (slope * rest).sum(axis=(-2, -1)) / np.where(square > 0, square, 1.0)
         rest = np.abs(np.einsum("neij,ni->nej", m, basis(now))).sum(axis=-1) / size
-        near = np.abs(np.remainder(now - angles[:, which] + np.pi, 2 * np.pi) - np.pi) <= NEAR_LINE
+        near = np.abs(nearest_turn(now - angles[:, which])) <= NEAR_LINE
         there = near & (rest <= 4 * limit[:, None]).all(axis=-1) & (free == 0)
         angles[there, which], free[there] = now[there], which + 1
     return wrapped(angles), free
@@ -302,7 +303,7 @@ def on_lines(M: Any, limit: Any, angles: Any) -> tuple[Any, Any]:
 
 def _line_known(angles: Any, free: Any, found: Any, lines: Any) -> Any:
     """Tell which candidates (n, 2) are on one of the lines found (n, 8, 2)."""
-    off = np.abs(np.remainder(angles[:, None] - found + np.pi, 2 * np.pi) - np.pi)
+    off = np.abs(nearest_turn(angles[:, None] - found))
     with np.errstate(invalid="ignore"):
         on = [(free == which)[:, None] & (lines == which) & (off[..., which - 1] <= NEAR) for which in (1, 2)]
     return (on[0] | on[1]).any(axis=-1)
@@ -316,7 +317,7 @@ def _known(M: Any, limit: Any, angles: Any, kind: Any, found: Any, status: Any, 
         same = distance <= np.where(both, 0.25 / condition, NEAR)
         rows, slots = np.nonzero(~same & ~both & (distance <= STRETCH))
     if len(rows):
-        turn = np.remainder(angles[rows] - found[rows, slots] + np.pi, 2 * np.pi) - np.pi
+        turn = nearest_turn(angles[rows] - found[rows, slots])
         half_way = found[rows, slots] + turn / 2
         for _ in range(2):  # solutions that meet lie along a curve: go across, back to it
             across = np.linalg.pinv(_derivatives(M[rows], half_way), rcond=1e-2)
@@ -357,6 +358,6 @@ def consistent(M: Any, angles: Any, status: Any, expected: Any) -> Any:
     up, down = (clear & (turned > 0)).any(axis=-1), (clear & (turned < 0)).any(axis=-1)
     good &= ~(up & down) | (meeting > 0)
     with np.errstate(invalid="ignore"):
-        off = np.abs(np.remainder(angles[:, None, :, 0] - expected[..., None] + np.pi, 2 * np.pi) - np.pi)
+        off = np.abs(nearest_turn(angles[:, None, :, 0] - expected[..., None]))
         missing = ~(off <= EXPECTED).any(axis=-1) & np.isfinite(expected)
     return good & ~missing.any(axis=-1) | family

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
+from rodgen.spatial._angles import principal
 from rodgen.spatial._arrays import real_array
 from rodgen.spatial._forward import checked, forward, jacobian
 from rodgen.spatial._mechanism import Mechanism
@@ -174,8 +175,7 @@ class Placement:
         found = reverse(self.mechanism, given)
         moved = found.solutions - self.zero
         is_angle = np.array([which == "theta" for _, which in self.mechanism.variables])
-        wrapped = np.pi - np.mod(np.pi - moved, 2 * np.pi)
-        return Reverse(np.where(is_angle & (self.zero != 0), wrapped, moved), found.status)
+        return Reverse(np.where(is_angle & (self.zero != 0), principal(moved), moved), found.status)
 
     def in_unit(self, unit: str) -> Placement:
         """Return the same robot with its lengths in another unit.

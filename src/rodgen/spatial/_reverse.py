@@ -13,13 +13,14 @@ from numpy.typing import ArrayLike
 
 from rodgen._kernels import kernels
 from rodgen.errors import RodgenError
+from rodgen.spatial._angles import nearest_turn, principal
 from rodgen.spatial._forward import forward, jacobian
 from rodgen.spatial._mechanism import Mechanism
 from rodgen.spatial._placement import Placement
 from rodgen.spatial._reverse_pairs import WAYS
 from rodgen.spatial._reverse_plan import Plan, plan
 from rodgen.spatial._reverse_solve import solved
-from rodgen.spatial._status import ReverseStatus
+from rodgen.spatial._status import ReverseStatus, there_first
 
 __all__ = ["Reverse", "reverse", "reverse_method"]
 
@@ -207,9 +208,7 @@ def _closed(mechanism: Mechanism, chosen: Plan, pose: Any) -> Reverse:
         flat[row[lost], column[lost]] = np.nan
         codes[row[lost], column[lost]] = ReverseStatus.NONE
         rows = np.unique(row[lost])
-        order = np.argsort(codes[rows] >= ReverseStatus.NONE, axis=-1, kind="stable")
-        flat[rows] = np.take_along_axis(flat[rows], order[..., None], axis=1)
-        codes[rows] = np.take_along_axis(codes[rows], order, axis=1)
+        flat[rows], codes[rows] = there_first(flat[rows], codes[rows])
     return Reverse(found, status)
 
 
@@ -241,7 +240,7 @@ def _free_first_angle(chosen: Plan, pose: Any, found: Any, status: Any) -> None:
         c, s = np.cos(angle), np.sin(angle)
         back = np.array([[c, s, 0, 0], [-s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
         q, codes = kernels.robot_parallel_reverse(back @ T, arm.a, arm.cosine, arm.sine, arm.offset)
-        q[..., 0] = np.remainder(q[..., 0] + angle + np.pi, 2 * np.pi) - np.pi
+        q[..., 0] = nearest_turn(q[..., 0] + angle)
         there = codes[:, 0] <= ReverseStatus.FAMILY
         found[rows[there]], status[rows[there]] = arm.angles(q[there]), codes[there]
         rows, T = rows[~there], T[~there]
@@ -264,14 +263,14 @@ def _proved(
     codes = np.full((n, max(m, slots)), ReverseStatus.NONE, np.int8)
     codes[:, :m] = np.where(there, status, ReverseStatus.NONE)
     codes = np.where(missing[:, None] & (codes == ReverseStatus.NONE), ReverseStatus.INCOMPLETE, codes)
-    order = np.argsort(codes >= ReverseStatus.NONE, axis=-1, kind="stable")[:, :slots]
-    return np.take_along_axis(angles, order[..., None], axis=1), np.take_along_axis(codes, order, axis=1)
+    angles, codes = there_first(angles, codes)
+    return angles[:, :slots], codes[:, :slots]
 
 
 def _polished(mechanism: Mechanism, T: Any, q: Any, steps: int = 3) -> tuple[Any, Any]:
     """Take Newton steps while they help: angles (k, 6) and how far their poses are off, relative."""
     reach = np.abs(mechanism.a).sum() + np.abs(mechanism.offset).sum() or 1.0
-    q = np.remainder(q + np.pi, 2 * np.pi) - np.pi
+    q = nearest_turn(q)
     off, error = _off(forward(mechanism, q), T, reach)
     for _ in range(steps):
         rows = np.flatnonzero((error > SETTLED) & (error < 1e-3))
@@ -287,8 +286,7 @@ def _polished(mechanism: Mechanism, T: Any, q: Any, steps: int = 3) -> tuple[Any
         q[kept], off[kept], error[kept] = moved[helps], now[helps], better[helps]
         if not len(kept):
             break
-    q = np.remainder(q + np.pi, 2 * np.pi) - np.pi
-    return np.where(q <= -np.pi, np.pi, q), error
+    return principal(q), error
 
 
 def _off(found: Any, wanted: Any, reach: float) -> tuple[Any, Any]:

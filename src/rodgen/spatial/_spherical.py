@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.errors import RodgenError
+from rodgen.spatial._angles import nearest_turn
 from rodgen.spatial._loops_links import rx, rz
 from rodgen.spatial._mechanism import Mechanism
 from rodgen.spatial._mobility import mobility
@@ -154,7 +155,7 @@ def equivalent_spherical(mechanism: Mechanism) -> SphericalEquivalent:
     found = Mechanism(
         "R" * m, np.zeros(len(twists)), twists, unit=full.unit, name=mechanism.name, names=names
     )
-    return SphericalEquivalent(found, tuple(turning), (shift + np.pi) % (2 * np.pi) - np.pi)
+    return SphericalEquivalent(found, tuple(turning), nearest_turn(shift))
 
 
 def group(mechanism: Mechanism) -> Group:

@@ -1,8 +1,11 @@
 """What each slot of a reverse analysis holds."""
 
 from enum import IntEnum
+from typing import Any
 
-__all__ = ["ReverseStatus"]
+import numpy as np
+
+__all__ = ["ReverseStatus", "there_first"]
 
 
 class ReverseStatus(IntEnum):
@@ -22,3 +25,9 @@ class ReverseStatus(IntEnum):
     NONE = 3
     INCOMPLETE = 4
     INVALID = 5
+
+
+def there_first(values: Any, status: Any) -> tuple[Any, Any]:
+    """Put the slots that hold a solution first, in their order: values (n, m, v) and statuses (n, m)."""
+    order = np.argsort(status >= ReverseStatus.NONE, axis=-1, kind="stable")
+    return np.take_along_axis(values, order[..., None], axis=1), np.take_along_axis(status, order, axis=1)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from rodgen._commands._console import OK, reading, tell
+from rodgen._commands.euler import _attitude
 from rodgen.errors import InputFileError, RodgenError
 
 if TYPE_CHECKING:
@@ -75,10 +76,7 @@ def add_mechanism(parser: argparse.ArgumentParser) -> None:
 def add_files(parser: argparse.ArgumentParser, name: str) -> None:
     """Add MECHANISM, the table that is read and the one that is written."""
     add_mechanism(parser)
-    parser.add_argument("table", metavar=name, help="the table; '-' is CSV on standard input")
-    parser.add_argument(
-        "-o", "--output", metavar="FILE", help=".csv, .csv.gz or .parquet; default: CSV on standard output"
-    )
+    _attitude.add_files(parser, name)
 
 
 def chain_of(name: str, *, expand: bool = True) -> Chain:
