@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from rodgen._commands._attitude import ATTITUDE_TEXT, add_files, add_form, columns_of, run
 from rodgen._commands._console import Command
-from rodgen._commands.euler._attitude import ATTITUDE_TEXT, add_files, add_form, columns_of, run
 
 __all__ = ["add_to"]
 

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from rodgen._commands._attitude import add_files
 from rodgen._commands._console import OK, Command, reading, tell
-from rodgen._commands.euler._attitude import add_files
 from rodgen._commands.euler._three_sps_s import MACHINE_TEXT, add_machine, machine_of
 from rodgen.errors import InputFileError, shown
 

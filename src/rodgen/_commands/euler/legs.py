@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from rodgen._commands._attitude import ATTITUDE_TEXT, add_files, add_form, columns_of, matrices, run
 from rodgen._commands._console import Command
-from rodgen._commands.euler._attitude import ATTITUDE_TEXT, add_files, add_form, columns_of, matrices, run
 from rodgen._commands.euler._three_sps_s import MACHINE_TEXT, add_limits, add_machine, limits_of, machine_of
 
 __all__ = ["add_to"]

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from rodgen._commands._attitude import add_files, run
 from rodgen._commands._console import Command
-from rodgen._commands.euler._attitude import add_files, run
 from rodgen.errors import shown
 
 __all__ = ["add_to"]

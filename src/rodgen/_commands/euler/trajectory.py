@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rodgen._commands._console import Command
-from rodgen._commands.euler._attitude import (
+from rodgen._commands._attitude import (
     ATTITUDE_TEXT,
     add_files,
     add_form,
@@ -16,6 +15,7 @@ from rodgen._commands.euler._attitude import (
     quaternions,
     run,
 )
+from rodgen._commands._console import Command
 
 __all__ = ["add_to"]
 

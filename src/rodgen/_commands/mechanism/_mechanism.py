@@ -9,8 +9,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from rodgen._commands import _attitude
 from rodgen._commands._console import OK, reading, tell
-from rodgen._commands.euler import _attitude
 from rodgen.errors import InputFileError, RodgenError
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from rodgen._commands._attitude import ATTITUDE_TEXT, add_form, columns_of, matrices
 from rodgen._commands._console import Command
-from rodgen._commands.euler._attitude import ATTITUDE_TEXT, add_form, columns_of, matrices
 from rodgen._commands.mechanism._mechanism import (
     MECHANISM_TEXT,
     Chain,
