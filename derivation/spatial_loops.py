@@ -30,8 +30,8 @@ from enum import IntEnum
 
 import sympy as sp
 
-from rodgen._polygon_notation import chain_value
 from rodgen.codegen import KernelBuilder
+from rodgen.polygon_notation import chain_value
 from rodgen.symbolic import EPS, LARGEST, Derivation, Dual, dot, dual_value, equal, in_notebook, select
 
 derivation = Derivation(

@@ -29,9 +29,9 @@ from enum import IntEnum
 
 import sympy as sp
 
-from rodgen._polygon_laws import FAMILIES, HalfTangent, Law, laws
-from rodgen._polygon_notation import Entry, Term, chain_value
 from rodgen.codegen import KernelBuilder
+from rodgen.polygon_laws import FAMILIES, HalfTangent, Law, laws
+from rodgen.polygon_notation import Entry, Term, chain_value
 from rodgen.symbolic import (
     EPS,
     LARGEST,

@@ -960,7 +960,7 @@ if in_notebook():
     import matplotlib.pyplot as plt
     import numpy as np
 
-    from rodgen import tricept as machine
+    from rodgen.kinematics import tricept as machine
 
     FIGURES = (
         (3, ("A0", "A1"), "xx", "least"),

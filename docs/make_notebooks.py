@@ -14,7 +14,7 @@ from pathlib import Path
 import nbformat
 from nbconvert import HTMLExporter
 
-from rodgen._scripts import packaged_derivations, run_notebook
+from rodgen.cli.scripts import packaged_derivations, run_notebook
 
 OUTPUT = Path(__file__).resolve().parent.parent / "build/notebooks"
 EXAMPLES = [

@@ -14,7 +14,7 @@ from pathlib import Path
 import mpmath
 import numpy as np
 
-from rodgen import spatial
+from rodgen.kinematics import spatial
 
 ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs/spatial_mechanisms.md"

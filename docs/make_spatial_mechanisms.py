@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from rodgen import spatial
-from rodgen.spatial import Mechanism, ReverseStatus
+from rodgen.kinematics import spatial
+from rodgen.kinematics.spatial import Mechanism, ReverseStatus
 
 ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs/spatial_mechanisms.md"

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from rodgen import tricept
+from rodgen.kinematics import tricept
 
 PAGE = Path(__file__).with_name("tricept.md")
 U_X = np.diag([0.005**2 / 3] * 3 + [0.01**2 / 3] * 2)

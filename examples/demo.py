@@ -13,8 +13,8 @@ import subprocess
 import time
 from pathlib import Path
 
-from rodgen import cli
-from rodgen._scripts import load_derivation
+from rodgen.cli import main as cli
+from rodgen.cli.scripts import load_derivation
 
 HERE = Path(os.path.relpath(Path(__file__).resolve().parent))
 MOUNT = HERE / "machines/mount"

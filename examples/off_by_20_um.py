@@ -13,8 +13,8 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 
 import rodgen
-from rodgen.discrepancy.plan import plan
-from rodgen.discrepancy.report import write_report
+from rodgen.calibration.plan import plan
+from rodgen.output.report import write_report
 
 folder = Path("off_by_20_um")
 output = Path("../build/off_by_20_um")

@@ -11,7 +11,7 @@ from typing import Any
 from hidden_effects import Hidden, Truth
 
 import rodgen
-from rodgen.discrepancy.fit import Fit, fit
+from rodgen.calibration.fit import Fit, fit
 
 Title = tuple[str, str | None]
 DRIFTS = {"warm_up_drift", "linear_drift", "frame_shift"}
@@ -116,7 +116,7 @@ def _catalogue(
 
 def _without(like: Fit, machine: rodgen.Machine, data: rodgen.Measurements) -> Fit:
     """Fit another machine to the rows that a fit believes."""
-    from rodgen.discrepancy._bind import bind
+    from rodgen.calibration.observations import bind
 
     observations = bind(machine, data)
     return fit(machine, observations.take(~like.outliers) if like.outliers.any() else observations)

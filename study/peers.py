@@ -26,9 +26,9 @@ import numpy as np
 from scipy import stats
 from scipy.linalg import qr
 
-from rodgen.discrepancy.diagnose._candidates import candidates
-from rodgen.discrepancy.diagnose._carriers import Carriers, catalogue_effects
-from rodgen.discrepancy.fit import Fit
+from rodgen.calibration.diagnose.candidates import candidates
+from rodgen.calibration.diagnose.sensitivities import Carriers, catalogue_effects
+from rodgen.calibration.fit import Fit
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 Title = tuple[str, str | None]

@@ -16,9 +16,9 @@ import numpy as np
 from machine_cases import ARCSEC, Case, joint, machine_file
 from simulated_fits import measure
 
-from rodgen.discrepancy.fit import Fit, fit
-from rodgen.discrepancy.measurements import Measurements
-from rodgen.discrepancy.plan import Plan, plan_for
+from rodgen.calibration.fit import Fit, fit
+from rodgen.calibration.plan import Plan, plan_for
+from rodgen.data.measurements import Measurements
 from rodgen.machines.machine import Machine
 
 Columns = dict[str, Any]

@@ -117,7 +117,7 @@ def gufuncs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, ModuleType]:
 def rodgen_command(capsys):
     """Run a command; return its exit code, and what it printed on standard output and standard error."""
 
-    from rodgen import cli
+    from rodgen.cli import main as cli
 
     def run(*arguments):
         code = cli.main([str(argument) for argument in arguments])

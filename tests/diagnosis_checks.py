@@ -19,7 +19,7 @@ import numpy as np
 from machine_simulator import RADIANS, Simulated
 
 import rodgen
-from rodgen.discrepancy.fit import Fit, fit
+from rodgen.calibration.fit import Fit, fit
 from rodgen.machines.machine import Machine
 
 VERDICTS = ("nothing_missing", "effects_missing", "unknown_effect", "cannot_tell")
@@ -259,7 +259,7 @@ def refitted(
     machine: Machine, data: rodgen.Measurements, title: tuple[str, str | None], out: Iterable[int]
 ) -> tuple[tuple[float, float], int]:
     """Fit a machine with one effect more from scratch; give chi-square, the variance factor, and the rank."""
-    from rodgen.discrepancy._bind import bind
+    from rodgen.calibration.observations import bind
 
     machine = machine.with_effect(machine.effect(*title))
     observations = bind(machine, data)

@@ -10,7 +10,7 @@ import numpy as np
 from machine_cases import MOVES_ONLY, READINGS, Case, Values, effect, unit
 from parallel_simulator import LEGS, Parallel
 
-from rodgen.machines.catalogue import CATALOGUE
+from rodgen.machines.effects.catalogue import CATALOGUE
 
 GEOMETRY: dict[str, dict[str, Any]] = {
     "tricept": {"R": 330.0, "r": 140.0, "q": [3.0, -4.0, 120.0]},

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 from machine_simulator import Simulated, rotation
 
-from rodgen.discrepancy._problem import Problem
-from rodgen.discrepancy.measurements import Measurements, Observations, bind
-from rodgen.machines._model import Frame, Model
-from rodgen.machines.catalogue import CATALOGUE
+from rodgen.calibration.problem import Problem
+from rodgen.data.measurements import Measurements, Observations, bind
+from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.machine import Machine
+from rodgen.machines.model import Frame, Model
 
 ARCSEC = np.pi / 648000
 READINGS = {"point": ("x", "y", "z"), "direction": ("ux", "uy", "uz"), "distance": ("d",)}

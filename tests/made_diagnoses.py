@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from rodgen.discrepancy._held_out import held_out
-from rodgen.discrepancy.diagnose._diagnosis import Alias, DiagnosedEffect, Diagnosis, Ranked, Rms, Unexplained
-from rodgen.discrepancy.fit import Fit, fit
-from rodgen.discrepancy.ladder import ladder
-from rodgen.discrepancy.measurements import Measurements
+from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis, Ranked, Rms, Unexplained
+from rodgen.calibration.fit import Fit, fit
+from rodgen.calibration.held_out import held_out
+from rodgen.calibration.ladder import ladder
+from rodgen.data.measurements import Measurements
 from rodgen.machines.machine import Effect, Joint, Machine, Measured, Target
 
 __all__ = ["HOSTILE", "diagnosis_of", "hostile", "mount", "of_machine", "ranked", "table"]

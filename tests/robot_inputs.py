@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from rodgen import spatial
+from rodgen.kinematics import spatial
 
 WRISTS = (spatial.PUMA_560, spatial.T3_776)
 PARALLEL = (spatial.GE_P60,)

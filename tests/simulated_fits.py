@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from machine_cases import READINGS, Case, joint, machine_file, unit
 
-from rodgen.discrepancy.fit import Fit, fit
-from rodgen.discrepancy.measurements import Measurements
+from rodgen.calibration.fit import Fit, fit
+from rodgen.data.measurements import Measurements
 from rodgen.machines.machine import Machine
 
 __all__ = ["TABLE", "TRUTH", "fit_to", "joint", "machine_file", "measure", "on_table"]

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rodgen.cli import main
-from rodgen.discrepancy._bind import bind
-from rodgen.discrepancy.measurements import Measurements
+from rodgen.calibration.observations import bind
+from rodgen.cli.main import main
+from rodgen.data.measurements import Measurements
 from rodgen.machines.machine import Machine
 
 ROOT = Path(__file__).parent.parent

@@ -28,12 +28,12 @@ from scipy.stats import chi as chi_distribution
 from scipy.stats import f as f_distribution
 from scipy.stats import t as student
 
-from rodgen.axis_fit import AxisFitStatus, fit_axis
-from rodgen.axis_fit._moments import Moments, tangents
-from rodgen.axis_fit._residual import residual, residual_and_jacobian
-from rodgen.axis_fit._robust import LOSSES, chi_cut
-from rodgen.axis_fit._sphere import maximise_on_sphere
 from rodgen.errors import RodgenError
+from rodgen.kinematics.axis_fit import AxisFitStatus, fit_axis
+from rodgen.kinematics.axis_fit._moments import Moments, tangents
+from rodgen.kinematics.axis_fit._residual import residual, residual_and_jacobian
+from rodgen.kinematics.axis_fit._robust import LOSSES, chi_cut
+from rodgen.kinematics.axis_fit._sphere import maximise_on_sphere
 
 EPS = np.finfo(float).eps
 ROBUST = ["huber", "cauchy", "tukey"]

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from numpy.polynomial import legendre
 
+from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, parse_unit
 from rodgen.errors import InputFileError, RodgenError
-from rodgen.machines._effect_definition import component_dimension
-from rodgen.machines.catalogue import CATALOGUE, as_table, definitions, describe, own_effect
-from rodgen.machines.formula import FUNCTION_NAMES
-from rodgen.machines.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, parse_unit
+from rodgen.machines.effects.catalogue import CATALOGUE, as_table, definitions, describe, own_effect
+from rodgen.machines.effects.definition import component_dimension
+from rodgen.machines.effects.formula import FUNCTION_NAMES
 
 NUMPY = {name: getattr(np, name) for name in ("sin", "cos", "tan", "exp", "log", "sqrt", "sign", "abs")}
 RNG = np.random.default_rng(20)

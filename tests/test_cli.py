@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import rodgen
-from rodgen import cli
+from rodgen.cli import main as cli
 
 HEADER = "rho_x [mm],rho_y [mm],rho_z [mm],rho_prime_x [mm],rho_prime_y [mm],rho_prime_z [mm],angle [deg]"
 PAIRS = f"""{HEADER}
@@ -72,8 +72,8 @@ def measured_file(tmp_path):
 
 def test_help_documents_the_exit_codes_and_imports_nothing_heavy():
     code = (
-        "import sys, rodgen.cli\n"
-        "assert rodgen.cli.main(['--help']) == 0\n"
+        "import sys, rodgen.cli.main\n"
+        "assert rodgen.cli.main.main(['--help']) == 0\n"
         "heavy = {'sympy', 'pyarrow', 'pint', 'matplotlib', 'jinja2', 'tqdm'} & set(sys.modules)\n"
         "assert not heavy, heavy\n"
     )
@@ -92,9 +92,9 @@ def test_every_command_has_help(command, capsys):
 
 def test_solving_never_imports_sympy_nor_what_other_commands_need(pairs, tmp_path):
     code = (
-        "import sys, rodgen.cli\n"
-        "assert rodgen.cli.main(['solve', sys.argv[1], '-o', sys.argv[2]]) == 0\n"
-        "other = {f'rodgen.{name}' for name in ('tricept', 'instantaneous_euler', 'three_sps_s', 'spatial')}\n"
+        "import sys, rodgen.cli.main\n"
+        "assert rodgen.cli.main.main(['solve', sys.argv[1], '-o', sys.argv[2]]) == 0\n"
+        "other = {f'rodgen.kinematics.{name}' for name in ('tricept', 'instantaneous_euler', 'three_sps_s', 'spatial')}\n"
         "heavy = {'sympy', 'matplotlib', 'tqdm', 'rodgen.symbolic', *other} & set(sys.modules)\n"
         "assert not heavy, heavy\n"
     )
@@ -357,7 +357,9 @@ def test_fit_axis_tells_an_engineer_the_same(measured_file, capsys):
     text = capsys.readouterr().out
     assert text.startswith(f"{measured_file}, lengths in mm\n")
     rho, rho_prime, angle = measured()
-    assert rodgen.axis_fit.fit_axis(rho, rho_prime, np.deg2rad(np.rad2deg(angle))).summary() in text
+    assert (
+        rodgen.kinematics.axis_fit.fit_axis(rho, rho_prime, np.deg2rad(np.rad2deg(angle))).summary() in text
+    )
 
 
 def json_fit(capsys, path, *options):
@@ -458,7 +460,7 @@ def test_plot_that_cannot_be_written_is_one_line(name, message, measured_file, t
 
 
 def test_axis_plot_keeps_its_view_right_handed():
-    from rodgen.axis_plot import _view
+    from rodgen.output.axis_figure import _view
 
     for axis in [*np.eye(3), *-np.eye(3), [0.6, 0.0, 0.8], [0.6, -0.64, -0.48]]:
         u, v, _ = _view(np.array(axis))

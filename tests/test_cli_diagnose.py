@@ -14,10 +14,10 @@ from pathlib import Path
 import pytest
 
 import rodgen
-from rodgen import cli
-from rodgen._commands._from_diagnosis import _NONE
-from rodgen.discrepancy.diagnose._diagnosis import VERDICTS
-from rodgen.machines.catalogue import CATALOGUE
+from rodgen.calibration.diagnose.diagnosis import VERDICTS
+from rodgen.cli import main as cli
+from rodgen.cli._from_diagnosis import _NONE
+from rodgen.machines.effects.catalogue import CATALOGUE
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "machines"
 FILES = {
@@ -184,7 +184,7 @@ def test_what_cannot_be_told_is_an_answer(folder, rodgen_command):
 
 def test_a_fit_that_does_not_converge_ends_with_1(folder, rodgen_command, monkeypatch):
     monkeypatch.setattr(
-        "rodgen.discrepancy._least_squares.minimise.__kwdefaults__", {"progress": None, "max_iterations": 1}
+        "rodgen.calibration.least_squares.minimise.__kwdefaults__", {"progress": None, "max_iterations": 1}
     )
     code, out, err = rodgen_command("diagnose", "mount.toml", "stars.csv", "--json")
     assert (code, err) == (1, "")
@@ -602,7 +602,7 @@ def test_without_matplotlib_and_what_else_is_not_needed(with_diagnoses):
     code = (
         "import sys\n"
         "sys.modules['matplotlib'] = None\n"
-        "from rodgen import cli\n"
+        "from rodgen.cli import main as cli\n"
         "assert cli.main(['diagnose', 'gantry.toml', 'gantry.csv']) == 0\n"
         "assert cli.main(['add', 'gantry.toml', '--from-diagnosis', 'gantry.json', 'gantry.csv']) == 0\n"
     )

@@ -12,8 +12,8 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rodgen import cli
-from rodgen import instantaneous_euler as ie
+from rodgen.cli import main as cli
+from rodgen.kinematics import instantaneous_euler as ie
 
 TURNS = Rotation.random(60, random_state=9)
 ANGLES = np.array([[30.0, 40, 50], [0, 0, 0], [90, 0, 0], [-20, 10, 5]])

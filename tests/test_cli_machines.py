@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import rodgen
-from rodgen import cli
+from rodgen.cli import main as cli
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "machines"
 NAMES = sorted(path.parent.name for path in EXAMPLES.glob("*/machine.toml"))
@@ -87,8 +87,8 @@ def test_fit_without_a_spare_reading_is_json_all_the_same(folder, rodgen_command
 def test_loading_a_compiled_model_imports_no_sympy(folder):
     assert run("fit", "mount.toml", "stars.csv").returncode == 0
     code = (
-        "import sys, rodgen.cli\n"
-        "assert rodgen.cli.main(['fit', 'mount.toml', 'stars.csv']) == 0\n"
+        "import sys, rodgen.cli.main\n"
+        "assert rodgen.cli.main.main(['fit', 'mount.toml', 'stars.csv']) == 0\n"
         "heavy = {'sympy', 'matplotlib', 'pint', 'jinja2', 'tqdm'} & set(sys.modules)\n"
         "assert not heavy, heavy\n"
     )
@@ -174,7 +174,7 @@ def test_fit_reads_standard_input(folder):
 
 def test_a_fit_that_does_not_converge_ends_with_1_and_says_so(folder, rodgen_command, monkeypatch):
     monkeypatch.setattr(
-        "rodgen.discrepancy._least_squares.minimise.__kwdefaults__", {"progress": None, "max_iterations": 1}
+        "rodgen.calibration.least_squares.minimise.__kwdefaults__", {"progress": None, "max_iterations": 1}
     )
     code, out, err = rodgen_command("fit", "mount.toml", "stars.csv")
     assert (code, err) == (1, "")
@@ -351,7 +351,7 @@ def test_emit_wants_values(folder, rodgen_command):
 
 
 def test_effects_lists_every_effect_of_the_catalogue(rodgen_command):
-    from rodgen.machines.catalogue import CATALOGUE
+    from rodgen.machines.effects.catalogue import CATALOGUE
 
     code, out, err = rodgen_command("effects")
     assert (code, err) == (0, "")

@@ -14,7 +14,9 @@ import pyarrow.parquet as pq
 import pytest
 from numeric_reverse import errors, search
 
-from rodgen import Machine, cli, matrix_from_axis_angle, matrix_from_quaternion, spatial
+from rodgen import Machine, matrix_from_axis_angle, matrix_from_quaternion
+from rodgen.cli import main as cli
+from rodgen.kinematics import spatial
 
 EXAMPLES = Path(__file__).parent.parent / "examples/mechanisms"
 JOINTS = [f"R{n} [deg]" for n in range(1, 7)]

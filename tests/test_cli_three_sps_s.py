@@ -11,8 +11,8 @@ import pyarrow.parquet as parquet
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rodgen import three_sps_s
-from rodgen.cli import main
+from rodgen.cli.main import main
+from rodgen.kinematics import three_sps_s
 
 MACHINE = ["--R", "200mm", "--r", "12cm", "--h", "0.26m"]
 GEOMETRY = three_sps_s.Geometry(200, 120, 260)

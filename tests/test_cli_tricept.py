@@ -9,8 +9,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from rodgen import cli, tricept
-from rodgen.tricept import LEG_LIMITS, PAPER, Geometry
+from rodgen.cli import main as cli
+from rodgen.kinematics import tricept
+from rodgen.kinematics.tricept import LEG_LIMITS, PAPER, Geometry
 
 POINTS = "id,Qx [mm],Qy [mm],Qz [mm]\np1,100,50,650\np2,0,0,500\np3,-30,80,700.5\np4,0,0,0\n"
 RODS = "A0 [inch],A1 [inch],A-1 [inch],remark\n25,26,27,first\n7,7,7,none\n24.5,25,26.25,\n"

@@ -19,17 +19,17 @@ import pytest
 from machine_simulator import Simulated, arcsec, random_walk
 from scipy import stats
 
-from rodgen.discrepancy._problem import Problem
-from rodgen.discrepancy.compare import Comparison, compare
-from rodgen.discrepancy.compare._evidence import Space, log10_f_tail
-from rodgen.discrepancy.compare._order import Wander, correlation
-from rodgen.discrepancy.compare._plots import pictures
-from rodgen.discrepancy.compare._regions import round_between
-from rodgen.discrepancy.compare._sample import MOST_CELLS, Sample, orthonormal
-from rodgen.discrepancy.fit import Fit, fit
-from rodgen.discrepancy.measurements import Measurements, Observations, bind
+from rodgen.calibration.compare import Comparison, compare
+from rodgen.calibration.compare.explained import Space, log10_f_tail
+from rodgen.calibration.compare.regions import round_between
+from rodgen.calibration.compare.sample import MOST_CELLS, Sample, orthonormal
+from rodgen.calibration.compare.serial_correlation import Wander, correlation
+from rodgen.calibration.fit import Fit, fit
+from rodgen.calibration.problem import Problem
+from rodgen.data.measurements import Measurements, Observations, bind
 from rodgen.errors import InputFileError
 from rodgen.machines.machine import Machine
+from rodgen.output.comparison_figures import pictures
 
 ROOT = Path(__file__).parent.parent
 EXAMPLES = ROOT / "examples" / "machines"
@@ -543,7 +543,7 @@ def test_names_of_a_user_s_file_are_drawn_as_they_are(
     odd = {"by_a_b__c_", "by__x", "by_A_B__C__", "by_run"}
     assert odd <= set(names)
     some = [(name, draw) for name, draw in pictures(comparison) if name in odd]
-    monkeypatch.setattr("rodgen.discrepancy.compare._plots.pictures", lambda _: some)
+    monkeypatch.setattr("rodgen.output.comparison_figures.pictures", lambda _: some)
     drawn: list[str] = []
     folder = tmp_path / "plots"
     files = comparison.plot(folder, drawn.append)

@@ -19,10 +19,10 @@ from machine_simulator import arcsec
 from scipy import stats
 from simulated_fits import fit_to, joint, machine_file, measure
 
-from rodgen.discrepancy.diagnose._candidates import candidates
-from rodgen.discrepancy.diagnose._carriers import Carriers, catalogue_effects
-from rodgen.discrepancy.diagnose._correlation import Correlation, correlation, covariance_of_estimates
-from rodgen.discrepancy.diagnose._whitening import Moments, Motion, Part, Poses
+from rodgen.calibration.diagnose.candidates import candidates
+from rodgen.calibration.diagnose.sensitivities import Carriers, catalogue_effects
+from rodgen.calibration.diagnose.variance_components import Correlation, correlation, covariance_of_estimates
+from rodgen.calibration.diagnose.whitening import Moments, Motion, Part, Poses
 
 NOISE = 0.002
 ARCSEC = arcsec(1, "rad")

@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 import rodgen.generated
 from rodgen.derivation import machine_model as model
-from rodgen.machines._rigid import complete_basis, left_jacobian, rotation_matrix, tilted
+from rodgen.machines.rigid import complete_basis, left_jacobian, rotation_matrix, tilted
 from rodgen.symbolic import errata
 
 derivation = model.derivation

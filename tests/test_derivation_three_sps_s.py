@@ -118,7 +118,7 @@ RATIONAL = [  # squares of legs, and the number of real modes
 
 @pytest.mark.parametrize(("squares", "modes"), RATIONAL)
 def test_exact_real_roots_are_the_modes(squares, modes):
-    from rodgen import three_sps_s
+    from rodgen.kinematics import three_sps_s
 
     octic = exact_octic(squares, sp.Integer(2), sp.Integer(1), sp.Rational(3, 2))
     assert octic.degree() == 8

@@ -13,8 +13,8 @@ import pytest
 import sympy as sp
 from scipy.spatial.transform import Rotation
 
-from rodgen import tricept as public
 from rodgen.derivation import tricept as paper
+from rodgen.kinematics import tricept as public
 from rodgen.symbolic import errata
 
 derivation = paper.derivation

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from rodgen import tricept
 from rodgen.derivation import tricept_uncertainty
+from rodgen.kinematics import tricept
 from rodgen.symbolic import errata
 
 DERIVATION = tricept_uncertainty.derivation

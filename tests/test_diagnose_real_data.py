@@ -13,10 +13,10 @@ import pytest
 from diagnosis_checks import allowed, far_aliases, format_errors, refitted
 
 import rodgen
-from rodgen import cli
-from rodgen.discrepancy.diagnose import diagnose
-from rodgen.discrepancy.fit import fit
-from rodgen.machines.catalogue import CATALOGUE
+from rodgen.calibration.diagnose import diagnose
+from rodgen.calibration.fit import fit
+from rodgen.cli import main as cli
+from rodgen.machines.effects.catalogue import CATALOGUE
 
 ROOT = Path(__file__).parent.parent
 MOUNT = ROOT / "examples" / "machines" / "mount"

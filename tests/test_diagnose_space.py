@@ -17,26 +17,26 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rodgen.discrepancy._bind import Observations, bind
-from rodgen.discrepancy._held_out import deal
-from rodgen.discrepancy._problem import Problem
-from rodgen.discrepancy.diagnose import _aliases
-from rodgen.discrepancy.diagnose._blocks import FOLDS, Blocks
-from rodgen.discrepancy.diagnose._candidates import Candidate, candidates
-from rodgen.discrepancy.diagnose._carriers import (
+from rodgen.calibration.diagnose import aliases as _aliases
+from rodgen.calibration.diagnose.candidates import Candidate, candidates
+from rodgen.calibration.diagnose.column_space import Space, log_p
+from rodgen.calibration.diagnose.held_out_blocks import FOLDS, Blocks
+from rodgen.calibration.diagnose.outliers import gross_errors, together
+from rodgen.calibration.diagnose.sensitivities import (
     MOST_ROWS,
     Carriers,
     catalogue_effects,
     is_direct,
     sample_of,
 )
-from rodgen.discrepancy.diagnose._gross import gross_errors, together
-from rodgen.discrepancy.diagnose._space import Space, log_p
-from rodgen.discrepancy.fit import Fit, fit
-from rodgen.discrepancy.measurements import Measurements
-from rodgen.machines._model import Model
-from rodgen.machines.catalogue import CATALOGUE
+from rodgen.calibration.fit import Fit, fit
+from rodgen.calibration.held_out import deal
+from rodgen.calibration.observations import Observations, bind
+from rodgen.calibration.problem import Problem
+from rodgen.data.measurements import Measurements
+from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.machine import Machine
+from rodgen.machines.model import Model
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "machines"
 QUICK = ("mount", "rotary_table", "positioner", "ballbar_gantry")
@@ -224,7 +224,7 @@ def test_a_motion_of_the_frame_is_that_of_all_readings(name):
 
 def test_components_are_what_own_effects_are_made_of():
     """A formula of a user's at a component: its column is the component's, times the formula."""
-    from rodgen.machines._own_effect import own_effect
+    from rodgen.machines.effects.custom import own_effect
     from rodgen.machines.machine import Effect
 
     base = fitted("rotary_table")

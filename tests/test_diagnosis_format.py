@@ -18,9 +18,9 @@ from diagnosis_checks import far_aliases, format_errors, rms_of
 from hidden_effects import hidden
 
 import rodgen
-from rodgen import cli
-from rodgen.discrepancy.fit import fit
-from rodgen.machines.catalogue import CATALOGUE
+from rodgen.calibration.fit import fit
+from rodgen.cli import main as cli
+from rodgen.machines.effects.catalogue import CATALOGUE
 
 NAMES = {definition.name for definition in CATALOGUE}
 CASES = {
@@ -46,7 +46,7 @@ def files(name: str) -> tuple[Path, Path]:
 
 
 @cache
-def diagnosed(name: str) -> rodgen.discrepancy.diagnose.Diagnosis:
+def diagnosed(name: str) -> rodgen.calibration.diagnose.Diagnosis:
     machine, data = files(name)
     return fit(rodgen.Machine.load(machine), rodgen.Measurements.load(data)).diagnose()
 

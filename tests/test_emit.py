@@ -27,8 +27,8 @@ from conftest import C_WARNINGS
 from machine_cases import ARCSEC, Case, data_for, effect, joint, machine_file, unit
 from machine_simulator import Simulated, rotation
 
-from rodgen.discrepancy.fit import fit
-from rodgen.discrepancy.measurements import Measurements
+from rodgen.calibration.fit import fit
+from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.emit import emit
 from rodgen.machines.machine import Joint, Machine, Measured, Target
@@ -884,7 +884,7 @@ def test_folder_is_complete_or_not_there(tmp_path, monkeypatch):
     def full(self: Path, *_: Any, **__: Any) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("rodgen._files.os.replace", full)
+    monkeypatch.setattr("rodgen.files.os.replace", full)
     with pytest.raises(InputFileError, match="No space left"):
         emit(table(), "c", tmp_path / "deep" / "new")
     assert not (tmp_path / "deep").exists()

@@ -19,7 +19,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from machine_cases import READINGS, Case, data_for, joint, machine_file, noisy, possible
 
-from rodgen.discrepancy.fit import fit
+from rodgen.calibration.fit import fit
 from rodgen.errors import RodgenError
 
 QUICK = settings(

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from rodgen.discrepancy.fit import fit
-from rodgen.discrepancy.measurements import Measurements
+from rodgen.calibration.fit import fit
+from rodgen.data.measurements import Measurements
 from rodgen.machines.machine import Machine
 
 ROOT = Path(__file__).parent.parent

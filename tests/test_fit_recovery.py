@@ -29,7 +29,7 @@ from machine_cases import (
 )
 from scipy import stats
 
-from rodgen.discrepancy.fit import Fit, fit
+from rodgen.calibration.fit import Fit, fit
 
 KINDS = ["point", "direction", "distance"]
 ROWS = 80

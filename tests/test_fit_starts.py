@@ -27,8 +27,8 @@ from machine_cases import (
 )
 from scipy.spatial.transform import Rotation
 
-from rodgen.discrepancy._start import trilaterated
-from rodgen.discrepancy.fit import fit
+from rodgen.calibration.fit import fit
+from rodgen.calibration.starting_values import trilaterated
 
 R, P = "revolute", "prismatic"
 NOISE = {"point": 0.02, "direction": 1e-5, "distance": 0.02}

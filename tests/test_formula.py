@@ -14,9 +14,9 @@ import sympy as sp
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
+from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, parse_unit
 from rodgen.errors import InputFileError
-from rodgen.machines.formula import FUNCTION_NAMES, Formula, FormulaError
-from rodgen.machines.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, parse_unit
+from rodgen.machines.effects.formula import FUNCTION_NAMES, Formula, FormulaError
 
 PYTHON = {name: getattr(math, name) for name in ("sin", "cos", "tan", "exp", "log", "sqrt")} | {
     "abs": abs,
@@ -151,7 +151,7 @@ def test_nothing_of_a_formula_is_run_as_code(monkeypatch):
 
 def test_reading_a_formula_needs_neither_sympy_nor_pint():
     program = (
-        "import sys; from rodgen.machines.formula import Formula; from rodgen.machines.units import parse_unit;"
+        "import sys; from rodgen.machines.effects.formula import Formula; from rodgen.data.units import parse_unit;"
         "Formula.parse('a*sin(q)', file='f', place='p'); parse_unit('arcsec/N/mm').factor('mm');"
         "print([m for m in ('sympy', 'pint') if m in sys.modules])"
     )

@@ -16,13 +16,13 @@ import pytest
 from hidden_effects import BENCHES, OUTSIDE, Hidden, Truth, UnhiddenError, hidden, still
 
 import rodgen
-from rodgen import cli
-from rodgen.discrepancy.fit import fit
+from rodgen.calibration.fit import fit
+from rodgen.cli import main as cli
 
 sys.path.append(str(Path(__file__).parent.parent / "study"))
 
 
-def diagnosed(case: Hidden, folder: Path) -> tuple[rodgen.discrepancy.diagnose.Diagnosis, Truth]:
+def diagnosed(case: Hidden, folder: Path) -> tuple[rodgen.calibration.diagnose.Diagnosis, Truth]:
     """Go the way of a user; give the diagnosis, and then the truth."""
     machine, data = case.write(folder)
     found = fit(rodgen.Machine.load(machine), rodgen.Measurements.load(data)).diagnose()

@@ -20,9 +20,9 @@ from hidden_parallel import BENCHES, FAMILY, at
 from parallel_simulator import LEGS
 
 import rodgen
-from rodgen import cli
-from rodgen.discrepancy.fit import fit
-from rodgen.machines.catalogue import CATALOGUE
+from rodgen.calibration.fit import fit
+from rodgen.cli import main as cli
+from rodgen.machines.effects.catalogue import CATALOGUE
 
 T, S = "tricept", "three_sps_s"
 slow = pytest.mark.slow

@@ -70,7 +70,7 @@ def test_functions_need_numpy_alone() -> None:
     [("pyarrow", "tables", ["solve", "pairs.csv"]), ("sympy", "derive", ["derive", "axis"])],
 )
 def test_command_says_which_extra_it_needs(module: str, extra: str, command: list[str]) -> None:
-    done = run_without({module}, f"from rodgen import cli\nsys.exit(cli.main({command!r}))")
+    done = run_without({module}, f"from rodgen.cli import main as cli\nsys.exit(cli.main({command!r}))")
     assert done.returncode == 2
     assert f"pip install 'rodgen[{extra}]'" in done.stderr
     assert done.stderr.count("\n") == 1

@@ -16,8 +16,8 @@ from scipy.optimize import least_squares, minimize
 from scipy.spatial.transform import Rotation
 
 import rodgen
-from rodgen import instantaneous_euler as ie
 from rodgen.errors import RodgenError
+from rodgen.kinematics import instantaneous_euler as ie
 
 EPS = float(np.finfo(float).eps)
 FEW = 16 * EPS

@@ -12,12 +12,12 @@ import pytest
 from scipy import stats
 
 import rodgen
-from rodgen.discrepancy._bind import bind
-from rodgen.discrepancy._held_out import _dealt, _folds, held_out
-from rodgen.discrepancy._problem import Problem
-from rodgen.discrepancy._step import step
-from rodgen.discrepancy.fit import Fit, fit
-from rodgen.discrepancy.ladder import ladder, ladder_of
+from rodgen.calibration.effect_test import step
+from rodgen.calibration.fit import Fit, fit
+from rodgen.calibration.held_out import _dealt, _folds, held_out
+from rodgen.calibration.ladder import ladder, ladder_of
+from rodgen.calibration.observations import bind
+from rodgen.calibration.problem import Problem
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.machine import Joint, Machine, Measured, Target
 

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rodgen import spatial
 from rodgen.errors import InputFileError
+from rodgen.kinematics import spatial
 
 HEADER = "joint,type,S [mm],theta [deg],pitch [mm/rad],a [mm],alpha [deg]"
 ROWS = ["base,R,0,,,120,90", "slide,P,,30,,0,-90", "screw,H,2,,1.5,1e-1,45", "tool,C,,,,,"]

@@ -18,10 +18,10 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from rodgen.errors import InputFileError, RodgenError
-from rodgen.machines._edit import add_effects_to_file, remove_effect_from_file
-from rodgen.machines._file import machine_of
-from rodgen.machines._write import decimal, machine_text
-from rodgen.machines.catalogue import CATALOGUE
+from rodgen.machines.effects.catalogue import CATALOGUE
+from rodgen.machines.files.edit import add_effects_to_file, remove_effect_from_file
+from rodgen.machines.files.read import machine_of
+from rodgen.machines.files.write import decimal, machine_text
 from rodgen.machines.machine import Joint, Machine, Measured, Target
 
 DEG = math.pi / 180

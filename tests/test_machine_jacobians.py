@@ -23,11 +23,11 @@ import pytest
 from machine_cases import ROWS, Case, every, frame, own, unit
 from scipy.spatial.transform import Rotation
 
+from rodgen.calibration.problem import Problem
 from rodgen.codegen import Kernel
 from rodgen.codegen.rows import row_kernels
-from rodgen.discrepancy._problem import Problem
-from rodgen.machines._derive import derive_kernels
-from rodgen.machines._model import _key
+from rodgen.machines.derivation import derive_kernels
+from rodgen.machines.model import _key
 
 KINDS = ["point", "direction", "distance"]
 UNITS = 16

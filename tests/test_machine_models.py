@@ -34,8 +34,8 @@ from machine_cases import (
     unit,
 )
 
-from rodgen.machines.catalogue import CATALOGUE
-from rodgen.machines.units import unit_factor
+from rodgen.data.units import unit_factor
+from rodgen.machines.effects.catalogue import CATALOGUE
 
 KINDS = ["point", "direction", "distance"]
 WITHIN = {"point": 1e-10, "distance": 1e-10, "direction": 1e-13}

@@ -21,11 +21,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from rodgen.discrepancy import _poses, _spool
-from rodgen.discrepancy.measurements import Measurements, bind
+from rodgen.data import poses as _poses
+from rodgen.data import spool as _spool
+from rodgen.data.measurements import Measurements, bind
+from rodgen.data.tables import reader as _source
 from rodgen.errors import InputFileError
 from rodgen.machines.machine import Joint, Machine, Measured, Target
-from rodgen.tables import _source
 
 REGISTRY = pint.UnitRegistry()
 EXAMPLES = Path(__file__).parent.parent / "examples" / "machines"
@@ -1071,7 +1072,7 @@ def peak_memory(path):
     """Return the peak of what is not backed by a file, in bytes, seen while a file is read and bound."""
     code = """
 import sys, threading, time
-from rodgen.discrepancy import _spool
+from rodgen.data import spool as _spool
 from test_measurements import Measurements, bind, one_target
 _spool.IN_MEMORY = 1 << 20
 peak = 0

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from simulated_fits import TRUTH, fit_to, joint, machine_file, measure, on_table
 
-from rodgen.discrepancy.fit import Fit, fit
-from rodgen.discrepancy.measurements import Measurements
+from rodgen.calibration.fit import Fit, fit
+from rodgen.data.measurements import Measurements
 from rodgen.machines.machine import Machine
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "machines"

@@ -18,8 +18,9 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from rodgen.codegen import KernelBuilder, KernelError, _library
+from rodgen.codegen import KernelBuilder, KernelError
 from rodgen.codegen import compile as run_time
+from rodgen.codegen import library as _library
 from rodgen.codegen.compile import cache_folder, compile_kernel, compile_kernels
 from rodgen.codegen.printers import CPrinter, NumPyPrinter
 from rodgen.codegen.project import KernelModule, render

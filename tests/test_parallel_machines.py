@@ -30,15 +30,15 @@ from scipy import stats
 from test_emit import Compiled, loaded
 from test_machine_jacobians import columns_off, near
 
-from rodgen import cli
-from rodgen.discrepancy.fit import fit
-from rodgen.discrepancy.measurements import Measurements, bind
+from rodgen.calibration.fit import fit
+from rodgen.cli import main as cli
+from rodgen.data.measurements import Measurements, bind
+from rodgen.data.units import unit_factor
 from rodgen.errors import InputFileError
-from rodgen.machines._write import fixed_machine
-from rodgen.machines.catalogue import CATALOGUE
+from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.emit import emit
+from rodgen.machines.files.write import fixed_machine
 from rodgen.machines.machine import Machine
-from rodgen.machines.units import unit_factor
 
 FAMILIES = list(LEGS)
 KINDS = ["point", "direction", "distance"]

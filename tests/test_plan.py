@@ -25,11 +25,11 @@ from closed_loop import (
 from machine_cases import ARCSEC, joint, machine_file, toml
 from simulated_fits import fit_to, measure
 
-from rodgen.cli import main
-from rodgen.discrepancy._poses import approach
-from rodgen.discrepancy.diagnose import Diagnosis, diagnose
-from rodgen.discrepancy.measurements import Measurements, bind
-from rodgen.discrepancy.plan import Plan, PlanError, plan, plan_for
+from rodgen.calibration.diagnose import Diagnosis, diagnose
+from rodgen.calibration.plan import Plan, PlanError, plan, plan_for
+from rodgen.cli.main import main
+from rodgen.data.measurements import Measurements, bind
+from rodgen.data.poses import approach
 from rodgen.machines.machine import Machine
 
 MOUNT = Path(__file__).parent.parent / "examples" / "machines" / "mount"

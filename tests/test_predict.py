@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from rodgen.cli import main
-from rodgen.discrepancy.measurements import Measurements
+from rodgen.cli.main import main
+from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError
 from rodgen.machines.machine import Joint, Machine, Measured, Target
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import rodgen
-from rodgen import cli
+from rodgen.cli import main as cli
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -22,20 +22,20 @@ import numpy as np
 import pytest
 from made_diagnoses import HOSTILE, MACHINES
 
-from rodgen import cli
-from rodgen.discrepancy.diagnose import Diagnosis, Unexplained
-from rodgen.discrepancy.fit import Estimate
-from rodgen.discrepancy.plan import Gain, Goal, Plan
-from rodgen.discrepancy.report import report_page, write_report
-from rodgen.discrepancy.report._chart import Chart
-from rodgen.discrepancy.report._charts import charts
-from rodgen.discrepancy.report._content import unit_of
-from rodgen.discrepancy.report._hardware import in_hardware
-from rodgen.discrepancy.report._last import last_fit
-from rodgen.discrepancy.report._svg import standalone
+from rodgen.calibration.diagnose import Diagnosis, Unexplained
+from rodgen.calibration.fit import Estimate
+from rodgen.calibration.plan import Gain, Goal, Plan
+from rodgen.cli import main as cli
 from rodgen.errors import InputFileError
-from rodgen.machines.catalogue import CATALOGUE
+from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.machine import Effect
+from rodgen.output.report import report_page, write_report
+from rodgen.output.report.chart import Chart
+from rodgen.output.report.charts import charts
+from rodgen.output.report.content import unit_of
+from rodgen.output.report.hardware import in_hardware
+from rodgen.output.report.last_model import last_fit
+from rodgen.output.report.svg import standalone
 
 VOID = {"meta", "link", "br", "img", "input", "hr"}
 BLOCK = """[[effect]]

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numeric_reverse import Chain, errors, forward, reach, search, wrapped
 
-from rodgen import spatial
-from rodgen.spatial import ReverseStatus
+from rodgen.kinematics import spatial
+from rodgen.kinematics.spatial import ReverseStatus
 
 ROBOTS = {"puma": spatial.PUMA_560, "p60": spatial.GE_P60, "t3": spatial.T3_776}
 BAR = 1e-10

@@ -11,9 +11,9 @@ from scipy.integrate import quad
 from scipy.stats import chi, t
 from simulated_fits import TRUTH, fit_to, joint, machine_file, measure, on_table
 
-from rodgen.discrepancy._robust import HUBER, _Judge
-from rodgen.discrepancy.fit import Fit, FitError, fit
-from rodgen.discrepancy.measurements import Measurements
+from rodgen.calibration.fit import Fit, FitError, fit
+from rodgen.calibration.robust import HUBER, _Judge
+from rodgen.data.measurements import Measurements
 from rodgen.machines.machine import Machine
 
 NOISE = 0.002

@@ -18,7 +18,8 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from rodgen.codegen import Kernel, KernelBuilder, KernelError, _library
+from rodgen.codegen import Kernel, KernelBuilder, KernelError
+from rodgen.codegen import library as _library
 from rodgen.codegen import rows as rows_module
 from rodgen.codegen._rows_source import c_source
 from rodgen.codegen.rows import RowKernel, row_kernels

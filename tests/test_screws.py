@@ -5,8 +5,8 @@ import pytest
 import sympy as sp
 from scipy.spatial.transform import Rotation
 
-from rodgen import screws
-from rodgen.screws import ScrewStatus
+from rodgen.kinematics import screws
+from rodgen.kinematics.screws import ScrewStatus
 from rodgen.symbolic import (
     DELTA,
     Derivation,

@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from machine_simulator import RADIANS, Simulated
 
 import rodgen
-from rodgen.discrepancy._copy import copied_with
-from rodgen.discrepancy._seal import opened, sealed
+from rodgen.calibration.annotated_copy import copied_with
+from rodgen.calibration.hidden_truth import opened, sealed
 from rodgen.errors import InputFileError, RodgenError
-from rodgen.machines._effects import UnfitEffectError
-from rodgen.machines._typed import assignments, number_and_unit, typed_effect
+from rodgen.machines.effects.rules import UnfitEffectError
+from rodgen.machines.effects.typed import assignments, number_and_unit, typed_effect
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "machines"
 
@@ -32,7 +32,7 @@ def commands(machine: rodgen.Machine, data: rodgen.Measurements) -> np.ndarray:
     return np.stack([data.columns[joint.name].values for joint in machine.joints], -1)
 
 
-def readings(made: rodgen.discrepancy.simulate.Simulation) -> np.ndarray:
+def readings(made: rodgen.calibration.simulate.Simulation) -> np.ndarray:
     return np.stack(list(made.columns.values()), -1)
 
 

@@ -15,10 +15,11 @@ import pytest
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from rodgen import Machine, Measurements, spatial
+from rodgen import Machine, Measurements
 from rodgen.errors import RodgenError
+from rodgen.kinematics import spatial
+from rodgen.kinematics.spatial import Mechanism, Placement, _product_of_exponentials
 from rodgen.machines.machine import Joint, Measured, Target
-from rodgen.spatial import Mechanism, Placement, _product_of_exponentials
 
 
 def rx(angle):

@@ -9,9 +9,9 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 import rodgen
-from rodgen import spatial
 from rodgen.errors import RodgenError
-from rodgen.spatial import HypotheticalStatus, Mechanism
+from rodgen.kinematics import spatial
+from rodgen.kinematics.spatial import HypotheticalStatus, Mechanism
 
 EPS = np.finfo(float).eps
 ROBOTS = (spatial.PUMA_560, spatial.GE_P60, spatial.T3_776)

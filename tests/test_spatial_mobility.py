@@ -7,10 +7,17 @@ import numpy as np
 import pytest
 from numeric_reverse import search
 
-from rodgen import spatial
 from rodgen.derivation import spatial_loops
 from rodgen.errors import RodgenError
-from rodgen.spatial import Mechanism, equivalent_spherical, group, mobility, mobility_of, planar_svg
+from rodgen.kinematics import spatial
+from rodgen.kinematics.spatial import (
+    Mechanism,
+    equivalent_spherical,
+    group,
+    mobility,
+    mobility_of,
+    planar_svg,
+)
 
 
 def degrees(*values):

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rodgen import cli, spatial
+from rodgen.cli import main as cli
+from rodgen.kinematics import spatial
 
 ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs/spatial_mechanisms.md").read_text(encoding="utf-8")

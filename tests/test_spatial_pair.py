@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from pair_reference import TURN, all_angles, all_roots
 
-from rodgen import spatial
-from rodgen.spatial import PairStatus, _pair
-from rodgen.spatial._pair_roots import certain_solutions
+from rodgen.kinematics import spatial
+from rodgen.kinematics.spatial import PairStatus, _pair
+from rodgen.kinematics.spatial._pair_roots import certain_solutions
 
 EPS = np.finfo(float).eps
 methods = pytest.mark.parametrize("method", ["fast", "sylvester", "bezout"])

@@ -8,10 +8,10 @@ from numeric_reverse import search
 from robot_inputs import folded_arm, robot_inputs
 from test_reverse_robots import check_is_solution, check_misses_nothing
 
-from rodgen import spatial
 from rodgen.derivation.robots_6r import derivation
 from rodgen.errors import RodgenError
-from rodgen.spatial import ReverseStatus
+from rodgen.kinematics import spatial
+from rodgen.kinematics.spatial import ReverseStatus
 
 EPS = float(np.finfo(float).eps)
 KINDS = {
@@ -343,7 +343,7 @@ def test_without_ssik_a_general_arm_is_told_what_to_install(monkeypatch: pytest.
 def test_ssik_is_given_the_same_arm(monkeypatch: pytest.MonkeyPatch) -> None:
     """On a Puma, which ssik knows how to solve without preparation, it finds what the closed form finds."""
     pytest.importorskip("ssik")
-    from rodgen.spatial import _reverse, _reverse_plan
+    from rodgen.kinematics.spatial import _reverse, _reverse_plan
 
     robot = spatial.PUMA_560
     _, T = some_poses(robot, 5, 2)

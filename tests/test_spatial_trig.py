@@ -10,8 +10,8 @@ import mpmath
 import numpy as np
 import pytest
 
-from rodgen import spatial
-from rodgen.spatial import TrigStatus
+from rodgen.kinematics import spatial
+from rodgen.kinematics.spatial import TrigStatus
 
 EPS = np.finfo(float).eps
 both = pytest.mark.parametrize("method", ["trig", "half_angle"])

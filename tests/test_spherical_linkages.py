@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.optimize import fsolve
 
-from rodgen import spatial
-from rodgen.spatial import PolygonStatus
+from rodgen.kinematics import spatial
+from rodgen.kinematics.spatial import PolygonStatus
 
 EPS = float(np.finfo(float).eps)
 CLOSED = 16 * EPS

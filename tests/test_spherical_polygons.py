@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 from closed_polygons import exact, frames, many_digits, product, rotate_x, rotate_z, spatial
 
-from rodgen import spatial as sphere
-from rodgen._polygon_laws import FAMILIES, HalfTangent, Law, laws
-from rodgen._polygon_notation import Term
 from rodgen.derivation import spherical_polygons
+from rodgen.kinematics import spatial as sphere
+from rodgen.polygon_laws import FAMILIES, HalfTangent, Law, laws
+from rodgen.polygon_notation import Term
 from rodgen.symbolic import errata
 
 EPS = float(np.finfo(float).eps)

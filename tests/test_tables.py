@@ -16,10 +16,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from rodgen.data.tables import PAIR_COLUMNS, open_sink, read_pairs, solve_table
+from rodgen.data.tables import reader as source
+from rodgen.data.tables.columns import UnitError, conversion_factor
 from rodgen.errors import InputFileError, RodgenError, shown
-from rodgen.tables import PAIR_COLUMNS, open_sink, read_pairs, solve_table
-from rodgen.tables import _source as source
-from rodgen.tables._columns import UnitError, conversion_factor
 
 HEADER = "rho_x [mm],rho_y [mm],rho_z [mm],rho_prime_x [mm],rho_prime_y [mm],rho_prime_z [mm],angle [deg]"
 ROW = "3,4,12,12,-3,4,90"
@@ -600,7 +600,7 @@ def test_gzip_bytes_do_not_depend_on_time_or_name(tmp_path):
 
 
 def test_many_blocks_become_few_parquet_row_groups(tmp_path, monkeypatch):
-    monkeypatch.setattr("rodgen.tables._sink._ROW_GROUP", 1000)
+    monkeypatch.setattr("rodgen.data.tables.writer._ROW_GROUP", 1000)
     table = pa.table({"x": np.arange(3500.0)})
     with open_sink(tmp_path / "out.parquet", table.schema) as sink:
         for batch in table.to_batches(max_chunksize=100):
@@ -864,7 +864,7 @@ def test_memory_does_not_grow_with_the_file(kind, tmp_path):
 
 def peak_memory(path, output):
     code = (
-        "import resource, sys; from rodgen.tables import solve_table; solve_table(sys.argv[1], sys.argv[2]); "
+        "import resource, sys; from rodgen.data.tables import solve_table; solve_table(sys.argv[1], sys.argv[2]); "
         "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)"
     )
     run = subprocess.run(

@@ -14,9 +14,9 @@ import pytest
 from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
-from rodgen import screws, three_sps_s
 from rodgen.errors import RodgenError
-from rodgen.three_sps_s import DirectStatus, Geometry, OrientationStatus
+from rodgen.kinematics import screws, three_sps_s
+from rodgen.kinematics.three_sps_s import DirectStatus, Geometry, OrientationStatus
 
 MACHINE = Geometry(2.0, 1.0, 1.5)
 DIRECTIONS = np.array([[np.cos(a), np.sin(a), 0] for a in np.radians([-30, 90, 210])])

@@ -10,8 +10,8 @@ from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
 import rodgen
-from rodgen import tricept
-from rodgen.tricept import LEG_LIMITS, PAPER, Geometry, TriceptStatus
+from rodgen.kinematics import tricept
+from rodgen.kinematics.tricept import LEG_LIMITS, PAPER, Geometry, TriceptStatus
 
 WITH_Q = Geometry(330.0, 140.0, (20.0, -30.0, 50.0))
 OTHER = Geometry(250.0, 110.0, (-15.0, 5.0, 120.0))
@@ -405,12 +405,14 @@ def test_det_w33_changes_its_sign_where_an_assembly_is_left():
 def test_direct_finds_every_pose_of_the_workspace():
     """20 000 poses within the limits, and the vertices of the rods' box: Newton's method never fails, to 1e-12."""
     poses = workspace_poses(20_000)
-    found, status = rodgen._kernels.kernels.tricept_direct(reference_legs(poses, PAPER), PAPER.r, PAPER.R)
+    found, status = rodgen.kinematics.backend.kernels.tricept_direct(
+        reference_legs(poses, PAPER), PAPER.r, PAPER.R
+    )
     assert (status == TriceptStatus.REACHABLE).all()
     np.testing.assert_allclose(found, poses, rtol=0, atol=2e-10)
     np.testing.assert_allclose(found[:, :2], poses[:, :2], rtol=0, atol=1e-12)
     grid = np.stack(np.meshgrid(*[np.linspace(568, 858, 21)] * 3), axis=-1).reshape(-1, 3)
-    found, status = rodgen._kernels.kernels.tricept_direct(grid, PAPER.r, PAPER.R)
+    found, status = rodgen.kinematics.backend.kernels.tricept_direct(grid, PAPER.r, PAPER.R)
     assert (status == TriceptStatus.REACHABLE).all()
     np.testing.assert_allclose(tricept.legs(found, PAPER), grid, rtol=1e-14)
 

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from rodgen import cli, tricept
+from rodgen.cli import main as cli
 from rodgen.errors import RodgenError
-from rodgen.tricept import ELEMENTS, LEG_LIMITS, PAPER, Geometry
-from rodgen.tricept._branch import certified_extremes
-from rodgen.tricept._enclosure import enclose
-from rodgen.tricept._interval import Jet, stack
+from rodgen.kinematics import tricept
+from rodgen.kinematics.tricept import ELEMENTS, LEG_LIMITS, PAPER, Geometry
+from rodgen.kinematics.tricept._branch import certified_extremes
+from rodgen.kinematics.tricept._enclosure import enclose
+from rodgen.kinematics.tricept._interval import Jet, stack
 
 U_PAPER = np.diag([0.005**2 / 3] * 3 + [0.01**2 / 3] * 2)
 LOW, HIGH = np.array([-80.0, -80.0, 605.0]), np.array([80.0, 80.0, 765.0])

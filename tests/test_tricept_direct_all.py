@@ -9,9 +9,10 @@ import pytest
 import sympy as sp
 from scipy.optimize import fsolve
 
-from rodgen import RodgenError, tricept
+from rodgen import RodgenError
 from rodgen.derivation import tricept as paper
-from rodgen.tricept import PAPER, Geometry
+from rodgen.kinematics import tricept
+from rodgen.kinematics.tricept import PAPER, Geometry
 
 
 def parts(pose):

@@ -11,9 +11,10 @@ import pyarrow.parquet as pq
 import pytest
 from scipy import stats
 
-from rodgen import cli, tricept
+from rodgen.cli import main as cli
 from rodgen.errors import InputFileError, RodgenError
-from rodgen.tricept import PAPER, PARAMETERS, Geometry, TriceptStatus
+from rodgen.kinematics import tricept
+from rodgen.kinematics.tricept import PAPER, PARAMETERS, Geometry, TriceptStatus
 
 U_PAPER = np.diag([0.005**2 / 3] * 3 + [0.01**2 / 3] * 2)
 TOOL = Geometry(330.0, 140.0, (20.0, -35.0, 60.0))

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from rodgen import RodgenError, tricept
-from rodgen.tricept import LEG_LIMITS, PAPER, Geometry, TriceptStatus
+from rodgen import RodgenError
+from rodgen.kinematics import tricept
+from rodgen.kinematics.tricept import LEG_LIMITS, PAPER, Geometry, TriceptStatus
 
 WITH_Q = Geometry(330.0, 140.0, (20.0, -30.0, 50.0))
 

@@ -13,20 +13,20 @@ import pytest
 from machine_cases import READINGS, Case, data_for, joint, machine_file, unit
 from machine_simulator import Simulated
 
-from rodgen.discrepancy._bind import bind
-from rodgen.discrepancy._problem import Problem
-from rodgen.discrepancy.diagnose._carriers import Carriers
-from rodgen.discrepancy.diagnose._chance import log10_of_f
-from rodgen.discrepancy.diagnose._unexplained import Form, best_terms, find_forms, unnameable
-from rodgen.discrepancy.diagnose._unexplained._dictionary import dictionary, drivers_of
-from rodgen.discrepancy.diagnose._unexplained._level import Level
-from rodgen.discrepancy.diagnose._unexplained._screen import Functions, Screen
-from rodgen.discrepancy.diagnose._unexplained._unseen import Unseen, folds_of
-from rodgen.discrepancy.fit import Fit, fit
-from rodgen.discrepancy.measurements import Measurements
-from rodgen.machines._edit import add_effects_to_file
-from rodgen.machines._model import Frame, Model
+from rodgen.calibration.diagnose.forms import Form, best_terms, find_forms, unnameable
+from rodgen.calibration.diagnose.forms.dictionary import dictionary, drivers_of
+from rodgen.calibration.diagnose.forms.leave_out import Unseen, folds_of
+from rodgen.calibration.diagnose.forms.level import Level
+from rodgen.calibration.diagnose.forms.screen import Functions, Screen
+from rodgen.calibration.diagnose.sensitivities import Carriers
+from rodgen.calibration.fit import Fit, fit
+from rodgen.calibration.observations import bind
+from rodgen.calibration.problem import Problem
+from rodgen.data.measurements import Measurements
+from rodgen.machines.files.edit import add_effects_to_file
 from rodgen.machines.machine import Machine
+from rodgen.machines.model import Frame, Model
+from rodgen.statistics.f_distribution import log10_of_f
 
 ARCSEC = np.pi / 648000
 NOISE = {"point": 0.004, "distance": 0.004, "direction": 2 * ARCSEC}

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rodgen.machines import units
-from rodgen.machines.units import (
+from rodgen.data import units
+from rodgen.data.tables import UnitError
+from rodgen.data.units import (
     ANGLE,
     FORCE,
     LENGTH,
@@ -20,7 +21,6 @@ from rodgen.machines.units import (
     parse_unit,
     unit_factor,
 )
-from rodgen.tables import UnitError
 
 
 @pytest.mark.parametrize("name", sorted((units._EVERYDAY.keys() | units._PI_PARTS.keys()) - {"1", "°C"}))

@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from rodgen.discrepancy._bind import Observations, bind
-from rodgen.discrepancy._problem import Problem
-from rodgen.discrepancy._start import nearest_frame
-from rodgen.discrepancy.measurements import Measurements
-from rodgen.machines._model import Frame, Model
-from rodgen.machines._rigid import rotation_matrix
+from rodgen.calibration.observations import Observations, bind
+from rodgen.calibration.problem import Problem
+from rodgen.calibration.starting_values import nearest_frame
+from rodgen.data.measurements import Measurements
 from rodgen.machines.machine import Machine
+from rodgen.machines.model import Frame, Model
+from rodgen.machines.rigid import rotation_matrix
 
 HERE = Path(__file__).resolve().parent
 EXAMPLES = HERE.parent.parent / "examples" / "machines"

@@ -25,7 +25,7 @@ class Contender:
 
 
 def rodgen_fits(case: Case) -> Iterator[Contender]:
-    from rodgen.discrepancy.fit import fit
+    from rodgen.calibration.fit import fit
 
     def with_deviations():
         found = fit(case.machine, case.observations)

@@ -213,8 +213,8 @@ def _kernels() -> dict[str, Any]:
 def _operations() -> dict[str, dict[str, int]]:
     """Count what the arm's kernels do a row, from the generated C's own words."""
     from rodgen.codegen._rows_source import c_source
-    from rodgen.machines._derive import derive_kernels
-    from rodgen.machines._structure import structure_of
+    from rodgen.machines.derivation import derive_kernels
+    from rodgen.machines.structure import structure_of
 
     source = c_source(
         derive_kernels(structure_of(cases.Machine.load(str(cases.HERE / "arm.toml")))), ("g", "e")

@@ -25,8 +25,8 @@ def derive(path: str) -> dict:
     import numpy
 
     after_numpy = time.perf_counter()
-    from rodgen.machines._model import Model
     from rodgen.machines.machine import Machine
+    from rodgen.machines.model import Model
 
     imported = time.perf_counter()
     machine = Machine.load(path)
@@ -80,7 +80,7 @@ def large(folder: str) -> dict:
     for name in [f"J{j}" for j in range(1, 7)] + list("xyz"):
         unit = "mm" if name in "xyz" else "rad"
         columns[f"{name} [{unit}]"] = np.load(Path(folder, f"{name}.npy"), mmap_mode="r")
-    from rodgen.discrepancy.fit import fit
+    from rodgen.calibration.fit import fit
 
     few = {name: values[:1000] for name, values in columns.items()}
     fit(machine, cases.Measurements.from_frame(few))  # kernels are loaded, libraries warm

@@ -9,7 +9,7 @@ import clock
 import environments
 import numpy as np
 
-from rodgen import spatial
+from rodgen.kinematics import spatial
 
 N = 20_000
 """Poses of one call of rodgen: their results stay in the second cache or the third."""

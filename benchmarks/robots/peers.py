@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rodgen import spatial
+from rodgen.kinematics import spatial
 
 RAW = (0, False, np.zeros(0), "wrap_linf", False, 0.0, -1, False, 15, False)
 """ssik: no limits, no seed, all solutions, no rescue, no further turns."""

@@ -12,7 +12,7 @@ import numpy as np
 from contenders import native
 from environments import HERE
 
-from rodgen import spatial
+from rodgen.kinematics import spatial
 from spatial.by_hand import (
     all_at_once,
     by_eigenvalues,

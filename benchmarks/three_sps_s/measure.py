@@ -8,7 +8,7 @@ import clock
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from rodgen import three_sps_s
+from rodgen.kinematics import three_sps_s
 from three_sps_s.by_hand import R, by_roots, h, loop, r, searched, vectorised
 
 N = 1_000_000

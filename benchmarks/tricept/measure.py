@@ -7,7 +7,7 @@ import os
 import clock
 import numpy as np
 
-from rodgen import tricept
+from rodgen.kinematics import tricept
 from tricept.by_hand import blocked, loop, with_cofactors, with_solve
 
 N = 1_000_000

@@ -9,8 +9,8 @@ from importlib.metadata import version as _version
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 from typing import Any as _Any
 
-from rodgen._kernels import backend
-from rodgen.axis import (
+from rodgen.errors import RodgenError
+from rodgen.kinematics.axis import (
     AxisStatus,
     axis_condition,
     axis_covariance,
@@ -18,9 +18,9 @@ from rodgen.axis import (
     length_mismatch,
     solve_axis,
 )
-from rodgen.axis_fit import AxisFit, AxisFitStatus, fit_axis
-from rodgen.errors import RodgenError
-from rodgen.rotation import (
+from rodgen.kinematics.axis_fit import AxisFit, AxisFitStatus, fit_axis
+from rodgen.kinematics.backend import backend
+from rodgen.kinematics.rotation import (
     RotationStatus,
     axis_angle_from_matrix,
     axis_angle_from_quaternion,
@@ -38,18 +38,18 @@ from rodgen.rotation import (
 )
 
 if _TYPE_CHECKING:
-    from rodgen import instantaneous_euler as instantaneous_euler
-    from rodgen import screws as screws
-    from rodgen import spatial as spatial
-    from rodgen import three_sps_s as three_sps_s
-    from rodgen import tricept as tricept
-    from rodgen.discrepancy.measurements import Measurements as Measurements
+    from rodgen.data.measurements import Measurements as Measurements
+    from rodgen.kinematics import instantaneous_euler as instantaneous_euler
+    from rodgen.kinematics import screws as screws
+    from rodgen.kinematics import spatial as spatial
+    from rodgen.kinematics import three_sps_s as three_sps_s
+    from rodgen.kinematics import tricept as tricept
     from rodgen.machines.machine import Machine as Machine
 
 __version__ = _version("rodgen")
 
 # Not in __all__: "from rodgen import *" must do with NumPy alone.
-_LATER = {"Machine": "rodgen.machines.machine", "Measurements": "rodgen.discrepancy.measurements"}
+_LATER = {"Machine": "rodgen.machines.machine", "Measurements": "rodgen.data.measurements"}
 _SUBJECTS = ("instantaneous_euler", "screws", "spatial", "three_sps_s", "tricept")
 """Modules that are imported when they are first asked for."""
 
@@ -84,7 +84,7 @@ __all__ = [
 
 def __getattr__(name: str) -> _Any:
     if name in _SUBJECTS:
-        return _import_module(f"rodgen.{name}")
+        return _import_module(f"rodgen.kinematics.{name}")
     if name not in _LATER:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     found = globals()[name] = getattr(_import_module(_LATER[name]), name)

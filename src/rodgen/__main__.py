@@ -2,6 +2,6 @@
 
 import sys
 
-from rodgen.cli import main
+from rodgen.cli.main import main
 
 sys.exit(main())

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rodgen.codegen._library import CompilerError, compiler, kept_text, library, native, notice
+from rodgen.codegen.library import CompilerError, compiler, kept_text, library, native, notice
 
 if TYPE_CHECKING:
     from rodgen.codegen.kernel import Kernel

@@ -18,12 +18,12 @@ from rodgen.errors import InputFileError, RodgenError, shown
 from rodgen.machines.closed_chain import ClosedChain
 
 if TYPE_CHECKING:
-    from rodgen.discrepancy.diagnose import DiagnosedEffect
-    from rodgen.discrepancy.fit import Fit
-    from rodgen.discrepancy.measurements import Measurements
-    from rodgen.discrepancy.simulate import Simulation
-    from rodgen.machines.catalogue import EffectDefinition
-    from rodgen.machines.units import Dimension
+    from rodgen.calibration.diagnose import DiagnosedEffect
+    from rodgen.calibration.fit import Fit
+    from rodgen.calibration.simulate import Simulation
+    from rodgen.data.measurements import Measurements
+    from rodgen.data.units import Dimension
+    from rodgen.machines.effects.catalogue import EffectDefinition
 
 __all__ = ["Effect", "Joint", "Machine", "Measured", "Target"]
 
@@ -239,7 +239,7 @@ class Machine:
         InputFileError
             One line with the place, what stands there and what should.
         """
-        from rodgen.machines._file import read_machine
+        from rodgen.machines.files.read import read_machine
 
         return read_machine(path)
 
@@ -262,8 +262,8 @@ class Machine:
             When it cannot be written; with `fixed`, also when an effect is measured over a travel that the
             machine does not say.
         """
-        from rodgen._files import write_file
-        from rodgen.machines._write import fixed_machine, machine_text
+        from rodgen.files import write_file
+        from rodgen.machines.files.write import fixed_machine, machine_text
 
         write_file(path, machine_text(fixed_machine(self) if fixed else self).encode())
 
@@ -303,7 +303,7 @@ class Machine:
 
     def file_factor(self, dimension: Dimension) -> float:
         """Return what a number of this dimension in the machine file is multiplied by to be in internal units."""
-        from rodgen.machines.units import unit_factor
+        from rodgen.data.units import unit_factor
 
         angle, _ = unit_factor(self.angle_unit)
         return math.pow(angle, dimension["angle"])
@@ -332,7 +332,7 @@ class Machine:
         InputFileError
             When it cannot stand there.
         """
-        from rodgen.machines._effects import UnfitEffectError, catalogue_effect
+        from rodgen.machines.effects.rules import UnfitEffectError, catalogue_effect
 
         try:
             return catalogue_effect(self, name, place, hold or {})
@@ -352,7 +352,7 @@ class Machine:
         InputFileError
             When it is there already, cannot stand at its place, changes no reading, or has the freedoms of another.
         """
-        from rodgen.machines._effects import UnfitEffectError, check_effect
+        from rodgen.machines.effects.rules import UnfitEffectError, check_effect
 
         try:
             check_effect(self, effect)
@@ -418,7 +418,7 @@ class Machine:
         FitError
             When there is nothing to fit, or the model is not finite at the start.
         """
-        from rodgen.discrepancy.fit import fit
+        from rodgen.calibration.fit import fit
 
         return fit(self, data, loss=loss, progress=progress)
 
@@ -505,7 +505,7 @@ class Machine:
     def simulate(
         self, design: Measurements, effects: Sequence[str | Effect] = (), **options: Any
     ) -> Simulation:
-        """Make up measurements of this machine; see :func:`rodgen.discrepancy.simulate.simulate`.
+        """Make up measurements of this machine; see :func:`rodgen.calibration.simulate.simulate`.
 
         Parameters
         ----------
@@ -520,13 +520,13 @@ class Machine:
         -------
         Simulation
         """
-        from rodgen.discrepancy.simulate import simulate
+        from rodgen.calibration.simulate import simulate
 
         return simulate(self, design, effects, **options)
 
     def describe(self) -> str:
         """Return a short summary: joints, targets, what is measured and estimated, effects."""
-        from rodgen.machines._write import description
+        from rodgen.machines.files.write import description
 
         return description(self)
 

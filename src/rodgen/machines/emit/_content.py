@@ -14,9 +14,6 @@ from numpy.typing import NDArray
 
 from rodgen.codegen.kernel import Kernel
 from rodgen.errors import RodgenError, shown
-from rodgen.machines._model import Model
-from rodgen.machines._structure import row_effects
-from rodgen.machines.closing import holding, usual_leg
 from rodgen.machines.emit._kernels import (
     OF_A_JOINT,
     Constant,
@@ -28,6 +25,9 @@ from rodgen.machines.emit._kernels import (
 )
 from rodgen.machines.emit._scope import Scope, scope_of
 from rodgen.machines.machine import Effect, Machine
+from rodgen.machines.model import Model
+from rodgen.machines.platform_poses import holding, usual_leg
+from rodgen.machines.structure import row_effects
 
 __all__ = ["Content", "Field", "Sample", "content_of", "identifier"]
 

@@ -6,8 +6,8 @@ import contextlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from rodgen._files import AtomicFile
 from rodgen.errors import InputFileError
+from rodgen.files import AtomicFile
 
 __all__ = ["write_files"]
 

@@ -23,14 +23,14 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from rodgen.codegen.kernel import Assignment, Kernel, KernelBuilder, Port, port_symbols
-from rodgen.machines._derive import _Model
-from rodgen.machines._derive_closed import pose_from_afar
-from rodgen.machines._model import Frame, Model
-from rodgen.machines._rigid import rotation_matrix
-from rodgen.machines._structure import Structure, Term, row_effects
+from rodgen.kinematics.rotation import quaternion_from_matrix
 from rodgen.machines.closed_chain import ClosedChain
-from rodgen.machines.closing import legs_at
-from rodgen.rotation import quaternion_from_matrix
+from rodgen.machines.closed_chain_derivation import pose_from_afar
+from rodgen.machines.derivation import _Model
+from rodgen.machines.model import Frame, Model
+from rodgen.machines.platform_poses import legs_at
+from rodgen.machines.rigid import rotation_matrix
+from rodgen.machines.structure import Structure, Term, row_effects
 from rodgen.symbolic import select
 
 __all__ = ["Constant", "MachineKernels", "aim_kernel", "machine_kernels", "poses_to_begin", "step_kernel"]

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from rodgen.errors import InputFileError, shown
-from rodgen.machines._model import Model
-from rodgen.machines._structure import row_effects
 from rodgen.machines.machine import Effect, Machine, Measured
+from rodgen.machines.model import Model
+from rodgen.machines.structure import row_effects
 
 __all__ = ["Scope", "scope_of"]
 

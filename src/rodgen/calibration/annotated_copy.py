@@ -1,0 +1,138 @@
+"""Write a measurement file again as it stands, with more columns: order, other columns and text are kept."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from rodgen.data.tables import EveryColumn, open_sink, open_table
+from rodgen.errors import InputFileError, shown
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fit import Fit
+
+__all__ = ["check_output", "copied_with", "residual_columns"]
+
+_COLUMNS = EveryColumn(("target", "run"), "X [mm],C [deg],x [mm],y [mm],z [mm]")
+
+
+def check_output(source: str, output: str | os.PathLike[str] | None) -> None:
+    """Refuse early what `copied_with` would refuse by the names alone.
+
+    Raises
+    ------
+    InputFileError
+    """
+    if source in ("-", "standard input"):
+        expected = "the name of a file: it is read twice"
+        raise InputFileError("standard input", "file", "a pipe, whose rows are to be written again", expected)
+    open_sink(output, pa.schema([]), source=source)
+
+
+@contextmanager
+def copied_with(
+    source: str,
+    output: str | os.PathLike[str] | None,
+    columns: Mapping[str, NDArray[Any]],
+    *,
+    replaced: Mapping[str, str] | None = None,
+) -> Iterator[None]:
+    """Copy a table with further columns; it gets its name when the block ends well.
+
+    Parameters
+    ----------
+    source : str
+        A file, not standard input: it is read a second time.
+    output : str, os.PathLike or None
+        ``.csv``, ``.csv.gz`` or ``.parquet``; None or ``"-"`` is CSV on standard output.
+    columns : mapping of str to ndarray, each of shape (rows,)
+        By their names.
+    replaced : mapping of str to str, optional
+        Names of columns of the file, and which of `columns` stands there instead.
+
+    Raises
+    ------
+    InputFileError
+        When the output cannot be written, the file has a column of one of the names, or is not the one that the columns
+        were made for.
+    """
+    check_output(source, output)
+    instead = dict(replaced or {})
+    keep_text = output is None or not os.fspath(output).lower().endswith(".parquet")
+    with open_table(source, _COLUMNS, keep_text=keep_text) as table:
+        for name in columns:
+            if name in table.schema.names and name not in instead:
+                raise InputFileError(
+                    table.file,
+                    f"column {shown(name)}",
+                    "a result of an earlier run",
+                    "a table without results",
+                )
+        last = [name for name in columns if name not in instead.values()]
+        fields = [
+            pa.field(instead[f.name], pa.float64()) if f.name in instead else f for f in table.schema
+        ] + [pa.field(name, pa.from_numpy_dtype(columns[name].dtype)) for name in last]
+        schema = pa.schema(fields)
+        with open_sink(output, schema, source=source) as sink:
+            start = 0
+            for batch, _ in table.map(lambda rows: rows.batch, empty=True):
+                stop = start + len(batch)
+                if any(stop > len(values) for values in columns.values()):
+                    raise _changed(table.file)
+                new = {
+                    name: pa.array(np.ascontiguousarray(values[start:stop]))
+                    for name, values in columns.items()
+                }
+                arrays = [
+                    new[instead[name]] if name in instead else batch.column(i)
+                    for i, name in enumerate(table.schema.names)
+                ]
+                arrays += [new[name] for name in last]
+                sink.write(sink.encode(pa.RecordBatch.from_arrays(arrays, schema=schema)))
+                start = stop
+            if any(start != len(values) for values in columns.values()):
+                raise _changed(table.file)
+            yield
+
+
+def _changed(file: str) -> InputFileError:
+    return InputFileError(file, "file", "another number of rows than before", "a file that stays as it is")
+
+
+def residual_columns(fit: Fit) -> dict[str, NDArray[Any]]:
+    """Return what the model predicts and what it leaves, as columns for the measurement file.
+
+    Parameters
+    ----------
+    fit : Fit
+
+    Returns
+    -------
+    dict of str to ndarray
+        ``predicted_x`` … and ``residual_x`` … in the unit of the column ``x``. Of directions the prediction, and the
+        angle between both, split into a horizontal part (to the left) and one towards the zenith. ``outlier``, 1 or 0.
+    """
+    from rodgen.calibration.observations import READINGS
+    from rodgen.data.units import parse_unit
+
+    kind = fit.machine.measured.kind
+    names = READINGS[kind]
+    found: dict[str, NDArray[Any]] = {}
+    if kind == "direction":
+        places = fit.problem.places(fit.solution.theta, fit.solution.frame)
+        found |= {f"predicted_{name}": values for name, values in zip(names, places.T, strict=True)}
+        parts = zip(("horizontal", "vertical"), fit.residuals.T, strict=True)
+        found |= {f"residual_{part} [{fit.unit}]": values for part, values in parts}
+    else:
+        residuals = fit.residuals * fit.unit_factor
+        for label, values in (("predicted", fit.observations.reading - residuals), ("residual", residuals)):
+            for name, part in zip(names, values.T, strict=True):
+                unit = str(fit.observations.data.columns[name].unit)
+                found[f"{label}_{name} [{unit}]"] = part / parse_unit(unit).factor(fit.machine.length_unit)
+    return found | {"outlier": fit.outliers.astype(np.int8)}

@@ -1,0 +1,382 @@
+"""Where the platform of a closed chain is on the nominal machine, for every row, and in which assembly mode.
+
+A model of a closed chain solves for the platform's pose by a few Newton steps. They start here. The mode is the one
+that the family counts as the physical one, else the one nearest to what the machine file names, else to the readings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.nearest_frame import nearest_frame
+from rodgen.errors import InputFileError
+from rodgen.machines.platform_poses import (
+    assembly_modes,
+    found_from,
+    holding,
+    legs_at,
+    physical_pose,
+    placed_at,
+)
+from rodgen.machines.rigid import rotation_matrix, rotation_vector
+
+if TYPE_CHECKING:
+    from rodgen.calibration.observations import Observations
+    from rodgen.machines.closed_chain import ClosedChain
+    from rodgen.machines.machine import Machine
+
+__all__ = [
+    "attainable",
+    "closed",
+    "far_apart",
+    "found_again",
+    "in_another_mode",
+    "in_its_mode",
+    "not_found_by_code",
+    "open_legs",
+    "pose_start",
+    "weakest",
+    "with_commands",
+    "with_what_was_seen",
+    "within_reach",
+]
+
+Array: TypeAlias = NDArray[np.float64]
+
+TURNS = 20
+"""Times that the frame and the modes nearest the readings in it are found in turn; usually it stays after two."""
+SINGULAR = 1e-5
+"""How well legs hold a platform, 1 at best, below which a micrometre of a leg would be a hundred millimetres."""
+FAR = 3e-3
+"""In rad, or radii of the base. A pose that starts no farther off than this is found to rounding in two steps."""
+SLACK = 0.02
+"""Part of its way by which a freedom may be moved farther than in the data: legs are commanded in round numbers."""
+MOST_SEEN = 32
+"""Poses at most, beside the first, that emitted code chooses from to begin."""
+NEAR = 0.02
+"""In rad. The nominal pose may be so far from that of the fitted geometry and still be the same one."""
+WEAK = 0.1
+"""How well legs hold a platform, 1 at best, below which a row is worth a look."""
+LOOKED_AT = 2000
+"""Rows in which assembly modes are compared."""
+HALVINGS = 6
+"""Times that a command out of reach is brought half way nearer to one in reach."""
+
+
+def closed(observations: Observations, *, by_readings: bool = True) -> Observations:
+    """Return observations of a closed chain with the poses that its model starts from.
+
+    Parameters
+    ----------
+    observations : Observations
+    by_readings : bool
+        Whether the readings mean something, and may tell the assembly mode.
+
+    Raises
+    ------
+    InputFileError
+        When the legs of a row do not close, or nothing tells the assembly mode.
+    """
+    o = (
+        observations
+        if by_readings
+        else replace(observations, reading=np.full_like(observations.reading, np.nan))
+    )
+    start = pose_start(o)
+    missing = np.isnan(start).any(axis=1)
+    if missing.any():
+        raise open_legs(o, int(np.argmax(missing)), f"this {o.machine.geometry.family}")  # type: ignore[union-attr]
+    held = holding(o.machine.geometry, start)  # type: ignore[arg-type]
+    if held.min(initial=1.0) < SINGULAR:
+        row = int(np.argmin(held))
+        found = "a singular pose, in which the legs do not hold the platform"
+        raise InputFileError(
+            o.data.file, o.data.place(row), found, "poses away from it: this one tells nothing"
+        )
+    return replace(observations, pose_start=start)
+
+
+def open_legs(o: Observations, row: int, which: str) -> InputFileError:
+    """Say that the legs of a row close in no pose of a machine: the nominal one, the fitted one."""
+    lengths = ", ".join(f"{x:.9g}" for x in o.q[row])
+    found = f"legs of {lengths} {o.machine.length_unit}, which close in no pose of {which}"
+    expected = "lengths from joint to joint, or another geometry"
+    return InputFileError(o.data.file, o.data.place(row), found, expected)
+
+
+def with_commands(o: Observations, like: Observations) -> Observations:
+    """Return observations whose commands are new, with the poses that a closed chain's model starts from.
+
+    Parameters
+    ----------
+    o : Observations
+        Rows whose legs do not close have NaN as their pose.
+    like : Observations
+        Of the same machine, in its assembly mode.
+    """
+    if o.machine.geometry is None:
+        return o
+    in_mode = replace(o, machine=in_its_mode(like.machine, like))
+    return replace(o, pose_start=pose_start(in_mode))
+
+
+def far_apart(poses: Array, start: Array, machine: Machine) -> NDArray[np.bool_]:
+    """Tell where poses are so far from others that a model should rather start from them, (n,)."""
+    geometry = machine.geometry
+    assert geometry is not None
+    size = np.array([1.0, 1.0, geometry.R]) if geometry.family == "tricept" else 1.0
+    return np.asarray(np.abs((poses - start) / size).max(axis=1) > FAR)
+
+
+def found_again(o: Observations, numbers: Mapping[str, tuple[float, ...]]) -> Array:
+    """Return the poses, (n, k), of a closed chain of another geometry, in the assembly mode that it is in.
+
+    Parameters
+    ----------
+    o : Observations
+        Whose poses are of the nominal geometry, or of one before.
+    numbers : mapping of str to tuple of float
+        The geometry, as its components.
+
+    Returns
+    -------
+    ndarray
+        Where the legs do not close, the poses that were.
+    """
+    geometry = o.machine.geometry
+    assert geometry is not None
+    changed = {name: value if len(value) > 1 else value[0] for name, value in numbers.items()}
+    geometry = replace(geometry, **changed)  # type: ignore[arg-type]
+    before = np.asarray(o.pose_start)
+    if min(geometry.R, geometry.r) <= 0:
+        return before
+    if geometry.family == "tricept":
+        found = physical_pose(geometry, o.q)
+    else:
+        modes = assembly_modes(geometry, o.q)
+        found = _taken(modes, _least_turned(modes, before.reshape(-1, 3, 3)))
+    return np.where(np.isfinite(found).all(axis=1, keepdims=True), found, before)
+
+
+def in_another_mode(o: Observations, machine: Machine) -> float:
+    """Return in which part of the rows the readings are nearer to another assembly mode than to that of ``start``.
+
+    Parameters
+    ----------
+    o : Observations
+    machine : Machine
+    """
+    geometry = machine.geometry
+    if geometry is None or geometry.start is None or o.pose_start is None:
+        return 0.0
+    some = o.take(_looked_at(o))
+    asked = pose_start(replace(some, machine=machine))
+    free = replace(machine, geometry=replace(geometry, start=None))
+    return float(np.mean(far_apart(pose_start(replace(some, machine=free)), asked, machine)))
+
+
+def _looked_at(o: Observations) -> NDArray[np.intp]:
+    """Return the numbers of the rows in which assembly modes are compared."""
+    return np.linspace(0, o.n - 1, min(o.n, LOOKED_AT)).astype(np.intp)
+
+
+def weakest(o: Observations) -> int | None:
+    """Return the row of a closed chain whose legs hold the platform worst, None where all do it well."""
+    if o.machine.geometry is None or o.pose_start is None:
+        return None
+    held = holding(o.machine.geometry, np.asarray(o.pose_start))
+    row = int(np.argmin(held))
+    return row if held[row] < WEAK else None
+
+
+def attainable(o: Observations, q: Array) -> NDArray[np.bool_]:
+    """Tell which commands, (n, 3), the machine of `o` can take: the legs close, and the platform turns no farther.
+
+    What the joints of platform and passive leg allow stands in no file. Where the platform was, it can go again: in
+    each of its three freedoms no farther than in the data.
+    """
+    machine = in_its_mode(o.machine, o)
+    rows = o.take(np.zeros(len(q), int))
+    poses = _freedoms(machine, pose_start(replace(rows, machine=machine, q=q)))
+    taken = _freedoms(machine, np.asarray(o.pose_start))
+    low, high = taken.min(axis=0), taken.max(axis=0)
+    slack = SLACK * (high - low) + 1e-12
+    with np.errstate(invalid="ignore"):
+        return np.asarray(((poses >= low - slack) & (poses <= high + slack)).all(axis=1))
+
+
+def _freedoms(machine: Machine, starts: Array) -> Array:
+    """Return alpha, beta and z, or the rotation vector from the middle of the assembly mode, (n, 3)."""
+    geometry = machine.geometry
+    if geometry is None or geometry.start is None:
+        return starts
+    turns = starts.reshape(-1, 3, 3) @ rotation_matrix(geometry.start).T
+    found = np.full((len(turns), 3), np.nan)
+    closing = np.isfinite(turns).all(axis=(1, 2))
+    found[closing] = rotation_vector(turns[closing])
+    return found
+
+
+def pose_start(o: Observations) -> Array:
+    """Return the poses on the nominal machine, (n, k); NaN where the legs do not close."""
+    geometry = o.machine.geometry
+    assert geometry is not None
+    if geometry.family == "tricept":
+        return physical_pose(geometry, o.q)
+    modes = assembly_modes(geometry, o.q)
+    return _taken(modes, _chosen(o, geometry, modes))
+
+
+def _taken(modes: Array, chosen: NDArray[np.intp]) -> Array:
+    """Return the chosen mode of each row as the numbers that a model starts from, (n, 9)."""
+    return np.asarray(modes[np.arange(len(modes)), chosen].reshape(-1, 9))
+
+
+def _least_turned(modes: Array, turns: Array) -> NDArray[np.intp]:
+    """Return the number of each row's mode that is turned least from a rotation, one for all or one a row."""
+    # the largest trace of the turn from one to the other is the smallest angle
+    return _least(-np.einsum("nmij,nij->nm", modes, np.broadcast_to(turns, (len(modes), 3, 3))))
+
+
+def _chosen(o: Observations, geometry: ClosedChain, modes: Array) -> NDArray[np.intp]:
+    """Return the number of each row's mode."""
+    if geometry.start is not None:
+        return _least_turned(modes, rotation_matrix(geometry.start))
+    if not np.isfinite(o.reading).all():
+        raise InputFileError(
+            o.machine.file or o.machine.name,
+            "[geometry], start",
+            "missing, while no readings tell the assembly mode",
+            "a rotation vector near which the platform is, such as [0, 0, 10]",
+        )
+    targets = np.array([target.point for target in o.machine.targets])[o.target]
+    if o.machine.measured.kind == "direction":
+        seen = np.einsum("nmij,nj->nmi", modes, targets)
+    else:
+        seen = placed_at(geometry, modes, targets[:, None])
+    if o.machine.measured.kind == "distance":
+        distance = np.linalg.norm(seen - np.array(o.machine.measured.origin), axis=2)
+        return _nearest((distance - o.reading) ** 2, o.pose)
+    if o.machine.measured.frame == "machine":
+        return _nearest(_apart(seen, o.reading), o.pose)
+    return _in_a_free_frame(seen, o.reading, o.machine.measured.kind == "point", o.pose)
+
+
+def _least(distance: Array) -> NDArray[np.intp]:
+    """Return the number of each row's least distance; 0 where there is none."""
+    return np.asarray(np.argmin(np.where(np.isnan(distance), np.inf, distance), axis=1), np.intp)
+
+
+def _nearest(squares: Array, pose: NDArray[np.int32]) -> NDArray[np.intp]:
+    """Return the number of the mode that is the nearest in all rows of a pose together: they are one attitude."""
+    _, of = np.unique(pose, return_inverse=True)
+    sums = np.zeros((int(of.max(initial=-1)) + 1, squares.shape[1]))
+    np.add.at(sums, of, np.where(np.isnan(squares), np.inf, squares))
+    return _least(sums)[of]
+
+
+def _apart(seen: Array, reading: Array) -> Array:
+    return np.asarray(np.sum((seen - reading[:, None]) ** 2, axis=2))
+
+
+def _in_a_free_frame(seen: Array, reading: Array, moves: bool, pose: NDArray[np.int32]) -> NDArray[np.intp]:
+    """Return the modes of which some frame meets the readings best: each mode of a row is once the first guess."""
+    closing = np.flatnonzero(np.isfinite(seen[:, 0, 0]))
+    if not len(closing):
+        return np.zeros(len(seen), np.intp)
+    best: tuple[float, NDArray[np.intp]] | None = None
+    for first in range(seen.shape[1]):
+        chosen = np.where(np.isfinite(seen[:, first, 0]), first, 0)
+        for _ in range(TURNS):
+            at = seen[np.arange(len(seen)), chosen]
+            frame = nearest_frame(at[closing], reading[closing], np.ones(len(closing)), moving=moves)
+            apart = _apart(seen @ frame.rotation.T + frame.position, reading)
+            before, chosen = chosen, _nearest(apart, pose)
+            if np.array_equal(before, chosen):
+                break
+        cost = float(np.nansum(apart[closing, chosen[closing]]))
+        if best is None or cost < best[0]:
+            best = cost, chosen
+    assert best is not None
+    return best[1]
+
+
+def within_reach(o: Observations, q: Array) -> Observations:
+    """Return observations of a closed chain with other commands, as near to these as the legs close.
+
+    Parameters
+    ----------
+    o : Observations
+    q : ndarray, shape (n, 3)
+        A row that does not close comes nearer to the one in `o`, and at last stays where that is.
+    """
+    machine = in_its_mode(o.machine, o)
+    found, start = np.array(o.q), np.array(o.pose_start)
+    wanted, open_ = np.array(q), np.ones(o.n, bool)
+    for _ in range(HALVINGS):
+        some = np.flatnonzero(open_)
+        tried = replace(o.take(some), machine=machine, q=wanted[some])
+        poses = pose_start(tried)
+        good = np.isfinite(poses).all(axis=1)
+        found[some[good]], start[some[good]] = wanted[some[good]], poses[good]
+        open_[some[good]] = False
+        if not open_.any():
+            break
+        wanted[open_] = (wanted[open_] + o.q[open_]) / 2
+    return replace(o, q=found, pose_start=start)
+
+
+def in_its_mode(machine: Machine, o: Observations) -> Machine:
+    """Return a machine that tells by itself in which assembly mode it was measured.
+
+    Where readings told the mode, its ``start`` becomes the pose in the middle of all.
+    """
+    geometry = machine.geometry
+    if geometry is None or geometry.family == "tricept" or geometry.start is not None or o.pose_start is None:
+        return machine
+    turns = o.pose_start.reshape(-1, 3, 3)
+    middle = turns[int(np.argmax(np.einsum("nij,ij->n", turns, turns.mean(axis=0))))]
+    return replace(machine, geometry=replace(geometry, start=_vector(middle)))
+
+
+def with_what_was_seen(machine: Machine, o: Observations) -> Machine:
+    """Return a machine that knows poses from which all that were measured are found, for the code that it emits."""
+    geometry = machine.geometry
+    if geometry is None or geometry.start is None or o.pose_start is None:
+        return machine
+    begins = rotation_matrix(geometry.start)[None]
+    while len(begins) <= MOST_SEEN:
+        turns, legs = _not_found(geometry, begins, o)
+        if not len(turns):
+            break
+        apart = np.sum((legs[:, None] - legs_at(geometry, begins)) ** 2, axis=2).min(axis=1)
+        begins = np.concatenate([begins, turns[[np.argmax(apart)]]])
+    return replace(machine, geometry=replace(geometry, seen=tuple(_vector(turn) for turn in begins[1:])))
+
+
+def not_found_by_code(machine: Machine, o: Observations) -> float:
+    """Return in which part of the rows emitted code of a fitted machine does not find the platform."""
+    geometry = machine.geometry
+    if geometry is None or geometry.start is None or o.pose_start is None:
+        return 0.0
+    begins = rotation_matrix([geometry.start, *geometry.seen])
+    return len(_not_found(geometry, begins, o)[0]) / len(_looked_at(o))
+
+
+def _not_found(geometry: ClosedChain, begins: Array, o: Observations) -> tuple[Array, Array]:
+    """Return the poses and legs of those rows that code which begins there does not find."""
+    some = _looked_at(o)
+    turns, legs = np.asarray(o.pose_start)[some].reshape(-1, 3, 3), o.q[some]
+    found = found_from(geometry, begins, legs)
+    lost = ~(np.abs(found - turns).max(axis=(1, 2)) < NEAR)
+    return turns[lost], legs[lost]
+
+
+def _vector(turn: Array) -> tuple[float, float, float]:
+    x, y, z = (float(c) for c in rotation_vector(turn))
+    return x, y, z

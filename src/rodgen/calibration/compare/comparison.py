@@ -1,0 +1,360 @@
+"""What a comparison of model and measurements found."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.compare.covariates import Covariate, drivers
+from rodgen.calibration.compare.dependence import Dependence, Search, Trial, search
+from rodgen.calibration.compare.regions import Worst, worst_regions
+from rodgen.calibration.compare.sample import Sample
+from rodgen.calibration.compare.scatter import Far, Tails, Uneven, far, tails, uneven
+from rodgen.calibration.compare.serial_correlation import Drift, drift
+from rodgen.calibration.fit import Fit
+from rodgen.calibration.problem import one_thread_in_blas
+
+__all__ = ["Comparison", "compare"]
+
+Progress: TypeAlias = Callable[[str], object]
+
+ROUNDING = 64 * np.finfo(float).eps
+"""Residuals below this part of the largest reading are rounding, of which nothing is said."""
+WORST_ROWS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """What the residuals of a fit depend on, and where the model is worst; made by :func:`compare`.
+
+    ``print(comparison)`` shows sentences, the most important first, and a table. Every claim in the sentences is beyond
+    chance: data of which nothing is missing make a claim of any kind in about one of a hundred comparisons.
+
+    Attributes
+    ----------
+    fit : Fit
+    sample : Sample
+        What was looked at: residuals by target and pose.
+    search : Search
+        What was held against them, and found.
+    worst : tuple of Worst
+        The worst region of each joint and place, the clearest first.
+    drifts : tuple of Drift or None
+        Linear trend of each component.
+    uneven : tuple of Uneven
+        How the scatter that is left follows each covariate.
+    tails : tuple of Tails
+    far : Far or None
+        The residual that is farthest out.
+    """
+
+    fit: Fit
+    sample: Sample
+    search: Search
+    worst: tuple[Worst, ...]
+    drifts: tuple[Drift | None, ...]
+    uneven: tuple[Uneven, ...]
+    tails: tuple[Tails, ...]
+    far: Far | None
+
+    @property
+    def exact(self) -> bool:
+        """Whether what is left is rounding."""
+        reading = np.abs(self.fit.observations.reading)
+        return bool(self.fit.rms * self.fit.unit_factor <= ROUNDING * np.max(reading, initial=0.0))
+
+    @property
+    def unit(self) -> str:
+        """What residuals are in."""
+        return self.fit.unit
+
+    @property
+    def components(self) -> tuple[str, ...]:
+        """Names of the components of a residual."""
+        kinds = {"point": ("x", "y", "z"), "direction": ("horizontal", "zenith"), "distance": ("d",)}
+        return kinds[self.fit.machine.measured.kind]
+
+    @property
+    def covariates(self) -> tuple[Covariate, ...]:
+        """What varies in the data and was held against the residuals."""
+        return tuple(d.driver for d in self.search.table if isinstance(d.driver, Covariate))
+
+    @property
+    def rms(self) -> NDArray[np.float64]:
+        """Root mean square of each component, (m,), in :attr:`unit`, without outliers."""
+        return np.sqrt(np.mean(self.fit.residuals[~self.fit.outliers] ** 2, axis=0))  # type: ignore[no-any-return]
+
+    @property
+    def worst_rows(self) -> NDArray[np.intp]:
+        """Rows with the largest residuals, outliers left out, the largest first."""
+        size = np.linalg.norm(self.fit.residuals, axis=1)
+        size[self.fit.outliers | ~np.isfinite(size)] = -1.0
+        rows = _largest(size)
+        return np.asarray(rows[size[rows] >= 0])
+
+    @property
+    def worst_poses(self) -> NDArray[np.intp]:
+        """Poses with the largest residuals in the mean, by the first row of each, the largest first."""
+        rows = np.flatnonzero(~self.fit.outliers)
+        starts = np.flatnonzero(np.diff(self.fit.observations.pose[rows], prepend=-1))
+        square = np.sum(self.fit.residuals[rows] ** 2, axis=1)
+        mean = np.add.reduceat(square, starts) / np.diff(starts, append=len(rows))
+        return np.asarray(rows[starts[_largest(mean)]])
+
+    def component(self, trial: Trial) -> str:
+        """Name what a trial is about: a component, or the motion of a joint."""
+        if trial.component is not None:
+            return self.components[trial.component]
+        return f"along {self.fit.machine.joints[trial.joint or 0].name}"
+
+    def p_value(self, log10_p: float, tests: int = 1) -> float:
+        """Return a p-value times a number of tests, at least 1e-300 and at most 1."""
+        return float(10 ** np.clip(log10_p + np.log10(max(tests, 1)), -300.0, 0.0))
+
+    @property
+    def claims(self) -> list[str]:
+        """The sentences that say that something is there; empty when these data show nothing."""
+        from rodgen.calibration.compare.sentences import claims
+
+        return list(claims(self))
+
+    @property
+    def sentences(self) -> list[str]:
+        """What an engineer needs to know, the most important first."""
+        from rodgen.calibration.compare.sentences import sentences
+
+        return list(sentences(self))
+
+    def __str__(self) -> str:
+        from rodgen.calibration.compare.sentences import text
+
+        return text(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the comparison as plain data, as ``rodgen compare --json`` prints it.
+
+        Returns
+        -------
+        dict
+            ``machine``, ``data``, ``rows``, ``poses``, ``outliers`` (numbers of rows, from 0), ``unit``, ``rms``;
+            ``rows_looked_at``: fewer where there are very many;
+            ``components``: ``name``, ``rms`` of each;
+            ``sentences``: those that are printed; ``claims``: those of them that say that something is there;
+            ``depends_on``: what was found beyond chance, each beside those before: ``covariate``, ``components`` (what
+            it was found in: components, or ``"along JOINT"`` for a joint's reading), ``explained`` (part of the
+            variance of all residuals), ``explained_by_component``, ``p_value`` (times the number of tests), ``along``
+            (covariates that explain nothing beyond it); ``either``: ``covariate`` and
+            ``explained`` of what explains most but as well a wander in time does, or null; ``withheld``: further
+            covariates of which that holds, beside what was found;
+            ``table``: each covariate alone: ``covariate``, ``unit``, ``component``, ``explained`` (part of the variance
+            of that component, along a joint of all), ``p_value`` of this test alone, ``p_value_of_all`` times the
+            number of tests; both null where the data cannot tell; ``tests``: that number;
+            ``drift``: ``component``, ``change`` from first to last, ``p_value`` times the number of components;
+            ``correlation``: of successive poses beside what was found: ``component``, ``lag_1``, ``p_value`` likewise;
+            ``allowed_for``: whether the p-values of the table allow for a wander in this component;
+            ``scatter``: what is left, against each covariate: ``covariate``, ``least`` and ``largest`` (``where``,
+            ``rms``), ``p_value`` times the number of covariates; ``tails``: ``component``, ``kurtosis``, ``p_value``;
+            ``farthest``: ``row``, ``place``, ``component``, ``sigmas``, ``p_value``, or null;
+            ``worst``: ``regions`` (``covariate``, ``unit``, ``low``, ``high``, ``category``, ``where``, ``rms``,
+            ``poses``, ``p_value`` times the number of regions), ``poses`` and ``rows`` (``row``, ``place``,
+            ``residual`` by component).
+        """
+        s, tests = self.search, self.search.tests
+        components = self.components
+        return {
+            "machine": self.fit.machine.name,
+            "data": self.fit.observations.data.file,
+            "rows": self.fit.observations.n,
+            "rows_looked_at": len(self.sample.rows),
+            "poses": int(np.sum(np.diff(self.fit.observations.pose, prepend=-1) != 0)),
+            "outliers": np.flatnonzero(self.fit.outliers).tolist(),
+            "unit": self.unit,
+            "rms": self.fit.rms,
+            "components": [{"name": n, "rms": float(r)} for n, r in zip(components, self.rms, strict=True)],
+            "sentences": self.sentences,
+            "claims": self.claims,
+            "depends_on": [
+                {
+                    "covariate": f.dependence.driver.name,
+                    "components": [self.component(trial) for trial in f.described],
+                    "explained": f.explained,
+                    "explained_by_component": {
+                        n: float(fall / total) if total > 0 else 0.0
+                        for n, fall, total in zip(components, f.falls, self.sample.total, strict=True)
+                    },
+                    "p_value": self.p_value(f.dependence.log10_p, tests),
+                    "along": [driver.name for driver in f.along],
+                }
+                for f in s.found
+            ],
+            "either": s.either
+            and {"covariate": s.either.dependence.driver.name, "explained": s.either.explained},
+            "withheld": [driver.name for driver in s.withheld],
+            "tests": tests,
+            "table": [row for d in s.table for row in self._rows(d)],
+            "drift": [
+                {"component": n, "change": d.change, "p_value": self.p_value(d.log10_p, len(components))}
+                for n, d in zip(components, self.drifts, strict=True)
+                if d
+            ],
+            "correlation": [
+                {
+                    "component": n,
+                    "lag_1": c.lag_1,
+                    "p_value": self.p_value(c.log10_p, len(components)),
+                    "allowed_for": walk is not None,
+                }
+                for n, c, walk in zip(components, s.correlations, s.walks, strict=True)
+                if c
+            ],
+            "scatter": [
+                {
+                    "covariate": u.covariate.name,
+                    "least": {"where": u.low[0].text, "rms": u.low[1]},
+                    "largest": {"where": u.high[0].text, "rms": u.high[1]},
+                    "p_value": self.p_value(u.log10_p, len(self.uneven)),
+                }
+                for u in self.uneven
+            ],
+            "tails": [
+                {
+                    "component": components[t.component],
+                    "kurtosis": t.kurtosis,
+                    "p_value": self.p_value(t.log10_p, len(self.tails)),
+                }
+                for t in self.tails
+            ],
+            "farthest": self.far
+            and {
+                "row": self.far.row,
+                "place": self.fit.observations.data.place(self.far.row),
+                "component": components[self.far.component],
+                "sigmas": self.far.sigmas,
+                "p_value": self.p_value(self.far.log10_p),
+            },
+            "worst": {
+                "regions": [
+                    {
+                        "covariate": w.region.covariate.name,
+                        "unit": w.region.covariate.unit,
+                        "low": w.region.low,
+                        "high": w.region.high,
+                        "category": w.region.category,
+                        "where": w.region.text,
+                        "rms": w.rms,
+                        "poses": w.poses,
+                        "p_value": self.p_value(w.log10_p),
+                    }
+                    for w in self.worst
+                ],
+                "poses": [self._row(row) for row in self.worst_poses],
+                "rows": [self._row(row) for row in self.worst_rows],
+            },
+        }
+
+    def _rows(self, dependence: Dependence) -> list[dict[str, Any]]:
+        return [
+            {
+                "covariate": dependence.driver.name,
+                "unit": getattr(dependence.driver, "unit", ""),
+                "component": self.component(trial),
+                "explained": dependence.share(i) if e else None,
+                "p_value": self.p_value(e.log10_p) if e else None,
+                "p_value_of_all": self.p_value(e.log10_p, self.search.tests) if e else None,
+            }
+            for i, (trial, e) in enumerate(zip(dependence.trials, dependence.evidence, strict=True))
+        ]
+
+    def _row(self, row: int) -> dict[str, Any]:
+        residual = zip(self.components, self.fit.residuals[row].tolist(), strict=True)
+        place = self.fit.observations.data.place(int(row))
+        return {"row": int(row), "place": place, "residual": dict(residual)}
+
+    def plot(self, folder: str | os.PathLike[str], progress: Progress | None = None) -> list[str]:
+        """Draw the residuals into a folder, each picture as PNG and as SVG.
+
+        Against each covariate, over the workspace, in the order of measurement, and their distribution.
+
+        Parameters
+        ----------
+        folder : str or os.PathLike
+            Is made where it is not there.
+        progress : callable, optional
+            Called with the name of each picture before it is drawn.
+
+        Returns
+        -------
+        list of str
+            The files.
+
+        Raises
+        ------
+        InputFileError
+            When a file cannot be written, or Matplotlib is not installed.
+        """
+        from rodgen.output.comparison_figures import save_plots
+
+        return save_plots(self, folder, progress)
+
+
+def _largest(values: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return where the largest values are, the largest first."""
+    first = np.argpartition(-values, min(WORST_ROWS, len(values) - 1))[:WORST_ROWS]
+    return np.asarray(first[np.argsort(-values[first], kind="stable")])
+
+
+def compare(fit: Fit) -> Comparison:
+    """Hold what a fit leaves against joints, directions of approach, time, temperatures, places and all other columns.
+
+    Parameters
+    ----------
+    fit : Fit
+        Its outliers are left out.
+
+    Returns
+    -------
+    Comparison
+
+    Examples
+    --------
+    >>> from rodgen.calibration.fit import fit
+    >>> from rodgen.data.measurements import Measurements
+    >>> from rodgen.machines.machine import Joint, Machine, Measured, Target
+    >>> table = Machine(
+    ...     name="Rotary table", length_unit="mm", angle_unit="deg", gravity=(0, 0, -1), reference_temperature=20,
+    ...     joints=(Joint("C", "revolute", (0, 0, 1)),), targets=(Target("ball", (120, 0, 40)),),
+    ...     measured=Measured("point", "machine"), estimate=("target",),
+    ... )
+    >>> random = np.random.default_rng(1)
+    >>> C = random.permutation(np.arange(0, 360, 5.0))
+    >>> angle, noise = np.radians(C), random.normal(size=(3, 72)) * 0.002
+    >>> angle = angle + 1e-4 * np.cos(2 * angle)  # an ellipse in the scale
+    >>> x, y, z = 120 * np.cos(angle), 120 * np.sin(angle), 40 + 0 * angle
+    >>> data = {"C [deg]": C, "x [mm]": x + noise[0], "y [mm]": y + noise[1], "z [mm]": z + noise[2]}
+    >>> comparison = compare(fit(table, Measurements.from_frame(data)))
+    >>> print(comparison.sentences[0])
+    What is left depends on C: 87 % of its variance, in x and y, along the motion of C (p < 1e-31).
+    """
+    with one_thread_in_blas():
+        sample = Sample.of(fit)
+        listed = drivers(sample)
+        found = search(sample, listed)
+        covariates = [driver for driver in listed if isinstance(driver, Covariate)]
+        times = [c.values for c in covariates if c.kind == "time"]
+        components = range(sample.components)
+        trends = tuple(drift(found.first, times[0], c) if times else None for c in components)
+        return Comparison(
+            fit=fit,
+            sample=sample,
+            search=found,
+            worst=tuple(worst_regions(sample, covariates)),
+            drifts=trends,
+            uneven=tuple(uneven(sample, found, covariates)),
+            tails=tuple(tails(sample, found)),
+            far=far(sample, found),
+        )

@@ -1,0 +1,370 @@
+"""What do the residuals depend on? Every covariate is held against every component, then the strongest are taken out.
+
+Where a covariate belongs to a joint, what it does to the joint's reading is tested, too: one curve along the way that
+the joint moves the target, wherever that points.
+
+What is found to explain most joins what the fit takes out, and all are tested again, until nothing is left: so a
+covariate that merely goes along with another is told from one with an effect of its own.
+
+Where residuals of successive poses are alike, p-values count a random walk (`_order`) with the errors. Time itself, and
+the run, which is a piece of it, are tested without one, because a walk is a dependence on time.
+
+A claim holds when its p-value times the number of tests is below `CLAIM`: so rarely do data of which nothing is missing
+make any claim here. What explains less than `WORTH_TELLING` is not claimed. To explain is to lower the variance when
+the model has such a curve in it and is fitted again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.compare.covariates import Covariate, Pair
+from rodgen.calibration.compare.explained import Evidence, Space
+from rodgen.calibration.compare.sample import Sample
+from rodgen.calibration.compare.serial_correlation import Correlation, Wander, correlation, wander
+
+__all__ = ["CLAIM", "Dependence", "Found", "Search", "Trial", "search"]
+
+Array: TypeAlias = NDArray[np.float64]
+Driver: TypeAlias = Covariate | Pair
+
+CLAIM = 0.004
+"""Probability of any claim of a dependence where there is none."""
+WORTH_TELLING = 0.01
+"""Part of a component's variance."""
+MOST_FOUND = 6
+"""Dependences that are taken out one after the other."""
+BESIDE = 0.05
+"""A found covariate is taken out of every component with a p-value below this."""
+SUSPECT = 0.05
+"""P-value from which a correlation in time is allowed for: much earlier than it is claimed."""
+NEARLY_AS_MUCH = 0.93
+"""Of covariates that explain this much of the best one's, the first in the list is named: a joint before a place."""
+HALF = 0.5
+"""A pair waits for one of its two that explains this part of it alone."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What a covariate may do, held against the residuals at once: one curve in a component, or along a motion.
+
+    Attributes
+    ----------
+    driver : Covariate or Pair
+    component : int or None
+        The component.
+    joint : int or None
+        Else the joint along whose motion it acts.
+    """
+
+    driver: Driver
+    component: int | None = None
+    joint: int | None = None
+
+    def columns(self, sample: Sample) -> Array:
+        """Return its columns, (N, m, k)."""
+        return self._placed(sample, self.driver.columns)
+
+    def beside(self, sample: Sample) -> Array | None:
+        """Return what else may explain the residuals, (N, m, l), and is not asked for: of a pair, each of the two."""
+        if not isinstance(self.driver, Pair):
+            return None
+        alone = self.driver.alone
+        if self.joint is not None:
+            alone = np.column_stack([np.ones(len(alone)), alone])
+        return self._placed(sample, alone)
+
+    def all_columns(self, sample: Sample) -> list[Array]:
+        """Return both, where there are both."""
+        beside = self.beside(sample)
+        return [self.columns(sample)] if beside is None else [beside, self.columns(sample)]
+
+    def _placed(self, sample: Sample, columns: Array) -> Array:
+        if self.joint is not None:
+            return np.asarray(columns[:, None, :] * sample.motions[:, :, self.joint, None])
+        found = np.zeros((*sample.y.shape, columns.shape[1]))
+        found[:, self.component] = columns
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Dependence:
+    """What one covariate explains.
+
+    Attributes
+    ----------
+    driver : Covariate or Pair
+    trials : tuple of Trial
+    evidence : tuple of Evidence or None
+        Of each; None where it cannot be tested.
+    total : ndarray, shape (m,)
+        Sum of the squares of the residuals.
+    """
+
+    driver: Driver
+    trials: tuple[Trial, ...]
+    evidence: tuple[Evidence | None, ...]
+    total: Array
+
+    def share(self, number: int) -> float:
+        """Return what a trial explains: of its component's variance, or, along a motion, of that of all."""
+        evidence, c = self.evidence[number], self.trials[number].component
+        if evidence is None:
+            return 0.0
+        falls = (evidence.falls, self.total) if c is None else (evidence.falls[c], self.total[c])
+        fall, total = (float(np.sum(x)) for x in falls)
+        return min(max(fall / total, 0.0), 1.0) if total > 0 else 0.0
+
+    def claimed(self, tests: int) -> list[int]:
+        """Return the numbers of the trials that are beyond chance and worth telling."""
+        limit = np.log10(CLAIM / max(tests, 1))
+        p = [e.log10_p if e else 0.0 for e in self.evidence]
+        return [i for i in range(len(p)) if p[i] < limit and self.share(i) > WORTH_TELLING]
+
+    def withheld(self, tests: int) -> bool:
+        """Tell whether it would be claimed if successive poses were independent, but is not."""
+        limit = np.log10(CLAIM / max(tests, 1))
+        alone = [e.alone if e and e.alone is not None else 0.0 for e in self.evidence]
+        would = any(p < limit and self.share(i) > WORTH_TELLING for i, p in enumerate(alone))
+        return would and not self.claimed(tests)
+
+    @property
+    def good(self) -> list[int]:
+        """The numbers of the trials that are likely to show something, if successive poses were independent."""
+        limit = np.log10(BESIDE)
+        p = [0.0 if e is None else e.log10_p if e.alone is None else e.alone for e in self.evidence]
+        return [i for i in range(len(p)) if p[i] < limit]
+
+    @property
+    def log10_p(self) -> float:
+        """The smallest p-value of all trials, not yet times their number."""
+        return min((e.log10_p for e in self.evidence if e), default=0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A dependence that is beyond chance.
+
+    Attributes
+    ----------
+    dependence : Dependence
+        Beside those found before.
+    trials : tuple of Trial
+        That describe it: one along a joint's motion, where that explains about as much as one for each component.
+    motions : tuple of int
+        The joints along whose motion one curve explains about as much; of a pair there may be two.
+    explained : float
+        Part of the variance of all components; of a pair, with what each of the two explains alone.
+    falls : ndarray, shape (m,)
+        The same by component, as the fall of the sum of squares.
+    along : tuple of Driver
+        What would have been beyond chance, too, but not any more beside it.
+    """
+
+    dependence: Dependence
+    trials: tuple[Trial, ...]
+    motions: tuple[int, ...]
+    explained: float
+    falls: Array
+    along: tuple[Driver, ...] = ()
+
+    @property
+    def described(self) -> tuple[Trial, ...]:
+        """The trials that describe it, each of those that do equally well."""
+        return tuple(t for t in self.dependence.trials if t in self.trials or t.joint in self.motions)
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """Everything that was held against the residuals.
+
+    Attributes
+    ----------
+    table : tuple of Dependence
+        Each alone.
+    found : tuple of Found
+        In the order of what they explain, each beside those before.
+    tests : int
+        Number of tests that `table` stands for.
+    first : Space
+        Beside what the fit takes out.
+    space : Space
+        Beside all that was found, too; without filters.
+    filtered : Space
+        The same, with what wanders taken out.
+    correlations : tuple of Correlation or None
+        Of what is left, by component.
+    walks : tuple of Wander or None
+        What the p-values of the table allowed for, by component.
+    either : Found or None
+        What explains about as much as all that was found, or more, but as well a wander in time does.
+    withheld : tuple of Driver
+        What seems to matter beside all that was found, but may as well be a wander in time.
+    """
+
+    table: tuple[Dependence, ...]
+    found: tuple[Found, ...]
+    tests: int
+    first: Space
+    space: Space
+    filtered: Space
+    correlations: tuple[Correlation | None, ...]
+    walks: tuple[Wander | None, ...]
+    either: Found | None
+    withheld: tuple[Driver, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Round:
+    """One round of tests."""
+
+    space: Space
+    filtered: Space
+    correlations: tuple[Correlation | None, ...]
+    walks: tuple[Wander | None, ...]
+    suspects: frozenset[int]
+    table: tuple[Dependence, ...] = ()
+
+
+def search(sample: Sample, drivers: Sequence[Driver]) -> Search:
+    """Find what the residuals depend on.
+
+    Parameters
+    ----------
+    sample : Sample
+    drivers : sequence of Covariate or Pair
+        In the order of preference where several explain the same.
+    """
+    trials = [(driver, tuple(_trials(sample, driver))) for driver in drivers]
+    taken: list[Array] = []
+    found: list[Found] = []
+    now = first = _tested(sample, taken, trials)
+    tests = sum(e is not None for d in first.table for e in d.evidence)
+    waiting = {id(d.driver) for d in first.table if d.claimed(tests)}
+    while len(found) < MOST_FOUND:
+        claims = [_whole(now, d) for d in now.table if d.claimed(tests)]
+        claims = [claim for claim in claims if claim.explained > WORTH_TELLING]
+        if not claims:
+            break
+        new = _first(claims)
+        driver = new.dependence.driver
+        waiting.discard(id(driver))
+        taken += [columns for trial in new.trials for columns in trial.all_columns(sample)]
+        trials = [(other, t) for other, t in trials if other is not driver]
+        now = _tested(sample, taken, trials, now.suspects)
+        still = {id(d.driver) for d in now.table if d.claimed(tests)}
+        along = tuple(d.driver for d in first.table if id(d.driver) in waiting - still)
+        waiting &= still
+        found.append(replace(new, along=along))
+    most = max((f.explained for f in found), default=0.0)
+    told = {id(driver) for f in found for driver in (f.dependence.driver, *f.along)}
+    rivals = [_whole(first, d) for d in first.table if d.withheld(tests) and id(d.driver) not in told]
+    rivals = [rival for rival in rivals if rival.explained > max(NEARLY_AS_MUCH * most, WORTH_TELLING)]
+    either = _first(rivals) if rivals else None
+    return Search(
+        table=first.table,
+        found=tuple(found),
+        tests=tests,
+        first=first.space,
+        space=now.space,
+        filtered=now.filtered,
+        correlations=now.correlations,
+        walks=first.walks,
+        either=either,
+        withheld=tuple(d.driver for d in now.table if d.withheld(tests)),
+    )
+
+
+def _whole(now: _Round, dependence: Dependence) -> Found:
+    """Return a claim with what it explains; of a pair, with what each of the two does alone."""
+    apart = tuple(dependence.trials[i] for i in dependence.good if dependence.trials[i].joint is None)
+    best, falls = apart, _falls(now, apart, dependence.total)
+    motions: tuple[int, ...] = ()
+    one = [(dependence.trials[i],) for i in dependence.good if dependence.trials[i].joint is not None]
+    along = [(_falls(now, trials, dependence.total), trials) for trials in one]
+    if along:
+        # One curve instead of one for each component is the simpler story.
+        enough = NEARLY_AS_MUCH if len(falls) > 1 else 1 / NEARLY_AS_MUCH
+        most, trials = max(along, key=lambda pair: float(pair[0].sum()))
+        if most.sum() >= enough * falls.sum():
+            best, falls = trials, most
+            good = [t[0].joint for f, t in along if f.sum() >= NEARLY_AS_MUCH * most.sum()]
+            motions = tuple(sorted(joint for joint in good if joint is not None))
+    return Found(dependence, best, motions, float(falls.sum() / dependence.total.sum()), falls)
+
+
+def _falls(now: _Round, trials: Sequence[Trial], total: Array) -> Array:
+    """Return by how much several trials at once lower the sum of squares of each component."""
+    columns = [c for trial in trials for c in trial.all_columns(now.space.sample)]
+    found = now.space.test(np.concatenate(columns, axis=-1)) if columns else None
+    return np.clip(found.falls, 0.0, total) if found else np.zeros_like(total)
+
+
+def _first(claims: Sequence[Found]) -> Found:
+    """Return the claim to be told first."""
+    most = max(claim.explained for claim in claims)
+    best = next(claim for claim in claims if claim.explained >= NEARLY_AS_MUCH * most)
+    driver = best.dependence.driver
+    if driver.kind == "time":  # a step between set-ups is no drift
+        steps = [c for c in claims if c.dependence.driver.kind == "run" and c.explained >= best.explained]
+        best = steps[0] if steps else best
+    if isinstance(driver, Pair):
+        members = [c for c in claims if c.dependence.driver in (driver.first, driver.second)]
+        strong = [c for c in members if c.explained >= HALF * best.explained]
+        if strong:
+            return max(strong, key=lambda claim: claim.explained)
+    return best
+
+
+def _trials(sample: Sample, driver: Driver) -> Iterator[Trial]:
+    """Yield what is asked of a covariate."""
+    for c in range(sample.components):
+        yield Trial(driver, component=c)
+    if isinstance(driver, Pair):
+        joints = [c.of for c in (driver.first, driver.second) if c.kind == "joint" and c.of is not None]
+        if driver.first.kind == "load":  # it winds up a joint by an arm that later joints swing about
+            joints = list(range(joints[0] + 1))
+        if driver.first.kind != "target":
+            yield from (Trial(driver, joint=joint) for joint in joints)
+    elif driver.of is not None:
+        yield Trial(driver, joint=driver.of)
+
+
+def _tested(
+    sample: Sample,
+    taken: Sequence[Array],
+    trials: Sequence[tuple[Driver, tuple[Trial, ...]]],
+    suspects: frozenset[int] = frozenset(),
+) -> _Round:
+    """Test everything; components that have been suspected of wandering stay so, for what is taken out hides it."""
+    components = range(sample.components)
+    space = Space(sample, taken)
+    correlations = tuple(correlation(space, c) for c in components)
+    suspects |= {c for c, found in enumerate(correlations) if found and found.log10_p < np.log10(SUSPECT)}
+    walks = tuple(wander(space, c) if c in suspects else None for c in components)
+    filters = {c: walk for c, walk in enumerate(walks) if walk is not None}
+    filtered = Space(sample, taken, filters) if filters else space
+    now = _Round(space, filtered, correlations, walks, suspects)
+    table = tuple(
+        Dependence(driver, asked, tuple(_evidence(now, driver, trial) for trial in asked), sample.total)
+        for driver, asked in trials
+    )
+    return replace(now, table=table)
+
+
+def _evidence(now: _Round, driver: Driver, trial: Trial) -> Evidence | None:
+    columns, beside = trial.columns(now.space.sample), trial.beside(now.space.sample)
+    plain = now.space.test(columns, beside)
+    if plain is None or driver.kind in {"time", "run"} or now.filtered is now.space:
+        return plain
+    if trial.component is not None and now.walks[trial.component] is None:
+        return plain
+    allowed = now.filtered.test(columns, beside)
+    if allowed is None:
+        return None
+    return Evidence(max(plain.log10_p, allowed.log10_p), plain.falls, plain.log10_p)

@@ -1,0 +1,229 @@
+"""What a comparison looks at: residuals by cell, a target in a pose, and what the fit may have taken out of them.
+
+Readings of one target in one pose are averaged; cells of one pose may share errors and are never taken for independent.
+A fit moves its parameters a little to swallow a part of every error. That part lies in the span of the model's Jacobian
+J, so that y - QQᵀy, Q an orthonormal basis of it, is the same for the errors as for the residuals, and every test is
+made beside Q.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.fit import Fit
+from rodgen.calibration.observations import Observations
+from rodgen.calibration.problem import Problem
+
+__all__ = ["Sample", "orthonormal"]
+
+Array: TypeAlias = NDArray[np.float64]
+Index: TypeAlias = NDArray[np.intp]
+
+MOST_CELLS = 6_000
+"""Cells that are looked at. What explains one percent of the variance shows in a tenth of them."""
+STRETCH = 50
+"""Poses that are taken together where not all are: what follows each other is needed for correlations in time."""
+DETERMINED = 1e-9
+"""Directions of the Jacobian below this part of the largest, parameters scaled alike, are gauge (see `determinacy`)."""
+STEP = 1e-5
+"""Of the differences that tell where a joint moves the prediction: radians, or a part of the range."""
+
+
+def orthonormal(columns: Array, least: float) -> Array:
+    """Return an orthonormal basis of columns, (n, rank), without directions of a singular value below `least`.
+
+    Parameters
+    ----------
+    columns : ndarray, shape (n, k)
+    least : float
+        At least 1e-7: singular values are taken from the products of the columns, which squares them.
+    """
+    values, vectors = np.linalg.eigh(columns.T @ columns)
+    kept = values > least**2
+    return np.asarray(columns @ (vectors[:, kept] / np.sqrt(values[kept])))
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """Residuals of the poses that are looked at; N cells in P poses, m components.
+
+    Attributes
+    ----------
+    fit : Fit
+    rows : ndarray of int
+        Rows of the data that are looked at.
+    cell : ndarray of int, like `rows`
+        The cell of each.
+    y : ndarray, shape (N, m)
+        Weighted residuals, means of cells.
+    taken : ndarray, shape (N m, r)
+        Orthonormal basis of what the fit may have taken out of them; components run fastest.
+    scale : ndarray, shape (N, m)
+        What a weighted residual of 1 is in the unit that the fit is shown in.
+    count : ndarray, shape (N,)
+        Rows of each cell.
+    pose : ndarray of int, shape (N,)
+        From 0, in the order of measurement; cells are sorted by it.
+    number, run : ndarray of int, shape (P,)
+        Of each pose the number that it has in the data, and its run.
+    total : ndarray, shape (m,)
+        Sum of the squares of the rows' residuals, in the fit's unit.
+    """
+
+    fit: Fit
+    rows: Index
+    cell: Index
+    y: Array
+    taken: Array
+    scale: Array
+    count: Array
+    pose: Index
+    number: Index
+    run: Index
+    total: Array
+
+    @classmethod
+    def of(cls, fit: Fit) -> Sample:
+        """Average the residuals of a fit, without its outliers."""
+        rows = _chosen(fit)
+        o: Observations = fit.observations.take(rows)
+        targets = len(fit.machine.targets)
+        key, first, cell = np.unique(
+            o.pose.astype(np.int64) * targets + o.target, return_index=True, return_inverse=True
+        )
+        count = np.bincount(cell, minlength=len(key)).astype(float)
+        number, pose = np.unique(key // targets, return_inverse=True)
+        run = np.zeros(len(number), np.intp)
+        run[pose] = o.run[first]
+        problem = Problem(fit.problem.model, o)
+        theta, frame = fit.solution.theta, fit.solution.frame
+        residuals = problem.residuals(theta, frame, weighted=True)
+        y = np.stack([np.bincount(cell, r, len(key)) for r in residuals.T], axis=-1) / count[:, None]
+        free = list(fit.free)
+        jacobian = np.zeros((len(key), problem.components, len(free)))
+        for block_rows, block in problem.jacobian_blocks(theta, frame):
+            np.add.at(jacobian, cell[block_rows], block[:, :, free])
+        jacobian /= count[:, None, None]
+        weight = (
+            np.stack([np.bincount(cell, w, len(key)) for w in problem.weight.T], axis=-1) / count[:, None]
+        )
+        total = np.sum(fit.residuals[rows] ** 2, axis=0)
+        taken = _span(jacobian.reshape(len(key) * problem.components, len(free)))
+        scale = 1 / (weight * fit.unit_factor)
+        return cls(fit, rows, cell, y, taken, scale, count, pose, number, run, total)
+
+    @property
+    def components(self) -> int:
+        """Number of components of a residual."""
+        return int(self.y.shape[1])
+
+    @property
+    def poses(self) -> int:
+        """Number of poses."""
+        return len(self.number)
+
+    @property
+    def observations(self) -> Observations:
+        """All observations of the fit."""
+        return self.fit.observations
+
+    @cached_property
+    def first(self) -> Index:
+        """A row of each cell, (N,)."""
+        return np.asarray(self.rows[np.unique(self.cell, return_index=True)[1]])
+
+    @cached_property
+    def residual(self) -> Array:
+        """Residuals in the fit's unit, means of cells, (N, m)."""
+        return self.y * self.scale
+
+    @cached_property
+    def follows(self) -> NDArray[np.bool_]:
+        """Whether a pose was measured right after the one before, in the same run, (P - 1,)."""
+        return np.asarray((np.diff(self.number) == 1) & (np.diff(self.run) == 0))
+
+    @cached_property
+    def places(self) -> Array:
+        """Where the model puts what was measured, means of cells, (N, 3), in machine axes."""
+        fit, frame = self.fit, self.fit.solution.frame
+        found = Problem(fit.problem.model, self.observations.take(self.rows)).places(
+            fit.solution.theta, frame
+        )
+        if fit.machine.measured.frame == "free":
+            found = (found - frame.position) @ frame.rotation
+        sums = [np.bincount(self.cell, column, len(self.count)) for column in found.T]
+        return np.stack(sums, axis=-1) / self.count[:, None]
+
+    @cached_property
+    def motions(self) -> Array:
+        """How the prediction moves with each joint's reading, (N, m, joints), in weighted residuals.
+
+        What a wrong reading of a joint does lies along these, wherever the joints before it have turned them.
+        """
+        fit, o = self.fit, self.observations.take(self.rows)
+        theta, frame = fit.solution.theta, fit.solution.frame
+        found = np.empty((*self.y.shape, o.q.shape[1]))
+        for j, joint in enumerate(fit.machine.joints):
+            # Central differences: good to six digits for any machine, far more than a regression asks for.
+            step = STEP if joint.type == "revolute" else STEP * float(np.ptp(o.q[:, j]) or 1.0)
+            sides = []
+            for sign in (1, -1):
+                q = o.q.copy()
+                q[:, j] += sign * step
+                problem = Problem(fit.problem.model, replace(o, q=q))
+                sides.append(problem.residuals(theta, frame, weighted=True))
+            motion = (sides[1] - sides[0]) / (2 * step)
+            for c, values in enumerate(motion.T):
+                found[:, c, j] = np.bincount(self.cell, values, len(self.count)) / self.count
+        return found
+
+    def mean(self, values: Array) -> Array:
+        """Return the means over cells, (N,), of what is given for every row of the data."""
+        sums = np.bincount(self.cell, values[self.rows], len(self.count))
+        return np.asarray(sums / self.count)
+
+    def by_pose(self, values: Array) -> Array:
+        """Return the means over poses, (P, …), of values of cells, (N, …)."""
+        starts = np.flatnonzero(np.diff(self.pose, prepend=-1))
+        sizes = np.diff(starts, append=len(self.pose))
+        return np.asarray(
+            np.add.reduceat(values, starts, axis=0) / sizes.reshape(-1, *[1] * (values.ndim - 1))
+        )
+
+
+def _chosen(fit: Fit) -> Index:
+    """Return the rows to look at: all but the outliers, or stretches of poses where these are too many."""
+    o = fit.observations
+    rows = np.flatnonzero(~fit.outliers & np.isfinite(fit.residuals).all(axis=1))
+    if len(rows) <= MOST_CELLS:
+        return rows
+    pose, target = o.pose[rows], o.target[rows]
+    starts = np.ones(len(rows), bool)
+    starts[1:] = (pose[1:] != pose[:-1]) | (
+        target[1:] != target[:-1]
+    )  # nearly: targets of a pose in turns count more
+    poses = int(pose[-1]) + 1
+    most = max(int(MOST_CELLS * poses / starts.sum()), 2 * STRETCH)
+    if most >= poses:
+        return rows
+    many = poses // STRETCH
+    chosen = np.random.default_rng(0).choice(many, most // STRETCH, replace=False)
+    kept = np.zeros(many + 1, bool)
+    kept[chosen] = True
+    return np.asarray(rows[kept[pose // STRETCH]])
+
+
+def _span(jacobian: Array) -> Array:
+    """Return an orthonormal basis of what the determined directions of the parameters change."""
+    size = np.sqrt(np.einsum("ij,ij->j", jacobian, jacobian))
+    scaled = np.asarray(jacobian[:, size > 0] / size[size > 0])
+    if not scaled.shape[1]:
+        return scaled
+    basis, triangle = np.linalg.qr(scaled)
+    left, values, _ = np.linalg.svd(triangle)
+    return np.asarray(basis @ left[:, : int(np.sum(values > DETERMINED * values[0]))])

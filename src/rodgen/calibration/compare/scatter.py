@@ -1,0 +1,163 @@
+"""How evenly what is left beside all dependences is scattered, and whether any of it is too far out.
+
+Evenness: cube roots of the cells' mean squares, which are nearly normal for normal errors (Wilson and Hilferty 1931),
+are held against every covariate as the residuals are, on poses (in the manner of Breusch and Pagan 1979, and of Levene
+1960 for groups). Tails: kurtosis of one cell a pose (Anscombe and Glynn 1983), and the largest residual by its
+studentised size (Grubbs 1950), times the number of residuals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.compare.covariates import Covariate
+from rodgen.calibration.compare.dependence import Search
+from rodgen.calibration.compare.explained import Space
+from rodgen.calibration.compare.regions import Region, quarters
+from rodgen.calibration.compare.sample import Sample
+
+__all__ = ["Far", "Tails", "Uneven", "far", "tails", "uneven"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+UNEVEN_CLAIM = 0.001
+"""Probability of any claim of uneven scatter where there is none."""
+TAILS_CLAIM = 0.0005
+"""The same of heavy tails, and of a residual that is too far out."""
+LEAST_POSES = 20
+"""Below this the p-value of a kurtosis is a guess."""
+
+
+@dataclass(frozen=True, eq=False)
+class Uneven:
+    """How the scatter follows a covariate.
+
+    Attributes
+    ----------
+    covariate : Covariate
+    log10_p : float
+        Not yet times the number of covariates.
+    low, high : tuple of (Region, float)
+        The quarter, or category, with the least and the largest scatter, and its rms in the fit's unit.
+    """
+
+    covariate: Covariate
+    log10_p: float
+    low: tuple[Region, float]
+    high: tuple[Region, float]
+
+
+@dataclass(frozen=True)
+class Tails:
+    """Kurtosis of one component, 3 for normal errors."""
+
+    component: int
+    kurtosis: float
+    log10_p: float
+
+
+@dataclass(frozen=True)
+class Far:
+    """A residual that is farther out than the others allow.
+
+    Attributes
+    ----------
+    row, component : int
+    sigmas : float
+        Its size in standard deviations of the component's other residuals.
+    log10_p : float
+        Of any residual as far out.
+    """
+
+    row: int
+    component: int
+    sigmas: float
+    log10_p: float
+
+
+def _errors(sample: Sample, search: Search) -> Array:
+    """Return what is left beside all that was found, brought to the size of errors, (N, m), in standard deviations."""
+    space = search.filtered
+    leverage = np.einsum("ij,ij->i", space.taken, space.taken).reshape(space.y.shape)
+    errors = space.y / np.sqrt(1 - np.minimum(leverage, 0.9))
+    if space.filters:
+        errors = errors[sample.pose > 0]  # the first pose has no step before it
+    size = np.sqrt(np.mean(errors**2, axis=0))
+    found = np.full(sample.y.shape, np.nan)
+    found[-len(errors) :] = errors / np.where(size > 0, size, 1.0)
+    return found
+
+
+def uneven(sample: Sample, search: Search, covariates: Sequence[Covariate]) -> list[Uneven]:
+    """Test the scatter against every covariate."""
+    errors = _errors(sample, search)
+    rows = np.isfinite(errors[:, 0])
+    z = np.where(rows, np.cbrt(np.mean(errors**2, axis=1)), 0.0)
+    z[~rows] = z[rows].mean()
+    # Means of more readings may scatter less, which is no news.
+    beside = np.column_stack([np.ones(len(z)), 1 / sample.count])
+    taken = np.linalg.qr(beside[:, : 1 + bool(np.ptp(sample.count))])[0]
+    total = np.array([max(float(np.sum(z**2)), 1e-300)])
+    space = Space(replace(sample, y=z[:, None], taken=taken, scale=np.ones((len(z), 1)), total=total))
+    unit = np.sqrt(sample.total / sample.count.sum())
+    left = np.where(rows[:, None], errors, np.nan) * unit * _left(sample, search)
+    found = []
+    for covariate in covariates:
+        columns = covariate.values[:, None] if covariate.kind == "approach" else covariate.low
+        evidence = space.test(columns[:, None, :])
+        parts = [
+            (region, float(np.sqrt(np.nanmean(left[inside] ** 2))))
+            for region, inside in quarters(covariate)
+            if rows[inside].any()
+        ]
+        if evidence and len(parts) > 1:
+            low, high = (choose(parts, key=lambda part: part[1]) for choose in (min, max))
+            found.append(Uneven(covariate, evidence.log10_p, low, high))
+    return found
+
+
+def _left(sample: Sample, search: Search) -> Array:
+    """Return which part of each component's rms is left, (m,)."""
+    before, after = np.sum(sample.y**2, axis=0), np.sum(search.space.y**2, axis=0)
+    return np.asarray(np.sqrt(np.divide(after, before, out=np.ones_like(before), where=before > 0)))
+
+
+def tails(sample: Sample, search: Search) -> list[Tails]:
+    """Test the tails of each component; none where poses are few, or means are of different numbers of readings."""
+    from scipy.stats import kurtosistest
+
+    errors = _errors(sample, search)
+    first = np.flatnonzero(np.diff(sample.pose, prepend=-1))
+    errors = errors[first][np.isfinite(errors[first, 0])]
+    if len(errors) < LEAST_POSES or sample.count.max() > 1.5 * sample.count.min():
+        return []
+    found = []
+    for c, e in enumerate(errors.T):
+        if np.ptp(e) > 0:
+            p = float(kurtosistest(e, alternative="greater").pvalue)
+            kurtosis = float(np.mean((e - e.mean()) ** 4) / np.var(e) ** 2)
+            found.append(Tails(c, kurtosis, float(np.log10(max(p, 1e-300)))))
+    return found
+
+
+def far(sample: Sample, search: Search) -> Far | None:
+    """Return the residual that is farthest out."""
+    from scipy.special import stdtr
+
+    errors = np.abs(_errors(sample, search))
+    cell, c = divmod(int(np.nanargmax(errors)), errors.shape[1])
+    size, count = float(errors[cell, c]), np.isfinite(errors[:, c]).sum()
+    # The freedoms of poses: readings of a pose may be one error.
+    freedoms = sample.poses * (1 - search.space.taken.shape[1] / search.space.y.size)
+    if freedoms < LEAST_POSES or size**2 >= count:
+        return None
+    student = size * np.sqrt((count - 1) / (count - size**2))  # against the others alone
+    p = float(2 * stdtr(freedoms - 1, -student)) * errors.size
+    rows = sample.rows[sample.cell == cell]
+    row = int(rows[np.argmax(np.abs(sample.fit.residuals[rows, c]))])
+    return Far(row, c, float(student), float(np.log10(min(max(p, 1e-300), 1.0))))

@@ -1,0 +1,378 @@
+"""A comparison in words: a few sentences that are read in a minute, and a table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rodgen.calibration.compare.covariates import Covariate, Pair
+from rodgen.calibration.compare.dependence import Dependence, Found
+from rodgen.calibration.compare.regions import REGION_CLAIM
+from rodgen.calibration.compare.scatter import TAILS_CLAIM, UNEVEN_CLAIM
+
+if TYPE_CHECKING:
+    from rodgen.calibration.compare.comparison import Comparison
+
+__all__ = ["claims", "figure", "plain", "sentences", "text"]
+
+MOSTLY, NEARLY_ALL = 0.65, 0.9
+"""Parts of what is explained from which one component, or two, are named."""
+SHOWN_P = -1.3
+"""Logarithm of the p-value, times the number of tests, from which a pair stands in the table."""
+NAMED = 6
+"""Names in a list that is not the point of its sentence."""
+TIME_CLAIM = 0.001
+"""Probability of claiming a drift, or a correlation in time, where there is none; each."""
+
+
+def text(comparison: Comparison) -> str:
+    """Return what ``print(comparison)`` shows."""
+    return "\n".join([*sentences(comparison), "", *_table(comparison), "", *_largest(comparison)])
+
+
+def figure(value: float) -> str:
+    """Write a number with three digits, without an exponent where that is readable."""
+    if value == 0 or 1e-5 <= abs(value) < 1e6:
+        digits = 2 - int(np.floor(np.log10(abs(value)))) if value else 0
+        return f"{value:.{max(digits, 0)}f}"
+    return f"{value:.3g}"
+
+
+def plain(name: str, limit: int = 40) -> str:
+    """Return a piece of a user's file on one line, and no longer than `limit`."""
+    line = "".join(c if c.isprintable() else "?" for c in name)
+    return line if len(line) <= limit else line[: limit - 1] + "…"
+
+
+def sentences(comparison: Comparison) -> Iterator[str]:
+    """Yield what an engineer needs to know, the most important first."""
+    if comparison.exact:
+        yield "The model meets the data to rounding: there is nothing left to look at."
+        return
+    yield from claims(comparison)
+    yield from _clear(comparison)
+    yield from _untold(comparison)
+
+
+def claims(comparison: Comparison) -> Iterator[str]:
+    """Yield the sentences that say that something is there."""
+    if comparison.exact:
+        return
+    yield from _worst(comparison)
+    yield from _either(comparison)
+    yield from _found(comparison)
+    yield from _time(comparison)
+    yield from _withheld(comparison)
+    yield from _scatter(comparison)
+    yield from _far_out(comparison)
+
+
+# one after the other -----------------------------------------------------------------------------------------------
+
+
+def _worst(comparison: Comparison) -> Iterator[str]:
+    for worst in comparison.worst[:1]:
+        if worst.log10_p < np.log10(REGION_CLAIM):
+            overall = float(np.sqrt(np.mean(comparison.rms**2)))
+            unit = comparison.unit
+            yield (
+                f"The model is worst where {plain(worst.region.text, 90)}: {figure(worst.rms)} {unit} there, "
+                f"{figure(overall)} {unit} overall."
+            )
+
+
+def _found(comparison: Comparison) -> Iterator[str]:
+    drivers = [found.dependence.driver for found in comparison.search.found]
+    members = {id(c) for pair in drivers if isinstance(pair, Pair) for c in (pair.first, pair.second)}
+    for i, found in enumerate(comparison.search.found):
+        start = "What is left depends on" if i == 0 else "Beside that it depends on"
+        if i == 0 and comparison.search.either:
+            start = "It depends on"
+        said = f"{start} {_explained(comparison, found)}"
+        said += f" ({_p(found.dependence.log10_p, comparison.search.tests)})"
+        yield f"{said}{_change(comparison, found)}."
+        along = [other for other in found.along if isinstance(other, Covariate) and id(other) not in members]
+        if along:
+            said_of = _names(comparison, along)
+            names = _listed(said_of)
+            many = len(said_of) > 1 or " and " in names
+            verb = "go along with it and explain" if many else "goes along with it and explains"
+            yield f"{_capital(names)} {verb} nothing beyond."
+
+
+def _explained(comparison: Comparison, found: Found) -> str:
+    """Say what a covariate explains, and where it shows."""
+    said = f"{_text(found.dependence.driver)}: {_percent(found.explained)} of its variance"
+    said += _mostly(comparison, found)
+    joints = [plain(comparison.fit.machine.joints[joint].name) for joint in found.motions]
+    if joints:
+        said += f", along the motion of {_listed(joints, 'or')}"
+    return said
+
+
+def _either(comparison: Comparison) -> Iterator[str]:
+    either = comparison.search.either
+    if either:
+        yield (
+            f"What is left goes along with {_explained(comparison, either)}; but so it would with a wander in time, "
+            f"because of the order in which the poses were measured. Measure in another order to tell."
+        )
+
+
+def _mostly(comparison: Comparison, found: Found) -> str:
+    part = found.falls / max(float(found.falls.sum()), 1e-300)
+    order = np.argsort(-part)
+    where = [_where(comparison, int(c)) for c in order]
+    if len(part) == 1:
+        return ""
+    if part[order[0]] >= MOSTLY:
+        return f", mostly {where[0]}"
+    if len(part) > 2 and part[order[:2]].sum() >= NEARLY_ALL:
+        return f", in {' and '.join(sorted(comparison.components[c] for c in order[:2]))}"
+    return ""
+
+
+def _where(comparison: Comparison, c: int) -> str:
+    name = comparison.components[c]
+    return {"horizontal": "horizontally", "zenith": "towards the zenith"}.get(name, f"in {name}")
+
+
+def _change(comparison: Comparison, found: Found) -> str:
+    """Say by how much a component changes from the first to the last, where time is what it depends on."""
+    if found.dependence.driver.kind != "time":
+        return ""
+    drifts = _drifts(comparison)
+    return f"; it drifts {drifts} from first to last" if drifts else ""
+
+
+def _drifts(comparison: Comparison) -> str:
+    """Say by how much each component drifts that does beyond chance; empty where none does."""
+    m = len(comparison.components)
+    told = []
+    for c, drift in enumerate(comparison.drifts):
+        if drift and drift.log10_p < np.log10(TIME_CLAIM / m):
+            where = f" {_where(comparison, c)}" if m > 1 else ""
+            told.append(f"{drift.change:+.3g} {comparison.unit}{where}")
+    return f"by {_listed(told)}" if told else ""
+
+
+def _time(comparison: Comparison) -> Iterator[str]:
+    s, m = comparison.search, len(comparison.components)
+    told = [driver for f in s.found for driver in (f.dependence.driver, *f.along)]
+    drifts = _drifts(comparison)
+    if drifts and not any(driver.kind == "time" for driver in told):
+        p = min(drift.log10_p for drift in comparison.drifts if drift)
+        yield f"It drifts {drifts} from first to last ({_p(p, m)})."
+    alike = [(c, k) for c, k in enumerate(s.correlations) if k and k.log10_p < np.log10(TIME_CLAIM / m)]
+    if alike:
+        _, most = min(alike, key=lambda pair: pair[1].log10_p)
+        where = " " + _listed([_where(comparison, c) for c, _ in alike]) if m > 1 else ""
+        yield (
+            f"Poses measured one after the other err alike{where} (correlation {most.lag_1:.2f}, "
+            f"{_p(most.log10_p, m)}), as if something wandered in time; the other p-values allow for that."
+        )
+
+
+def _withheld(comparison: Comparison) -> Iterator[str]:
+    either = comparison.search.either
+    names = [driver for driver in comparison.search.withheld if isinstance(driver, Covariate)]
+    names = [driver for driver in names if not either or driver is not either.dependence.driver]
+    if names:
+        yield (
+            f"Whether {_listed(_names(comparison, names)[:NAMED], 'or')} "
+            f"{'matters' if len(names) == 1 else 'matter'}, too, cannot be told from a wander in time."
+        )
+
+
+def _clear(comparison: Comparison) -> Iterator[str]:
+    s = comparison.search
+    told: set[str] = set()
+    for driver in (
+        *(d for f in s.found for d in (f.dependence.driver, *f.along)),
+        *s.withheld,
+        *([s.either.dependence.driver] if s.either else []),
+    ):
+        members = (driver.first, driver.second) if isinstance(driver, Pair) else (driver,)
+        told |= {member.name for member in members}
+    told |= {d.driver.name for d in s.table if d.claimed(s.tests)}
+    tested = {d.driver.name for d in s.table if any(d.evidence)}
+    clear = [c for c in comparison.covariates if c.name in tested and c.name not in told]
+    if _drifts(comparison):
+        clear = [c for c in clear if c.kind != "time"]
+    names = _names(comparison, clear)
+    if not names:
+        return
+    if list(claims(comparison)):
+        yield f"Nothing is seen to depend on {_listed(names, 'or')}."
+    else:
+        yield f"What is left depends on nothing that was noted: not on {_listed(names, 'or')}."
+
+
+def _names(comparison: Comparison, named: Sequence[Covariate]) -> list[str]:
+    """Name covariates; all directions of approach, velocities or places at once, where all are meant."""
+    at_once = {
+        "approach": ("any direction of approach", "the direction of approach of"),
+        "velocity": ("any velocity", "the velocity of"),
+        "place": (
+            "the place on the sky" if comparison.unit == "arcsec" else "the place in the workspace",
+            "",
+        ),
+    }
+    names = [plain(c.text) for c in named if c.kind in {"joint", "period"}]
+    for kind, (all_of_them, start) in at_once.items():
+        have = [c for c in named if c.kind == kind]
+        if len(have) > 1 and len(have) == sum(c.kind == kind for c in comparison.covariates):
+            names.append(all_of_them)
+        elif have and start:
+            names.append(f"{start} {_listed([plain(c.joint.name) for c in have if c.joint], 'or')}")
+        else:
+            names += [c.text for c in have]
+    return names + [plain(c.text) for c in named if c.kind not in {"joint", "period", *at_once}]
+
+
+def _scatter(comparison: Comparison) -> Iterator[str]:
+    tests = max(len(comparison.uneven), 1)
+    claims = [u for u in comparison.uneven if u.log10_p < np.log10(UNEVEN_CLAIM / tests)]
+    for u in sorted(claims, key=lambda u: u.log10_p)[:1]:
+        unit = comparison.unit
+        yield (
+            f"The scatter beside that is uneven: {figure(u.high[1])} {unit} where {plain(u.high[0].text, 90)}, "
+            f"{figure(u.low[1])} {unit} where {plain(u.low[0].text, 90)} ({_p(u.log10_p, tests)})."
+        )
+
+
+def _far_out(comparison: Comparison) -> Iterator[str]:
+    far, m = comparison.far, max(len(comparison.tails), 1)
+    if far and far.log10_p < np.log10(TAILS_CLAIM):
+        place = comparison.fit.observations.data.place(far.row)
+        where = f" {_where(comparison, far.component)}" if len(comparison.components) > 1 else ""
+        yield (
+            f"{place[0].upper()}{place[1:]} is {far.sigmas:.1f} standard deviations off{where} "
+            f"({_p(far.log10_p)}): look at it, or fit with --loss huber."
+        )
+        return
+    heavy = [t for t in comparison.tails if t.log10_p < np.log10(TAILS_CLAIM / m)]
+    for t in sorted(heavy, key=lambda t: t.log10_p)[:1]:
+        where = f" {_where(comparison, t.component)}" if len(comparison.components) > 1 else ""
+        yield (
+            f"Large residuals are more frequent{where} than normal errors have them "
+            f"(kurtosis {t.kurtosis:.1f} instead of 3, {_p(t.log10_p, m)})."
+        )
+
+
+def _untold(comparison: Comparison) -> Iterator[str]:
+    """Say what could not be asked."""
+    rows = int((~comparison.fit.outliers).sum())
+    if len(comparison.sample.rows) < rows:
+        some = f"{len(comparison.sample.rows)} of {rows} rows"
+        yield f"Dependences were looked for in {some}, in stretches all over the data."
+    silent = [d.driver for d in comparison.search.table if not any(d.evidence)]
+    names = [plain(driver.name) for driver in silent if isinstance(driver, Covariate)]
+    poses = comparison.sample.poses
+    if not comparison.search.table:
+        yield "All readings are of one pose and one target: there is nothing to hold them against."
+    if names and not comparison.search.tests:
+        yield f"{poses} poses are too few beside what is fitted to tell what the residuals depend on."
+    elif names:
+        more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+        yield f"The data cannot tell of {_listed(names[:NAMED], 'or')}{more}: too few poses, or the fit takes it out."
+
+
+# tables ------------------------------------------------------------------------------------------------------------
+
+
+def _table(comparison: Comparison) -> Iterator[str]:
+    tests = comparison.search.tests
+    rows = []
+    for d in sorted(comparison.search.table, key=_strength):
+        best = _best(d)
+        if best is None:
+            continue
+        e, number = d.evidence[best], d.trials[best]
+        p = e.log10_p + np.log10(tests) if e else 0.0
+        if isinstance(d.driver, Pair) and p > SHOWN_P:
+            continue
+        name = plain(d.driver.name)
+        if isinstance(d.driver, Covariate) and d.driver.unit not in {"", "row"}:
+            name += f" [{plain(d.driver.unit)}]"
+        shown = f"{_number_of_p(p)}" if p < 0 else "1"
+        rows.append((name, comparison.component(number), _percent(d.share(best)), shown))
+    if not rows:
+        return
+    head = ("covariate, each alone", "component", "explained", f"p of all {tests} tests")
+    widths = [max(len(row[i]) for row in (head, *rows)) for i in range(4)]
+    for row in (head, *rows):
+        yield (
+            f"{row[0]:{widths[0]}}  {row[1]:{widths[1]}}  {row[2]:>{widths[2]}}  {row[3]:>{widths[3]}}".rstrip()
+        )
+
+
+def _best(dependence: Dependence) -> int | None:
+    told = [i for i, e in enumerate(dependence.evidence) if e]
+    return min(told, key=lambda i: dependence.evidence[i].log10_p) if told else None  # type: ignore[union-attr]
+
+
+def _strength(dependence: Dependence) -> float:
+    return dependence.log10_p
+
+
+def _largest(comparison: Comparison) -> Iterator[str]:
+    o, unit = comparison.fit.observations, comparison.unit
+    each = ", ".join(
+        f"{name} {figure(r)} {unit}" for name, r in zip(comparison.components, comparison.rms, strict=True)
+    )
+    yield f"rms by component: {each}"
+    regions = [
+        w for w in comparison.worst if w.log10_p < SHOWN_P and w.region.covariate.kind in {"joint", "place"}
+    ]
+    for worst in regions:
+        yield f"worse where {plain(worst.region.text, 90)}: {figure(worst.rms)} {unit} ({_p(worst.log10_p)})"
+    yield "largest residuals:"
+    for row in comparison.worst_rows:
+        values = ", ".join(
+            f"{name} {value:+.3g}"
+            for name, value in zip(comparison.components, comparison.fit.residuals[row], strict=True)
+        )
+        at = ", ".join(
+            f"{plain(joint.name)} {o.data.columns[joint.name].values[row]:.6g} {o.data.columns[joint.name].unit}"
+            for joint in comparison.fit.machine.joints
+        )
+        yield f"  {o.data.place(int(row))}: {values} {unit} ({at})"
+
+
+# words -------------------------------------------------------------------------------------------------------------
+
+
+def _text(driver: Covariate | Pair) -> str:
+    said = plain(driver.text, 90)
+    if isinstance(driver, Covariate) and driver.same:
+        said += f" ({', '.join(plain(name) for name in driver.same)})"
+    return said
+
+
+def _capital(said: str) -> str:
+    return said[0].upper() + said[1:] if said.startswith(("the ", "any ")) else said
+
+
+def _percent(part: float) -> str:
+    if 0 < part < 0.01:
+        return "<1 %"
+    return f"{min(100 * part, 99.9):.3g} %" if part > 0.99 else f"{100 * part:.0f} %"
+
+
+def _p(log10_p: float, tests: int = 1) -> str:
+    shown = _number_of_p(log10_p + np.log10(max(tests, 1)))
+    return f"p {shown}" if shown.startswith("<") else f"p = {shown}"
+
+
+def _number_of_p(log10_p: float) -> str:
+    if log10_p < -4:
+        return f"< 1e{max(int(np.ceil(log10_p)), -300):d}"
+    return f"{min(10**log10_p, 1.0):.2g}"
+
+
+def _listed(names: Sequence[str], word: str = "and") -> str:
+    *most, last = names
+    return f"{', '.join(most)} {word} {last}" if most else last

@@ -1,0 +1,144 @@
+"""What the data determine: the covariance of the parameters, and the directions in which nothing holds them.
+
+The Jacobian is reduced to a triangle by orthogonal transformations, block by block, so that its condition number is
+not squared as in the normal equations. Its singular values, with the columns scaled to equal length, tell which
+combinations of parameters change the readings at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.problem import Problem, one_thread_in_blas
+from rodgen.calibration.undetermined import Direction, Elsewhere, describe
+from rodgen.machines.model import Frame
+
+__all__ = ["Determinacy", "Direction", "determinacy"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+NOTHING = 1e-9
+"""A combination whose effect is below this part of the largest one, all parameters scaled alike, changes nothing:
+rounding in the Jacobian of a gauge direction leaves about 1e-14, a combination worth estimating at least 1e-7."""
+SUSPECT = 1e-6
+"""Parameters that change the readings by less than this part of what another one does, units left aside, are looked at
+more closely."""
+WEAK = 1e-3
+"""A combination below this is hardly determined: parameters in it have a standard deviation a thousand times that
+which they had if the others were known. So is one that changes the readings so much less than it would others."""
+RESTS = 0.005
+"""A parameter that has a greater part in a direction that is not determined rests on it."""
+
+
+@dataclass(frozen=True)
+class Determinacy:
+    """What the data say of the parameters.
+
+    Attributes
+    ----------
+    covariance : ndarray, shape (parameters, parameters)
+        For unit variance of the weighted residuals, internal units; zero for what is not estimated. Along directions
+        that are not determined it is that of the solution nearest to the start.
+    undetermined : ndarray of bool, shape (parameters,)
+        Parameters whose value rests on such a direction.
+    rank : int
+        Number of combinations that are determined.
+    """
+
+    covariance: Array
+    undetermined: NDArray[np.bool_]
+    rank: int
+    _at: tuple[Problem, Array, Frame, NDArray[np.int_], Array, Array, Array] | None = field(
+        default=None, repr=False
+    )
+
+    @property
+    def null(self) -> Array:
+        """Changes of the parameters that change no reading of these data, (k, parameters), internal units."""
+        found = np.zeros((0 if self._at is None else len(self._at[5]), len(self.undetermined)))
+        if self._at is not None:
+            _, _, _, index, scale, null, _ = self._at
+            found[:, index] = null / scale
+        return found
+
+    @property
+    def directions(self) -> tuple[Direction, ...]:
+        """Combinations that the data do not determine: choices of coordinates first, then what data are lacking for."""
+        return self._described[0]
+
+    @property
+    def weak(self) -> tuple[Direction, ...]:
+        """Combinations that the data hardly determine."""
+        return self._described[1]
+
+    @cached_property
+    def _described(self) -> tuple[tuple[Direction, ...], tuple[Direction, ...]]:
+        if self._at is None:
+            return (), ()
+        with one_thread_in_blas():
+            return describe(*self._at)
+
+
+def determinacy(problem: Problem, theta: Array, frame: Frame, free: Sequence[int]) -> Determinacy:
+    """Look at the Jacobian where a fit ended.
+
+    Parameters
+    ----------
+    problem : Problem
+    theta, frame : ndarray, Frame
+        The end of the fit.
+    free : sequence of int
+        The parameters that were adjusted.
+    """
+    p = len(problem.model.parameters)
+    covariance, undetermined = np.zeros((p, p)), np.zeros(p, bool)
+    index = np.asarray(free, int)
+    if not len(index):
+        return Determinacy(covariance, undetermined, 0)
+    triangle = _triangle(problem, theta, frame, index)
+    triangle[:, _without_effect(problem, theta, frame, index, triangle)] = 0.0
+    scale = np.linalg.norm(triangle, axis=0)
+    scale[scale == 0.0] = 1.0
+    _, values, vt = np.linalg.svd(triangle / scale)
+    values = np.concatenate([values, np.zeros(len(index) - len(values))])
+    held = values > NOTHING * max(values[0], 1e-300)
+    held &= values > 0
+    v = vt[held].T / values[held]
+    covariance[np.ix_(index, index)] = (v @ v.T) / np.outer(scale, scale)
+    null = vt[~held]
+    undetermined[index] = np.any(np.abs(null) > RESTS, axis=0) if len(null) else False
+    weak = held & (values < WEAK * values[0])
+    at = (problem, theta, frame, index, scale, null, vt[weak])
+    return Determinacy(covariance, undetermined, int(held.sum()), at)
+
+
+def _without_effect(
+    problem: Problem, theta: Array, frame: Frame, index: NDArray[np.int_], triangle: Array
+) -> NDArray[np.bool_]:
+    """Return the parameters of which the readings show nothing but rounding, beside what other readings would show."""
+    size = np.linalg.norm(triangle, axis=0)
+    if not np.any(size < SUSPECT * size.max(initial=0.0)):
+        return np.zeros(len(size), bool)
+    usual = Elsewhere.of(problem, theta, frame, index).size * float(np.linalg.norm(problem.weight))
+    found: NDArray[np.bool_] = size < NOTHING * usual
+    return found
+
+
+def _triangle(problem: Problem, theta: Array, frame: Frame, index: NDArray[np.int_]) -> Array:
+    """Return R of the QR decomposition of the weighted Jacobian, in bounded memory."""
+    waiting = [np.zeros((0, len(index)))]
+    for _, block in problem.jacobian_blocks(theta, frame):
+        waiting.append(block.reshape(-1, block.shape[-1])[:, index])
+        if sum(map(len, waiting)) > 50 * len(index) + 20_000:
+            waiting = [_reduced(waiting)]
+    return _reduced(waiting)
+
+
+def _reduced(blocks: Sequence[Array]) -> Array:
+    return np.asarray(np.linalg.qr(np.concatenate(blocks), mode="r"))

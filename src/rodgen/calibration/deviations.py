@@ -1,0 +1,284 @@
+"""How much things differ that should be equal, and whether anything else explains it.
+
+Replicates should have equal residuals; two targets on one body should keep their distance. Both are scalars in groups,
+some of them taken in one pose, and what one pose does to all that was read in it makes them dependent. So the degrees
+of freedom are not counted but estimated (Satterthwaite 1946): those of independent normal readings whose sum of squares
+would scatter as this one does. Its variance is twice the sum of the squared covariances within a pose, of which the
+estimates are corrected for their own scatter (Bai and Saranadasa 1996).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from rodgen.calibration.observations import Observations
+
+__all__ = ["Deviations", "Driver", "Estimated", "drivers", "independent_share"]
+
+Array: TypeAlias = NDArray[np.float64]
+Ints: TypeAlias = NDArray[np.integer[Any]]
+
+SURE = 1e-4
+"""Probability by chance, over all that is tried, below which something drives the deviations."""
+DEGREE = 3
+"""Of the polynomial in a driver that deviations are held against: a drift and its bend."""
+MOST_RUNS = 50
+"""Runs that are looked at one by one; of more, a drift from run to run."""
+MOST_POSES = 20_000
+"""Poses that covariances are estimated from at most: their sum is then good to about 1 %."""
+FEW_POSES = 5
+"""Fewer differences between poses do not tell what the readings of a pose share."""
+
+
+@dataclass(frozen=True)
+class Estimated:
+    """A standard deviation with what it is worth.
+
+    Attributes
+    ----------
+    value : float
+    degrees_of_freedom : float
+        Of independent normal values that would tell as much.
+    low, high : float
+        It is between them with 95 % probability.
+    """
+
+    value: float
+    degrees_of_freedom: float
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, variance: float, degrees_of_freedom: float, factor: float = 1.0) -> Estimated:
+        """Return the root of a variance, times a factor, with its interval."""
+        from scipy.special import chdtri
+
+        value = factor * float(np.sqrt(variance))
+        low, high = (
+            float(np.sqrt(degrees_of_freedom / chdtri(degrees_of_freedom, p))) for p in (0.025, 0.975)
+        )
+        return cls(value, degrees_of_freedom, value * low, value * high)
+
+
+@dataclass(frozen=True, eq=False)
+class Driver:
+    """What may change from one pose to the next that has equal commands.
+
+    Attributes
+    ----------
+    name : str
+        As a sentence calls it.
+    values : ndarray, shape (n,)
+        Of each row.
+    categories : int
+        How many there are, where values are numbers of categories; else 0.
+    """
+
+    name: str
+    values: NDArray[Any]
+    categories: int = 0
+
+    def columns(self, rows: Ints) -> Array:
+        """Return functions of it for some rows, (rows, k): each category, or powers."""
+        if self.categories:
+            return np.asarray(np.eye(self.categories)[self.values[rows]])
+        x = np.asarray(self.values[rows], float)
+        middle, half = (x.max() + x.min()) / 2, np.ptp(x) / 2
+        return np.asarray(np.polynomial.legendre.legvander((x - middle) / (half or 1.0), DEGREE)[:, 1:])
+
+
+def drivers(o: Observations) -> Iterator[Driver]:
+    """Yield run, time (or the order of the rows), temperatures and covariates."""
+    runs = len(o.run_names)
+    if runs > 1:
+        yield Driver("the run", o.run, runs if runs <= MOST_RUNS else 0)
+    yield Driver("time", o.t) if o.t is not None else Driver("the order of the rows", np.arange(o.n))
+    yield from (Driver(f"T_{joint}", temperature) for joint, temperature in o.temperature.items())
+    yield from (Driver(name, values) for name, values in o.covariates.items())
+
+
+@dataclass(frozen=True)
+class Deviations:
+    """Values less the mean of their group.
+
+    Each has c components; its standard deviation is √variance · √(left / weight).
+
+    Attributes
+    ----------
+    value : ndarray, shape (n, c)
+    weight : ndarray, shape (n, c)
+    left : ndarray, shape (n, c)
+        Part of the variance that the mean of the group leaves: 1 - weight / (sum of the group's weights).
+    group, pose, column : ndarray of int, shape (n,)
+        `column` numbers what is looked at in a pose, such as targets.
+    row : ndarray of int, shape (n,)
+        A row of the data that it comes from.
+    lever : ndarray, shape (n,)
+        By how much the value changes when a driver does: 1 but for distances, which have a common scale. The same
+        within a group, or a lever times a constant driver would itself be the deviation.
+    lost : float
+        Degrees of freedom that something fitted has taken away.
+    """
+
+    value: Array
+    weight: Array
+    left: Array
+    group: Ints
+    pose: Ints
+    column: Ints
+    row: Ints
+    lever: Array
+    lost: float = 0.0
+
+    @classmethod
+    def of(
+        cls,
+        value: Array,
+        weight: Array,
+        group: Ints,
+        pose: Ints,
+        column: Ints,
+        row: Ints,
+        lever: Array | None = None,
+    ) -> Deviations:
+        """Take the means of the groups off, and leave out groups of one value. All in the order of the groups."""
+        starts = np.flatnonzero(np.diff(group, prepend=group[0] - 1 if len(group) else 0))
+        sizes = np.diff(starts, append=len(group))
+        total = np.repeat(np.add.reduceat(weight, starts), sizes, axis=0) if len(group) else weight
+        mean = (
+            np.repeat(np.add.reduceat(weight * value, starts), sizes, axis=0) / total if len(group) else value
+        )
+        several = np.repeat(sizes > 1, sizes)
+        lever = np.ones(len(value)) if lever is None else lever
+        made = cls(value - mean, weight, 1 - weight / total, group, pose, column, row, lever)
+        return made.take(several)
+
+    def take(self, rows: NDArray[np.bool_]) -> Deviations:
+        """Return some of them."""
+        names = ("value", "weight", "left", "group", "pose", "column", "row", "lever")
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+
+    @property
+    def normalized(self) -> Array:
+        """Values times the roots of their weights."""
+        return self.value * np.sqrt(self.weight)
+
+    @property
+    def sum_of_squares(self) -> float:
+        """Weighted."""
+        return float(np.sum(self.weight * self.value**2))
+
+    @property
+    def count(self) -> float:
+        """Degrees of freedom, were all values independent."""
+        return float(self.left.sum()) - self.lost
+
+    @property
+    def poses(self) -> float:
+        """Number of differences between poses."""
+        if not len(self.pose):
+            return 0.0
+        order = np.argsort(self.pose, kind="stable")
+        starts = np.flatnonzero(np.diff(self.pose[order], prepend=self.pose[order[0]] - 1))
+        return float(np.maximum.reduceat(self.left.max(axis=1)[order], starts).sum())
+
+    @property
+    def variance(self) -> float:
+        """Mean square per degree of freedom."""
+        return self.sum_of_squares / self.count
+
+    @property
+    def share(self) -> float:
+        """Part of the degrees of freedom that is left because values of one pose depend on each other."""
+        share = independent_share(self.normalized, self.left, self.pose, self.column)
+        if self.poses < FEW_POSES and self.count > 0:
+            share = min(share, self.value.shape[1] * self.poses / self.count)
+        return share
+
+    def estimate(self, factor: float = 1.0) -> Estimated:
+        """Return the standard deviation at weight 1, times a factor."""
+        return Estimated.of(self.variance, max(self.share * self.count, 1.0), factor)
+
+    def without_drift(self, candidates: Iterable[Driver]) -> tuple[Deviations, list[str]]:
+        """Take out what follows a driver beyond doubt, the strongest first; return what is left, and their names."""
+        left, named = self, list[str]()
+        if not len(self.group):
+            return left, named
+        candidates = list(candidates)
+        while True:
+            tried = [(*left._explained(d), d.name) for d in candidates if d.name not in named]
+            best = min(tried, key=lambda t: t[0], default=None)
+            if best is None or best[0] * len(tried) > SURE:
+                return left, named
+            left = best[1]
+            named.append(best[2])
+
+    def _explained(self, driver: Driver) -> tuple[float, Deviations]:
+        """Return the probability that chance explains as much as a driver does, and what it leaves."""
+        by_row = driver.columns(self.row) * self.lever[:, None]
+        mean_weight = self.weight.mean(axis=1, keepdims=True)
+        starts = np.flatnonzero(np.diff(self.group, prepend=self.group[0] - 1))
+        sizes = np.diff(starts, append=len(self.group))
+        mean = np.add.reduceat(mean_weight * by_row, starts) / np.add.reduceat(mean_weight, starts)
+        columns = (by_row - np.repeat(mean, sizes, axis=0)) * np.sqrt(mean_weight)
+        u, size, _ = np.linalg.svd(columns, full_matrices=False)
+        u = u[:, size > 1e-9 * np.linalg.norm(by_row * np.sqrt(mean_weight))]
+        used = u.shape[1] * self.value.shape[1]
+        spare = self.count - used
+        if not used or spare < FEW_POSES:
+            return 1.0, self
+        explained = u @ (u.T @ self.normalized)
+        gain = float(np.sum(explained**2))
+        rest = replace(self, value=self.value - explained / np.sqrt(self.weight), lost=self.lost + used)
+        share = rest.share
+        if not gain > 0:
+            return 1.0, self
+        from scipy.special import fdtrc
+
+        with np.errstate(divide="ignore"):
+            ratio = np.divide(gain / used, rest.variance)
+        return float(fdtrc(max(share * used, 1.0), max(share * spare, 1.0), ratio)), rest
+
+
+def independent_share(value: Array, left: Array, pose: Ints, column: Ints) -> float:
+    """Return the effective degrees of freedom of a sum of squares, as part of those of independent values.
+
+    Parameters
+    ----------
+    value : ndarray, shape (n, c)
+        Of equal variance but for `left`, without weights.
+    left : ndarray, shape (n, c)
+        Part of the variance that is left of each.
+    pose, column : ndarray of int, shape (n,)
+        Values of different poses are independent; equal columns of different poses are alike.
+    """
+    if not len(value):
+        return 1.0
+    _, place = np.unique(pose, return_inverse=True)
+    columns, at = np.unique(column, return_inverse=True)
+    poses = int(place.max()) + 1
+    if poses > MOST_POSES:
+        some = place % (poses // MOST_POSES + 1) == 0
+        _, place = np.unique(place[some], return_inverse=True)
+        value, left, at, poses = value[some], left[some], at[some], int(place.max()) + 1
+    c = value.shape[1]
+    both = np.zeros((2, poses, len(columns), c))
+    both[0, place, at], both[1, place, at] = value, np.sqrt(left)
+    table, seen = both.reshape(2, poses, -1)
+    number = seen.T @ seen
+    with np.errstate(invalid="ignore", divide="ignore"):
+        covariance = np.where(number > 0, table.T @ table / number, 0.0)
+        own = np.diag(covariance)
+        squares = (covariance**2 - np.outer(own, own) / number) / (1 + 1 / number)
+        alone = own**2 / (1 + 2 / np.diag(number))
+    total, alone_sum = float(np.sum(table**2)), float(np.nansum(np.diag(number) * alone))
+    np.fill_diagonal(squares, 0.0)
+    shared = float(np.sum(np.where(number > 0, number * np.nan_to_num(squares), 0.0)))
+    scatter = alone_sum + max(shared, 0.0)
+    return min(total**2 / scatter / float(np.diag(number).sum()), 1.0) if scatter > 0 else 1.0

@@ -1,0 +1,202 @@
+"""Which other effects explain the data as well as one that was found.
+
+Candidates that come near by their columns are fitted in full, in the place of the effect, all in one model that has
+them all. One whose chi-square is larger by less than 12 + ln(rows), for each parameter that it has less, or smaller
+by less than that for each that it has more, cannot be told from it. What the other one needs for that, a combination
+of the model's own parameters, is told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.diagnose.candidates import Candidate
+from rodgen.calibration.diagnose.diagnosis import Alias
+from rodgen.calibration.diagnose.selection import Selection, a_parameter, of_one_leg
+from rodgen.calibration.diagnose.sensitivities import Carriers
+from rodgen.calibration.fit import Fit
+from rodgen.calibration.least_squares import minimise
+from rodgen.calibration.problem import Problem
+from rodgen.machines.model import Model
+
+__all__ = ["aliases_of"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+NEAR, BENT = 3.0, 0.01
+"""A full fit is made of what comes by its columns within so many limits, or within this part of what is explained."""
+HALF = 0.5
+"""What explains less than this part of what the effect explains is not the same in any sense."""
+MOST = 16
+NAMED = 3
+PART = 0.1
+"""Parameters are named whose part in the combination changes the readings by this part of the effect."""
+OUTSIDE = "form outside the catalogue"
+
+
+@dataclass(frozen=True)
+class _Rival:
+    candidate: Candidate
+    freedoms: int
+    linear: float  # by how much chi-square is larger
+
+
+def aliases_of(
+    selection: Selection, carriers: Carriers, final: Fit, kept: Sequence[Candidate], k: int, full: bool
+) -> tuple[Alias, ...]:
+    """Return the effects that the data cannot tell from one that was found, the nearest first.
+
+    Parameters
+    ----------
+    selection : Selection
+    carriers : Carriers
+    final : Fit
+        With everything that was found.
+    kept : sequence of Candidate
+        What was found.
+    k : int
+        Number of the effect among them.
+    full : bool
+        Whether full fits decide; else whitened columns do: where readings depend on each other chi-square means
+        little, and forms are in no model.
+    """
+    own = kept[k]
+    others = [c for c in kept if c is not own]
+    rivals, freedoms = _rivals(selection, carriers, kept, own, others)
+    if not rivals:
+        return ()
+    differences = _full(carriers, final, own, rivals) if full else [rival.linear for rival in rivals]
+    found = []
+    for rival, difference in zip(rivals, differences, strict=True):
+        worse, better = max(freedoms - rival.freedoms, 1), max(rival.freedoms - freedoms, 1)
+        each = a_parameter(selection.rows)
+        if -each * better < difference < each * worse:
+            why = _why(selection, carriers, own, others, rival.candidate)
+            found.append(Alias(rival.candidate.effect, why, float(difference)))
+    return tuple(sorted(found, key=lambda alias: abs(alias.chi_square)))
+
+
+def _rivals(
+    selection: Selection,
+    carriers: Carriers,
+    kept: Sequence[Candidate],
+    own: Candidate,
+    others: Sequence[Candidate],
+) -> tuple[list[_Rival], int]:
+    space = selection.space
+    residual, total = space.residual(carriers.residual)
+    base = space.base(others)
+    freedoms = space.across(base, own)[0].shape[1] + len(own.searched)
+    best = selection.left(residual, total, kept)
+    without = selection.left(residual, total, others)
+    spare = max(space.readings - space.base(kept).shape[1], 1)
+    variance = best / spare / _part(carriers)
+    keys = {c.key for c in kept}
+    found = []
+    for score in space.scores(residual, without, others):
+        if score.candidate.key in keys or not score.freedoms:
+            continue
+        left = min(score.left, _left_alone(selection, residual, total, others, score.candidate))
+        if without - left < HALF * (without - best):
+            continue
+        difference = (left - best) / variance
+        limit = a_parameter(selection.rows) * max(abs(score.parameters - freedoms), 1)
+        if difference < NEAR * limit + BENT * (without - best) / variance:
+            found.append(_Rival(score.candidate, score.parameters, difference))
+    return sorted(found, key=lambda rival: rival.linear)[:MOST], freedoms
+
+
+def _left_alone(
+    selection: Selection, residual: Array, total: float, others: Sequence[Candidate], rival: Candidate
+) -> float:
+    """Return what a leg's effect leaves in the place of all others of that leg.
+
+    Beside them, which are nearly the same, little is seen of it, and too little would be laid to it.
+    """
+    elsewhere = [c for c in others if not of_one_leg([c, rival])]
+    if len(elsewhere) == len(others):
+        return np.inf
+    return selection.left(residual, total, [*elsewhere, rival])
+
+
+def _full(carriers: Carriers, final: Fit, own: Candidate, rivals: Sequence[_Rival]) -> list[float]:
+    """Return by how much chi-square is larger with each rival in the effect's place, after a full fit."""
+    machine = final.machine
+    effects = [rival.candidate.effect for rival in rivals]
+    machine = replace(machine, effects=(*machine.effects, *effects))
+    o = carriers.observations
+    model = Model(machine, final.problem.model.travel, o.run_names, compiled=False)
+    problem = Problem(model, o)
+    problem.set_weight((carriers.weight / problem.base_weight)[:, 0])
+    start = model.start()
+    fitted = {final.parameters[i].key: final.solution.theta[i] for i in final.free}
+    free = {key for key in fitted if not own.effect.owns(key)}
+    for i, parameter in enumerate(model.parameters):
+        start[i] = fitted.get(parameter.key, start[i])
+    keys = {parameter.key: i for i, parameter in enumerate(model.parameters)}
+    whole = minimise(problem, start, final.solution.frame, sorted(keys[key] for key in fitted))
+    variance = 1.0
+    if o.sigma is None:
+        variance = whole.cost / max(problem.rows * problem.components - final.determinacy.rank, 1)
+    variance /= _part(carriers)
+    for key in fitted:
+        if own.effect.owns(key) and not model.parameters[keys[key]].searched:
+            start[keys[key]] = 0.0
+    found = []
+    for rival in rivals:
+        theta = start.copy()
+        numbers = {keys[key] for key in free}
+        for i, parameter in enumerate(model.parameters):
+            if (
+                rival.candidate.effect.owns(parameter.key)
+                and parameter.hold is None
+                and not parameter.optional
+            ):
+                numbers.add(i)
+        for name, value in rival.candidate.searched.items():
+            theta[keys[rival.candidate.effect.key(name)]] = value
+        solution = minimise(problem, theta, final.solution.frame, sorted(numbers), max_iterations=40)
+        found.append((solution.cost - whole.cost) / max(variance, 1e-300))
+    return found
+
+
+def _part(carriers: Carriers) -> float:
+    """Return how many times as many rows there are as are looked at: chi-square of all is so much larger."""
+    return float((~carriers.fit.outliers).sum() / len(carriers.rows))
+
+
+def _why(
+    selection: Selection, carriers: Carriers, own: Candidate, others: Sequence[Candidate], rival: Candidate
+) -> str:
+    """Say which combination reproduces the effect, and how well."""
+    space = selection.space
+    residual, _ = space.residual(carriers.residual)
+    base = space.base(others)
+    columns = space.columns(own)
+    across = columns - base @ (base.T @ columns)
+    size = np.linalg.lstsq(across, -(residual - base @ (base.T @ residual)), rcond=1e-6)[0]
+    effect = columns @ size
+    wanted = effect - base @ (base.T @ effect)
+    directions, _ = space.across(base, rival)
+    left = wanted - directions @ (directions.T @ wanted)
+    there = float(np.linalg.norm(wanted))
+    part = float(np.linalg.norm(left)) / there if there > 0 else 0.0
+    how = "exactly" if part < 1e-6 else f"to {part:.1%} of its size" if part < 0.5 else "in part"
+    model = space.model
+    both = np.concatenate([space.columns(rival), model], axis=1)
+    combination = np.linalg.lstsq(both, effect, rcond=1e-8)[0][space.columns(rival).shape[1] :]
+    shares = np.abs(combination) / max(float(np.linalg.norm(effect)), 1e-300)
+    free = [carriers.fit.parameters[i].key for i in carriers.fit.free]
+    free += [OUTSIDE] * (len(shares) - len(free))  # forms stand behind the model's own columns
+    order = [i for i in np.argsort(-shares) if shares[i] > PART]
+    names = list(dict.fromkeys(free[i] for i in order))
+    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    names = names[:NAMED]
+    if not names:
+        return f"{rival.effect.title} does the same to these readings, {how}."
+    return f"{rival.effect.title}, with another {', '.join(names)}{more}, does the same to these readings, {how}."

@@ -1,0 +1,238 @@
+"""Every effect of the catalogue, at every place, as the columns that it adds to a fit's derivative."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.diagnose.sensitivities import MOMENTS, Carriers, is_direct
+from rodgen.calibration.starting_values import most_waves, wave_falls
+from rodgen.machines.machine import Effect
+from rodgen.machines.rigid import complete_basis
+from rodgen.statistics.orthonormal import orthonormal
+
+__all__ = ["Candidate", "candidates"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+TAUS = 12
+"""Time constants that are tried, from the time between two poses to three times the whole."""
+WAVES_STEP = 0.5
+"""Periods that are tried: as many waves over the way, and so on in these steps."""
+MOST_WAVES = 60.0
+"""More waves than so many are tried only where the machine file gives the period."""
+FEWEST_WAVES = 2.0
+"""Fewer waves imitate any smooth curve; an eccentricity and an ellipticity have effects of their own."""
+WAVE_ROWS, PEAKS = 1_000, 5
+"""Rows on which periods are compared, and how many of the best are kept."""
+WEIGHTLESS = 1e-3
+"""Part of its arm below which a moment is that of how an axis happens to be tilted."""
+FUNCTIONS = {
+    "sin": np.sin, "cos": np.cos, "tan": np.tan, "exp": np.exp,
+    "log": np.log, "sqrt": np.sqrt, "abs": np.abs, "sign": np.sign,
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """An effect and its columns.
+
+    Attributes
+    ----------
+    effect : Effect
+    names : tuple of str
+        Keys of the parameters.
+    columns : ndarray, shape (n, m, k)
+        Derivative of the weighted residuals by each.
+    searched : mapping of str to float
+        Values of the parameters that are searched, at which the columns are taken; internal units.
+    tries : float
+        As how many independent values those that were tried for the effect count.
+    """
+
+    effect: Effect
+    names: tuple[str, ...]
+    columns: Array
+    searched: Mapping[str, float]
+    tries: float = 1.0
+
+    @property
+    def key(self) -> tuple[str, str | None]:
+        """Name and place of the effect."""
+        return self.effect.name, self.effect.place
+
+
+def candidates(carriers: Carriers, effects: list[Effect]) -> list[Candidate]:
+    """Return the columns of effects; one that has a searched parameter comes once for each value that is promising.
+
+    Parameters
+    ----------
+    carriers : Carriers
+        Made with these effects.
+    effects : list of Effect
+    """
+    effects = [effect for effect in effects if not _weightless(carriers, effect)]
+    found = [_direct(carriers, effect) for effect in effects if is_direct(effect)]
+    products = [effect for effect in effects if not is_direct(effect)]
+    for effect in products:
+        values = list(_tried(carriers, effect))
+        if not _is_wave(effect) or len(values) == 1:
+            tries = 1 + len(values) / 2 if len(values) > 1 else 1.0
+            found += [replace(_product(carriers, effect, searched), tries=tries) for searched in values]
+    waves = [effect for effect in products if _is_wave(effect) and len(list(_tried(carriers, effect))) > 1]
+    if waves:
+        found += promising_waves(carriers, waves, found)
+    order = {(effect.name, effect.place): i for i, effect in enumerate(effects)}
+    return sorted(found, key=lambda c: order[c.key])
+
+
+def _weightless(carriers: Carriers, effect: Effect) -> bool:
+    """Tell whether gravity has next to no moment where an effect lives on it: as about an axis that stands upright."""
+    definition = effect.definition
+    if definition.component not in {"reading", "rotation"} or not definition.formula.names & MOMENTS:
+        return False
+    machine = carriers.fit.machine
+    components = ["reading"] if definition.component == "reading" else ["rx", "ry", "rz"]
+    whole = [c for x in components if (c := carriers.component(effect.place, x)) is not None]
+    arm = 1.0
+    if machine.measured.kind != "direction":
+        point = np.array(machine.joint(str(effect.place)).point)
+        arm = max(float(np.linalg.norm(np.array(target.point) - point)) for target in machine.targets)
+    scale = arm * np.sqrt(sum(float(np.sum(c**2)) for c in whole))
+    if "F" in definition.formula.names and carriers.observations.load is not None:
+        scale *= float(np.abs(carriers.observations.load).max())
+    own = _direct(carriers, effect).columns
+    return bool(np.sqrt(np.sum(own**2, axis=(0, 1))).max(initial=0.0) < WEIGHTLESS * scale)
+
+
+def _is_wave(effect: Effect) -> bool:
+    return _nonlinear(effect) == {"P"}
+
+
+def _direct(carriers: Carriers, effect: Effect) -> Candidate:
+    keys = [key for key in carriers.index if effect.owns(key)]
+    return Candidate(effect, tuple(keys), carriers.columns[:, :, [carriers.index[key] for key in keys]], {})
+
+
+def _product(carriers: Carriers, effect: Effect, searched: Mapping[str, float]) -> Candidate:
+    linear = [name for name in effect.definition.parameters if name not in _nonlinear(effect)]
+    columns = [_column(carriers, effect, {name: 1.0}, searched) for name in linear]
+    return Candidate(effect, tuple(map(effect.key, linear)), np.stack(columns, axis=-1), searched)
+
+
+def promising_waves(
+    carriers: Carriers, effects: Sequence[Effect], others: Sequence[Candidate]
+) -> Iterator[Candidate]:
+    """Yield waves of the periods that take away most of the residuals: beside the model, and beside all others, too.
+
+    A wave that stands behind another effect shows when that one is out of the way; one that another effect could
+    imitate shows beside the model alone.
+    """
+    n, _m = carriers.residual.shape
+    some = np.unique(np.linspace(0, n - 1, min(n, WAVE_ROWS)).astype(int)) if n > WAVE_ROWS else np.arange(n)
+    residual = carriers.residual[some].ravel()
+    model = carriers.model[some].reshape(len(residual), -1)
+    bases = [orthonormal(model)]
+    once = {c.key: c for c in others}.values()
+    whole = np.concatenate([model, *(c.columns[some].reshape(len(residual), -1) for c in once)], axis=1)
+    if whole.shape[1] < len(residual) // 2:
+        bases.append(orthonormal(whole))
+    for effect in effects:
+        tried = list(_tried(carriers, effect))
+        frequencies = 2 * np.pi / np.array([values["P"] for values in tried])
+        carrier = carriers.component(effect.place, "reading")
+        assert carrier is not None
+        q = carriers.observations.q[some, _number(carriers, effect)]
+        chosen: dict[int, None] = {}
+        for base in bases:
+            falls = wave_falls(base, residual - base @ (base.T @ residual), carrier[some], q, frequencies)
+            padded = np.pad(falls, 1)
+            peaks = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] >= padded[2:]))
+            chosen |= dict.fromkeys(int(i) for i in peaks[np.argsort(-falls[peaks], kind="stable")][:PEAKS])
+        for i in chosen:
+            # waves half a wave apart are nearly independent, time constants (above) are much alike
+            yield replace(_product(carriers, effect, tried[i]), tries=float(len(tried)))
+
+
+def _nonlinear(effect: Effect) -> frozenset[str]:
+    inner = effect.definition.formula.inner_names
+    return frozenset(name for name in effect.definition.parameters if name in inner)
+
+
+def _tried(carriers: Carriers, effect: Effect) -> Iterator[dict[str, float]]:
+    """Yield values of the parameters that do not enter linearly."""
+    names = _nonlinear(effect)
+    if not names:
+        yield {}
+    elif names == {"tau"}:
+        t = carriers.observations.t
+        assert t is not None
+        times = np.unique(t)
+        for tau in np.geomspace(max(np.diff(times).min(), 1e-3 * np.ptp(times)), 3 * np.ptp(times), TAUS):
+            yield {"tau": float(tau)}
+    elif names == {"P"}:
+        joint = carriers.fit.machine.joint(str(effect.place))
+        if joint.period is not None:
+            yield {"P": joint.period}
+            return
+        j = _number(carriers, effect)
+        q = np.unique(carriers.observations.q[:, j])
+        if len(q) > 3:
+            highest = min(most_waves(q), MOST_WAVES)
+            for waves in np.arange(FEWEST_WAVES, highest + WAVES_STEP / 2, WAVES_STEP):
+                yield {"P": float((q[-1] - q[0]) / waves)}
+
+
+def _number(carriers: Carriers, effect: Effect) -> int:
+    return [joint.name for joint in carriers.fit.machine.joints].index(str(effect.place))
+
+
+def _column(
+    carriers: Carriers, effect: Effect, values: Mapping[str, float], searched: Mapping[str, float]
+) -> Array:
+    """Return the derivative in the direction of some values of the parameters, the others zero, (n, m)."""
+    definition = effect.definition
+    names = dict.fromkeys(definition.parameters, 0.0) | dict(values) | dict(searched)
+    with np.errstate(all="ignore"):
+        change = definition.formula.evaluate(_vocabulary(carriers, effect) | names, FUNCTIONS, float)
+    n = carriers.observations.n
+    if definition.component == "reading":
+        carrier = carriers.component(effect.place, "reading")
+        assert carrier is not None
+        return np.asarray(carrier * np.broadcast_to(change, n)[:, None])
+    turns = carriers.fit.machine.measured.kind == "direction"
+    letter = "r" if definition.component == "rotation" or (definition.component == "frame" and turns) else "t"
+    change = np.broadcast_to(change, (3, n))
+    found = np.zeros(carriers.residual.shape)
+    for x, along in zip("xyz", change, strict=True):
+        carrier = carriers.component(effect.place, f"{letter}{x}")
+        if carrier is not None and along.any():
+            found += carrier * along[:, None]
+    return found
+
+
+def _vocabulary(carriers: Carriers, effect: Effect) -> dict[str, Any]:
+    """Return what a formula of the catalogue may use; vectors as columns, (3, 1)."""
+    o, machine = carriers.observations, carriers.fit.machine
+    names: dict[str, Any] = {"pi": np.pi, "t": o.t, "F": o.load}
+    names |= {f"E{x}": np.eye(3)[:, [i]] for i, x in enumerate("XYZ")}
+    if effect.place is None or machine.kind_of(effect.place) == "target":
+        return names
+    j = _number(carriers, effect)
+    names |= {"q": o.q[:, j], "s": o.s[:, j].astype(float), "v": o.v[:, j]}
+    names |= {"T": o.temperature.get(str(effect.place))}
+    if machine.joints[j].type == "leg":
+        return names
+    axis = carriers.fit.problem.model.axis(carriers.fit.solution.theta, j)[0]
+    u, v = complete_basis(np.array(machine.joints[j].axis))
+    names |= {"N": axis[:, None], "U": u[:, None], "V": v[:, None]}
+    start, end = carriers.fit.problem.model.travel[j]
+    if end > start:
+        zeta = (o.q[:, j] - start) / (end - start)
+        legendre = np.polynomial.legendre.legvander(2 * zeta - 1, 4).T
+        names |= {"L": end - start, "zeta": zeta} | {f"P{k}": legendre[k] for k in range(1, 5)}
+    return names

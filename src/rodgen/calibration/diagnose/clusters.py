@@ -1,0 +1,91 @@
+"""What readings of one pose share along an effect, whatever it is.
+
+A joint that stops a little off shifts all readings of a pose in the way of that joint's errors: along an effect at
+it, residuals then scatter from pose to pose more than from reading to reading, and the usual test takes that for the
+effect. How much more is seen from the residuals themselves (the design effect of Rao and Scott 1987, by residuals with
+the correction of Bell and McCaffrey 2002, as in `_step`); by so much less counts what an effect explains.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.diagnose.column_space import VISIBLE, Whiten, log_p
+from rodgen.calibration.diagnose.sensitivities import Carriers
+from rodgen.calibration.effect_test import given_back
+from rodgen.statistics.orthonormal import orthonormal
+
+__all__ = ["Clusters"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+SEVERAL = 1.5
+"""Readings of a pose, in the mean, from which on this says anything."""
+NOTHING = 1.3
+"""A design effect below is chance."""
+
+
+class Clusters:
+    """Poses as clusters of readings.
+
+    Parameters
+    ----------
+    carriers : Carriers
+    whiten : callable
+    """
+
+    def __init__(self, carriers: Carriers, whiten: Whiten) -> None:
+        self.model, self.residual, self.whiten = carriers.model, carriers.residual, whiten
+        _, pose = np.unique(carriers.observations.pose, return_inverse=True)
+        self.poses = int(pose.max(initial=0)) + 1
+        self.pose = np.repeat(pose, self.residual.shape[1])
+        self.several = len(pose) >= SEVERAL * self.poses
+
+    def penalty(self, included: Sequence[Array], columns: Array) -> float:
+        """Return by how much the logarithm of an effect's probability by chance is larger than it seems.
+
+        Parameters
+        ----------
+        included : sequence of ndarray, each of shape (n, m, k)
+            What the model has beside.
+        columns : ndarray, shape (n, m, k)
+            Of the effect.
+        """
+        if not self.several:
+            return 0.0
+        parts = [self.model, *included, columns, self.residual[:, :, None]]
+        k = columns.shape[2]
+        white = self.whiten(np.concatenate(parts, axis=2)).reshape(len(self.pose), -1)
+        base, own, r = orthonormal(white[:, : -k - 1]), _unit(white[:, -k - 1 : -1]), white[:, -1]
+        for _ in range(2):
+            own, r = own - base @ (base.T @ own), r - base @ (base.T @ r)
+        u, s, _ = np.linalg.svd(own, full_matrices=False)
+        u = u[:, s > VISIBLE]
+        freedoms, spare = u.shape[1], len(r) - base.shape[1] - u.shape[1]
+        total = float(r @ r)
+        if not freedoms or spare < 1 or not total > 0:
+            return 0.0
+        along = u.T @ r
+        fall, left = float(along @ along), r - u @ along
+        variance = float(left @ left) / spare
+        if not variance > 0:
+            return 0.0
+        pulls = np.zeros((self.poses, freedoms))
+        np.add.at(pulls, self.pose, u * left[:, None])
+        shares = np.zeros((self.poses, freedoms, freedoms))
+        np.add.at(shares, self.pose, u[:, :, None] * u[:, None, :])
+        effect = float(np.sum(given_back(pulls, shares) ** 2)) / (freedoms * variance)
+        if effect < NOTHING:
+            return 0.0
+        statistic = fall / variance / effect
+        few = min(spare, self.poses)
+        return log_p(statistic, statistic + few, freedoms, few) - log_p(fall, total, freedoms, spare)
+
+
+def _unit(columns: Array) -> Array:
+    size = np.linalg.norm(columns, axis=0)
+    return np.asarray(columns / np.where(size > 0, size, 1.0))

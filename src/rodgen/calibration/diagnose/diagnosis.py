@@ -1,0 +1,311 @@
+"""What a diagnosis says: the verdict, the effects found one after the other, and what they leave."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from rodgen.calibration.fit import Estimate, Fit
+from rodgen.machines.machine import Effect, Machine
+
+if TYPE_CHECKING:
+    from rodgen.calibration.diagnose.variance_components import Correlation
+    from rodgen.calibration.plan import Plan
+
+__all__ = ["VERDICTS", "Alias", "DiagnosedEffect", "Diagnosis", "Ranked", "Rms", "Unexplained"]
+
+VERDICTS = ("nothing_missing", "effects_missing", "unknown_effect", "cannot_tell")
+SMALLEST = 1e-300
+"""Smaller probabilities are written so."""
+
+
+@dataclass(frozen=True)
+class Rms:
+    """Errors per scalar reading, in `unit`, without outliers; None where there is none.
+
+    Attributes
+    ----------
+    before, after : float
+        Of the model as it was, and with the effects that were found.
+    before_held_out, after_held_out : float or None
+        On whole poses that the fit did not see.
+    noise : float or None
+        By replicates, else as stated.
+    unit : str
+    before_test, after_test : float or None
+        On further measurements.
+    """
+
+    before: float
+    after: float
+    before_held_out: float | None
+    after_held_out: float | None
+    noise: float | None
+    unit: str
+    before_test: float | None = None
+    after_test: float | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return them as plain data; errors on further measurements where there are any."""
+        found: dict[str, Any] = {
+            "before": self.before,
+            "after": self.after,
+            "before_held_out": self.before_held_out,
+            "after_held_out": self.after_held_out,
+            "noise": self.noise,
+            "unit": self.unit,
+        }
+        if self.before_test is not None or self.after_test is not None:
+            found |= {"before_test": self.before_test, "after_test": self.after_test}
+        return found
+
+
+@dataclass(frozen=True)
+class Alias:
+    """An effect that the data cannot tell from one that was found.
+
+    Attributes
+    ----------
+    effect : Effect
+    why : str
+        What reproduces it.
+    chi_square : float
+        By how much it fits worse (above zero) or better, after a full refit, in variances of a reading.
+    """
+
+    effect: Effect
+    why: str
+    chi_square: float
+
+
+@dataclass(frozen=True)
+class DiagnosedEffect:
+    """An effect that the data call for.
+
+    Attributes
+    ----------
+    effect : Effect
+        :meth:`rodgen.machines.machine.Machine.add` takes this object, too.
+    p_value, log10_p : float
+        Probability that chance does as much for any of the candidates; at least 1e-300, and its logarithm.
+    rms, rms_held_out : float, float or None
+        Of the model up to this one.
+    parameters : mapping of str to Estimate
+        Of the final model, by their short names.
+    indistinguishable_from : tuple of Alias
+    """
+
+    effect: Effect
+    p_value: float
+    log10_p: float
+    rms: float
+    rms_held_out: float | None
+    parameters: Mapping[str, Estimate]
+    indistinguishable_from: tuple[Alias, ...] = ()
+
+    @property
+    def meaning(self) -> str:
+        """What is physically there."""
+        return self.effect.definition.meaning
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {
+            **_named(self.effect),
+            "p_value": self.p_value,
+            "rms": self.rms,
+            "rms_held_out": self.rms_held_out,
+            "parameters": {
+                name: {"value": e.value, "std": e.std, "unit": e.unit} for name, e in self.parameters.items()
+            },
+            "indistinguishable_from": [_named(alias.effect) for alias in self.indistinguishable_from],
+            "meaning": self.meaning,
+        }
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """A candidate, scored on the model without it.
+
+    Attributes
+    ----------
+    effect : Effect
+    p_value, log10_p : float
+        Probability that chance does as much for any of the candidates.
+    statistic : float
+        F.
+    degrees_of_freedom : tuple of float
+        Of F.
+    visible : float
+        Part, 0 to 1, of what the effect does to the readings that the model's parameters cannot imitate.
+    explains : float
+        Part of chi-square that it takes away.
+    """
+
+    effect: Effect
+    p_value: float
+    log10_p: float
+    statistic: float
+    degrees_of_freedom: tuple[float, float]
+    visible: float
+    explains: float
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """A form of what no effect of the catalogue explains.
+
+    Attributes
+    ----------
+    driver : str
+        The joint or column that it follows.
+    component : str
+        What it changes: ``reading``, or one of ``tx ty tz rx ry rz``.
+    joint : str or None
+        Where; None for the whole machine.
+    form : str
+        In the words of users' formulas.
+    p_value : float
+        Probability that chance does as much for any of the forms tried; at least 1e-300.
+    rms : float
+        Of the model with everything up to this form, in the diagnosis' unit.
+    parameters : mapping of str to (float, str)
+        Values with units.
+    block : str
+        An ``[[effect]]`` for the machine file.
+    """
+
+    driver: str
+    component: str
+    joint: str | None
+    form: str
+    p_value: float
+    rms: float
+    parameters: Mapping[str, tuple[float, str]] = field(default_factory=dict)
+    block: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {
+            "driver": self.driver,
+            "component": self.component,
+            "joint": self.joint,
+            "form": self.form,
+            "p_value": self.p_value,
+            "rms": self.rms,
+        }
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Which effects are missing in a model, from data alone.
+
+    Attributes
+    ----------
+    verdict : {"nothing_missing", "effects_missing", "unknown_effect", "cannot_tell"}
+    reason : str or None
+        Why nothing can be told.
+    rows : int
+    outliers : tuple of int
+        Rows, from 0, that are not believed.
+    rms : Rms
+    steps : tuple of DiagnosedEffect
+        In the order of adding.
+    unexplained : tuple of Unexplained
+    ranking : tuple of Ranked
+        Every candidate, scored on the model as it was, best first.
+    fits : tuple of Fit
+        Of the model as it was, then after each step.
+    correlation : Correlation or None
+        How readings depend on each other.
+    notes : tuple of str
+        What else is to be said, a sentence each.
+    """
+
+    verdict: str
+    reason: str | None
+    rows: int
+    outliers: tuple[int, ...]
+    rms: Rms
+    steps: tuple[DiagnosedEffect, ...]
+    unexplained: tuple[Unexplained, ...]
+    ranking: tuple[Ranked, ...] = field(repr=False)
+    fits: tuple[Fit, ...] = field(repr=False)
+    correlation: Correlation | None = field(repr=False, default=None)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def base(self) -> Fit:
+        """The fit of the model as it was."""
+        return self.fits[0]
+
+    @property
+    def final(self) -> Fit:
+        """The fit of the model with all effects that were found."""
+        return self.fits[-1]
+
+    @property
+    def machine(self) -> Machine:
+        """The machine with all effects that were found, and fitted values."""
+        return self.final.machine
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data, as ``rodgen diagnose --json`` prints it."""
+        found: dict[str, Any] = {"verdict": self.verdict}
+        if self.reason is not None:
+            found["reason"] = self.reason
+        return found | {
+            "rows": self.rows,
+            "outliers": list(self.outliers),
+            "rms": self.rms.to_dict(),
+            "steps": [step.to_dict() for step in self.steps],
+            "unexplained": [form.to_dict() for form in self.unexplained],
+        }
+
+    def plan(self, n: int = 12) -> Plan:
+        """Return what to measure next to settle what is open; see :func:`rodgen.calibration.plan.plan`."""
+        from rodgen.calibration.plan import plan
+
+        return plan(self, n)
+
+    def report(self, path: str | os.PathLike[str]) -> list[str]:
+        """Write it as one page that works offline, with what to measure next where that can be said.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            Ends in ``.html``.
+
+        Returns
+        -------
+        list of str
+            The files.
+
+        Raises
+        ------
+        InputFileError
+            When it cannot be written.
+        """
+        from rodgen.calibration.plan import PlanError
+        from rodgen.output.report import write_report
+
+        try:
+            planned = self.plan()
+        except PlanError:
+            planned = None
+        return write_report(self, planned, path)
+
+    def summary(self) -> str:
+        """Return it as text."""
+        from rodgen.calibration.diagnose.summary import as_text
+
+        return as_text(self)
+
+    def __str__(self) -> str:
+        return self.summary()
+
+
+def _named(effect: Effect) -> dict[str, Any]:
+    return {"effect": effect.name, "joint": effect.place}

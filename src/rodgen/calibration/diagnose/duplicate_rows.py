@@ -1,0 +1,28 @@
+"""Rows that are copies of others, readings and all: they were measured once, and count once."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.observations import Observations
+from rodgen.data.poses import groups
+
+__all__ = ["first_of_each"]
+
+FEW = 0.05
+"""Fewer copies than this part may be chance in readings with few digits."""
+
+
+def first_of_each(observations: Observations) -> NDArray[np.int_]:
+    """Return the rows without those that repeat an earlier one, (n,); all where there are only few such rows.
+
+    Parameters
+    ----------
+    observations : Observations
+    """
+    o = observations
+    columns = [*o.q.T, *o.reading.T, o.target, o.run]
+    columns += [c for c in (o.t, o.load) if c is not None] + [*o.temperature.values(), *o.covariates.values()]
+    _, first = np.unique(groups(columns, o.n), return_index=True)
+    return np.sort(first) if len(first) < (1 - FEW) * o.n else np.arange(o.n)

@@ -1,0 +1,105 @@
+"""The parameters of an effect as they are told: values, and spreads that know what readings share."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.diagnose.sensitivities import Carriers
+from rodgen.calibration.diagnose.variance_components import Correlation, covariance_of_estimates
+from rodgen.calibration.fit import Estimate, Fit
+from rodgen.calibration.problem import Problem
+from rodgen.machines.machine import Effect
+
+__all__ = ["Numbers"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+class Numbers:
+    """The parameters of a fit.
+
+    Parameters
+    ----------
+    final : Fit
+    carriers : Carriers
+        Of the model as it was: which rows are looked at.
+    how : Correlation
+        Of what the fit leaves.
+    """
+
+    def __init__(self, final: Fit, carriers: Carriers, how: Correlation) -> None:
+        self.final = final
+        self.covariance = final.covariance if how.independent else _with_correlation(final, carriers, how)
+
+    def of(self, effect: Effect) -> dict[str, Estimate]:
+        """Return the parameters of an effect by their short names.
+
+        Those of set-ups are told from the first one where only their differences are determined.
+        """
+        numbers = self._numbers(effect)
+        first = {self.final.parameters[i].slot[2]: i for i in reversed(numbers) if self._is_shift(i)}
+        relative = bool(first) and any(self.final.determinacy.undetermined[i] for i in numbers)
+        found = {}
+        for i in numbers:
+            parameter = self.final.parameters[i]
+            name = parameter.key[len(effect.key("")) :].removeprefix(".")
+            estimate = self.final.estimates[parameter.key]
+            if relative:
+                start = first[parameter.slot[2]]
+                if i != start:
+                    found[name] = self._difference(i, start)
+                continue
+            if estimate.std is not None:
+                estimate = replace(
+                    estimate, std=float(np.sqrt(max(self.covariance[i, i], 0.0)) / parameter.factor)
+                )
+            found[name] = estimate
+        return found
+
+    def _numbers(self, effect: Effect) -> list[int]:
+        return [
+            i
+            for i, parameter in enumerate(self.final.parameters)
+            if effect.owns(parameter.key) and not (parameter.optional and i not in self.final.free)
+        ]
+
+    def _is_shift(self, i: int) -> bool:
+        return self.final.parameters[i].slot[0] == "shift" and "[" in self.final.parameters[i].key
+
+    def _difference(self, i: int, start: int) -> Estimate:
+        parameter, C = self.final.parameters[i], self.covariance
+        variance = C[i, i] + C[start, start] - 2 * C[i, start]
+        value = (self.final.values[i] - self.final.values[start]) / parameter.factor
+        std = float(np.sqrt(max(variance, 0.0)) / parameter.factor)
+        return Estimate(parameter.key, parameter.unit, float(value), std, False, True)
+
+    def significance(self, effect: Effect) -> float:
+        """Return the probability that the parameters of an effect are all zero but for chance (Wald's test)."""
+        from scipy.special import chdtrc
+
+        final = self.final
+        searched = [p.searched for p in final.parameters]
+        numbers = [i for i in self._numbers(effect) if i in final.free and not searched[i]]
+        if not numbers or any(self._is_shift(i) for i in numbers):
+            return 0.0
+        C = self.covariance[np.ix_(numbers, numbers)]
+        size = np.sqrt(np.maximum(np.diag(C), 1e-300))
+        values, vectors = np.linalg.eigh(C / np.outer(size, size))
+        along = vectors.T @ (final.values[numbers] / size)
+        known = values > 1e-12 * max(values[-1], 1e-300)
+        return float(chdtrc(int(known.sum()), float(np.sum(along[known] ** 2 / values[known]))))
+
+
+def _with_correlation(final: Fit, carriers: Carriers, how: Correlation) -> Array:
+    problem = Problem(final.problem.model, carriers.observations)
+    problem.set_weight((carriers.weight / problem.base_weight)[:, 0])
+    index = list(final.free)
+    jacobian = problem.jacobian(final.solution.theta, final.solution.frame)[:, :, index]
+    part = len(carriers.rows) / max(int((~final.outliers).sum()), 1)
+    found = np.zeros((len(final.parameters),) * 2)
+    found[np.ix_(index, index)] = covariance_of_estimates(how, jacobian) * part
+    return found

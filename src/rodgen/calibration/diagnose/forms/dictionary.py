@@ -1,0 +1,465 @@
+"""What an error may follow, and along which curves: the terms that are tried.
+
+A driver is a number that was noted for every row: a joint's coordinate, its direction of approach, its velocity, its
+temperature, the time, the load, any other column. A factor is a family of one or a few functions of one driver, such as
+a sine with its cosine; some have values that are searched for: a period, a place. A term is a product of factors.
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.observations import READINGS, Observations
+from rodgen.calibration.starting_values import most_waves
+from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, Dimension, parse_unit
+from rodgen.machines.effects.formula import FUNCTION_NAMES
+
+__all__ = ["WORDS", "Driver", "Factor", "Term", "dictionary", "drivers_of", "unnameable", "written"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+HARMONICS = 12
+"""Waves of a whole turn."""
+DEGREE = 5
+LEAST_WAVES, WAVES = 0.75, 25.0
+"""Waves of any other length, over the range of the data; a drive's fine waves are in the catalogue."""
+PLACES = 12
+"""Where a step, a bend or a bump may be; between them it is looked for later."""
+WIDTHS = (1 / 6, 1 / 16)
+"""Of a bump, in ranges of the data."""
+DECAYS = 9
+"""Time constants, from a thirtieth of the duration to three times it."""
+LARGEST = 1e100
+"""Functions with values beyond are left out: their squares leave the range of a double."""
+MOST_DRIVERS = 24
+"""Products are formed of so many at most: fewer than all where there are many columns."""
+
+_IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
+WORDS = frozenset({"q", "s", "v", "T", "t", "F", "pi"}).union(FUNCTION_NAMES, *READINGS.values())
+"""What names in formulas cannot be."""
+
+
+@dataclass(frozen=True, eq=False)
+class Driver:
+    """A number that was noted for every row.
+
+    Attributes
+    ----------
+    kind : {"q", "s", "v", "T", "t", "F", "x"}
+        Coordinate, direction of approach, velocity and temperature of a joint; time, load, another column.
+    name : str
+        What people call it: the joint, or the column.
+    joint : str or None
+        Which it belongs to.
+    word : str or None
+        What a formula calls it at any place; None where it has a word at its own joint only.
+    own : str or None
+        And at its own joint.
+    values : ndarray, shape (n,)
+        Internal units.
+    dimension : Dimension
+    unit : str or None
+        In the data, of another column.
+    revolute : bool
+        Whether it is the coordinate of a revolute joint.
+    """
+
+    kind: str
+    name: str
+    joint: str | None
+    word: str | None
+    own: str | None
+    values: Array = field(repr=False)
+    dimension: Dimension
+    unit: str | None = None
+    revolute: bool = False
+
+    def said(self, place: str | None) -> str | None:
+        """Return what a formula at a place calls it; None where it cannot."""
+        return self.own if self.joint is not None and place == self.joint else self.word
+
+    @cached_property
+    def distinct(self) -> Array:
+        """The different values."""
+        return np.unique(self.values)
+
+    @cached_property
+    def low(self) -> float:
+        """The lowest value."""
+        return float(self.distinct[0])
+
+    @cached_property
+    def span(self) -> float:
+        """The length of the range."""
+        return float(self.distinct[-1] - self.distinct[0])
+
+    @cached_property
+    def far(self) -> bool:
+        """Whether the values are all far from zero: beside them their range is small."""
+        return bool(min(abs(self.distinct[0]), abs(self.distinct[-1])) > self.span)
+
+    @cached_property
+    def middle(self) -> float:
+        """About the middle of the range, in few digits."""
+        decimals = 1 - int(np.floor(np.log10(self.span)))
+        return round(self.low + self.span / 2, decimals)
+
+
+def _nameable(name: str) -> bool:
+    return _IDENTIFIER.fullmatch(name) is not None and name not in WORDS
+
+
+def unnameable(o: Observations) -> tuple[str, ...]:
+    """Return the columns that no formula can name, so that no form is driven by them."""
+    return tuple(name for name in o.covariates if not _nameable(name))
+
+
+def drivers_of(o: Observations) -> list[Driver]:
+    """Return everything that changes from row to row and that a formula can name."""
+    return [driver for driver in _drivers(o) if len(driver.distinct) > 1 and np.isfinite(driver.span)]
+
+
+def _drivers(o: Observations) -> Iterator[Driver]:
+    # a word that is the name of a joint, too, stands in no formula
+    words = {"q", "s", "v", "T", "t", "F"} - {joint.name for joint in o.machine.joints}
+    for j, joint in enumerate(o.machine.joints):
+        turns = joint.type == "revolute"
+        of = ANGLE if turns else LENGTH
+        word = joint.name if _nameable(joint.name) else None
+        if word or "q" in words:
+            own = "q" if "q" in words else word
+            yield Driver("q", joint.name, joint.name, word, own, o.q[:, j], of, revolute=turns)
+        more: list[tuple[str, str, NDArray[Any] | None, Dimension]] = [
+            ("s", joint.name, o.s[:, j], ONE),
+            ("v", f"v_{joint.name}", o.v[:, j], of / TIME),
+            ("T", f"T_{joint.name}", o.temperature.get(joint.name), TEMPERATURE),
+        ]
+        for kind, name, values, dimension in more:
+            if values is not None and kind in words:
+                yield Driver(kind, name, joint.name, None, kind, np.asarray(values, float), dimension)
+    if o.t is not None and "t" in words:
+        yield Driver("t", "t", None, "t", "t", o.t, TIME)
+    if o.load is not None and "F" in words:
+        yield Driver("F", "load", None, "F", "F", o.load, FORCE)
+    columns = o.data.columns
+    for name, values in o.covariates.items():
+        if _nameable(name):
+            unit = getattr(columns.get(name), "unit", None)
+            warm = name.startswith("T_")
+            dimension = parse_unit(unit).dimension if unit else TEMPERATURE if warm else ONE
+            yield Driver("x", name, None, name, name, values, dimension, unit)
+
+
+# factors -------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Factor:
+    """A family of functions of one driver, whose coefficients are estimated.
+
+    Attributes
+    ----------
+    driver : int
+        Its number.
+    kind : str
+        ``power`` (order: the exponent), ``series`` (all powers up to the order), ``harmonic`` (sine and cosine of so
+        many times the angle), ``wave`` (of any angular frequency), ``step``, ``kink``, ``bump``, ``decay``, ``sign``,
+        ``abs``, ``signed`` (x·|x|).
+    order : int
+    values : tuple of float
+        What was searched for, internal units: the frequency of a wave; the place of a step or a kink; place and width
+        of a bump; the time constant of a decay.
+    origin : float
+        From where a decay counts the time, and a power counts a column that is never near zero.
+    """
+
+    driver: int
+    kind: str
+    order: int = 1
+    values: tuple[float, ...] = ()
+    origin: float = 0.0
+
+    @property
+    def count(self) -> int:
+        """Number of functions."""
+        return {"series": self.order, "harmonic": 2, "wave": 2}.get(self.kind, 1)
+
+    def functions(self, x: Array) -> list[Array]:
+        """Return the functions at x, (n,) each."""
+        values = self.values
+        match self.kind:
+            case "power":
+                return [(x - self.origin) ** self.order]
+            case "series":
+                return [(x - self.origin) ** d for d in range(1, self.order + 1)]
+            case "harmonic":
+                return [np.sin(self.order * x), np.cos(self.order * x)]
+            case "wave":
+                return [np.sin(values[0] * x), np.cos(values[0] * x)]
+            case "step":
+                return [np.sign(x - values[0])]
+            case "kink":
+                return [np.abs(x - values[0])]
+            case "bump":
+                return [np.exp(-(((x - values[0]) / values[1]) ** 2))]
+            case "decay":
+                return [1 - np.exp(-(x - self.origin) / values[0])]
+            case "sign":
+                return [np.sign(x)]
+            case "abs":
+                return [np.abs(x)]
+            case "signed":
+                return [x * np.abs(x)]
+        raise AssertionError(self.kind)
+
+    def texts(self, word: str, numbers: Sequence[str]) -> list[str]:
+        """Write the functions.
+
+        Parameters
+        ----------
+        word : str
+            What the formula calls the driver.
+        numbers : sequence of str
+            What it calls the searched values: numbers, or names of parameters.
+        """
+        match self.kind:
+            case "power":
+                return [_power(self._since(word), self.order)]
+            case "series":
+                return [_power(self._since(word), d) for d in range(1, self.order + 1)]
+            case "harmonic":
+                angle = word if self.order == 1 else f"{self.order}*{word}"
+                return [f"sin({angle})", f"cos({angle})"]
+            case "wave":
+                angle = f"{numbers[0]}*{word}" if _is_number(numbers[0]) else f"2*pi*{word}/{numbers[0]}"
+                return [f"sin({angle})", f"cos({angle})"]
+            case "step":
+                return [f"sign({_less(word, numbers[0])})"]
+            case "kink":
+                return [f"abs({_less(word, numbers[0])})"]
+            case "bump":
+                return [f"exp(-(({_less(word, numbers[0])})/{numbers[1]})**2)"]
+            case "decay":
+                return [f"(1 - exp(-{self._since(word)}/{numbers[0]}))"]
+            case "sign":
+                return [f"sign({word})"]
+            case "abs":
+                return [f"abs({word})"]
+            case "signed":
+                return [f"{word}*abs({word})"]
+        raise AssertionError(self.kind)
+
+    def _since(self, word: str) -> str:
+        return f"({_less(word, written(self.origin))})" if self.origin else word
+
+
+def _power(word: str, exponent: int) -> str:
+    return word if exponent == 1 else f"{word}**{exponent}"
+
+
+def _is_number(text: str) -> bool:
+    return not text[0].isalpha()
+
+
+def _less(word: str, number: str) -> str:
+    if _is_number(number) and float(number) == 0:
+        return word
+    return f"{word} + {number[1:]}" if number.startswith("-") else f"{word} - {number}"
+
+
+def written(value: float) -> str:
+    """Write a number as a formula has it."""
+    return str(int(value)) if float(value).is_integer() and abs(value) < 1e15 else repr(float(value))
+
+
+# terms ---------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Term:
+    """A product of factors: every function of one times every function of the others.
+
+    Attributes
+    ----------
+    factors : tuple of Factor
+    at : str or None
+        The joint where alone it can stand, because a formula has no word for one of its drivers elsewhere.
+    """
+
+    factors: tuple[Factor, ...]
+    at: str | None = None
+
+    @property
+    def count(self) -> int:
+        """Number of coefficients."""
+        return int(np.prod([factor.count for factor in self.factors]))
+
+    @property
+    def searched(self) -> tuple[float, ...]:
+        """The values that were searched for."""
+        return tuple(value for factor in self.factors for value in factor.values)
+
+    @property
+    def parameters(self) -> int:
+        """Number of coefficients and searched values."""
+        return self.count + len(self.searched)
+
+    @property
+    def family(self) -> tuple[tuple[int, str], ...]:
+        """Drivers and kinds, whatever the orders and values."""
+        return tuple((factor.driver, factor.kind) for factor in self.factors)
+
+    @property
+    def order(self) -> int:
+        """Sum of the orders; what is local or of any period counts as much as a third harmonic."""
+        return sum(
+            factor.order if factor.kind in {"power", "series", "harmonic"} else 3 for factor in self.factors
+        )
+
+    def with_values(self, values: Sequence[float]) -> Term:
+        """Return it with other searched values."""
+        rest = iter(values)
+        return replace(
+            self, factors=tuple(replace(f, values=tuple(next(rest) for _ in f.values)) for f in self.factors)
+        )
+
+    def columns(self, drivers: Sequence[Array]) -> Array:
+        """Return its functions in every row, (n, count)."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            parts = [factor.functions(drivers[factor.driver]) for factor in self.factors]
+            made = np.stack([np.prod(several, axis=0) for several in itertools.product(*parts)], axis=1)
+        return made if np.abs(made).max(initial=0.0) < LARGEST else np.zeros_like(made)
+
+
+class _Writer:
+    """Collects the terms that the drivers allow."""
+
+    def __init__(self, drivers: Sequence[Driver]) -> None:
+        self.drivers = drivers
+        self.terms: dict[Term, None] = {}
+
+    def add(self, *factors: Factor) -> None:
+        own = {self.drivers[f.driver].joint for f in factors if self.drivers[f.driver].word is None}
+        if len(own) < 2:
+            self.terms[Term(factors, own.pop() if own else None)] = None
+
+    def add_products(self, first: Sequence[Factor], second: Sequence[Factor]) -> None:
+        for pair in itertools.product(first, second):
+            self.add(*pair)
+
+
+def dictionary(drivers: Sequence[Driver]) -> list[Term]:
+    """Return the terms that are tried, searched values on a coarse grid."""
+    writer = _Writer(drivers)
+    for i, driver in enumerate(drivers):
+        for factor in _ALONE[driver.kind](i, driver):
+            writer.add(factor)
+    some = list(range(len(drivers)))[:MOST_DRIVERS]
+    for i, k in itertools.combinations(some, 2):
+        first, second = drivers[i], drivers[k]
+        if first.joint is not None and first.joint == second.joint and "q" not in {first.kind, second.kind}:
+            continue  # direction, velocity and temperature of one joint among themselves
+        writer.add_products(_low(i, first), _low(k, second))
+    return list(writer.terms)
+
+
+def _low(i: int, driver: Driver) -> list[Factor]:
+    """Return what takes part in products."""
+    origin = driver.middle if driver.far else 0.0
+    if driver.kind == "q":
+        powers = [Factor(i, "power", d, origin=origin) for d in (1, 2) if len(driver.distinct) > d]
+        return [*powers, *(_harmonics(i, driver, 2) if driver.revolute else [])]
+    if driver.kind == "t":
+        return [Factor(i, "power", origin=origin), *_decays(i, driver)[1::3]]
+    if driver.kind == "F":
+        return [Factor(i, "power", d, origin=origin) for d in (1, 2) if len(driver.distinct) > d]
+    return [Factor(i, "power", origin=origin)]
+
+
+def _of_joint(i: int, driver: Driver) -> list[Factor]:
+    harmonics = _harmonics(i, driver, HARMONICS) if driver.revolute else []
+    crossed = driver.low < 0 < driver.low + driver.span
+    signs = [Factor(i, "sign"), Factor(i, "abs")] if crossed else []
+    return [
+        *harmonics,
+        *_powers(i, driver, DEGREE),
+        *signs,
+        *_local(i, driver, PLACES),
+        *_waves(i, driver, WAVES),
+    ]
+
+
+def _of_time(i: int, driver: Driver) -> list[Factor]:
+    return [*_powers(i, driver, 3), *_decays(i, driver), *_waves(i, driver, WAVES)]
+
+
+def _of_column(i: int, driver: Driver) -> list[Factor]:
+    crossed = driver.low < 0 < driver.low + driver.span
+    signs = [Factor(i, kind) for kind in ("sign", "abs", "signed")] if crossed else []
+    return [*_powers(i, driver, 3), *signs, *_local(i, driver, PLACES // 2, widths=())]
+
+
+def _of_velocity(i: int, driver: Driver) -> list[Factor]:
+    return [*_powers(i, driver, 2), *(Factor(i, kind) for kind in ("sign", "abs", "signed"))]
+
+
+def _of_direction(i: int, driver: Driver) -> list[Factor]:
+    return [Factor(i, "power")]
+
+
+_ALONE: dict[str, Callable[[int, Driver], list[Factor]]] = {
+    "q": _of_joint,
+    "s": _of_direction,
+    "v": _of_velocity,
+    "T": _of_column,
+    "t": _of_time,
+    "F": _of_column,
+    "x": _of_column,
+}
+
+
+def _powers(i: int, driver: Driver, degree: int) -> list[Factor]:
+    highest = min(degree, len(driver.distinct) - 1)
+    origin = driver.middle if driver.far else 0.0
+    powers = [Factor(i, "power", d, origin=origin) for d in range(1, highest + 1)]
+    return [*powers, *(Factor(i, "series", d, origin=origin) for d in range(2, highest + 1))]
+
+
+def _harmonics(i: int, driver: Driver, highest: int) -> list[Factor]:
+    """Return those that the different angles tell from lower ones."""
+    angles = len(np.unique(np.round(driver.distinct % (2 * np.pi), 9)))
+    return [Factor(i, "harmonic", h) for h in range(1, min(highest, (angles - 1) // 2) + 1)]
+
+
+def _waves(i: int, driver: Driver, most: float) -> list[Factor]:
+    highest = min(most, most_waves(driver.distinct))
+    unit = 2 * np.pi / driver.span
+    return [Factor(i, "wave", 1, (unit * w,)) for w in np.arange(LEAST_WAVES, highest + 0.25, 0.5)]
+
+
+def _local(i: int, driver: Driver, places: int, widths: Sequence[float] = WIDTHS) -> list[Factor]:
+    x = driver.distinct
+    if len(x) < 4:
+        return []
+    between = np.unique(np.linspace(1, len(x) - 1, min(places, len(x) - 1), dtype=int))
+    at = [float(a) for a in (x[between] + x[between - 1]) / 2]
+    found = [Factor(i, kind, 1, (a,)) for kind in ("step", "kink") for a in at]
+    for width in widths:
+        centres = np.linspace(x[0], x[-1], round(0.75 / width) + 1)
+        found += [Factor(i, "bump", 1, (float(c), width * driver.span)) for c in centres]
+    return found
+
+
+def _decays(i: int, driver: Driver) -> list[Factor]:
+    # a time is counted from its zero, unless the measurements began long after
+    origin = driver.low if driver.far else 0.0
+    times = np.geomspace(driver.span / 30, driver.span * 3, DECAYS)
+    return [Factor(i, "decay", 1, (float(tau),), origin) for tau in times]

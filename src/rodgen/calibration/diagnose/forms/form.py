@@ -1,0 +1,109 @@
+"""A form of what is left, in the words of users' formulas, and the block of a machine file that adds it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.machines.effects.custom import own_effect
+from rodgen.machines.effects.definition import EffectDefinition
+from rodgen.machines.effects.rules import is_in_catalogue
+from rodgen.machines.files.write import effect_text
+from rodgen.machines.machine import Effect, Machine
+
+__all__ = ["Form"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Form:
+    """A form of what no effect of the catalogue explains.
+
+    Attributes
+    ----------
+    place : str or None
+        The joint; None for the whole machine.
+    component : str
+        ``reading``, or one of ``tx ty tz rx ry rz``.
+    driver : str
+        The joint or column that it follows; several with "and" between them.
+    formula : str
+    parameters : mapping of str to (float, str)
+        Values with units, of what was searched for too.
+    p_value, log10_p : float
+        Probability that chance does as much for any of the terms tried.
+    explains : float
+        Part of the whitened sum of squares that it takes away.
+    columns : ndarray, shape (n, m, k)
+        Derivatives of the weighted residuals with respect to its coefficients.
+    units : mapping of str to str
+        Of all parameters.
+    hold : mapping of str to float
+        What was searched for and has a unit, internal units: it is not estimated by a fit.
+    name : str
+        Of the effect.
+    in_catalogue : bool
+        Whether an effect of the catalogue has the same form.
+    """
+
+    place: str | None
+    component: str
+    driver: str
+    formula: str
+    parameters: Mapping[str, tuple[float, str]]
+    p_value: float
+    log10_p: float
+    explains: float
+    columns: Array = field(repr=False)
+    units: Mapping[str, str] = field(repr=False)
+    hold: Mapping[str, float] = field(repr=False)
+    name: str = ""
+    in_catalogue: bool = False
+
+    @property
+    def where(self) -> str:
+        """Component and place in a sentence."""
+        return f"{self.component} at {self.place}" if self.place else f"{self.component} of the whole machine"
+
+    def effect_definition(self, machine: Machine) -> EffectDefinition:
+        """Return it as an effect that a user could have written.
+
+        Parameters
+        ----------
+        machine : Machine
+            Which it is for.
+        """
+        return own_effect(
+            self._free_name(machine),
+            self.component,
+            self.formula,
+            self.units,
+            f"Found in the residuals: {self.where} follows {self.driver}. No effect of the catalogue does that.",
+            at=machine.kind_of(self.place),
+            joints={joint.name: joint.type for joint in machine.joints},
+            kind=machine.measured.kind,
+            file=machine.file or machine.name,
+            place=f"form at {self.place}",
+        )
+
+    def effect(self, machine: Machine) -> Effect:
+        """Return it as an effect in its place, for :meth:`Machine.add`."""
+        return Effect(self.effect_definition(machine), self.place, dict(self.hold))
+
+    def block(self, machine: Machine) -> str:
+        """Return an ``[[effect]]`` for the machine file."""
+        return effect_text(machine, self.effect(machine))
+
+    def _free_name(self, machine: Machine) -> str:
+        taken = {effect.name for effect in machine.effects}
+        taken |= {joint.name for joint in machine.joints} | {target.name for target in machine.targets}
+        name, number = self.name, 1
+        while name in taken or is_in_catalogue(name):
+            number += 1
+            name = f"{self.name}_{number}"
+        return name

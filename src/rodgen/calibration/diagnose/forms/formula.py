@@ -1,0 +1,178 @@
+"""Terms at a component of a place, written as a formula of a user, with units of its parameters."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rodgen.calibration.diagnose.forms.dictionary import WORDS, Driver, Factor, Term, written
+from rodgen.calibration.observations import Observations
+from rodgen.data.tables import UnitError
+from rodgen.data.units import ANGLE, ONE, Dimension, display_unit, parse_unit, unit_factor
+from rodgen.machines.effects.definition import component_dimension
+from rodgen.machines.effects.formula import Formula
+from rodgen.machines.machine import Machine
+
+__all__ = ["Piece", "Written", "values_of", "write"]
+
+_LETTERS = "abcghkmnpuwABCDEGHKLMNQRSUVXYZ"
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A term at a carrier, or some of its functions.
+
+    Attributes
+    ----------
+    term : Term
+    carrier : int
+    kept : tuple of int
+        Numbers of the functions.
+    """
+
+    term: Term
+    carrier: int
+    kept: tuple[int, ...]
+
+    @property
+    def parameters(self) -> int:
+        """Number of coefficients and searched values."""
+        return len(self.kept) + len(self.term.searched)
+
+
+@dataclass(frozen=True)
+class Written:
+    """Pieces at one component of one place as a formula."""
+
+    formula: str
+    units: Mapping[str, str]
+    hold: Mapping[str, float]
+    coefficients: tuple[str, ...]
+    driver: str
+    name: str
+
+
+def write(
+    pieces: Sequence[Piece], place: str | None, component: str, drivers: Sequence[Driver], o: Observations
+) -> Written:
+    """Write pieces as a formula, its parameters with their units."""
+    machine = o.machine
+    taken = WORDS | {joint.name for joint in machine.joints} | set(o.data.columns)
+    names = _names(taken)
+    wanted = component_dimension(component, machine.kind_of(place), machine.measured.kind)
+    texts: list[str] = []
+    units: dict[str, str] = {}
+    hold: dict[str, float] = {}
+    coefficients: list[str] = []
+    for piece in pieces:
+        parts = [
+            _factor(factor, drivers[factor.driver], place, machine, taken, units, hold)
+            for factor in piece.term.factors
+        ]
+        functions = _products([part[0] for part in parts])
+        dimensions = _dimensions([part[1] for part in parts])
+        for k in piece.kept:
+            name = next(n for n in names if n not in units)
+            own = [drivers[factor.driver] for factor in piece.term.factors]
+            units[name] = _unit(wanted, dimensions[k], own, machine)
+            coefficients.append(name)
+            texts.append(f"{name}*{functions[k]}")
+    formula = Formula.parse(" + ".join(texts), file="diagnosis", place="formula").text
+    used = [drivers[f.driver] for piece in pieces for f in piece.term.factors]
+    driver = _driver(used)
+    ordered = {name: units[name] for name in [*coefficients, *(n for n in units if n not in coefficients)]}
+    called = re.sub(r"[^A-Za-z0-9]+", "_", f"{component}_by_{driver}")[:50].strip("_")
+    return Written(formula, ordered, hold, tuple(coefficients), driver, called)
+
+
+def _driver(used: Sequence[Driver]) -> str:
+    """Name what drives a form: columns before joints, each once."""
+    joints = {d.joint for d in used if d.kind == "q"}
+    names = [d.name for d in used if d.kind not in {"q", "s"}]
+    names += [d.name for d in used if d.kind == "s" and d.joint not in joints]
+    names += [d.name for d in used if d.kind == "q"]
+    return " and ".join(dict.fromkeys(names))
+
+
+def _names(taken: frozenset[str] | set[str]) -> Iterator[str]:
+    yield from (letter for letter in _LETTERS if letter not in taken)
+    yield from (name for k in range(1, 1000) if (name := f"a{k}") not in taken)
+
+
+def _factor(
+    factor: Factor,
+    driver: Driver,
+    place: str | None,
+    machine: Machine,
+    taken: set[str] | frozenset[str],
+    units: dict[str, str],
+    hold: dict[str, float],
+) -> tuple[list[str], list[Dimension]]:
+    """Return a factor's functions and their dimensions; searched values with a unit become parameters that are held."""
+    word = driver.said(place)
+    assert word is not None
+    plain = driver.dimension.fits(ONE)
+    of_unit = display_unit(driver.dimension, machine.length_unit).text
+
+    def held(name: str, value: float) -> str:
+        free = next(
+            n for n in (name, *(f"{name}{k}" for k in range(2, 99))) if n not in taken and n not in units
+        )
+        units[free] = of_unit
+        hold[free] = float(f"{value:.12g}")
+        return free
+
+    numbers = [written(value) for value in factor.values]
+    if factor.kind == "wave" and not plain:
+        numbers = [held("P", 2 * np.pi / factor.values[0])]
+    elif factor.kind == "bump" and not plain:
+        numbers[1] = held("W", factor.values[1])
+    elif factor.kind == "decay":
+        numbers = [held("tau", factor.values[0])]
+    of = driver.dimension
+    powers = {"power": [factor.order], "series": list(range(1, factor.order + 1)), "kink": [1], "abs": [1]}
+    powers["signed"] = [2]
+    return factor.texts(word, numbers), [of**p for p in powers.get(factor.kind, [0] * factor.count)]
+
+
+def _products(parts: Sequence[Sequence[str]]) -> list[str]:
+    found = [""]
+    for part in parts:
+        found = [f"{before}*{text}" if before else text for before in found for text in part]
+    return found
+
+
+def _dimensions(parts: Sequence[Sequence[Dimension]]) -> list[Dimension]:
+    found = [ONE]
+    for part in parts:
+        found = [before * one for before in found for one in part]
+    return found
+
+
+def _unit(wanted: Dimension, function: Dimension, drivers: Sequence[Driver], machine: Machine) -> str:
+    """Return the unit of a coefficient; an angle in a function is a plain number."""
+    function = Dimension.of((name, power) for name, power in function.powers if name != "angle")
+    own = "arcsec" if wanted == ANGLE else machine.length_unit
+    if function == ONE:
+        return own
+    for driver in drivers:
+        if driver.unit and parse_unit(driver.unit).dimension == function:
+            try:
+                if parse_unit(f"{own}/{driver.unit}").dimension == wanted / function:
+                    return f"{own}/{driver.unit}"
+            except UnitError:
+                pass
+    return display_unit(wanted / function, machine.length_unit).text
+
+
+def values_of(
+    units: Mapping[str, str], numbers: Mapping[str, float], machine: Machine
+) -> dict[str, tuple[float, str]]:
+    """Return internal values in their units."""
+    return {
+        name: (numbers[name] / unit_factor(unit, machine.length_unit)[0], unit)
+        for name, unit in units.items()
+    }

@@ -1,0 +1,172 @@
+"""Some rows in which terms are tried: their carriers, the residuals, and what the model's parameters can make up for.
+
+Errors have the covariance V. With columns A so that the symmetric form
+
+    P = I - A Aᵀ
+
+is what V⁻¹ leaves when the model's columns are taken out, a column c lowers the sum of squares rᵀPr by (cᵀPr)² / cᵀPc.
+Where the rows are whitened, A is an orthonormal basis of the model's columns. Where they are not, a drift of
+known size is part of A too, by the identity of Woodbury. Further columns are taken out in the same way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.diagnose.forms.dictionary import Term
+
+__all__ = ["Level", "Whiten"]
+
+Array: TypeAlias = NDArray[np.float64]
+Whiten: TypeAlias = Callable[[Array], Array]
+
+DETERMINED = 1e-9
+"""Directions of columns below this part of the largest, scaled alike, tell nothing (see `determinacy`)."""
+VISIBLE = 1e-6
+"""Of a column's sum of squares this part, at least, must be left when the model has taken its own."""
+
+KEPT_NUMBERS = 2_000_000
+
+
+class Level:
+    """Rows in which terms are tried.
+
+    Parameters
+    ----------
+    carriers : ndarray, shape (c, n, m)
+        Derivatives of the weighted residuals with respect to each component of each place.
+    drivers : sequence of ndarray, shape (n,)
+    residual : ndarray, shape (n, m)
+        Weighted.
+    whiten : callable
+        Brings columns (n, m, K) to where their errors are independent.
+    drift : ndarray, shape (N, d), optional
+        Columns of a drift of variance 1, beside errors of variance 1.
+    order : ndarray of int, shape (N,), optional
+        In which the whitened readings are taken.
+
+    Attributes
+    ----------
+    basis : ndarray, shape (N, p)
+        A.
+    left : ndarray, shape (N,)
+        P r.
+    total : float
+        rᵀ P r.
+    freedoms : int
+        Readings less the columns that were taken out.
+    """
+
+    def __init__(
+        self,
+        carriers: Array,
+        drivers: Sequence[Array],
+        residual: Array,
+        whiten: Whiten,
+        *,
+        drift: Array | None = None,
+        order: NDArray[np.int_] | None = None,
+    ) -> None:
+        self.carriers = carriers
+        self.drivers = drivers
+        self.whiten = whiten
+        self.order = order
+        self.plain = drift is None
+        self._functions: dict[Term, Array] = {}
+        self.left = self.flat(residual[:, :, None])[:, 0]
+        self.basis = np.zeros((len(self.left), 0))
+        self.freedoms = len(self.left)
+        if drift is not None:
+            root = np.linalg.cholesky(np.linalg.inv(np.eye(drift.shape[1]) + drift.T @ drift))
+            self.basis = drift @ root
+            start = self.left
+            self.left = start - self.basis @ (self.basis.T @ start)
+            self.total = float(start @ self.left)
+        else:
+            self.total = float(self.left @ self.left)
+
+    def state(self) -> tuple[Array, Array, float, int]:
+        """Return what `take_out` changes, for `restore`."""
+        return self.basis, self.left, self.total, self.freedoms
+
+    def restore(self, state: tuple[Array, Array, float, int]) -> None:
+        """Go back to an earlier state."""
+        self.basis, self.left, self.total, self.freedoms = state
+
+    def flat(self, columns: Array) -> Array:
+        """Whiten columns (n, m, K) and return them as (N, K)."""
+        white = self.whiten(columns)
+        white = white.reshape(white.shape[0] * white.shape[1], -1)
+        return white if self.order is None else white[self.order]
+
+    def columns(self, term: Term, carrier: int) -> Array:
+        """Return what a term does at a carrier, (n, m, count); not whitened."""
+        if term not in self._functions:
+            if len(self._functions) * len(self.drivers[0]) > KEPT_NUMBERS:
+                self._functions.clear()
+            self._functions[term] = term.columns(self.drivers)
+        return np.asarray(self.carriers[carrier][:, :, None] * self._functions[term][:, None, :])
+
+    def new_basis(self, flat: Array) -> Array:
+        """Return columns with which A takes out these columns, too, (N, K) or fewer."""
+        size = np.linalg.norm(flat, axis=0)
+        flat = flat[:, size > 0] / size[size > 0]
+        if not flat.shape[1]:
+            return np.zeros((len(flat), 0))
+        if not self.plain:
+            across = flat - self.basis @ (self.basis.T @ flat)
+            values, vectors = np.linalg.eigh(flat.T @ across)
+            kept = values > VISIBLE
+            return np.asarray(across @ (vectors[:, kept] / np.sqrt(values[kept])))
+        for _ in range(2):
+            flat = flat - self.basis @ (self.basis.T @ flat)
+        _, values, vt = np.linalg.svd(np.linalg.qr(flat, mode="r"))
+        kept = values > (DETERMINED * max(values[0], 1e-300) if not self.basis.shape[1] else np.sqrt(VISIBLE))
+        across = flat @ (vt[: len(values)][kept].T / values[kept])
+        return np.linalg.qr(across)[0]
+
+    def take_out(self, flat: Array) -> Array:
+        """Let the model have further columns (N, K), and return what was added to A."""
+        new = self.new_basis(flat)
+        pull = new.T @ self.left
+        self.left = self.left - new @ pull
+        self.total -= float(pull @ pull)
+        self.basis = np.concatenate([self.basis, new], axis=1)
+        self.freedoms -= new.shape[1]
+        return new
+
+    def falls(self, terms: Sequence[Term], carrier: int) -> Array:
+        """Return by how much each term lowers the sum of squares at a carrier."""
+        return self.falls_of([self.columns(term, carrier) for term in terms])
+
+    def falls_of(self, blocks: Sequence[Array]) -> Array:
+        """Return by how much each block of columns (n, m, k) lowers the sum of squares."""
+        found = []
+        some: list[Array] = []
+        for k, block in enumerate(blocks):
+            some.append(block)
+            if k == len(blocks) - 1 or sum(b.shape[2] for b in some) >= 64:
+                found += self._falls(some)
+                some = []
+        return np.array(found)
+
+    def _falls(self, blocks: Sequence[Array]) -> list[float]:
+        flat = self.flat(np.concatenate(blocks, axis=2))
+        size = np.linalg.norm(flat, axis=0)
+        flat = flat / np.where(size > 0, size, 1.0)
+        across = self.basis.T @ flat
+        pull = flat.T @ self.left
+        gram = flat.T @ flat - across.T @ across
+        found, start = [], 0
+        for block in blocks:
+            of = slice(start, start + block.shape[2])
+            start = of.stop
+            values, vectors = np.linalg.eigh(gram[of, of])
+            kept = values > VISIBLE
+            along = vectors[:, kept].T @ pull[of]
+            found.append(float(np.sum(along**2 / values[kept])))
+        return found

@@ -1,0 +1,580 @@
+"""Which forms the residuals have: a forward search through the dictionary, the simplest of what predicts equally well.
+
+All terms at all places are scored at once on some of the rows. The best of every kind are scored anew on all rows,
+their searched values are refined, and of the best of them the error on poses that were not seen is had from linear
+algebra. The simplest whose error is within one standard error of the lowest is taken, if chance does not do as much for
+any of all terms tried, and if it lowers that error at all noticeably. Then the next is looked for beside it. At the end
+each is looked for anew beside the others: the first was found when they were still in the residuals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+from typing import TYPE_CHECKING, Any, TypeAlias
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.diagnose.forms.catalogued import is_catalogued
+from rodgen.calibration.diagnose.forms.dictionary import Driver, Term, dictionary, drivers_of
+from rodgen.calibration.diagnose.forms.form import Form
+from rodgen.calibration.diagnose.forms.formula import Piece, values_of, write
+from rodgen.calibration.diagnose.forms.leave_out import Unseen, folds_of
+from rodgen.calibration.diagnose.forms.level import Level, Whiten
+from rodgen.calibration.diagnose.forms.refine import refined, short
+from rodgen.calibration.diagnose.forms.screen import Functions, Screen
+from rodgen.calibration.observations import Observations
+from rodgen.calibration.problem import one_thread_in_blas
+from rodgen.statistics.f_distribution import log10_of_f
+
+if TYPE_CHECKING:
+    from rodgen.calibration.diagnose.sensitivities import Carriers
+    from rodgen.calibration.diagnose.variance_components import Correlation
+
+__all__ = ["Best", "best_terms", "find_forms"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+ROUGH_ROWS = 1500
+"""All terms are scored on so many rows; a form that lowers the error by a percent shows on them, too."""
+COSINES = 12
+"""Of each freedom of a drift of the frame, where readings depend on each other."""
+SHORT_LIST, OF_TERM, OF_FAMILY, OF_CARRIER = 140, 8, 16, 12
+REFINED, REFINED_OF_FAMILY = 14, 2
+WORTH_REFINING = 0.3
+"""Part of the best fall that a term on the coarse grid needs to be looked at closer."""
+POLISHED = 5
+"""Of these so many are looked at closer on all rows, and at other places, too."""
+DIVIDED = 6
+"""Of the best so many, some of the functions alone are tried, too."""
+TOGETHER = 32
+JUDGED = 24
+"""Terms of which the error on unseen poses is worked out."""
+CHOICES = 3.0
+"""Factor for each searched value: between the places on the grid are others."""
+SLIGHT = 5.0
+"""Sums of squares on unseen poses are equal within so many variances of a reading: two columns that are all but the
+same differ by less than chance, and by more than its error. Of each searched value as many: it had many chances."""
+NOTICEABLE = 0.01
+"""Part of the mean square on unseen poses that a form takes away at least: half a percent of the error."""
+BETTER = 1.4
+"""By how much a search between the values on the grid may raise a fall."""
+HARDLY = 0.3
+"""Part of that which the best term on the coarse grid takes away on some rows, at least."""
+COMPONENTS = ("reading", "tx", "ty", "tz", "rx", "ry", "rz")
+SMALLEST = 1e-300
+FEWEST = 4
+"""Readings beyond the parameters that a search needs."""
+NO_RESIDUAL = 1e-13
+"""Residuals below this part of the readings are rounding."""
+
+_PREPARED: WeakKeyDictionary[Observations, tuple[list[Driver], NDArray[np.int_], list[Functions]]] = (
+    WeakKeyDictionary()
+)
+"""What is the same in every search on the same rows."""
+
+
+@dataclass(frozen=True, eq=False)
+class Best:
+    """A term of the dictionary, as good as any with so many parameters.
+
+    Attributes
+    ----------
+    place, component, driver, formula : str
+        As in a `Form`; place None for the whole machine.
+    fall : float
+        By how much it lowers the whitened sum of squares.
+    parameters : int
+        Coefficients and searched values.
+    log10_p : float
+        Of chance doing that for any of the terms tried.
+    in_catalogue : bool
+        Whether an effect of the catalogue has the same form.
+    columns : ndarray, shape (n, m, k)
+        Derivatives of the weighted residuals with respect to its coefficients.
+    """
+
+    place: str | None
+    component: str
+    driver: str
+    formula: str
+    fall: float
+    parameters: int
+    log10_p: float
+    in_catalogue: bool
+    columns: Array = field(repr=False)
+
+
+def find_forms(
+    carriers: Carriers,
+    whitened: Whiten | Correlation | None,
+    model: Array,
+    *,
+    most: int = 3,
+    family_wise: float = 0.01,
+) -> list[Form]:
+    """Return the forms of what is left, the most important first; none where nothing but noise is left.
+
+    Parameters
+    ----------
+    carriers : Carriers
+        Of the fitted model.
+    whitened : callable or Correlation, or None
+        Brings columns (n, m, K) to where errors are independent; None where they are.
+    model : ndarray, shape (n, m, p)
+        Columns that the model's parameters can make up for.
+    most : int
+        Terms at most.
+    family_wise : float
+        Probability of a form where there is none.
+
+    Returns
+    -------
+    list of Form
+    """
+    with one_thread_in_blas():
+        search = _Search.of(carriers, whitened, model)
+        return [] if search is None else search.forms(most, np.log10(family_wise))
+
+
+def best_terms(
+    carriers: Carriers, whitened: Whiten | Correlation | None, model: Array, *, most: int = 5
+) -> list[Best]:
+    """Return the best terms of the dictionary, of each number of parameters one, the most probable first.
+
+    Parameters
+    ----------
+    carriers, whitened, model
+        As of `find_forms`.
+    most : int
+        How many at most.
+    """
+    with one_thread_in_blas():
+        search = _Search.of(carriers, whitened, model)
+        return [] if search is None else search.best(most)
+
+
+@dataclass
+class _Found:
+    """A piece with what it does beside all others."""
+
+    piece: Piece
+    fall: float
+    log10_p: float
+
+
+class _Search:
+    def __init__(
+        self, carriers: Carriers, whiten: Whiten, places: list[tuple[str | None, str]], C: Array
+    ) -> None:
+        self.o = o = carriers.observations
+        self.places = places
+        if o not in _PREPARED:
+            drivers, rows = drivers_of(o), _some(o.n, ROUGH_ROWS)
+            functions = Functions.of(dictionary(drivers), [driver.values[rows] for driver in drivers])
+            _PREPARED[o] = drivers, rows, functions
+        self.drivers, self.rows, self.functions = _PREPARED[o]
+        rows = self.rows
+        self._known: dict[Piece, float] = {}
+        m = C.shape[2]
+        values = [driver.values for driver in self.drivers]
+        pose, fold = (np.repeat(numbers, m) for numbers in folds_of(o.pose))
+        order = np.argsort(fold, kind="stable")
+        self.in_order = pose[order], fold[order]
+        self.exact = Level(C, values, carriers.residual, whiten, order=order)
+        self.drift = _drift(carriers, whiten)
+        self.rough = Level(
+            C[:, rows],
+            [x[rows] for x in values],
+            carriers.residual[rows],
+            _unchanged,
+            drift=None if self.drift is None else self.drift[rows].reshape(len(rows) * m, -1),
+        )
+
+    @classmethod
+    def of(cls, carriers: Carriers, whitened: Whiten | Correlation | None, model: Array) -> _Search | None:
+        """Prepare a search; None where there is nothing to look for."""
+        whiten = _whiten(whitened)
+        joints = [joint.name for joint in carriers.fit.machine.joints]
+        found = [
+            ((place, component), column)
+            for place in (*joints, None)
+            for component in COMPONENTS
+            if (column := carriers.component(place, component)) is not None and np.any(column)
+        ]
+        problem = carriers.fit.problem
+        rounding = NO_RESIDUAL**2 * problem.scale * len(carriers.residual) / max(problem.rows, 1)
+        if not found or carriers.residual.size < FEWEST or np.sum(carriers.residual**2) <= rounding:
+            return None
+        search = cls(
+            carriers, whiten, [place for place, _ in found], np.stack([column for _, column in found])
+        )
+        search.exact.take_out(search.exact.flat(model))
+        search.rough.take_out(search.rough.flat(model[search.rows]))
+        if search.exact.freedoms < FEWEST or not search.drivers or not search.exact.total > 0:
+            return None
+        at = {name: [i for i, (place, _) in enumerate(search.places) if place == name] for name in joints}
+        search.screen = Screen(search.rough, search.functions, at)
+        search.unseen = Unseen(search.exact, *search.in_order)
+        search.start = search.exact.total
+        return search
+
+    screen: Screen
+    unseen: Unseen
+    start: float
+
+    # one step ------------------------------------------------------------------------------------------------------
+
+    @property
+    def variance(self) -> float:
+        """Of a whitened reading."""
+        return self.exact.total / max(self.exact.freedoms, 1)
+
+    def _score(self, part: Any, parameters: Any) -> Any:
+        """Half the fall of the deviance, less what parameters cost (Schwarz)."""
+        n = self.exact.freedoms
+        gain = -n / 2 * np.log1p(-np.minimum(part, 1 - 1e-15))
+        return gain - parameters / 2 * np.log(max(n, 2))
+
+    def _flat(self, piece: Piece) -> Array:
+        return self.exact.flat(self._columns(piece))
+
+    def _columns(self, piece: Piece) -> Array:
+        return self.exact.columns(piece.term, piece.carrier)[:, :, list(piece.kept)]
+
+    def _falls(self, pieces: Sequence[Piece]) -> Array:
+        new = [piece for piece in dict.fromkeys(pieces) if piece not in self._known]
+        for some in (new[i : i + TOGETHER] for i in range(0, len(new), TOGETHER)):
+            falls = self.exact.falls_of([self._columns(piece) for piece in some])
+            self._known.update(zip(some, falls.tolist(), strict=True))
+        return np.array([self._known[piece] for piece in pieces])
+
+    def candidates(self, limit: float = np.inf) -> list[tuple[float, float, Piece]]:
+        """Return score, fall and piece of the best terms, the best first, searched values refined.
+
+        None of them where all that may be found is too probable by chance, or too little.
+        """
+        short_list = self._short_list()
+        if not self._promising(short_list[:TOGETHER], limit):
+            return []
+        falls = self._falls(short_list)
+        top = falls.max(initial=0.0)
+        order = np.argsort(-falls, kind="stable")
+        count: dict[Any, int] = {}
+        again: list[Piece] = []
+        for i in order:
+            piece = short_list[i]
+            family = piece.term.family
+            if piece.term.searched and falls[i] > WORTH_REFINING * top and len(again) < REFINED:
+                count[family] = count.get(family, 0) + 1
+                if count[family] <= REFINED_OF_FAMILY:
+                    again.append(piece)
+        near = [_whole(refined(self.rough, p.term, p.carrier, self.drivers), p.carrier) for p in again]
+        better = [self._polished(piece) for _, _, piece in self._scored(near)[:POLISHED]]
+        moved = [other for piece in better for other in self._elsewhere(piece)]
+        pieces = list(dict.fromkeys([*short_list, *better, *moved]))
+        whole = [piece for _, _, piece in self._scored(pieces)[: 2 * JUDGED]]
+        parts = [part for piece in whole[:DIVIDED] for part in _parts(piece)]
+        return self._scored(list(dict.fromkeys([*whole, *parts])))
+
+    def _promising(self, pieces: Sequence[Piece], limit: float) -> bool:
+        falls = self._falls(pieces)
+        if falls.max(initial=0.0) < HARDLY * NOTICEABLE * self.exact.total:
+            return False
+        gains = [BETTER if piece.term.searched else 1.0 for piece in pieces]
+        chances = (
+            self._chance(piece, min(gain * fall, self.exact.total))
+            for piece, fall, gain in zip(pieces, falls, gains, strict=True)
+        )
+        return any(chance < limit for chance in chances)
+
+    def _polished(self, piece: Piece) -> Piece:
+        term = refined(self.exact, piece.term, piece.carrier, self.drivers, last=True)
+        return _whole(short(self.exact, term, piece.carrier, self.drivers), piece.carrier)
+
+    def _elsewhere(self, piece: Piece) -> list[Piece]:
+        """Return a piece at the other carriers that are nearly as good on some rows."""
+        pieces = [
+            replace(piece, carrier=i)
+            for i, (place, _) in enumerate(self.places)
+            if piece.term.at is None or place == piece.term.at
+        ]
+        falls = self.rough.falls_of([self.rough.columns(other.term, other.carrier) for other in pieces])
+        return [pieces[i] for i in np.argsort(-falls, kind="stable")[:OF_TERM]]
+
+    def _short_list(self) -> list[Piece]:
+        """Return the best terms of every kind and place by the scores on some rows."""
+        chosen: list[Piece] = []
+        counts: dict[Any, int] = {}
+        limits = (
+            (lambda t, c: t, OF_TERM),
+            (lambda t, c: t.family, OF_FAMILY),
+            (lambda t, c: ("at", c), OF_CARRIER),
+        )
+        for score, term, carrier in self.screen.best(self._score):
+            if not score > -np.inf or len(chosen) >= SHORT_LIST:
+                break
+            keys = [(key(term, carrier), limit) for key, limit in limits]
+            if any(counts.get(key, 0) >= limit for key, limit in keys):
+                continue
+            for key, _ in keys:
+                counts[key] = counts.get(key, 0) + 1
+            chosen.append(_whole(term, carrier))
+        return chosen
+
+    def _scored(self, pieces: Sequence[Piece]) -> list[tuple[float, float, Piece]]:
+        falls = self._falls(pieces)
+        scores = [
+            float(self._score(fall / self.exact.total, piece.parameters))
+            for fall, piece in zip(falls, pieces, strict=True)
+        ]
+        order = np.argsort(-np.array(scores), kind="stable")
+        return [(scores[i], float(falls[i]), pieces[i]) for i in order]
+
+    def _once(self, candidates: Sequence[tuple[float, float, Piece]]) -> list[tuple[float, float, Piece]]:
+        """Return, of candidates whose columns are the same on these data, the simplest."""
+        by: dict[Any, tuple[float, float, Piece]] = {}
+        for one in candidates:
+            _, fall, piece = one
+            key = piece.term.factors, piece.kept, round(fall / self.variance, 3)
+            if key not in by or self._simplicity(piece) < self._simplicity(by[key][2]):
+                by[key] = one
+        return list(by.values())
+
+    def next(self, limit: float) -> _Found | None:
+        """Return the simplest piece of those that predict best; None where chance does as much."""
+        candidates = self._once(self.candidates(limit))[:JUDGED]
+        if not candidates:
+            return None
+        before = self.unseen.squares()
+        errors = np.array([self.unseen.squares(self._flat(piece)) for _, _, piece in candidates])
+        best = int(np.argmin(errors.sum(axis=1)))
+        searched = [len(piece.term.searched) for _, _, piece in candidates]
+        within = [
+            i
+            for i, more in enumerate(errors - errors[best])
+            if _excess(more) <= 1.0
+            or more.sum() <= SLIGHT * self.variance * (1 + max(searched[best] - searched[i], 0))
+        ]
+        chosen = min(within, key=lambda i: (self._simplicity(candidates[i][2]), errors[i].sum()))
+        _, fall, piece = candidates[chosen]
+        found = _Found(piece, fall, self._chance(piece, fall))
+        gained = before - errors[chosen]
+        noticeable = gained.sum() > NOTICEABLE * before.sum() and _excess(gained) > 1.0
+        return found if noticeable and found.log10_p < limit else None
+
+    def _chance(self, piece: Piece, fall: float) -> float:
+        k = piece.parameters
+        left = max(self.exact.total - fall, 0.0)
+        tried = np.log10(max(self.screen.tried, 1)) + np.log10(CHOICES) * len(piece.term.searched)
+        return min(log10_of_f(fall, left, k, self.exact.freedoms - k) + float(tried), 0.0)
+
+    def _simplicity(self, piece: Piece) -> tuple[int, int, bool, int, int, int]:
+        """Return what is compared: parameters, factors, whether it is new, orders, how far off its driver it stands.
+
+        Whatever else takes part in driving it counts as two parameters.
+        """
+        term = piece.term
+        place, component = self.places[piece.carrier]
+        driven = {self.drivers[f.driver].joint for f in term.factors if self.drivers[f.driver].kind == "q"}
+        own = place in driven if driven else place is not None
+        rank = {"e": 0, "t": 1, "r": 2}["e" if component == "reading" else component[0]] + 3 * (not own)
+        drivers = {self.drivers[f.driver].joint or self.drivers[f.driver].name for f in term.factors}
+        new = not is_catalogued(term, place, component, self.drivers, self.o.machine)
+        noted = sum(self.drivers[f.driver].kind == "x" for f in term.factors)
+        return piece.parameters + 2 * (len(drivers) - 1), len(term.factors), new, term.order, noted, rank
+
+    # all steps -----------------------------------------------------------------------------------------------------
+
+    def _take_out(self, piece: Piece) -> None:
+        self.exact.take_out(self._flat(piece))
+        self._known = {}
+        columns = self.rough.columns(piece.term, piece.carrier)[:, :, list(piece.kept)]
+        self.screen.take_out(self.rough.take_out(self.rough.flat(columns)))
+        self.unseen.refresh()
+
+    def _beside(self, state: Any, pieces: Sequence[Piece]) -> None:
+        """Go back to the model alone, and take out some pieces."""
+        self._known = {}
+        self.exact.restore(state[0])
+        self.rough.restore(state[1])
+        self.screen.restore(state[2])
+        self.unseen.refresh()
+        for piece in pieces:
+            self._take_out(piece)
+
+    def forms(self, most: int, limit: float) -> list[Form]:
+        """Search, and write what was found."""
+        state = self.exact.state(), self.rough.state(), self.screen.state()
+        pieces: list[Piece] = []
+        while len(pieces) < most:
+            found = self.next(limit)
+            if found is None:
+                break
+            pieces.append(found.piece)
+            if len(pieces) < most:
+                self._take_out(found.piece)
+        if not pieces:
+            return []
+        if len(pieces) > 1:
+            pieces = self._looked_for_anew(state, pieces, limit)
+        return self._written(state, pieces)
+
+    def _looked_for_anew(self, state: Any, pieces: list[Piece], limit: float) -> list[Piece]:
+        """Look for each piece beside the others, the first first; what is no longer called for goes."""
+        pieces = list(pieces)
+        for piece in list(pieces)[:-1]:
+            others = [other for other in pieces if other is not piece]
+            self._beside(state, others)
+            found = self.next(limit)
+            if found is None:
+                pieces = others
+            elif found.piece != piece:
+                own = float(self._falls([piece])[0])
+                if found.fall > own or found.piece.parameters < piece.parameters:
+                    pieces = [found.piece if other is piece else other for other in pieces]
+        return pieces
+
+    def _written(self, state: Any, pieces: Sequence[Piece]) -> list[Form]:
+        found = []
+        for piece in pieces:
+            self._beside(state, [other for other in pieces if other is not piece])
+            fall = float(self._falls([piece])[0])
+            found.append(_Found(piece, fall, self._chance(piece, fall)))
+        self._beside(state, [])
+        size = -self._coefficients(pieces)
+        starts = np.cumsum([0, *[len(piece.kept) for piece in pieces]])
+        groups: dict[Any, list[int]] = {}
+        for i, piece in enumerate(pieces):
+            groups.setdefault((piece.carrier, self._drives(piece)), []).append(i)
+        forms = []
+        for (carrier, _), numbers in groups.items():
+            coefficients = [float(x) for i in numbers for x in size[starts[i] : starts[i + 1]]]
+            forms.append(self._form(carrier, [found[i] for i in numbers], coefficients))
+        return sorted(forms, key=lambda form: -form.explains)
+
+    def _drives(self, piece: Piece) -> frozenset[str]:
+        return frozenset(self.drivers[factor.driver].name for factor in piece.term.factors)
+
+    def _coefficients(self, pieces: Sequence[Piece]) -> Array:
+        flat = np.concatenate([self._flat(piece) for piece in pieces], axis=1)
+        size = np.linalg.norm(flat, axis=0)
+        size[size == 0.0] = 1.0
+        flat = flat / size
+        for _ in range(2):
+            flat = flat - self.exact.basis @ (self.exact.basis.T @ flat)
+        return np.asarray(np.linalg.lstsq(flat, self.exact.left, rcond=1e-9)[0] / size)
+
+    def _form(self, carrier: int, found: Sequence[_Found], coefficients: Sequence[float]) -> Form:
+        place, component = self.places[carrier]
+        machine = self.o.machine
+        pieces = [one.piece for one in found]
+        text = write(pieces, place, component, self.drivers, self.o)
+        numbers = {**dict(zip(text.coefficients, coefficients, strict=True)), **text.hold}
+        log10_p = min(one.log10_p for one in found)
+        return Form(
+            place,
+            component,
+            text.driver,
+            text.formula,
+            values_of(text.units, numbers, machine),
+            max(10.0 ** max(log10_p, -300.0), SMALLEST),
+            log10_p,
+            min(sum(one.fall for one in found) / self.start, 1.0),
+            np.concatenate([self._columns(piece) for piece in pieces], axis=2),
+            text.units,
+            text.hold,
+            text.name,
+            all(is_catalogued(piece.term, place, component, self.drivers, machine) for piece in pieces),
+        )
+
+    def best(self, most: int) -> list[Best]:
+        """Return the best pieces, the simplest of each number of parameters."""
+        by: dict[int, list[tuple[float, Piece]]] = {}
+        for _, fall, piece in self.candidates():
+            by.setdefault(piece.parameters, []).append((fall, piece))
+        found = []
+        for several in by.values():
+            enough = max(fall for fall, _ in several) - SLIGHT * self.variance
+            fall, piece = min(
+                (one for one in several if one[0] >= enough), key=lambda one: self._simplicity(one[1])
+            )
+            found.append(self._best(piece, fall))
+        return sorted(found, key=lambda best: best.log10_p)[:most]
+
+    def _best(self, piece: Piece, fall: float) -> Best:
+        place, component = self.places[piece.carrier]
+        text = write([piece], place, component, self.drivers, self.o)
+        return Best(
+            place,
+            component,
+            text.driver,
+            text.formula,
+            fall,
+            piece.parameters,
+            self._chance(piece, fall),
+            is_catalogued(piece.term, place, component, self.drivers, self.o.machine),
+            self._columns(piece),
+        )
+
+
+def _whole(term: Term, carrier: int) -> Piece:
+    return Piece(term, carrier, tuple(range(term.count)))
+
+
+def _parts(piece: Piece) -> list[Piece]:
+    """Return pieces with some of the functions only, where these are more than a sine with its cosine."""
+    term, count = piece.term, piece.term.count
+    powers = any(factor.kind == "series" for factor in term.factors)
+    if len(piece.kept) < count or count > 5 or not (powers or (len(term.factors) > 1 and count > 1)):
+        return []
+    return [
+        replace(piece, kept=kept) for size in range(1, count) for kept in combinations(range(count), size)
+    ]
+
+
+def _excess(differences: Array) -> float:
+    """Return a sum over poses in its standard errors."""
+    spread = float(np.std(differences)) * np.sqrt(len(differences))
+    total = float(differences.sum())
+    return total / spread if spread > 0 else (np.inf if total > 0 else 0.0)
+
+
+def _some(count: int, most: int) -> NDArray[np.int_]:
+    if count <= most:
+        return np.arange(count)
+    return np.sort(np.random.default_rng(0).choice(count, most, replace=False))
+
+
+def _whiten(whitened: Any) -> Whiten:
+    if whitened is None or getattr(whitened, "independent", False):
+        return _unchanged
+    made: Whiten = getattr(whitened, "whiten", whitened)
+    return made
+
+
+def _unchanged(columns: Array) -> Array:
+    return columns
+
+
+def _drift(carriers: Carriers, whiten: Callable[[Array], Array]) -> Array | None:
+    """Return columns of the drift that readings have in common, (n, m, d), of variance 1; None where there is none.
+
+    The frame's freedoms times cosines over the row are nearly what the covariance of a drift only stretches: by how
+    much is seen from what whitening makes of them.
+    """
+    if whiten is _unchanged:
+        return None
+    n = carriers.observations.n
+    waves = np.cos(np.pi * np.outer((np.arange(n) + 0.5) / n, np.arange(COSINES)))
+    made = carriers.frame[:, :, :, None] * waves[:, None, None, :]
+    made = made.reshape(*made.shape[:2], -1)
+    size = np.sqrt(np.sum(made**2, axis=(0, 1)))
+    made = made[:, :, size > 0] / size[size > 0]
+    left = np.sum(whiten(made) ** 2, axis=(0, 1))
+    stretched = np.maximum(1 / np.maximum(left, 1e-12) - 1, 0.0)
+    kept = stretched > 0.05
+    return np.asarray(made[:, :, kept] * np.sqrt(stretched[kept])) if kept.any() else None

@@ -1,0 +1,87 @@
+"""The error of linear models on blocks of poses that they did not see.
+
+Without a block g the fit leaves there e_g = (1 - H_g)⁻¹ r_g, H_g the block's part of the projection: no fit is made
+anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.held_out import deal
+from rodgen.calibration.observations import Observations
+
+__all__ = ["Blocks"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+FOLDS = 10
+ALONE = 1e-6
+"""Part of a combination that is left without a block, below which the others know nothing of it: there it is zero."""
+
+
+class Blocks:
+    """Poses in blocks.
+
+    Parameters
+    ----------
+    observations : Observations
+        The rows.
+    model : ndarray, shape (n, m, p)
+        Columns of the model.
+    residual : ndarray, shape (n, m)
+        Weighted residuals.
+    stretches : bool
+        Whether a block is all that was measured in a stretch of time, instead of poses from everywhere.
+    """
+
+    def __init__(
+        self, observations: Observations, model: Array, residual: Array, *, stretches: bool = False
+    ) -> None:
+        self.m = residual.shape[1]
+        fold = _stretches(observations) if stretches else deal(observations, FOLDS)
+        fold = np.repeat(fold, self.m)
+        self.order = np.argsort(fold, kind="stable")
+        self.starts = np.flatnonzero(np.diff(fold[self.order], prepend=-1))
+        self.model = model.reshape(len(fold), -1)
+        self.residual = residual.ravel()
+
+    def held_out(self, further: Sequence[Array]) -> float:
+        """Return the root mean square of the weighted residuals of the model with further columns, each block left out.
+
+        Parameters
+        ----------
+        further : sequence of ndarray, each of shape (n, m, k)
+        """
+        return float(np.sqrt(np.mean(self.errors(further) ** 2)))
+
+    def errors(self, further: Sequence[Array]) -> Array:
+        """Return the weighted residuals with each block left out, in the order of blocks, (n m,)."""
+        columns = [self.model, *(c.reshape(len(self.model), -1) for c in further)]
+        whole = np.concatenate(columns, axis=1)[self.order]
+        size = np.linalg.norm(whole, axis=0)
+        u, s, _ = np.linalg.svd(whole / np.where(size > 0, size, 1.0), full_matrices=False)
+        u = u[:, s > 1e-9 * max(s[0], 1e-300)] if len(s) else u
+        r = self.residual[self.order]
+        taken = u.T @ r
+        r = r - u @ taken
+        found = np.empty(len(r))
+        for start, end in zip(self.starts, [*self.starts[1:], len(r)], strict=True):
+            part = u[start:end]
+            values, vectors = np.linalg.eigh(part.T @ part)
+            known = values < 1 - ALONE
+            along = vectors[:, known] @ (
+                (vectors[:, known].T @ (part.T @ r[start:end])) / (1 - values[known])
+            )
+            alone = vectors[:, ~known]  # what this block alone tells: nothing predicts it
+            found[start:end] = r[start:end] + part @ (along + alone @ (alone.T @ taken))
+        return found
+
+
+def _stretches(observations: Observations) -> NDArray[np.int_]:
+    _, number = np.unique(observations.pose, return_inverse=True)
+    return np.asarray(number * FOLDS // (int(number.max(initial=0)) + 1))

@@ -1,0 +1,302 @@
+"""Which candidates together explain the residuals, in the space of their columns.
+
+Forward: the candidate that chance imitates least, as long as that is improbable over all of them and errors on poses
+left out fall by what anybody would notice. Backward: what is explained by the others, too, is taken out again; and one
+or two of the set are exchanged for a single other that does better. An effect with few parameters is preferred to one
+with more that does the same: the larger one must lower chi-square by 12 + ln(rows) for each further parameter, and
+by more than the little by which real effects differ from formulas.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.diagnose.candidates import Candidate
+from rodgen.calibration.diagnose.clusters import Clusters
+from rodgen.calibration.diagnose.column_space import Score, Space, log_p
+from rodgen.calibration.diagnose.held_out_blocks import Blocks
+
+__all__ = ["FAMILY_WISE", "Selection", "a_parameter", "of_one_leg"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+FAMILY_WISE = 0.01
+"""Rate of false alarms over all candidates together."""
+NOTICED = 0.005
+"""The error on poses left out must fall by this part: what lowers it less is not worth an effect."""
+IMPERFECT = 0.03
+"""A real effect differs from its formula by this part of its size; so much more at the same place is no effect."""
+STRAIGHT = 5e-3
+"""The columns are good to this part of what they do: large effects are bent, and what that leaves is no effect."""
+ALIKE = 0.005
+"""Effects that take away nearly the same, up to this part of it, are alike: then the simpler one is meant."""
+RARER = {"backlash_gradient": 3.0, "lateral_windup": 3.0}
+"""Effects that are rarer than others that may look the same: so much more, in ln(probability), they must explain."""
+MOST_STEPS = 8
+RIVALS = 40
+"""Candidates that are tried in exchange."""
+
+
+def a_parameter(rows: int) -> float:
+    """Return by how much chi-square must fall for a further parameter."""
+    return float(12 + np.log(rows))
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Chooses candidates.
+
+    Attributes
+    ----------
+    space : Space
+    blocks : Blocks
+        Of poses, for the error on poses left out.
+    rows : int
+    clusters : Clusters
+        Of readings of one pose.
+    stretches : Blocks or None
+        Of time, where the set-up wanders: what follows the time must predict stretches of it that it did not see.
+    level : float
+        Rate of false alarms.
+    """
+
+    space: Space
+    blocks: Blocks
+    rows: int
+    clusters: Clusters
+    stretches: Blocks | None = None
+    level: float = FAMILY_WISE
+    _tests: dict[frozenset[tuple[str, str | None]], float] = field(default_factory=dict, repr=False)
+
+    def run(self, residual: Array, total: float) -> list[Candidate]:
+        """Return the candidates that the residuals call for, in the order of adding.
+
+        Parameters
+        ----------
+        residual, total : ndarray, float
+            Coordinates of the residuals of the model as it was, and their sum of squares; see `Space.residual`.
+        """
+        included = self._forward(residual, total, [])
+        for _ in range(3):
+            better = self._exchanged(residual, total, included)
+            better = self._backward(residual, total, better)
+            more = self._forward(residual, total, better)
+            if [c.key for c in more] == [c.key for c in included]:
+                break
+            included = more
+        included = self._of_one_cause(residual, total, included)
+        return self.pruned(residual, total, self._ordered(residual, total, included))
+
+    def pruned(self, residual: Array, total: float, included: Sequence[Candidate]) -> list[Candidate]:
+        """Return what is still called for beside all others: no chance, and a lower error on poses left out."""
+        kept = self._backward(residual, total, list(included))
+        for candidate in list(reversed(kept)):
+            others = [c for c in kept if c is not candidate]
+            if not self._lowers(others, candidate):
+                kept = others
+        return kept
+
+    # forward -------------------------------------------------------------------------------------------------
+
+    def _forward(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
+        included = list(included)
+        while len(included) < MOST_STEPS:
+            best = self.best(residual, total, included)
+            if best is None or not self.is_worth(residual, total, included, best):
+                break
+            included.append(best.candidate)
+        return included
+
+    def best(self, residual: Array, total: float, included: Sequence[Candidate]) -> Score | None:
+        """Return the candidate to add next, None where chance does as much."""
+        left = self.left(residual, total, included)
+        scores = self.space.scores(residual, left, included)
+        if not scores:
+            return None
+        tests = self.tests(included)
+        level = np.log(
+            self.level / (1 + len(included))
+        )  # each step may be wrong, and the model is less exact
+        real = [s for s in scores if s.freedoms and s.log_p + np.log(tests) < level]
+        if not real:
+            return None
+        real.sort(key=lambda s: s.log_p + RARER.get(s.candidate.effect.name, 0.0))
+        first = real[0]
+        variance = first.left / max(first.spare, 1)
+        needed = a_parameter(self.rows) * variance
+
+        def alike(score: Score) -> bool:
+            saved = first.parameters - score.parameters
+            return saved > 0 and first.fall - score.fall < max(needed * saved, ALIKE * first.fall)
+
+        simpler = [s for s in real if alike(s)]
+        return min(simpler, key=lambda s: (s.parameters, -s.fall)) if simpler else first
+
+    def is_worth(self, residual: Array, total: float, included: Sequence[Candidate], best: Score) -> bool:
+        """Tell whether a candidate lowers the error noticeably, and is more than an imperfection of what is in."""
+        here = [c for c in included if _related(c, best.candidate)]
+        if here:
+            others = [c for c in included if not _related(c, best.candidate)]
+            explained = self.left(residual, total, others) - self.left(residual, total, included)
+            if best.fall < IMPERFECT**2 * explained:
+                return False
+        columns = [c.columns for c in included]
+        chance = (
+            best.log_p + np.log(self.tests(included)) + self.clusters.penalty(columns, best.candidate.columns)
+        )
+        return chance < np.log(self.level) and self._lowers(included, best.candidate)
+
+    def _lowers(self, included: Sequence[Candidate], candidate: Candidate) -> bool:
+        """Tell whether a candidate noticeably lowers the error on poses left out."""
+        kinds = [self.blocks]
+        if self.stretches is not None and _follows_time(candidate):
+            kinds.append(self.stretches)
+        more = [c.columns for c in (*included, candidate)]
+        return all(blocks.held_out(more) < (1 - NOTICED) * blocks.held_out(more[:-1]) for blocks in kinds)
+
+    def left(self, residual: Array, total: float, included: Sequence[Candidate]) -> float:
+        """Return the sum of squares that is left with some candidates."""
+        base = self.space.base(included)
+        along = base.T @ residual
+        return max(total - float(along @ along), 1e-12 * total)
+
+    # backward ------------------------------------------------------------------------------------------------
+
+    def _backward(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
+        """Take out what the others explain, too, the least first."""
+        included = list(included)
+        while included:
+            worst, chance = None, np.log(self.level)
+            for candidate in included:
+                others = [c for c in included if c is not candidate]
+                log = self.log_p(residual, total, others, candidate)
+                if log > chance:
+                    worst, chance = candidate, log
+            if worst is None:
+                break
+            included.remove(worst)
+        return included
+
+    def log_p(
+        self, residual: Array, total: float, others: Sequence[Candidate], candidate: Candidate
+    ) -> float:
+        """Return the logarithm of the probability that chance does as much as an effect beside others.
+
+        That of any of the candidates: it is multiplied by as many independent tests as they count.
+        """
+        base = self.space.base(others)
+        directions, _ = self.space.across(base, candidate)
+        left, k = self.left(residual, total, others), directions.shape[1]
+        spare = self.space.readings - base.shape[1] - k
+        if not k or spare < 1:
+            return 0.0
+        log = log_p(float(np.sum((directions.T @ residual) ** 2)), left, k, spare)
+        log += float(np.log(self.tests(others) * candidate.tries))
+        return min(log + self.clusters.penalty([c.columns for c in others], candidate.columns), 0.0)
+
+    def tests(self, included: Sequence[Candidate]) -> float:
+        """Return as how many independent tests all candidates beside some count."""
+        key = frozenset(c.key for c in included)
+        if key not in self._tests:
+            scores = self.space.scores(np.zeros(len(self.space.model)), 1.0, included)
+            self._tests[key] = self.space.tests(scores, included)
+        return self._tests[key]
+
+    # exchange ------------------------------------------------------------------------------------------------
+
+    def _exchanged(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
+        """Exchange one or two for another one while that costs less: chi-square, and so much for each parameter."""
+        best = list(included)
+        for _ in range(MOST_STEPS):
+            found = best
+            cost = self.cost(residual, total, best, best)
+            for gone in (*combinations(best, 1), *combinations(best, 2)):
+                kept = [c for c in best if c not in gone]
+                left = self.left(residual, total, kept)
+                for score in self.space.scores(residual, left, kept)[:RIVALS]:
+                    if score.candidate in gone or not score.freedoms:
+                        continue
+                    tried = [*kept, score.candidate]
+                    new = self.cost(residual, total, tried, best)
+                    if new < cost - 1e-6:
+                        found, cost = tried, new
+            if found is best:
+                break
+            best = found
+        return best
+
+    def _of_one_cause(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
+        """Put one effect of a leg in the place of two of legs that only make up for it.
+
+        What displaces a leg's end or changes its length does nearly the same all over a small workspace, so that two of
+        these imitate a third: what one of them leaves falls to another, there or at another leg. One cause is likelier
+        than two: it may have a parameter more.
+        """
+        for gone in combinations(included, 2):
+            if not all(map(_is_of_a_leg, gone)):
+                continue
+            kept = [c for c in included if c not in gone]
+            most = self.cost(residual, total, included, included) + a_parameter(self.rows)
+            legs = {c.effect.place for c in gone}
+            alone = [
+                c
+                for c in self.space.candidates
+                if _is_of_a_leg(c) and c.effect.place in legs and c not in gone
+            ]
+            costs = [self.cost(residual, total, [*kept, c], included) for c in alone]
+            if costs and min(costs) < most:
+                return self._of_one_cause(residual, total, [*kept, alone[int(np.argmin(costs))]])
+        return included
+
+    def cost(
+        self, residual: Array, total: float, included: Sequence[Candidate], best: Sequence[Candidate]
+    ) -> float:
+        """Return chi-square, in variances that the best set leaves, and so much for each parameter."""
+        rank = self.space.base(best).shape[1]
+        bent = STRAIGHT**2 * self.left(residual, total, [])
+        variance = max(self.left(residual, total, best), bent) / max(self.space.readings - rank, 1)
+        own = self.space.base(included).shape[1] + sum(len(c.searched) for c in included)
+        rare = sum(2 * RARER.get(c.effect.name, 0.0) for c in included)
+        left = max(self.left(residual, total, included), bent)
+        return float(left / variance + a_parameter(self.rows) * own + rare)
+
+    def _ordered(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
+        """Put those that take away most first."""
+        order: list[Candidate] = []
+        rest = list(included)
+        while rest:
+            nxt = min(rest, key=lambda c: self.left(residual, total, [*order, c]))
+            order.append(nxt)
+            rest.remove(nxt)
+        return order
+
+
+def _related(one: Candidate, other: Candidate) -> bool:
+    """Tell whether one may be what is imperfect in the formula of the other: same place, or both follow the warmth."""
+    if one.effect.place == other.effect.place:
+        return True
+    return _is_thermal(one) and _is_thermal(other)
+
+
+def of_one_leg(candidates: Sequence[Candidate]) -> bool:
+    """Tell whether all of them stand at the same leg of a closed chain."""
+    return len({c.effect.place for c in candidates}) == 1 and all(map(_is_of_a_leg, candidates))
+
+
+def _is_of_a_leg(candidate: Candidate) -> bool:
+    return "leg" in candidate.effect.definition.at
+
+
+def _follows_time(candidate: Candidate) -> bool:
+    definition = candidate.effect.definition
+    return definition.component == "frame_shift" or "t" in definition.formula.names
+
+
+def _is_thermal(candidate: Candidate) -> bool:
+    return bool(candidate.effect.definition.formula.names & {"T", "t"})

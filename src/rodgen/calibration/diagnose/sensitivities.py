@@ -1,0 +1,258 @@
+"""What every component of every joint does to the readings: the derivative from which all candidates are made.
+
+An effect adds a formula to a component of a place: the reading of a joint, a translation or a rotation behind it, the
+frame. To first order it changes the readings by the derivative with respect to that component, times the formula. So
+one model with a bare parameter at every component, evaluated once, serves all effects that are such products, those
+of the catalogue and those that nobody has thought of. Effects that are no such product (moments of the weight, beams,
+the geometry, the instrument) stand in that model themselves, at zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.observations import Observations
+from rodgen.calibration.problem import Problem, one_thread_in_blas
+from rodgen.errors import RodgenError
+from rodgen.machines.effects.catalogue import CATALOGUE
+from rodgen.machines.effects.custom import own_effect
+from rodgen.machines.effects.rules import check_effect
+from rodgen.machines.machine import Effect, Machine
+from rodgen.machines.model import Frame, Model
+from rodgen.machines.structure import CLOSED, TENSION
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fit import Fit
+
+__all__ = ["MOMENTS", "Carriers", "catalogue_effects", "sample_of"]
+
+Array: TypeAlias = NDArray[np.float64]
+Place: TypeAlias = str | None
+
+MOST_ROWS = 5_000
+"""Rows that decisions are made on: an effect that is worth half a percent of the error shows on them beyond doubt."""
+STRETCHES = 20
+"""Of more rows so many stretches are taken, so that neighbours in time stay neighbours."""
+BARE = "bare_"
+"""What the names of the bare parameters begin with."""
+TURNS = ("rx", "ry", "rz")
+MOTIONS = ("tx", "ty", "tz", *TURNS)
+DIRECT = frozenset({"axis", "point", "target", "frame_shift", "factor", "lift", "sag"}) | CLOSED
+"""Components of effects that stand in the model themselves, ..."""
+MOMENTS = frozenset({"M", "M_perp", "M_across", "M_guide"})
+"""... as do effects whose formula has one of these."""
+
+
+def catalogue_effects(machine: Machine, observations: Observations) -> list[Effect]:
+    """Return every effect of the catalogue, at every place, that may be added and whose columns are in the data.
+
+    Parameters
+    ----------
+    machine : Machine
+        With the effects that it has: these are left out.
+    observations : Observations
+    """
+    return [
+        effect
+        for definition in CATALOGUE
+        for place in _places(machine, definition.at)
+        for effect in _added(machine, definition.name, place)
+        if _is_seen(machine, effect, observations)
+    ]
+
+
+def _places(machine: Machine, at: frozenset[str]) -> Iterator[Place]:
+    if "machine" in at:
+        yield None
+    yield from (joint.name for joint in machine.joints if joint.type in at)
+    if "target" in at:
+        yield from (target.name for target in machine.targets)
+
+
+def _added(machine: Machine, name: str, place: Place) -> Iterator[Effect]:
+    try:
+        effect = machine.effect(name, place)
+        check_effect(machine, effect)
+    except RodgenError:  # it cannot stand there
+        return
+    yield effect
+
+
+def _is_seen(machine: Machine, effect: Effect, o: Observations) -> bool:
+    """Tell whether the data have what the effect uses, and it differs from row to row where it must."""
+    formulas = [f for f in (effect.definition.formula, effect.definition.slope) if f is not None]
+    names = frozenset[str]().union(*(f.names for f in formulas))
+    kind = machine.kind_of(effect.place)
+    if kind in {"revolute", "prismatic", "leg"}:
+        j = [joint.name for joint in machine.joints].index(str(effect.place))
+        if "T" in names and effect.place not in o.temperature:
+            return False
+        if "v" in names and not np.any(o.v[:, j]):
+            return False
+        if "s" in names and not np.any(o.s[:, j]):
+            return False
+        if names & {"zeta", "L", "P1", "P2", "P3", "P4"} and not o.travel[j, 1] > o.travel[j, 0]:
+            return False
+    if "t" in names and (o.t is None or np.ptp(o.t) == 0):
+        return False
+    return not ("F" in names and o.load is None)
+
+
+def sample_of(observations: Observations, believed: NDArray[np.bool_]) -> NDArray[np.int_]:
+    """Return the rows that are looked at: all that are believed, or stretches of whole poses."""
+    rows = np.flatnonzero(believed)
+    if len(rows) <= MOST_ROWS:
+        return rows
+    pose = observations.pose[rows]
+    starts = np.linspace(0, len(rows), STRETCHES, endpoint=False).astype(int)
+    taken = []
+    for start in starts:
+        some = rows[start : start + MOST_ROWS // STRETCHES]
+        own = pose[start : start + MOST_ROWS // STRETCHES]
+        taken.append(some[(own != own[0]) & (own != own[-1])] if len(np.unique(own)) > 2 else some)
+    return np.unique(np.concatenate(taken))
+
+
+@dataclass(frozen=True, eq=False)
+class Carriers:
+    """A fit's residuals and their derivatives with respect to everything that an effect may change.
+
+    Attributes
+    ----------
+    fit : Fit
+        At whose parameters the derivatives are taken.
+    rows : ndarray of int, shape (n,)
+        Rows of the fit's observations that are looked at; no outliers.
+    observations : Observations
+        These rows.
+    weight, residual : ndarray, shape (n, m)
+        Weights, and weighted residuals.
+    columns : ndarray, shape (n, m, parameters)
+        Derivatives of the weighted residuals.
+    index : mapping of str to int
+        Number of each parameter's column, by its key.
+    """
+
+    fit: Fit
+    rows: NDArray[np.int_]
+    observations: Observations
+    weight: Array
+    residual: Array
+    columns: Array
+    index: Mapping[str, int]
+
+    @classmethod
+    def of(cls, fit: Fit, effects: Sequence[Effect] = ()) -> Carriers:
+        """Evaluate them.
+
+        Parameters
+        ----------
+        fit : Fit
+        effects : sequence of Effect
+            Candidates; those that are no product stand in the model themselves.
+        """
+        machine = fit.machine
+        direct = [_without_weights(effect) for effect in effects if is_direct(effect)]
+        whole = replace(machine, effects=(*machine.effects, *direct, *_bare(machine)))
+        rows = sample_of(fit.observations, ~fit.outliers)
+        o = fit.observations if len(rows) == fit.observations.n else fit.observations.take(rows)
+        model = Model(whole, fit.problem.model.travel, o.run_names, compiled=False)
+        problem = Problem(model, o)
+        problem.set_weight((fit.problem.weight / fit.problem.base_weight)[rows, 0])
+        theta, found = (
+            model.start(),
+            dict(zip((p.key for p in fit.parameters), fit.solution.theta, strict=True)),
+        )
+        for i, parameter in enumerate(model.parameters):
+            theta[i] = found.get(parameter.key, theta[i])
+        with one_thread_in_blas():
+            columns = problem.jacobian(theta, fit.solution.frame)
+            residual = problem.residuals(theta, fit.solution.frame, weighted=True)
+        index = {parameter.key: i for i, parameter in enumerate(model.parameters)}
+        return cls(fit, rows, o, problem.weight, residual, columns, index)
+
+    @property
+    def model(self) -> Array:
+        """Derivatives with respect to the parameters that the fit adjusted, (n, m, p)."""
+        return np.asarray(self.columns[:, :, [self.index[self.fit.parameters[i].key] for i in self.fit.free]])
+
+    @property
+    def frame(self) -> Array:
+        """Derivatives with respect to a motion of the whole frame, (n, m, 6), or (n, m, 3) of directions.
+
+        Translations, then turns about the middle of the readings, of which the frame's axes are parallel to the
+        machine's.
+        """
+        turns = self._bare_motion(TURNS)
+        if self.fit.machine.measured.kind == "direction":
+            return turns
+        shifts = self._bare_motion(("tx", "ty", "tz"))
+        with one_thread_in_blas():
+            problem = self.fit.problem
+            places = Problem(problem.model, self.observations).places(
+                self.fit.solution.theta, Frame.identity()
+            )
+        middle = places.mean(axis=0)
+        arms = np.stack([np.cross(axis, -middle) for axis in np.eye(3)])  # what turning about the origin adds
+        return np.concatenate([shifts, turns + shifts @ arms.T], axis=2)
+
+    def _bare_motion(self, components: Sequence[str]) -> Array:
+        return np.stack([self.columns[:, :, self.index[f"{BARE}{c}.a"]] for c in components], axis=2)
+
+    def component(self, place: Place, component: str) -> Array | None:
+        """Return the derivative with respect to a component of a place, (n, m); None where there is no such thing.
+
+        A leg of a closed chain has a reading only.
+
+        Parameters
+        ----------
+        place : str or None
+            A joint; None for the whole machine.
+        component : str
+            ``"reading"`` of a joint, or one of ``tx ty tz rx ry rz``.
+        """
+        key = f"{BARE}{component}.a" if place is None else f"{place}.{BARE}{component}.a"
+        return None if key not in self.index else np.asarray(self.columns[:, :, self.index[key]])
+
+    def residual_of(self, fit: Fit) -> Array:
+        """Return the weighted residuals, (n, m), of another fit to the same observations in the same rows."""
+        found = fit.problem.residuals(fit.solution.theta, fit.solution.frame, weighted=True)
+        return np.asarray(found[self.rows])
+
+
+def is_direct(effect: Effect) -> bool:
+    """Tell whether an effect is no product of a component and a number for each row."""
+    definition = effect.definition
+    names = definition.formula.names
+    return not definition.own and (definition.component in DIRECT or bool(names & (MOMENTS | {TENSION})))
+
+
+def _without_weights(effect: Effect) -> Effect:
+    """Return an effect without the weights at later joints, which are taken in later where the data call for them."""
+    if not effect.definition.later_joints:
+        return effect
+    return replace(effect, definition=replace(effect.definition, later_joints=False))
+
+
+def _bare(machine: Machine) -> Iterator[Effect]:
+    kind = machine.measured.kind
+    motions = TURNS if kind == "direction" else MOTIONS
+    joints = {joint.name: joint.type for joint in machine.joints}
+
+    def bare(place: Place, at: str, component: str) -> Effect:
+        angle = component in TURNS or (component == "reading" and at == "revolute")
+        more: dict[str, Any] = {"joints": joints, "kind": kind, "file": machine.name, "place": "component"}
+        units = {"a": "rad" if angle else machine.length_unit}
+        return Effect(own_effect(f"{BARE}{component}", component, "a", units, at=at, **more), place)
+
+    for component in motions:
+        yield bare(None, "machine", component)
+    for name, at in joints.items():
+        for component in ("reading", *(() if at == "leg" else motions)):
+            if at == "leg" or kind != "direction" or component != "reading" or at == "revolute":
+                yield bare(name, at, component)

@@ -1,0 +1,165 @@
+"""A diagnosis in words and numbers, for people who read."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from rodgen.calibration.noise import figure
+
+if TYPE_CHECKING:
+    from rodgen.calibration.diagnose.diagnosis import DiagnosedEffect, Diagnosis, Unexplained
+
+__all__ = ["as_text", "headline"]
+
+WIDTH = 100
+INVISIBLE = 0.02
+HARDLY, CERTAIN = 20.0, 4.0
+"""A parameter is hardly determined whose standard deviation is so many times that of another of the effect, and whose
+value is within so many of its own: other parameters make up for it."""
+
+
+def headline(diagnosis: Diagnosis) -> str:
+    """Return the verdict in one sentence."""
+    rms = diagnosis.rms
+    fallen = f"the error falls from {figure(rms.before)} to {figure(rms.after)} {rms.unit}"
+    names = _listed([step.effect.title for step in diagnosis.steps])
+    match diagnosis.verdict:
+        case "nothing_missing":
+            left = f"{figure(rms.before)} {rms.unit} are left"
+            how = diagnosis.correlation
+            if how is not None and (how.wander_t or how.wander_r):
+                return (
+                    "No effect of the catalogue is missing that these data could show; "
+                    f"{left}, of which a part wanders in the order of the poses."
+                )
+            return f"Nothing is missing that these data could show: {left}."
+        case "effects_missing":
+            several = len(diagnosis.steps) > 1
+            open_ = any(step.indistinguishable_from for step in diagnosis.steps)
+            what = "These are missing" if several else "This is missing"
+            return f"{what}{', or what does the same to these data' if open_ else ''}: {names}; {fallen}."
+        case "unknown_effect":
+            form = diagnosis.unexplained[0] if diagnosis.unexplained else None
+            drives = f", and {form.driver} drives it" if form else ""
+            begin = f"Beside {names}, something" if names else "Something"
+            return f"{begin} outside the catalogue acts{drives}."
+    return f"These data cannot tell: {diagnosis.reason}"
+
+
+def as_text(diagnosis: Diagnosis) -> str:
+    """Return the whole diagnosis."""
+    return "\n".join(_lines(diagnosis))
+
+
+def _lines(d: Diagnosis) -> Iterator[str]:
+    o, rms = d.base.observations, d.rms
+    yield f"{d.base.machine.name}, {o.data.file}: {d.rows} rows"
+    yield ""
+    yield from textwrap.wrap(headline(d), WIDTH)
+    if d.verdict == "cannot_tell":
+        yield from _notes(d)
+        return
+    yield ""
+    yield from _ladder(d)
+    for step in d.steps:
+        yield ""
+        yield from _step(step)
+    for form in d.unexplained:
+        yield ""
+        yield from _form(form, rms.unit)
+    if d.verdict == "nothing_missing" and d.ranking:
+        best = d.ranking[0]
+        yield ""
+        yield (
+            f"Of {len(d.ranking)} candidates {best.effect.title} comes nearest, "
+            f"and chance does as much with p = {best.p_value:.2g}."
+        )
+    unseen = [r.effect.title for r in d.ranking if r.visible < INVISIBLE]
+    if unseen:
+        yield ""
+        yield from _paragraph(
+            "Not seen", f"These data could not show {_listed(unseen[:6], len(unseen) - 6)}."
+        )
+    yield from _notes(d)
+
+
+def _ladder(d: Diagnosis) -> Iterator[str]:
+    rms = d.rms
+    rows = [("as it is", d.base.rms, rms.before_held_out, "")]
+    rows += [(f"+ {s.effect.title}", s.rms, s.rms_held_out, _chance(s.p_value)) for s in d.steps]
+    rows += [(f"+ {f.form} ({f.component})", f.rms, None, _chance(f.p_value)) for f in d.unexplained]
+    width = max(len(row[0]) for row in rows)
+    yield f"{f'rms in {rms.unit} per reading':{width}}  {'fitted':>9}  {'held out':>9}  chance"
+    for title, fitted, held_out, chance in rows:
+        shown = "-" if held_out is None else figure(held_out)
+        yield f"{title:{width}}  {figure(fitted):>9}  {shown:>9}  {chance}".rstrip()
+    if rms.noise is not None:
+        yield f"{'noise':{width}}  {figure(rms.noise):>9}"
+    if rms.before_test is not None and rms.after_test is not None:
+        yield f"On the further measurements: {figure(rms.before_test)} before, {figure(rms.after_test)} after."
+    if d.outliers:
+        rows_ = ", ".join(map(str, d.outliers[:8])) + (" …" if len(d.outliers) > 8 else "")
+        yield f"{len(d.outliers)} outlier{'s' * (len(d.outliers) != 1)}, taken out: row {rows_} (from 0)."
+
+
+def _step(step: DiagnosedEffect) -> Iterator[str]:
+    yield step.effect.title
+    least = {
+        unit: min((e.std for e in step.parameters.values() if e.std and e.unit == unit), default=0.0)
+        for unit in {e.unit for e in step.parameters.values()}
+    }
+    for name, e in step.parameters.items():
+        unit = "" if e.unit == "1" else f" {e.unit}"
+        if e.held:
+            yield f"  {name:<13}{e.value:.5g}{unit}, held"
+        elif e.std is None:
+            yield f"  {name:<13}not determined by these data"
+        elif e.std > HARDLY * least[e.unit] and abs(e.value) < CERTAIN * e.std:
+            yield f"  {name:<13}hardly determined by these data ({e.value:.3g} ± {figure(e.std)}{unit})"
+        else:
+            yield f"  {name:<13}{e.value:.5g} ± {figure(e.std)}{unit}"
+    yield from _paragraph("Meaning", step.meaning)
+    yield from _paragraph("Usual size", step.effect.definition.usual_size)
+    yield from _paragraph("Remedy", step.effect.definition.remedy)
+    if step.indistinguishable_from:
+        yield "  These data cannot tell it from:"
+        for alias in step.indistinguishable_from:
+            yield from textwrap.wrap(
+                f"{alias.why}", WIDTH, initial_indent="    - ", subsequent_indent="      "
+            )
+
+
+def _form(form: Unexplained, unit: str) -> Iterator[str]:
+    where = f"of {form.joint}" if form.joint else "of the whole machine"
+    yield f"Outside the catalogue: {form.component} {where} += {form.form}"
+    for name, (value, of) in form.parameters.items():
+        yield f"  {name:<13}{value:.5g}{'' if of == '1' else f' {of}'}"
+    yield f"  driven by    {form.driver} (chance {_chance(form.p_value)}); with it {figure(form.rms)} {unit} are left"
+    if form.block:
+        yield "  For the machine file:"
+        yield from (f"    {line}" for line in form.block.strip().splitlines())
+
+
+def _notes(d: Diagnosis) -> Iterator[str]:
+    for note in d.notes:
+        yield ""
+        yield from textwrap.wrap(note, WIDTH)
+
+
+def _paragraph(title: str, text: str) -> Iterator[str]:
+    if text:
+        yield from textwrap.wrap(
+            text, WIDTH, initial_indent=f"  {title:<13}", subsequent_indent=" " * 15, break_on_hyphens=False
+        )
+
+
+def _chance(p: float) -> str:
+    return "< 1e-300" if p <= 1e-300 else f"{p:.2g}"
+
+
+def _listed(names: list[str], more: int = 0) -> str:
+    if more > 0:
+        return f"{', '.join(names)} and {more} more"
+    return f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else "".join(names)

@@ -1,0 +1,194 @@
+"""Whether something outside the catalogue acts, and is not to be spread over effects of the catalogue.
+
+Two explanations compete: effects of the catalogue first, and forms of the dictionary for what they leave; or forms
+first, and effects for what these leave. The cheaper one is told: chi-square, and for each parameter, effect and
+form so much as chance gains by having that many to choose from. Where effects alone explain all, they are believed
+unless forms do clearly better.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.diagnose.candidates import Candidate
+from rodgen.calibration.diagnose.column_space import Space
+from rodgen.calibration.diagnose.forms import Form, find_forms
+from rodgen.calibration.diagnose.held_out_blocks import Blocks
+from rodgen.calibration.diagnose.selection import IMPERFECT, Selection, a_parameter
+from rodgen.calibration.diagnose.sensitivities import Carriers
+from rodgen.calibration.diagnose.variance_components import Correlation
+from rodgen.statistics.orthonormal import orthonormal
+
+__all__ = ["Outside", "outside_of"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+MOST_FORMS = 3
+AN_EFFECT, A_FORM = 8.0, 16.0
+"""What chance gains in chi-square by having so many effects, or so many forms, to choose from: 2 ln(number)."""
+
+
+@dataclass(frozen=True)
+class Outside:
+    """An explanation.
+
+    Attributes
+    ----------
+    kept : tuple of Candidate
+        Effects of the catalogue.
+    forms : tuple of Form
+        Of what they do not explain.
+    selection : Selection
+        In a space where the forms belong to the model.
+    small : tuple of Form
+        Forms too small beside an effect at the same place to be more than what is imperfect in its formula.
+    """
+
+    kept: tuple[Candidate, ...]
+    forms: tuple[Form, ...]
+    selection: Selection = field(repr=False)
+    small: tuple[Form, ...] = ()
+
+    @property
+    def things(self) -> int:
+        """How many effects and forms it needs."""
+        return len(self.kept) + len(self.forms)
+
+
+def outside_of(
+    carriers: Carriers,
+    how: Correlation,
+    selection: Selection,
+    chosen: Sequence[Candidate],
+    left: Array,
+) -> Outside:
+    """Choose the explanation.
+
+    Parameters
+    ----------
+    carriers : Carriers
+        Of the model as it was.
+    how : Correlation
+    selection : Selection
+        In the space of the model and all candidates.
+    chosen : sequence of Candidate
+        What it chose.
+    left : ndarray, shape (n, m)
+        Weighted residuals of the full fit with these.
+    """
+    contest = _Contest(carriers, how, selection)
+    first = contest.effects_first(chosen, left)
+    if not first.forms and not chosen:
+        return first
+    second = contest.forms_first()
+    if second is None:
+        return first
+    if not first.forms and second.things > first.things:
+        return first
+    scale = min(contest.variance(first), contest.variance(second))
+    margin = 0.0
+    if not first.forms:  # effects explain all: forms must do clearly better, the more so if they are as many
+        margin = a_parameter(selection.rows) * (2 if second.things == first.things else 1)
+    better = contest.cost(second, scale) + margin < contest.cost(first, scale)
+    return second if better else first
+
+
+@dataclass(frozen=True)
+class _Contest:
+    carriers: Carriers
+    how: Correlation
+    selection: Selection
+
+    def effects_first(self, chosen: Sequence[Candidate], left: Array) -> Outside:
+        carriers = replace(self.carriers, residual=left)
+        columns = np.concatenate([self.carriers.model, *(c.columns for c in chosen)], axis=2)
+        forms = self._real(find_forms(carriers, self.how, columns, most=MOST_FORMS), chosen)
+        return self._without_small(chosen, forms)
+
+    def _real(self, found: Sequence[Form], kept: Sequence[Candidate]) -> list[Form]:
+        """Return the forms that the catalogue has not, and that are more than what readings of a pose share."""
+        forms: list[Form] = []
+        for form in found:
+            beside = [*(c.columns for c in kept), *(f.columns for f in found if f is not form)]
+            penalty = self.selection.clusters.penalty(beside, form.columns)
+            if not form.in_catalogue and form.log10_p + penalty / np.log(10) < np.log10(self.selection.level):
+                forms.append(form)
+        return forms
+
+    def forms_first(self) -> Outside | None:
+        """Return the explanation that begins with forms; None where there are none that the catalogue has not."""
+        found = find_forms(self.carriers, self.how, self.carriers.model, most=MOST_FORMS)
+        forms = self._real(found, ())
+        if not forms:
+            return None
+        beside = self._beside(forms)
+        kept = beside.run(*beside.space.residual(self.carriers.residual))
+        return self._without_small(kept, forms, beside)
+
+    def _beside(self, forms: Sequence[Form]) -> Selection:
+        """Return the selection of effects beside forms."""
+        model = np.concatenate([self.carriers.model, *(form.columns for form in forms)], axis=2)
+        o, residual = self.carriers.observations, self.carriers.residual
+        stretches = None
+        if self.selection.stretches is not None:
+            stretches = Blocks(o, model, residual, stretches=True)
+        space = Space(model, self.selection.space.candidates, self.how.whiten)
+        return replace(
+            self.selection, space=space, blocks=Blocks(o, model, residual), stretches=stretches, _tests={}
+        )
+
+    def _without_small(
+        self, kept: Sequence[Candidate], forms: Sequence[Form], selection: Selection | None = None
+    ) -> Outside:
+        small = [form for form in forms if self._is_imperfection(kept, form)]
+        large = [form for form in forms if form not in small]
+        if selection is None or small:
+            selection = self._beside(large) if large else self.selection
+        if large:
+            kept = selection.pruned(*selection.space.residual(self.carriers.residual), kept)
+        return Outside(tuple(kept), tuple(large), selection, tuple(small))
+
+    def _is_imperfection(self, kept: Sequence[Candidate], form: Form) -> bool:
+        here = [c for c in kept if c.effect.place in {form.place, form.driver}]
+        if not here:
+            return False
+        others = [c for c in kept if c not in here]
+        explained = self._left(others, ()) - self._left(kept, ())
+        gained = self._left(kept, ()) - self._left(kept, (form,))
+        return gained < IMPERFECT**2 * explained
+
+    # what it costs -------------------------------------------------------------------------------------------
+
+    def _basis(self, kept: Sequence[Candidate], forms: Sequence[Form]) -> tuple[Array, Array]:
+        columns = [self.carriers.model, *(c.columns for c in kept), *(f.columns for f in forms)]
+        every = np.concatenate([*columns, self.carriers.residual[:, :, None]], axis=2)
+        white = self.how.whiten(every).reshape(-1, every.shape[2])
+        return orthonormal(white[:, :-1]), white[:, -1]
+
+    def _left_and_rank(self, kept: Sequence[Candidate], forms: Sequence[Form]) -> tuple[float, int, int]:
+        """Return the sum of squares that is left, the number of parameters, and that of readings."""
+        basis, residual = self._basis(kept, forms)
+        rest = residual - basis @ (basis.T @ residual)
+        return float(np.sum(rest**2)), basis.shape[1], len(residual)
+
+    def _left(self, kept: Sequence[Candidate], forms: Sequence[Form]) -> float:
+        return self._left_and_rank(kept, forms)[0]
+
+    def variance(self, outside: Outside) -> float:
+        """Return what an explanation leaves of a reading's square."""
+        left, rank, readings = self._left_and_rank(outside.kept, outside.forms)
+        return left / max(readings - rank, 1)
+
+    def cost(self, outside: Outside, variance: float) -> float:
+        """Return what an explanation costs."""
+        left, rank, _ = self._left_and_rank(outside.kept, outside.forms)
+        searched = sum(len(f.parameters) - f.columns.shape[2] for f in outside.forms)
+        searched += sum(len(c.searched) for c in outside.kept)
+        parameters = a_parameter(self.selection.rows) * (rank + searched)
+        choices = AN_EFFECT * len(outside.kept) + A_FORM * len(outside.forms)
+        return float(left / max(variance, 1e-300) + parameters + choices)

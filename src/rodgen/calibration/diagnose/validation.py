@@ -1,0 +1,50 @@
+"""The error of a fitted machine on further measurements, which it was not fitted to."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from rodgen.calibration.fit import Fit
+from rodgen.calibration.least_squares import minimise
+from rodgen.calibration.observations import Observations, bind
+from rodgen.calibration.problem import Problem
+from rodgen.data.measurements import Measurements
+from rodgen.errors import InputFileError
+from rodgen.machines.machine import Machine
+from rodgen.machines.model import Frame, Model
+
+__all__ = ["error_on", "further"]
+
+
+def further(machine: Machine, test: Measurements) -> Observations:
+    """Bind further measurements to a machine, and refuse what its error cannot be told on.
+
+    Raises
+    ------
+    InputFileError
+    """
+    others = bind(machine, test)
+    if not others.n:
+        raise InputFileError(test.file, "file", "no rows", "at least one measurement under the header")
+    Problem(Model(machine, others.travel, others.run_names, compiled=False), others)  # has all columns
+    return others
+
+
+def error_on(found: Fit, others: Observations) -> float:
+    """Return the error on further measurements, to which only the frame is fitted, where it is free.
+
+    Raises
+    ------
+    InputFileError
+        When a column is not there that an effect needs.
+    """
+    model = Model(found.machine, found.problem.model.travel, others.run_names, compiled=False)
+    problem = Problem(model, others)
+    theta = model.start()
+    frame = Frame.fitted(found.machine.values) or Frame.identity()
+    free = [i for i, p in enumerate(model.parameters) if p.slot[0] == "frame"]
+    solution = minimise(problem, theta, frame, free)
+    nobody = np.zeros(others.n, bool)
+    return replace(found, observations=others, problem=problem, solution=solution, outliers=nobody).rms

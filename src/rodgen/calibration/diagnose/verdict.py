@@ -1,0 +1,134 @@
+"""Whether what is left agrees with what is known of the noise, and the words for it where it does not."""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.diagnose.sensitivities import Carriers
+from rodgen.calibration.diagnose.variance_components import Correlation
+from rodgen.calibration.fit import Fit
+from rodgen.calibration.noise import figure
+
+__all__ = ["disagreement", "in_order_of_time", "jump"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+RARE = 0.01
+FAR = 2.0
+"""A set-up that wanders beside the noise is nothing that is missing; one that wanders so many times as much may be."""
+OWN = 1.3
+"""The errors that readings do not share may be so many times the stated noise where something wanders beside them."""
+ONE_WAY = 0.9
+"""Part of a joint's way that is progress."""
+JUMP, SUDDEN = 0.3, 1.5
+"""Part of the sum of squares that a single jump takes away, and how many times as much as a steady drift does."""
+
+
+def disagreement(final: Fit, how: Correlation) -> str:
+    """Return why the residuals do not agree with the noise, or nothing.
+
+    Parameters
+    ----------
+    final : Fit
+    how : Correlation
+        Of what it leaves.
+    """
+    lack = final.lack_of_fit
+    if lack is None or not lack.p_value < RARE:
+        return ""
+    noise = "the stated noise" if lack.against == "stated" else "the noise between replicates"
+    if how.independent:
+        return (
+            f"The residuals are {figure(lack.ratio)} times {noise} (p = {lack.p_value:.2g}), but follow nothing "
+            "that was recorded: either the noise is larger than that, or something acts that was not recorded."
+        )
+    if lack.ratio > FAR:
+        return (
+            f"The residuals are {figure(lack.ratio)} times {noise}. {how.text} What moves it follows nothing that "
+            "was recorded."
+        )
+    if lack.against == "stated" and how.white > OWN:
+        return f"What readings do not share is {figure(how.white)} times {noise}, and {_small(how.text)}"
+    return ""
+
+
+def _small(text: str) -> str:
+    return text[:1].lower() + text[1:]
+
+
+def in_order_of_time(carriers: Carriers, how: Correlation) -> str:
+    """Return which joints only ever went one way, so that what follows them slowly looks like a set-up that wanders.
+
+    Parameters
+    ----------
+    carriers : Carriers
+    how : Correlation
+        Of what is left.
+    """
+    if not (how.wander_t or how.wander_r):
+        return ""
+    o = carriers.observations
+    names = []
+    for j, joint in enumerate(carriers.fit.machine.joints):
+        steps = np.diff(o.q[:, j])
+        if np.ptp(o.q[:, j]) > 0 and np.abs(steps.sum()) > ONE_WAY * np.abs(steps).sum():
+            names.append(joint.name)
+    if not names:
+        return ""
+    them = "it" if len(names) == 1 else "them"
+    return (
+        f"{' and '.join(names)} went one way only while the set-up wandered: what follows {them} slowly looks the "
+        "same as that. Measure in another order, or there and back."
+    )
+
+
+def jump(carriers: Carriers, residual: Array) -> str:
+    """Return where the readings jump, as when a set-up is pushed; nothing where they do not.
+
+    Parameters
+    ----------
+    carriers : Carriers
+    residual : ndarray, shape (n, m)
+        What is left, weighted.
+
+    Notes
+    -----
+    The two motions of the frame before and after each row that lower the sum of squares most (a change point).
+    """
+    H = carriers.frame
+    scale = np.sqrt(np.sum(H**2, axis=(0, 1)))
+    H = H[:, :, scale > 0] / scale[scale > 0]
+    pulls = np.cumsum(np.einsum("nmk,nm->nk", H, residual), axis=0)
+    shares = np.cumsum(np.einsum("nmk,nml->nkl", H, H), axis=0)
+    pose = carriers.observations.pose
+    ends = np.flatnonzero(np.diff(pose))
+    k = H.shape[2]
+    ends = ends[(ends >= k) & (ends < len(H) - k)]
+    total = float(np.sum(residual**2))
+    if not len(ends) or not total > 0:
+        return ""
+    whole, all_pulls = shares[-1], pulls[-1]
+    falls = [
+        _fall(pulls[i], shares[i]) + _fall(all_pulls - pulls[i], whole - shares[i]) - _fall(all_pulls, whole)
+        for i in ends
+    ]
+    best = int(np.argmax(falls))
+    steady = np.concatenate([H, H * np.linspace(-1, 1, len(H))[:, None, None]], axis=2).reshape(-1, 2 * k)
+    drift = _fall(steady.T @ residual.ravel(), steady.T @ steady) - _fall(all_pulls, whole)
+    if falls[best] < JUMP * total or falls[best] < SUDDEN * drift:
+        return ""
+    row = int(carriers.rows[ends[best]])
+    place = carriers.fit.observations.data.place(row)
+    return (
+        f"The readings jump after {place}: the set-up may have been moved there. Note the set-ups in a column run, "
+        "and diagnose again."
+    )
+
+
+def _fall(pull: Array, share: Array) -> float:
+    values, vectors = np.linalg.eigh(share)
+    known = values > 1e-9 * max(values[-1], 1e-300)
+    return float(np.sum((vectors.T @ pull)[known] ** 2 / values[known]))

@@ -1,0 +1,178 @@
+"""Whether an effect takes away more of the error than chance does.
+
+A larger model always fits better. The fall of the sum of squares for each further parameter is held against what is
+left, by F. Readings of one pose share errors, such as where the machine stopped: an effect that acts on whole poses
+fits those, too. So what is left counts as much as it scatters along the new parameters from pose to pose (the design
+effect of Rao and Scott 1987, by residuals with the correction of Bell and McCaffrey 2002), and the degrees of freedom
+count a pose as one. A parameter that was searched for had many chances: the probability is multiplied by their number.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.held_out import ALONE, NO_SAY
+from rodgen.calibration.lack_of_fit import SMALLEST
+from rodgen.calibration.least_squares import minimise
+from rodgen.calibration.problem import Problem, one_thread_in_blas
+from rodgen.calibration.whitened_parameters import Whitened
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fit import Fit
+
+__all__ = ["Step", "given_back", "step"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+SIGNIFICANT = 0.001
+"""Probability by chance below which an effect is called real: somebody may have tried thirty before."""
+MANY_VALUES = 200
+"""Of a searched parameter, at least: no search tries many more that are unlike each other."""
+MANY_POSES = 20
+"""So many poses for each parameter, and what a pose does to its own residuals does not matter."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """What the further parameters of a larger model are worth.
+
+    Attributes
+    ----------
+    p_value : float
+        Probability that chance lowers the error as much; at least 1e-300.
+    statistic : float
+        F.
+    degrees_of_freedom : tuple of float
+        Of F.
+    design_effect : float
+        By what factor readings of one pose, in common, make chance look larger.
+    """
+
+    p_value: float
+    statistic: float
+    degrees_of_freedom: tuple[float, float]
+    design_effect: float
+
+    @property
+    def significant(self) -> bool:
+        """Whether chance does not do that."""
+        return self.p_value < SIGNIFICANT
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {
+            "p_value": self.p_value,
+            "statistic": self.statistic,
+            "degrees_of_freedom": list(self.degrees_of_freedom),
+            "design_effect": self.design_effect,
+            "significant": self.significant,
+        }
+
+
+def step(smaller: Fit, larger: Fit) -> Step | None:
+    """Hold a larger model against one inside it.
+
+    Parameters
+    ----------
+    smaller, larger : Fit
+        To the same observations. Rows that are outliers of the larger one are left out of both.
+
+    Returns
+    -------
+    Step or None
+        None where the larger model has nothing more that the data determine, or no degree of freedom is left.
+    """
+    from scipy.special import fdtrc
+
+    further = larger.determinacy.rank - smaller.determinacy.rank
+    spare = larger.degrees_of_freedom
+    if further < 1 or spare < 1:
+        return None
+    left = larger.chi_square / spare
+    with one_thread_in_blas():
+        fall = max(_cost(smaller, larger) - larger.chi_square, 0.0)
+        effect = _design_effect(smaller, larger, left)
+    poses = len(np.unique(larger.observations.pose[~larger.outliers]))
+    readings = spare + larger.determinacy.rank
+    freedoms = (float(further), max(spare * min(poses / readings, 1.0), 1.0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        statistic = float(np.divide(fall / further, left * effect)) if fall > 0 else 0.0
+    p = float(fdtrc(*freedoms, statistic)) * _tried(smaller, larger)
+    return Step(min(max(p, SMALLEST), 1.0), statistic, freedoms, effect)
+
+
+def _tried(smaller: Fit, larger: Fit) -> int:
+    """Return how many different values a searched parameter may have found something at."""
+    before = {smaller.parameters[i].key for i in smaller.free}
+    tried = 1
+    for parameter in (larger.parameters[i] for i in larger.free):
+        if parameter.searched and parameter.key not in before:
+            tried = max(tried, MANY_VALUES)
+            names = [joint.name for joint in larger.machine.joints]
+            if parameter.place in names:  # a period: as many waves as there are places, and those between
+                places = np.unique(larger.observations.q[:, names.index(str(parameter.place))])
+                tried = max(tried, 2 * len(places))
+    return tried
+
+
+def _cost(smaller: Fit, larger: Fit) -> float:
+    """Return the cost of the smaller model on the rows that the larger one believes."""
+    if np.array_equal(smaller.outliers, larger.outliers):
+        return smaller.chi_square
+    problem = Problem(smaller.problem.model, smaller.observations)
+    problem.set_weight(np.where(larger.outliers, NO_SAY, 1.0))
+    return float(minimise(problem, smaller.solution.theta, smaller.solution.frame, smaller.free).cost)
+
+
+def _design_effect(smaller: Fit, larger: Fit, left: float) -> float:
+    """Return the variance along the new parameters from pose to pose, over that of independent readings; 1 or more."""
+    whitened = Whitened(larger)
+    new = _further(smaller, larger, whitened)
+    if not new.shape[1] or not left > 0:
+        return 1.0
+    pose = np.unique(larger.observations.pose, return_inverse=True)[1]
+    poses, r = int(pose.max()) + 1, len(new)
+    residuals = larger.problem.residuals(larger.solution.theta, larger.solution.frame, weighted=True)
+    pull = np.zeros((poses, r))
+    shares = np.zeros((poses, r, r)) if poses <= MANY_POSES * r else None
+    for rows, jacobian in whitened.jacobian_blocks():
+        np.add.at(pull, pose[rows], np.einsum("nmr,nm->nr", jacobian, residuals[rows]))
+        if shares is not None:
+            np.add.at(shares, pose[rows], np.einsum("nmr,nms->nrs", jacobian, jacobian))
+    if shares is not None:
+        pull = given_back(pull, shares)
+    return float(max(np.sum((pull @ new) ** 2) / (new.shape[1] * left), 1.0))
+
+
+def given_back(pull: Array, shares: Array) -> Array:
+    """Make up for what each pose pulls the fit towards itself: (1 - H)^(-1/2), H its part of the projection.
+
+    Parameters
+    ----------
+    pull : ndarray, shape (poses, r)
+    shares : ndarray, shape (poses, r, r)
+        H of each.
+
+    Returns
+    -------
+    ndarray, shape (poses, r)
+    """
+    values, vectors = np.linalg.eigh(shares)
+    lost = values > 1 - ALONE  # it alone tells of this, and has no residual along it
+    factor = np.where(lost, 0.0, 1 / np.sqrt(np.where(lost, 1.0, 1 - values)))
+    along = np.einsum("grs,gr->gs", vectors, pull) * factor
+    return np.asarray(np.einsum("grs,gs->gr", vectors, along))
+
+
+def _further(smaller: Fit, larger: Fit, whitened: Whitened) -> Array:
+    """Return unit vectors across all that the smaller model can do, (r, further)."""
+    inside = {smaller.parameters[i].key for i in smaller.free}
+    index = [i for i in larger.free if larger.parameters[i].key in inside]
+    columns = whitened.inverse[:, index]
+    size = np.linalg.norm(columns, axis=0)
+    basis, _, _ = np.linalg.svd(columns / np.where(size > 0, size, 1.0))
+    return np.asarray(basis[:, smaller.determinacy.rank :])

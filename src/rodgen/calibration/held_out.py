@@ -1,0 +1,257 @@
+"""How well a fit predicts poses that it did not see.
+
+The poses are dealt into folds, each spread over the whole run. The model is fitted anew without the poses of one fold,
+and predicts these; so every pose is predicted once by a fit that did not know it. Which weights at later joints were
+taken in, and which rows are outliers, is as in the full fit.
+
+In coordinates in which all information is the identity, a fold has a share S of it and pulls at the full fit by
+g = Bᵀr, B the derivative of its residuals r. Without it the fit is, to first order, (1 - S)⁻¹ g away: that is where the
+new fit starts. Along an eigenvector of S with eigenvalue 1 the other folds know nothing. A pose that alone tells of
+something, such as the only one of its set-up, is predicted by nothing, and left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.least_squares import minimise, moved
+from rodgen.calibration.noise import figure
+from rodgen.calibration.problem import Problem, one_thread_in_blas
+from rodgen.calibration.whitened_parameters import Whitened
+from rodgen.data.poses import groups
+from rodgen.errors import RodgenError
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fit import Fit
+    from rodgen.calibration.observations import Observations
+    from rodgen.machines.model import Frame
+
+__all__ = ["HeldOut", "deal", "held_out"]
+
+Array: TypeAlias = NDArray[np.float64]
+Ints: TypeAlias = NDArray[np.int_]
+Mask: TypeAlias = NDArray[np.bool_]
+
+ONE_AT_A_TIME = 100
+"""Up to so many poses each is a fold of its own."""
+FOLDS, FOLDS_OF_MANY, MANY_ROWS = 10, 5, 50_000
+"""Folds of more poses, and of so many rows that every fit takes seconds."""
+FEWEST_APART = 5
+"""Replicates are kept together while so many places are left to tell apart."""
+ALONE = 1e-6
+"""A fold that leaves the others less than this part of what is known of something is alone in knowing it."""
+NO_SAY = 1e-100
+"""Weight of a row that a fit does not see, instead of zero, so that its residual can be had from the weighted one."""
+NAMED = 3
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """The error on poses that the fit did not see.
+
+    Attributes
+    ----------
+    rms : float or None
+        Per scalar reading, in `unit`, without outliers; None where no pose can be predicted from others.
+    unit : str
+    folds : int
+        How many fits were made.
+    poses : int
+        How many poses were dealt.
+    unpredicted : tuple of int
+        Rows that are left out, because nothing but their own fold tells of something that they depend on.
+    because : tuple of str
+        Keys of the parameters that this is.
+    converged : bool
+        Whether every fit ended.
+    """
+
+    rms: float | None
+    unit: str
+    folds: int
+    poses: int
+    unpredicted: tuple[int, ...] = ()
+    because: tuple[str, ...] = ()
+    converged: bool = True
+
+    @property
+    def text(self) -> str:
+        """One or two sentences."""
+        return " ".join(self._sentences())
+
+    def _sentences(self) -> Iterator[str]:
+        if self.rms is None:
+            yield "No pose can be predicted from the others, so that there is no held-out error."
+        else:
+            how = "one at a time" if self.folds == self.poses else f"in {self.folds} folds"
+            poses = f"{self.poses} poses, {how}"
+            yield f"On poses that the fit did not see the rms is {figure(self.rms)} {self.unit} ({poses})."
+        if self.unpredicted:
+            names = ", ".join(self.because[:NAMED]) + (" …" if len(self.because) > NAMED else "")
+            rows = f"{len(self.unpredicted)} row{'s' * (len(self.unpredicted) != 1)}"
+            yield f"Left out: {rows} without which nothing tells of {names}."
+        if not self.converged:
+            yield "Not all of these fits converged."
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {
+            "rms": self.rms,
+            "unit": self.unit,
+            "folds": self.folds,
+            "poses": self.poses,
+            "unpredicted": list(self.unpredicted),
+            "because": list(self.because),
+            "converged": self.converged,
+            "text": self.text,
+        }
+
+
+def held_out(
+    fit: Fit, *, folds: int | None = None, progress: Callable[[str, int, float], object] | None = None
+) -> HeldOut:
+    """Predict every pose by a fit to others.
+
+    Parameters
+    ----------
+    fit : Fit
+        To all poses.
+    folds : int, optional
+        Into how many parts the poses are dealt, 2 or more; as many as there are poses, if that is fewer. Left out:
+        each of up to 100 poses alone, else 10, or 5 of more than 50 000 rows.
+    progress : callable, optional
+        Called with what is done, the iteration and the cost.
+
+    Raises
+    ------
+    RodgenError
+        For fewer than two folds.
+    """
+    if folds is not None and folds < 2:
+        raise RodgenError(f"held out in {folds} folds; expected 2 or more")
+    o = fit.observations
+    pose, poses = _dealt(o)
+    if folds is None:
+        many = FOLDS_OF_MANY if o.n > MANY_ROWS else FOLDS
+        folds = poses if poses <= ONE_AT_A_TIME else many
+    folds = min(folds, poses)
+    if folds < 2:
+        return HeldOut(None, fit.unit, 0, poses)
+    fold = _folds(poses, folds)[pose]
+    problem = Problem(fit.problem.model, o)
+    squares, converged = 0.0, True
+    with one_thread_in_blas():
+        without = _Without(fit, fold, folds)
+        wanted = ~fit.outliers & ~without.unpredicted
+        for k in range(folds):
+            held = fold == k
+            if not (held & wanted).any():
+                continue
+            tell = None if progress is None else _told(progress, f"held out {k + 1} of {folds}")
+            problem.set_weight(np.where(held | fit.outliers, NO_SAY, 1.0))
+            solution = minimise(problem, *without.start(k), fit.free, progress=tell)
+            converged &= solution.converged
+            residuals = replace(fit, problem=problem, solution=solution).residuals[held & wanted]
+            squares += float(np.sum(residuals**2))
+    count = int(wanted.sum()) * problem.components
+    return HeldOut(
+        float(np.sqrt(squares / count)) if count else None,
+        fit.unit,
+        folds,
+        poses,
+        tuple(np.flatnonzero(without.unpredicted).tolist()),
+        without.because,
+        converged,
+    )
+
+
+def deal(observations: Observations, folds: int) -> Ints:
+    """Return the fold of each row, (n,): whole poses, and replicates of a pose together."""
+    pose, poses = _dealt(observations)
+    return np.asarray(_folds(poses, min(folds, poses))[pose])
+
+
+def _told(progress: Callable[[str, int, float], object], what: str) -> Callable[[int, float], object]:
+    return lambda iteration, cost: progress(what, iteration, cost)
+
+
+def _dealt(o: Observations) -> tuple[Ints, int]:
+    """Return the number of what is dealt, for each row, and how many these are: replicates of a pose go with it.
+
+    Equal commands, directions of approach and load are told by the first row of a pose.
+    """
+    _, first, pose = np.unique(o.pose, return_index=True, return_inverse=True)
+    load = [] if o.load is None else [o.load[first]]
+    together = groups([*o.q[first].T, *o.s[first].T, *load], len(first))
+    if int(together.max(initial=0)) + 1 < min(FEWEST_APART, len(first)):
+        return pose, len(first)
+    _, seen, number = np.unique(together, return_index=True, return_inverse=True)
+    rank = np.empty(len(seen), int)
+    rank[np.argsort(seen)] = np.arange(len(seen))  # in the order in which they were taken
+    return rank[number][pose], len(seen)
+
+
+def _folds(poses: int, folds: int) -> Ints:
+    """Deal poses so that every fold has one of each stretch; at random, because commands may repeat in any period."""
+    random = np.random.default_rng(0)
+    stretches = -(-poses // folds)
+    return np.concatenate([random.permutation(folds) for _ in range(stretches)])[:poses]
+
+
+class _Without:
+    """A fit without one of its folds, to first order.
+
+    Attributes
+    ----------
+    unpredicted : ndarray of bool, shape (n,)
+        Rows that depend on what only their own fold tells.
+    because : tuple of str
+        Keys of the parameters that this is.
+    """
+
+    def __init__(self, fit: Fit, fold: Ints, folds: int) -> None:
+        self.fit = fit
+        self.whitened = whitened = Whitened(fit)
+        r = whitened.root.shape[1]
+        residuals = fit.problem.residuals(fit.solution.theta, fit.solution.frame, weighted=True)
+        self.shares, self.pulls = np.zeros((folds, r, r)), np.zeros((folds, r))
+        for rows, jacobian in whitened.jacobian_blocks():
+            for k in np.unique(fold[rows]):
+                here = fold[rows] == k
+                part = np.concatenate(jacobian[here])
+                self.shares[k] += part.T @ part
+                self.pulls[k] += part.T @ residuals[rows[here]].ravel()
+        self.unpredicted, self.because = self._alone(fold)
+
+    def start(self, k: int) -> tuple[Array, Frame]:
+        """Return where the fit without a fold is, to first order."""
+        values, vectors = np.linalg.eigh(self.shares[k])
+        known = values <= 1 - ALONE
+        away = vectors[:, known] @ ((vectors[:, known].T @ self.pulls[k]) / (1 - values[known]))
+        solution = self.fit.solution
+        return moved(self.fit.problem, solution.theta, solution.frame, self.whitened.root @ away)
+
+    def _alone(self, fold: Ints) -> tuple[Mask, tuple[str, ...]]:
+        known: dict[int, Array] = {}
+        for k, share in enumerate(self.shares):
+            values, vectors = np.linalg.eigh(share)
+            if (values > 1 - ALONE).any():
+                known[k] = vectors[:, values > 1 - ALONE]
+        alone = np.zeros(len(fold), bool)
+        if not known:
+            return alone, ()
+        for rows, jacobian in self.whitened.jacobian_blocks():
+            for k, direction in known.items():
+                felt = np.linalg.norm(jacobian @ direction, axis=(1, 2)) ** 2 > ALONE
+                alone[rows[felt & (fold[rows] == k)]] = True
+        root = self.whitened.root
+        spread = np.linalg.norm(root, axis=1)
+        spread[spread == 0.0] = 1.0
+        parts = np.max([np.linalg.norm(root @ d, axis=1) / spread for d in known.values()], axis=0)
+        parameters = zip(self.fit.parameters, parts, strict=True)
+        return alone, tuple(parameter.key for parameter, part in parameters if part**2 > 0.5)

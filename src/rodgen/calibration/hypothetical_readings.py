@@ -1,0 +1,204 @@
+"""Readings that were not taken: of other positions, approaches, times, loads, places of targets.
+
+What a combination of parameters would change there tells whether measuring so would determine it, and, where nothing
+that can be read changes at all, that it is a choice of coordinates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.assembly_modes import within_reach
+from rodgen.calibration.problem import Problem
+from rodgen.machines.machine import Machine, Target
+from rodgen.machines.model import Frame, Model
+
+__all__ = ["Variation", "elsewhere", "variations"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+ROWS = 240
+"""Readings that are imagined at least: what none of them shows is shown by none."""
+FAR = 2.0
+"""How far beyond the middle of what the data hold is looked, in units of what they hold to either side."""
+
+
+@dataclass(frozen=True)
+class Variation:
+    """Readings that differ from those taken in one thing.
+
+    Attributes
+    ----------
+    problem : Problem
+    hint : str
+        What to do to take them: "measure ...".
+    wanting : bool
+        Whether the data hold one value only of what is varied: then this is what they lack.
+    fresh : tuple of int
+        Numbers of the parameters that have another value in these readings, which is not known either.
+    """
+
+    problem: Problem
+    hint: str
+    wanting: bool
+    fresh: tuple[int, ...] = ()
+
+
+class _Imagination:
+    """Makes columns that might be, with as many rows as some rows of the data that are kept otherwise."""
+
+    def __init__(
+        self, problem: Problem, theta: Array, frame: Frame, rows: NDArray[np.int_], seed: int
+    ) -> None:
+        self.o, self.model = problem.observations, problem.model
+        self.machine = self.model.machine
+        self.theta, self.frame = theta, frame
+        self.random = np.random.default_rng(seed)
+        self.n = len(rows)
+        shape = (self.n, self.o.reading.shape[1])
+        self.base = replace(self.o.take(rows), sigma=None, reading=np.ones(shape))
+
+    @property
+    def size(self) -> float:
+        """How large the machine is; at least 1."""
+        points = [t.point for t in self.machine.targets] + [j.point for j in self.machine.joints]
+        slides = [j for j, joint in enumerate(self.machine.joints) if joint.type == "prismatic"]
+        spans = np.ptp(self.o.q[:, slides], axis=0)
+        if self.machine.geometry is not None:
+            spans = np.array([self.machine.geometry.R])
+        return float(max(np.linalg.norm(points, axis=1).max(), spans.max(initial=0.0), 1.0))
+
+    def problem(self, machine: Machine | None = None, **columns: Any) -> Problem:
+        """Return a problem with some columns replaced, perhaps of another machine of the same structure."""
+        model = self.model
+        if machine is not None:
+            model = Model(machine, model.travel, self.o.run_names, compiled=model.compiled)
+        q = columns.pop("q", None)
+        observations = replace(self.base, **columns)
+        if q is not None and self.machine.geometry is not None:
+            observations = within_reach(observations, q)
+        elif q is not None:
+            observations = replace(observations, q=q)
+        made = Problem(model, observations)
+        if model.structure.kind == "direction":  # a direction is told from the one that is read
+            reading = made.places(self.theta, self.frame)
+            made = Problem(model, replace(made.observations, reading=reading))
+        return made
+
+    def with_column(self, name: str, j: int, values: Any) -> Problem:
+        """Return a problem with one joint's column replaced."""
+        matrix = np.array(getattr(self.base, name))
+        matrix[:, j] = values
+        columns: dict[str, Any] = {name: matrix}
+        return self.problem(**columns)
+
+    def around(self, values: Any, least: float) -> Array:
+        """Return numbers like some, and beyond."""
+        middle, half = (np.max(values) + np.min(values)) / 2, np.ptp(values) / 2
+        return np.asarray(middle + FAR * max(half, least) * self.random.uniform(-1, 1, self.n))
+
+    def coordinates(self, j: int) -> Array:
+        """Return any angle, or places on a slide and beyond its ends."""
+        if self.machine.joints[j].type == "revolute":
+            return self.random.uniform(-np.pi, np.pi, self.n)
+        if self.machine.joints[j].type == "leg":
+            return self.around(self.o.q[:, j], self.size / 4)
+        return self.around([*self.model.travel[j], self.o.q[:, j].min(), self.o.q[:, j].max()], self.size)
+
+    def sides(self) -> NDArray[np.int8]:
+        """Return directions of approach."""
+        return self.random.choice(np.array([-1, 1], np.int8), self.n)
+
+    def speeds(self, j: int) -> Array:
+        """Return velocities of a joint."""
+        slides = self.machine.joints[j].type != "revolute"
+        return self.around([0.0, np.max(np.abs(self.o.v[:, j]))], self.size if slides else 1.0)
+
+    def times(self) -> Array:
+        """Return times from the start to beyond the end."""
+        latest = 1.0 if self.o.t is None else float(np.max(np.abs(self.o.t)))
+        return self.random.uniform(0, FAR * max(latest, 1.0), self.n)
+
+    def place(self) -> tuple[float, float, float]:
+        """Return a point within the machine's size, or as good, a direction."""
+        x, y, z = self.random.normal(size=3) * self.size
+        return float(x), float(y), float(z)
+
+    def elsewhere_on_the_body(self) -> Machine:
+        """Return the machine with its targets at other places."""
+        directions = self.machine.measured.kind == "direction"
+        places = [np.array(self.place()) for _ in self.machine.targets]
+        if directions:
+            places = [place / np.linalg.norm(place) for place in places]
+        targets = [Target(t.name, tuple(p)) for t, p in zip(self.machine.targets, places, strict=True)]
+        return replace(self.machine, targets=tuple(targets))
+
+
+def elsewhere(problem: Problem, theta: Array, frame: Frame) -> tuple[Problem, Variation]:
+    """Return readings of anything at all: of every target in every set-up at random positions, times and loads.
+
+    Once of the targets that there are, and once of targets at other places on the body.
+    """
+    o, machine = problem.observations, problem.model.machine
+    count = max(ROWS, 4 * len(problem.model.parameters))
+    mind = _Imagination(problem, theta, frame, np.arange(count) % o.n, 1)
+    joints, turn = range(len(machine.joints)), np.arange(count)
+    columns: dict[str, Any] = {
+        "q": np.stack([mind.coordinates(j) for j in joints], axis=1),
+        "s": np.stack([mind.sides() for _ in joints], axis=1),
+        "v": np.stack([mind.speeds(j) for j in joints], axis=1),
+        "t": None if o.t is None else mind.times(),
+        "load": None if o.load is None else mind.around(o.load, 10.0),
+        "temperature": {name: mind.around(values, 10.0) for name, values in o.temperature.items()},
+        "covariates": {name: mind.around(values, 1.0) for name, values in o.covariates.items()},
+        "target": (turn % len(machine.targets)).astype(np.int32),
+        "run": (turn // len(machine.targets) % len(o.run_names)).astype(np.int32),
+    }
+    return mind.problem(**columns), _other_targets(mind, problem, columns)
+
+
+def _other_targets(mind: _Imagination, problem: Problem, columns: dict[str, Any]) -> Variation:
+    fresh = tuple(i for i, p in enumerate(problem.model.parameters) if p.slot[0] == "target")
+    there = mind.problem(mind.elsewhere_on_the_body(), **columns)
+    return Variation(there, "measure a target at another place on the body", False, fresh)
+
+
+def variations(problem: Problem, theta: Array, frame: Frame) -> Iterator[Variation]:
+    """Yield readings that differ in one thing from those taken, after some of those taken themselves."""
+    o, model = problem.observations, problem.model
+    joints, targets = model.machine.joints, model.machine.targets
+    some = np.linspace(0, o.n - 1, min(o.n, ROWS)).astype(int)
+    mind = _Imagination(problem, theta, frame, some[np.arange(ROWS) % len(some)], 2)
+    yield Variation(mind.problem(), "", False)
+    for k in sorted(set(range(len(targets))) - set(np.unique(o.target).tolist())):
+        there = mind.problem(target=np.full(mind.n, k, np.int32))
+        yield Variation(there, f"measure target {targets[k].name}, which is in no row", True)
+    for j, joint in enumerate(joints):
+        one = bool(np.all(o.s[:, j] == o.s[0, j]))
+        side = "from the other side, too" if one else "from both sides at more places"
+        yield Variation(mind.with_column("s", j, mind.sides()), f"approach {joint.name} {side}", one)
+    for j, joint in enumerate(joints):
+        still = bool(np.ptp(o.q[:, j]) == 0)
+        where = f"{joint.name}, which never moves" if still else f"{joint.name}"
+        hint = f"measure at other positions of {where}"
+        yield Variation(mind.with_column("q", j, mind.coordinates(j)), hint, still)
+    for j, joint in enumerate(joints):
+        hint = f"measure at other speeds of {joint.name}"
+        yield Variation(mind.with_column("v", j, mind.speeds(j)), hint, np.ptp(o.v[:, j]) == 0)
+    if o.load is not None:
+        there = mind.problem(load=mind.around(o.load, 10.0))
+        yield Variation(there, "measure with other loads", np.ptp(o.load) == 0)
+    for name, values in o.temperature.items():
+        there = mind.problem(temperature={**mind.base.temperature, name: mind.around(values, 10.0)})
+        yield Variation(there, f"measure at other temperatures of {name}", np.ptp(values) == 0)
+    if o.t is not None:
+        yield Variation(mind.problem(t=mind.times()), "measure at other times", np.ptp(o.t) == 0)
+    for name, values in o.covariates.items():
+        there = mind.problem(covariates={**mind.base.covariates, name: mind.around(values, 1.0)})
+        yield Variation(there, f"measure at other values of {name}", np.ptp(values) == 0)
+    yield _other_targets(mind, problem, {})

@@ -1,0 +1,136 @@
+"""Whether the residuals are larger than the noise, that is, whether the model misses something.
+
+Where poses were repeated, the squares of the residuals split into those from the mean of the replicates (pure error)
+and those of that mean from the model, and their ratio is held against F. Else their sum is held against chi-square
+with the stated noise. Readings of one pose depend on each other, so the degrees of freedom are those of as many
+independent readings as scatter alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.deviations import FEW_POSES, independent_share
+from rodgen.calibration.noise import Replicates, figure, replicates
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fit import Fit
+
+__all__ = ["SMALLEST", "LackOfFit", "lack_of_fit"]
+
+SMALLEST = 1e-300
+"""Smaller probabilities are written so."""
+MOST_COLUMNS = 60
+"""Readings of a pose that are held against each other; more count as if they told nothing new."""
+RARE = 0.01
+"""Residuals that chance makes as large with less than this probability are called larger than the noise."""
+
+
+@dataclass(frozen=True)
+class LackOfFit:
+    """Whether the residuals are larger than the noise.
+
+    Attributes
+    ----------
+    p_value : float
+        Probability of residuals as large, were the model right; at least 1e-300.
+    ratio : float
+        Residuals over noise, as standard deviations with their degrees of freedom.
+    against : {"replicates", "stated"}
+        What the noise is known from.
+    statistic : float
+        F against replicates, chi-square against the stated noise.
+    degrees_of_freedom : tuple of float
+        Of F, or one of chi-square; effective ones.
+    text : str
+        One sentence.
+    """
+
+    p_value: float
+    ratio: float
+    against: str
+    statistic: float
+    degrees_of_freedom: tuple[float, ...]
+
+    @property
+    def text(self) -> str:
+        """One sentence."""
+        noise = "the stated noise" if self.against == "stated" else "the noise"
+        chance = "p < 1e-300" if self.p_value <= SMALLEST else f"p = {self.p_value:.2g}"
+        if self.p_value < RARE:
+            return f"The residuals are {figure(self.ratio)} times {noise}: the model misses something ({chance})."
+        if self.against == "stated" and self.p_value > 1 - RARE / 2:
+            return f"The residuals are only {figure(self.ratio)} times {noise}: less than stated would do."
+        return f"The residuals agree with {noise} ({figure(self.ratio)} times it, {chance})."
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return asdict(self) | {"degrees_of_freedom": list(self.degrees_of_freedom), "text": self.text}
+
+
+def lack_of_fit(fit: Fit) -> LackOfFit | None:
+    """Hold the residuals against the noise.
+
+    Parameters
+    ----------
+    fit : Fit
+
+    Returns
+    -------
+    LackOfFit or None
+        None where the noise is not known or zero, or no degree of freedom is left.
+    """
+    stated = fit.observations.sigma is not None
+    pure = replicates(fit, weighted=stated)
+    found = _against_replicates(fit, pure)
+    if stated and (found is None or pure.deviations.poses < FEW_POSES):
+        return _against_stated(fit)
+    return found
+
+
+def _against_replicates(fit: Fit, pure: Replicates) -> LackOfFit | None:
+    error = pure.deviations
+    cells = pure.cells * fit.problem.components - fit.determinacy.rank
+    spare = cells - error.count
+    if error.count < 1 or spare < 1 or not error.variance > 0:
+        return None
+    from scipy.special import fdtrc  # a quarter of a second, only where it is needed
+
+    squares = max(pure.cell_squares - error.sum_of_squares, 0.0)
+    share = error.share
+    freedoms = (max(share * spare, 1.0), max(share * error.count, 1.0))
+    statistic = squares / spare / error.variance
+    ratio = float(np.sqrt(pure.cell_squares / cells / error.variance))
+    p = max(float(fdtrc(*freedoms, statistic)), SMALLEST)
+    return LackOfFit(p, ratio, "replicates", statistic, freedoms)
+
+
+def _against_stated(fit: Fit) -> LackOfFit | None:
+    from scipy.special import chdtrc
+
+    o, left = fit.observations, fit.degrees_of_freedom
+    if left < 1:
+        return None
+    kept = ~fit.outliers
+    value = fit.residuals[kept] * fit.problem.base_weight[kept] * fit.unit_factor
+    share = _share(value, o.pose[kept], o.target[kept])
+    freedoms = max(share * left, 1.0)
+    ratio = float(np.sum(value**2)) / left
+    p = max(float(chdtrc(freedoms, freedoms * ratio)), SMALLEST)
+    return LackOfFit(p, float(np.sqrt(ratio)), "stated", freedoms * ratio, (freedoms,))
+
+
+def _share(value: NDArray[np.float64], pose: NDArray[np.int32], target: NDArray[np.int32]) -> float:
+    """Return the part of the degrees of freedom that is left; repeated readings of a target are columns, too."""
+    targets = int(target.max()) + 1
+    order = np.lexsort((target, pose))
+    starts = np.flatnonzero(np.diff(pose[order], prepend=-1) | np.diff(target[order], prepend=-1))
+    repeat = np.empty(len(order), int)
+    repeat[order] = np.arange(len(order)) - np.repeat(starts, np.diff(starts, append=len(order)))
+    some = repeat < max(MOST_COLUMNS // targets, 1)
+    column = repeat[some] * targets + target[some]
+    return float(some.mean()) * independent_share(value[some], np.ones_like(value[some]), pose[some], column)

@@ -1,0 +1,362 @@
+"""The error of a machine's model, falling from effect to effect, beside the noise.
+
+Each rung is a fit that starts from the values of the one before, so that a model with more in it never fits worse. The
+error on the poses that a fit saw always falls; that on poses that it did not see tells whether the effect is real.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from rodgen.calibration.effect_test import Step, step
+from rodgen.calibration.fit import Estimate, Fit, fit
+from rodgen.calibration.held_out import HeldOut, held_out
+from rodgen.calibration.least_squares import minimise
+from rodgen.calibration.noise import NoiseFloor
+from rodgen.calibration.observations import Observations, bind
+from rodgen.calibration.problem import one_thread_in_blas
+from rodgen.errors import RodgenError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from rodgen.data.measurements import Measurements
+    from rodgen.machines.machine import Effect, Machine
+
+__all__ = ["Ladder", "Rung", "ladder", "ladder_of"]
+
+Progress: TypeAlias = Callable[[str, int, float], object]
+
+REMAINS = 1e-3
+"""A lack of fit this improbable is told beside the verdict on an effect."""
+DIGITS = 3
+"""Of the smallest error; the others have as many decimals, so that they read as a column."""
+
+
+@dataclass(frozen=True)
+class Rung:
+    """A model on the ladder.
+
+    Attributes
+    ----------
+    title : str
+        ``"base"``, ``"+ refraction"``, ``"- backlash at C"``.
+    effect : Effect or None
+        What was added or taken away.
+    fit : Fit
+    held_out : HeldOut
+    step : Step or None
+        What the effect is worth; None of the first rung, and where nothing can be said.
+    """
+
+    title: str
+    effect: Effect | None
+    fit: Fit
+    held_out: HeldOut
+    step: Step | None = None
+
+    @property
+    def verdict(self) -> str:
+        """One sentence on what the effect is worth; nothing of the first rung."""
+        if self.effect is None:
+            return ""
+        name = self.effect.title
+        if self.step is None:
+            return f"Nothing can be said of {name}: the data determine none of its parameters, or no reading is spare."
+        chance = f"F = {self.step.statistic:.3g}, p {_chance(self.step, '= ')}"
+        if not self.step.significant:
+            return f"{name} is not in these data: chance does as much ({chance})."
+        text = f"{name} explains more than chance does ({chance}); another effect may explain the same."
+        left = self.fit.lack_of_fit
+        if left is not None and left.p_value < REMAINS:
+            text += f" What is left is {left.ratio:.2g} times the noise: this is not it, or not all."
+        return text
+
+    @property
+    def parameters(self) -> dict[str, Estimate]:
+        """The parameters of the effect, by their keys; none where it is not in the model."""
+        if self.effect is None:
+            return {}
+        return {key: e for key, e in self.fit.estimates.items() if self.effect.owns(key)}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {
+            "title": self.title,
+            "effect": self.effect.name if self.effect else None,
+            "place": self.effect.place if self.effect else None,
+            "effects": [effect.title for effect in self.fit.machine.effects],
+            "rms": self.fit.rms,
+            "rms_held_out": self.held_out.rms,
+            "held_out": self.held_out.to_dict(),
+            "unit": self.fit.unit,
+            "parameters_estimated": len(self.fit.free),
+            "outliers": np.flatnonzero(self.fit.outliers).tolist(),
+            "converged": self.fit.solution.converged,
+            "step": self.step.to_dict() if self.step else None,
+            "parameters": {
+                key: {
+                    "value": e.value,
+                    "std": e.std,
+                    "unit": e.unit,
+                    "held": e.held,
+                    "determined": e.determined,
+                }
+                for key, e in self.fit.estimates.items()
+            },
+        }
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """Models of one machine, each with an effect more or less than the one before.
+
+    Attributes
+    ----------
+    rungs : tuple of Rung
+    """
+
+    rungs: tuple[Rung, ...]
+
+    @property
+    def noise(self) -> NoiseFloor:
+        """The noise, as the model with the most parameters tells it."""
+        return max((rung.fit for rung in self.rungs), key=lambda f: len(f.free)).noise
+
+    @property
+    def line(self) -> str:
+        """The ladder in one line."""
+        steps = (
+            f"{rung.title} {self.figure_of(rung.fit.rms)} (held out {self.figure_of(rung.held_out.rms)})"
+            for rung in self.rungs
+        )
+        noise = self.noise
+        known = "not known" if noise.value is None else f"{self.figure_of(noise.value)} ({noise.source})"
+        return f"{' -> '.join(steps)}; noise {known}; {self.rungs[0].fit.unit} per reading"
+
+    def figure_of(self, value: float | None) -> str:
+        """Write an error, with the decimals that all of them have."""
+        if value is None:
+            return "-"
+        smallest = min((rung.fit.rms for rung in self.rungs if rung.fit.rms > 0), default=1.0)
+        decimals = DIGITS - 1 - math.floor(math.log10(smallest))
+        return f"{value:.{decimals}f}" if 0 <= decimals <= 9 else f"{value:.{DIGITS}g}"
+
+    def __str__(self) -> str:
+        return "\n".join(self._lines())
+
+    def _lines(self) -> Iterator[str]:
+        first = self.rungs[0].fit
+        yield f"{first.machine.name}, {first.observations.data.file}: rms in {first.unit} per reading"
+        width = max(len(rung.title) for rung in self.rungs)
+        yield f"{'':{width}}  {'fitted':>9}  {'held out':>9}  {'parameters':>10}  {'F':>9}  p"
+        for rung in self.rungs:
+            row = f"{rung.title:{width}}  {self.figure_of(rung.fit.rms):>9}  {self.figure_of(rung.held_out.rms):>9}"
+            row += f"  {len(rung.fit.free):10}"
+            if rung.step:
+                row += f"  {rung.step.statistic:9.4g}  {_chance(rung.step)}"
+            yield row
+        yield self.noise.text
+        yield from dict.fromkeys(
+            sentence
+            for rung in self.rungs
+            if rung.held_out.rms is None or rung.held_out.unpredicted
+            for sentence in [rung.held_out.text]
+        )
+        for rung in self.rungs:
+            if count := int(rung.fit.outliers.sum()):
+                yield f"{rung.title}: {count} outlier{'s' * (count != 1)}, taken out."
+            if not rung.fit.solution.converged:
+                yield f"{rung.title}: NOT CONVERGED, the figures are where the fit stopped."
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        first = self.rungs[0].fit
+        return {
+            "machine": first.machine.name,
+            "data": first.observations.data.file,
+            "rows": first.observations.n,
+            "unit": first.unit,
+            "noise": self.noise.to_dict(),
+            "rungs": [rung.to_dict() for rung in self.rungs],
+        }
+
+    def plot(self, path: str | os.PathLike[str]) -> None:
+        """Draw the falling error beside the noise into a file.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            Ends in ``.png``, ``.svg`` or ``.pdf``.
+
+        Raises
+        ------
+        InputFileError
+            When it cannot be written, or its name has another ending.
+        """
+        from rodgen.output.ladder_figure import save_ladder
+
+        save_ladder(self, path)
+
+    def draw(self) -> Figure:
+        """Return the picture."""
+        from rodgen.output.ladder_figure import draw_ladder
+
+        return draw_ladder(self)
+
+
+def ladder(
+    machine: Machine,
+    data: Measurements | Observations,
+    steps: Sequence[Effect],
+    *,
+    loss: str = "linear",
+    progress: Progress | None = None,
+) -> Ladder:
+    """Add effects one after the other, and watch the error fall.
+
+    Parameters
+    ----------
+    machine : Machine
+        The first rung.
+    data : Measurements or Observations
+    steps : sequence of Effect
+        See :meth:`rodgen.machines.machine.Machine.effect`.
+    loss : {"linear", "huber"}
+        As in `fit`.
+    progress : callable, optional
+        Called with what is done, the iteration and the cost.
+
+    Returns
+    -------
+    Ladder
+
+    Raises
+    ------
+    InputFileError
+        When an effect cannot stand at its place, or the data do not fit the machine.
+    FitError
+        When there is nothing to fit.
+
+    Examples
+    --------
+    >>> from rodgen.data.measurements import Measurements
+    >>> from rodgen.machines.machine import Joint, Machine, Measured, Target
+    >>> table = Machine(
+    ...     "Table", "mm", "deg", (0.0, 0.0, -1.0), 20.0, (Joint("C", "revolute", (0.0, 0.0, 1.0)),),
+    ...     (Target("ball", (100.0, 0.0, 0.0)),), Measured("point", "machine"), estimate=("target",),
+    ... )
+    >>> design = Measurements.from_frame({"C [deg]": np.arange(0.0, 360.0, 10.0)})
+    >>> data = table.simulate(design, ["encoder_ellipticity@C:a=20arcsec"], noise="2um", seed=1).data
+    >>> found = ladder(table, data, [table.effect("encoder_ellipticity", "C")])
+    >>> [(rung.title, round(rung.fit.rms, 3)) for rung in found.rungs]
+    [('base', 0.004), ('+ encoder_ellipticity at C', 0.002)]
+    >>> found.rungs[1].held_out.rms < found.rungs[0].held_out.rms, found.rungs[1].step.significant
+    (True, True)
+    """
+    machines = [machine]
+    for effect in steps:
+        machines.append(machines[-1].with_effect(effect))
+    return ladder_of(machines, data, loss=loss, progress=progress)
+
+
+def ladder_of(
+    machines: Sequence[Machine],
+    data: Measurements | Observations,
+    *,
+    loss: str = "linear",
+    progress: Progress | None = None,
+) -> Ladder:
+    """Fit machines, each of which has one effect more, or one less, than the one before.
+
+    Parameters
+    ----------
+    machines : sequence of Machine
+    data, loss, progress
+        As for `ladder`.
+    """
+    # What is bound is the same for all of them: it depends on joints, targets and what is measured.
+    observations = data if isinstance(data, Observations) else bind(machines[0], data)
+    fits: list[Fit] = []
+    for machine in machines:
+        if fits:
+            machine = _started(machine, fits[-1])
+        fits.append(fit(machine, observations, loss=loss, progress=progress))
+    for k in range(len(fits) - 1, 0, -1):
+        if _larger(fits[k - 1], fits[k]):
+            fits[k] = _not_worse(fits[k], fits[k - 1])
+    for k in range(1, len(fits)):
+        if _larger(fits[k], fits[k - 1]):
+            fits[k - 1] = _not_worse(fits[k - 1], fits[k])
+    made = [Rung(_base_title(machines[0]), None, fits[0], held_out(fits[0], progress=progress))]
+    for before, after in pairwise(fits):
+        effect, sign = _changed(before.machine, after.machine)
+        worth = step(before, after) if sign == "+" else step(after, before)
+        made.append(Rung(f"{sign} {effect.title}", effect, after, held_out(after, progress=progress), worth))
+    return Ladder(tuple(made))
+
+
+def _base_title(machine: Machine) -> str:
+    return (
+        "base"
+        if all(effect.hold.keys() >= effect.units(machine).keys() for effect in machine.effects)
+        else "before"
+    )
+
+
+def _started(machine: Machine, before: Fit) -> Machine:
+    """Return a machine with the values of the fit before, as far as it has the parameters."""
+    gone = [
+        e
+        for e in before.machine.effects
+        if (e.name, e.place) not in {(f.name, f.place) for f in machine.effects}
+    ]
+    start = before.machine
+    for effect in gone:
+        start = start.without_effect(effect.name, effect.place)
+    return replace(machine, values={**machine.values, **start.values})
+
+
+def _changed(before: Machine, after: Machine) -> tuple[Effect, str]:
+    """Return the effect that one of two machines has more, and whether it came or went."""
+    there, here = ({(e.name, e.place): e for e in m.effects} for m in (before, after))
+    came = [here[key] for key in here if key not in there]
+    went = [there[key] for key in there if key not in here]
+    if len(came) + len(went) != 1:
+        raise RodgenError(
+            "machines that differ by more than one effect; expected one effect from rung to rung"
+        )
+    return (came[0], "+") if came else (went[0], "-")
+
+
+def _larger(smaller: Fit, larger: Fit) -> bool:
+    return len(larger.machine.effects) > len(smaller.machine.effects)
+
+
+def _not_worse(larger: Fit, smaller: Fit) -> Fit:
+    """Return the larger fit, from where the smaller one ended if it had ended in a worse valley than that."""
+    if not np.array_equal(larger.outliers, smaller.outliers) or larger.chi_square <= smaller.chi_square:
+        return larger
+    model = larger.problem.model
+    theta = model.start()
+    found = dict(zip((p.key for p in smaller.parameters), smaller.solution.theta, strict=True))
+    for i, parameter in enumerate(model.parameters):
+        if parameter.hold is None:
+            theta[i] = found.get(parameter.key, 1.0 if parameter.searched else 0.0)
+    with one_thread_in_blas():
+        solution = minimise(larger.problem, theta, smaller.solution.frame, larger.free)
+    if solution.cost >= larger.chi_square:
+        return larger
+    values = {p.key: float(solution.theta[i]) for i, p in enumerate(model.parameters)}
+    return replace(larger, machine=replace(larger.machine, values=values), solution=solution)
+
+
+def _chance(worth: Step, equals: str = "") -> str:
+    return "< 1e-300" if worth.p_value <= 1e-300 else f"{equals}{worth.p_value:.2g}"

@@ -1,0 +1,186 @@
+"""Damped least squares (Levenberg 1944, Marquardt 1963; update of the damping after Nielsen 1999).
+
+The normal equations are scaled to a unit diagonal and decomposed once for each Jacobian, so that every damping that is
+tried costs only one evaluation of the residuals. A direction that the data do not determine has the eigenvalue zero
+there; the damping keeps the step in it at zero.
+
+A direction that the data hardly determine makes a narrow valley, and where angles are among the parameters it is
+curved: straight steps creep along it. So a fit that has not ended after a few steps takes the curvature of the
+residuals along the step into account (geodesic acceleration: Transtrum and Sethna 2012).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.problem import Problem
+from rodgen.machines.model import Frame
+
+__all__ = ["Solution", "minimise", "moved"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+MAX_ITERATIONS = 200
+SMALL_STEP = 1e-4
+"""Steps below this part of a standard deviation, in any direction, change nothing that the data could tell."""
+LEAST_DAMPING, LEAST_FACTOR = 1e-12, 1e-2
+"""Steps that do what was predicted lower the damping, by this factor at most; it hinders the last ones otherwise."""
+FEW_ROWS = 2048
+"""Up to so many rows a call costs more than the Jacobian: every step is tried with it, and it is there if accepted."""
+ROUNDING = 1e-13
+"""A predicted fall of the cost below this part of it is rounding: sums of many squares are good to about that."""
+STRAIGHT = 6
+"""Iterations without acceleration: a usual fit has ended by then."""
+PROBE = 0.1
+"""Part of the step at which the curvature is measured."""
+LARGEST_BEND = 0.75
+"""The acceleration may be so large a part of the step; beyond, the damping grows (Transtrum and Sethna 2012)."""
+HALVINGS = 6
+"""Times that a step is halved on which the legs of a closed chain do not close; then the damping grows."""
+EXACT = 1e-30
+"""Cost, relative to the sum of squares of the weighted readings, at which data without noise are met."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Where the cost is least.
+
+    Attributes
+    ----------
+    theta : ndarray, shape (parameters,)
+        Values, internal units; those of the frame are in `frame`.
+    frame : Frame
+    cost : float
+        Sum of squares of the weighted residuals.
+    iterations : int
+    converged : bool
+    """
+
+    theta: Array
+    frame: Frame
+    cost: float
+    iterations: int = 0
+    converged: bool = True
+
+
+def minimise(
+    problem: Problem,
+    theta: Array,
+    frame: Frame,
+    free: Sequence[int],
+    *,
+    progress: Callable[[int, float], object] | None = None,
+    max_iterations: int = MAX_ITERATIONS,
+) -> Solution:
+    """Adjust some parameters until the cost falls no more.
+
+    Parameters
+    ----------
+    problem : Problem
+    theta, frame : ndarray, Frame
+        Where to start.
+    free : sequence of int
+        Numbers of the parameters that are adjusted.
+    progress : callable, optional
+        Called with the iteration and the cost.
+    max_iterations : int
+        Jacobians at most.
+
+    Returns
+    -------
+    Solution
+        Its cost is never above that of the start.
+    """
+    index = np.asarray(free, int)
+    block = index[:, None], index
+    cost, square, gradient = problem.normal_equations(theta, frame)
+    if not np.isfinite(cost) and problem.follow(theta, frame):
+        cost, square, gradient = problem.normal_equations(theta, frame)
+    if not np.isfinite(cost):
+        return Solution(theta, frame, np.inf, 0, False)
+    if not len(index):
+        return Solution(theta, frame, cost)
+    floor = EXACT * problem.scale
+    left = max(problem.rows * problem.components - len(index), 1)
+    small = max(SMALL_STEP**2 / left, ROUNDING)
+    few = problem.rows <= FEW_ROWS
+    damping, growth, iteration = 1e-3, 2.0, 0
+    refused = False  # a step, because a closed chain did not close there
+    for iteration in range(1, max_iterations + 1):
+        square = square[block]
+        scale = np.sqrt(square.diagonal())
+        scale[scale == 0.0] = 1.0
+        values, vectors = np.linalg.eigh(square / (scale[:, None] * scale))
+        values = np.maximum(values, 0.0)
+        along = (gradient[index] / scale) @ vectors
+        starts = problem.starts
+        while True:
+            step_along = -along / (values + damping)
+            predicted = -2 * step_along @ along - step_along @ (values * step_along)
+            if predicted <= small * cost or cost <= floor:
+                return Solution(theta, frame, cost, iteration, not refused)
+            step = np.zeros(len(theta))
+            step[index] = vectors @ step_along / scale
+            straight = iteration <= STRAIGHT
+            if not straight:
+                probe = moved(problem, theta, frame, PROBE * step)
+                bend = problem.bend(theta, frame, probe, step, PROBE)[index] / scale
+                along_bend = -(vectors.T @ bend) / (values + damping) / 2
+                straight = not np.linalg.norm(along_bend) <= LARGEST_BEND / 2 * np.linalg.norm(step_along)
+                if not straight:
+                    step[index] += vectors @ along_bend / scale
+            new_theta, new_frame = moved(problem, theta, frame, step)
+            if few:
+                new_cost, square, gradient = problem.normal_equations(new_theta, new_frame)
+            else:
+                new_cost = problem.cost(new_theta, new_frame)
+            if problem.is_closed_chain and not np.isfinite(new_cost):
+                new_theta, new_frame = _as_far_as_legs_close(problem, theta, frame, step)
+                new_cost, square, gradient = problem.normal_equations(new_theta, new_frame)
+                refused |= not np.isfinite(new_cost)
+            if new_cost < cost:
+                break
+            problem.start_from(starts)
+            damping *= growth
+            growth *= 2.0
+            if damping > 1e20:
+                return Solution(theta, frame, cost, iteration, True)
+        gain = (cost - new_cost) / predicted
+        damping = max(damping * max(LEAST_FACTOR, 1 - (2 * gain - 1) ** 3), LEAST_DAMPING)
+        growth, refused = 2.0, False
+        theta, frame, cost = new_theta, new_frame, new_cost
+        if problem.follow(theta, frame) or not few:
+            cost, square, gradient = problem.normal_equations(theta, frame)
+        if progress:
+            progress(iteration, cost)
+    return Solution(theta, frame, cost, iteration, False)
+
+
+def _as_far_as_legs_close(problem: Problem, theta: Array, frame: Frame, step: Array) -> tuple[Array, Frame]:
+    """Return where a step, or a half of it and so on, leads to poses that a closed chain has.
+
+    A pose may be too far from where it starts, or near a fold, where two modes meet and beyond which there is none.
+    """
+    starts = problem.starts
+    for halving in range(HALVINGS):
+        tried = moved(problem, theta, frame, 0.5**halving * step)
+        problem.start_from(starts)
+        problem.follow(*tried)
+        if np.isfinite(problem.cost(*tried)):
+            break
+    return tried
+
+
+def moved(problem: Problem, theta: Array, frame: Frame, step: Array) -> tuple[Array, Frame]:
+    """Add a step; the frame turns by what is not added to its values."""
+    values, change = theta + step, {}
+    for i, parameter in enumerate(problem.model.parameters):
+        if parameter.slot[0] == "frame":
+            change[str(parameter.slot[1])] = float(step[i])
+            values[i] = 0.0
+    return values, frame.moved(change) if change else frame

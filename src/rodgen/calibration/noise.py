@@ -1,0 +1,403 @@
+"""How well a machine could be modelled at all, from the data alone: the noise floor.
+
+Three witnesses, each of something else:
+
+- replicates: poses that are repeated. Their scatter holds the instrument's noise and how well the machine repeats;
+  what else differs between them and is not modelled (time, temperature, run) is taken out where it shows, and told.
+- distances (for directions: angles) between targets in one pose: constant, whatever the machine does, so that their
+  scatter is the instrument's noise. What the readings of a pose share is not in it; a scale that changes is.
+- what is stated.
+
+All as standard deviations of a scalar reading.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from itertools import combinations
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.deviations import Deviations, Estimated, drivers
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fit import Fit
+
+__all__ = ["NoiseFloor", "Replicates", "figure", "noise_floor", "replicates"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+MOST_PAIRS = 60
+"""Distances between targets that are looked at in a pose: more tell little that these do not."""
+MOST_ROWS = 1_000_000
+"""Of more rows, every other (third, ...) group of equal commands is looked at."""
+LONGEST = 200_000
+"""Poses whose distances are looked at: a standard deviation from them is good to 0.2 %."""
+CLOSE = 10.0
+"""Targets nearer than so many scatters of their distance are left out: noise across their line changes it, too."""
+CHANCE = 0.005
+"""A witness contradicts when its figure would be as far off, to this side, so rarely by chance ..."""
+ALIKE = 1.1
+"""... and is off by more than this factor: finer differences do not matter to anybody."""
+
+
+@dataclass(frozen=True)
+class Replicates:
+    """Residuals of equal commands.
+
+    Attributes
+    ----------
+    deviations : Deviations
+        Of poses from the mean of those with equal commands, target, directions of approach and load; what follows
+        time, run or temperature beyond doubt is taken out.
+    drifts : tuple of str
+        What that was.
+    before : Deviations
+        With it.
+    cells : int
+        Targets in poses: readings of one target in one pose count as one.
+    cell_squares : float
+        Weighted sum of the squares of the cells' residuals.
+    readings : float
+        Of a cell, in the mean.
+    repeated : Estimated or None
+        Scatter of the readings of one target in one pose.
+    """
+
+    deviations: Deviations
+    drifts: tuple[str, ...]
+    before: Deviations
+    cells: int
+    cell_squares: float
+    readings: float
+    repeated: Estimated | None
+
+    @property
+    def poses(self) -> int:
+        """Number of poses that are repeated or repetitions."""
+        return len(np.unique(self.deviations.pose))
+
+    def noise(self, deviations: Deviations) -> Estimated | None:
+        """Return the standard deviation of a single reading; None without replicates.
+
+        The mean of n readings of a pose scatters by τ² + ω²/n, a single one by τ² + ω²; ω is known from the repeats.
+        """
+        if deviations.count < 1:
+            return None
+        found = deviations.estimate()
+        if self.repeated is None:
+            return found
+        between = found.value**2 / self.readings
+        within = self.repeated.value**2 * (1 - 1 / self.readings)
+        scatter = between**2 / found.degrees_of_freedom + within**2 / self.repeated.degrees_of_freedom
+        return Estimated.of(
+            between + within, (between + within) ** 2 / scatter if scatter else found.degrees_of_freedom
+        )
+
+
+@dataclass(frozen=True)
+class NoiseFloor:
+    """Standard deviation of a scalar reading, without any model or nearly so.
+
+    Attributes
+    ----------
+    value : float or None
+        By replicates where there are any, else what is stated; None where neither is there.
+    unit : str
+    source : {"replicates", "stated", None}
+        Where `value` comes from.
+    replicates : Estimated or None
+        Pure error of poses that are repeated.
+    replicated_poses : int
+    drifts : tuple of str
+        What differs between replicates and was taken out because their readings follow it.
+    with_drifts : Estimated or None
+        `replicates` before that.
+    repeated : Estimated or None
+        Scatter of readings of one target in one pose: the instrument's part, at least.
+    distances : Estimated or None
+        From distances or angles between targets in one pose.
+    distance_drifts : tuple of str
+        What the scale of these follows.
+    stated : float or None
+        Root mean square of the stated uncertainties.
+    text : str
+        The same for people.
+    """
+
+    value: float | None
+    unit: str
+    source: str | None
+    replicates: Estimated | None
+    replicated_poses: int
+    drifts: tuple[str, ...]
+    with_drifts: Estimated | None
+    repeated: Estimated | None
+    distances: Estimated | None
+    distance_drifts: tuple[str, ...]
+    stated: float | None
+
+    @property
+    def text(self) -> str:
+        """The same for people."""
+        return " ".join(_sentences(self))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return asdict(self) | {
+            "drifts": list(self.drifts),
+            "distance_drifts": list(self.distance_drifts),
+            "text": self.text,
+        }
+
+
+def noise_floor(fit: Fit) -> NoiseFloor:
+    """Ask every witness of the noise.
+
+    Parameters
+    ----------
+    fit : Fit
+        Residuals, so that what is modelled of time and temperature does not count as noise between replicates. Rows
+        that are outliers are not asked.
+    """
+    repeated = replicates(fit)
+    pure = repeated.noise(repeated.deviations)
+    stated = None
+    if fit.observations.sigma is not None:
+        stated = float(np.sqrt(np.mean(fit.observations.sigma[~fit.outliers] ** 2)) / fit.unit_factor)
+    distances, distance_drifts = _distances(fit)
+    return NoiseFloor(
+        value=pure.value if pure else stated,
+        unit=fit.unit,
+        source="replicates" if pure else "stated" if stated else None,
+        replicates=pure,
+        replicated_poses=repeated.poses if pure else 0,
+        drifts=repeated.drifts,
+        with_drifts=repeated.noise(repeated.before) if repeated.drifts else None,
+        repeated=repeated.repeated,
+        distances=distances,
+        distance_drifts=distance_drifts,
+        stated=stated,
+    )
+
+
+# replicates ------------------------------------------------------------------------------------------------------
+
+
+def replicates(fit: Fit, *, weighted: bool = False) -> Replicates:
+    """Return how the residuals of equal commands differ.
+
+    Parameters
+    ----------
+    fit : Fit
+    weighted : bool
+        Whether residuals are taken as parts of their stated uncertainty.
+    """
+    o = fit.observations
+    many = max(o.n - 1, 0) // MOST_ROWS + 1
+    rows = np.flatnonzero(~fit.outliers & (o.replicate % many == 0))
+    order = rows[np.lexsort((o.pose[rows], o.replicate[rows]))]
+    group, pose = o.replicate[order], o.pose[order]
+    value = _in_one_basis(fit, order, group)
+    weight = np.ones_like(value)
+    if weighted:
+        weight = (fit.problem.base_weight[order] * fit.unit_factor) ** 2
+    starts = np.flatnonzero(np.diff(group, prepend=-1) | np.diff(pose, prepend=-1))
+    sizes = np.diff(starts, append=len(order))
+    total = np.add.reduceat(weight, starts)
+    mean = np.add.reduceat(weight * value, starts) / total
+    within = float(np.sum(weight * (value - np.repeat(mean, sizes, axis=0)) ** 2))
+    spare = (len(order) - len(starts)) * value.shape[1]
+    at = order[starts]
+    before = Deviations.of(mean, total, group[starts], pose[starts], np.asarray(o.target[at]), at)
+    before = replace(before, lost=_told_apart(fit))
+    deviations, drifts = before.without_drift(drivers(o))
+    repeats = sizes[np.isin(group[starts], before.group)]
+    return Replicates(
+        deviations=deviations,
+        drifts=tuple(drifts),
+        before=before,
+        cells=len(starts),
+        cell_squares=float(np.sum(total * mean**2)),
+        readings=float(1 / np.mean(1 / repeats)) if len(repeats) else 1.0,
+        repeated=Estimated.of(within / spare, spare) if spare else None,
+    )
+
+
+def _in_one_basis(fit: Fit, order: NDArray[np.int_], group: NDArray[np.int_]) -> Array:
+    """Return residuals; those of directions along the basis of their group's first row, for near the pole it turns."""
+    residuals = fit.residuals[order]
+    if fit.problem.model.structure.kind != "direction":
+        return residuals
+    left, above = (e[order] for e in fit.observations.basis)
+    across = residuals[:, :1] * left + residuals[:, 1:] * above
+    starts = np.flatnonzero(np.diff(group, prepend=-1))
+    first = np.repeat(starts, np.diff(starts, append=len(group)))
+    return np.stack([np.einsum("ij,ij->i", across, e[first]) for e in (left, above)], axis=-1)
+
+
+def _told_apart(fit: Fit) -> float:
+    """Return how many fitted parameters may tell replicates apart: those of time, temperature, velocity, run."""
+    model, runs = fit.problem.model, len(fit.observations.run_names)
+    count = 0.0
+    for i in fit.free:
+        slot = model.parameters[i].slot
+        if slot[0] == "shift":
+            count += (runs - 1) / runs  # what all runs share is the same for all replicates
+        elif slot[0] == "e":
+            kinds = {kind for _, (kind, _) in model.structure.terms[int(str(slot[1]))].columns}
+            count += bool(kinds & {"t", "T", "v", "x"})
+    return count
+
+
+# distances -------------------------------------------------------------------------------------------------------
+
+
+def _distances(fit: Fit) -> tuple[Estimated | None, tuple[str, ...]]:
+    """Return the noise by distances between targets in one pose, and what their scale follows."""
+    o, kind = fit.observations, fit.machine.measured.kind
+    if kind == "distance" or len(fit.machine.targets) < 2:
+        return None, ()
+    made = list(_pairs(fit))
+    if not made:
+        return None, ()
+    group = np.concatenate([np.full(len(row), k) for k, (row, *_) in enumerate(made)])
+    row, distance, variance = (np.concatenate([part[i] for part in made]) for i in range(3))
+    weight = 1 / variance[:, None]
+    lever = np.concatenate([np.full(len(part), part.mean()) for _, part, _ in made])
+    deviations = Deviations.of(distance[:, None], weight, group, o.pose[row], group, row, lever)
+    if deviations.count < 1:
+        return None, ()
+    left, drifts = deviations.without_drift(drivers(o))
+    factor = 1 / fit.unit_factor
+    if o.sigma is not None:
+        factor *= float(np.sqrt(np.mean(o.sigma[row] ** 2)))
+    return left.estimate(factor), tuple(drifts)
+
+
+def _pairs(fit: Fit) -> Iterator[tuple[NDArray[np.int_], Array, Array]]:
+    """Yield, for pairs of targets, rows of the first, distances or angles, and their variances for noise 1.
+
+    Of a target that is read several times in a pose the first reading is taken: how the others depend on it is unknown.
+    The noise enters along the line between the two; of directions along the great circle.
+    """
+    o, targets = fit.observations, len(fit.machine.targets)
+    rows = np.flatnonzero(~fit.outliers)
+    cell = o.pose[rows].astype(np.int64) * targets + o.target[rows]
+    cell, first = np.unique(cell, return_index=True)
+    pose, target, rows = cell // targets, cell % targets, rows[first]
+    many = int(pose[-1]) // LONGEST + 1 if len(pose) else 1
+    some = pose % many == 0
+    pose, target, rows = pose[some], target[some], rows[some]
+    pairs = list(combinations(range(targets), 2))
+    for a, b in pairs[:: len(pairs) // MOST_PAIRS + 1]:
+        _, at_a, at_b = np.intersect1d(pose[target == a], pose[target == b], return_indices=True)
+        i, j = rows[target == a][at_a], rows[target == b][at_b]
+        if not len(i):
+            continue
+        x, y = o.reading[i], o.reading[j]
+        distance, longest = np.linalg.norm(y - x, axis=1), np.inf
+        if fit.machine.measured.kind == "direction":
+            distance, longest = 2 * np.arcsin(np.minimum(distance / 2, 1.0)), np.pi
+        if min(distance.mean(), longest - distance.mean()) <= CLOSE * distance.std():
+            continue
+        if fit.machine.measured.kind == "direction":
+            along = [_tangent(x, y), _tangent(y, x)]
+        else:
+            along = [(y - x) / distance[:, None]] * 2
+        variance = np.full(len(i), 2.0)
+        if o.sigma is not None:
+            variance = sum(np.sum((e * o.sigma[k]) ** 2, axis=1) for e, k in zip(along, (i, j), strict=True))
+        yield i, distance, variance
+
+
+def _tangent(x: Array, y: Array) -> Array:
+    """Return unit vectors across x towards y."""
+    across = y - np.einsum("ij,ij->i", x, y)[:, None] * x
+    return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
+
+
+# words -----------------------------------------------------------------------------------------------------------
+
+
+def _sentences(floor: NoiseFloor) -> Iterator[str]:
+    unit, main = floor.unit, floor.replicates
+    if main is not None:
+        told = f"The noise is {figure(main.value)} {unit} by {floor.replicated_poses} replicated poses ({_range(main)})"
+        if floor.stated is not None:
+            told += f"; the stated {figure(floor.stated)} {unit} {_verdict(floor.stated, main)}"
+        yield f"{told}."
+    elif floor.stated is not None:
+        yield f"The noise is {figure(floor.stated)} {unit}, as stated."
+    else:
+        yield "The noise is not known: none is stated, and no pose was repeated."
+    if floor.drifts:
+        before = f"with it {figure(floor.with_drifts.value)} {unit}" if floor.with_drifts else ""
+        yield f"Between replicates the readings follow {_listed(floor.drifts)}, which is taken out ({before})."
+    if floor.distances is not None:
+        yield _of_distances(floor, floor.distances)
+    if floor.repeated is not None and main is None:
+        said = f"{figure(floor.repeated.value)} {unit}"
+        yield f"Readings repeated in one pose scatter by {said}: the instrument's part, at least."
+
+
+def _of_distances(floor: NoiseFloor, found: Estimated) -> str:
+    said = f"Distances between targets say {figure(found.value)} {floor.unit}"
+    if floor.distance_drifts:
+        said += f", when their scale, which follows {_listed(floor.distance_drifts)}, is taken out"
+    against = floor.replicates or (None if floor.stated is None else _known(floor.stated))
+    if against is None:
+        return f"{said}, without what the readings of a pose share."
+    match _compared(found, against):
+        case 0:
+            return f"{said}, which agrees."
+        case -1:
+            return f"{said}, {_times(against.value / found.value)} less: the rest is shared by the readings of a pose."
+    return f"{said}, {_times(found.value / against.value)} more: the targets move on their body, or the scale changes."
+
+
+def _verdict(stated: float, found: Estimated) -> str:
+    match _compared(_known(stated), found):
+        case 0:
+            return "agrees"
+        case 1:
+            return f"is {_times(stated / found.value)} larger than the replicates say"
+    return f"is {_times(found.value / stated)} smaller than the replicates say"
+
+
+def _known(value: float) -> Estimated:
+    return Estimated(value, np.inf, value, value)
+
+
+def _compared(one: Estimated, other: Estimated) -> int:
+    """Tell whether one figure is clearly larger (1) or smaller (-1) than the other, or agrees with it (0)."""
+    from scipy.special import fdtr, fdtrc
+
+    # From a million on F is chi-square to six digits; infinity is not taken.
+    freedoms = min(one.degrees_of_freedom, 1e6), min(other.degrees_of_freedom, 1e6)
+    with np.errstate(divide="ignore"):
+        ratio = float(np.divide(one.value, other.value))
+    if ratio > ALIKE and fdtrc(*freedoms, ratio**2) < CHANCE:
+        return 1
+    return -1 if ratio < 1 / ALIKE and fdtr(*freedoms, ratio**2) < CHANCE else 0
+
+
+def _times(ratio: float) -> str:
+    return f"{ratio:.2g} times" if ratio < 1000 else "over 1000 times"
+
+
+def figure(value: float) -> str:
+    """Return a number with three significant digits."""
+    return f"{value:.3g}"
+
+
+def _range(found: Estimated) -> str:
+    return f"95 %: {figure(found.low)} to {figure(found.high)}"
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    *most, last = names
+    return f"{', '.join(most)} and {last}" if most else last

@@ -1,0 +1,576 @@
+"""Check measurements against a machine, and bring them to the units that are computed with.
+
+What each column means, and which may be left out, is the reference of file formats. Two things it leaves open: a
+joint that never moves has no direction of approach (0), and a new run does not begin the directions anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.assembly_modes import closed
+from rodgen.data.names import plain_name
+from rodgen.data.poses import approach, groups, poses
+from rodgen.data.spool import empty
+from rodgen.data.tables import nearest
+from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, Dimension, parse_unit
+from rodgen.errors import InputFileError, shown
+
+if TYPE_CHECKING:
+    from rodgen.data.measurements import Column, Measurements, Names
+    from rodgen.machines.machine import Machine
+
+__all__ = ["READINGS", "Observations", "bind"]
+
+READINGS = {"point": ("x", "y", "z"), "direction": ("ux", "uy", "uz"), "distance": ("d",)}
+"""The columns of a reading, by what a machine measures."""
+
+SMALLEST, LARGEST = 1e-100, 1e100
+"""Readings and uncertainties beyond leave the range of a double when they are squared and summed up."""
+UNIT_LENGTH_TOLERANCE = 1e-3
+"""How far the length of a measured direction may be off 1: components rounded to three decimals still pass, an azimuth
+in the wrong column does not."""
+
+ABSOLUTE_ZERO = -273.15
+TOO_COLD = 200.0
+"""A temperature on the kelvin scale so many kelvins below the reference is taken for a difference in temperature."""
+
+_WORDS = {
+    LENGTH: ("length", "mm"),
+    ANGLE: ("angle", "deg"),
+    TIME: ("time", "s"),
+    FORCE: ("force", "N"),
+    TEMPERATURE: ("temperature", "degC"),
+    LENGTH / TIME: ("speed", "mm/s"),
+    ANGLE / TIME: ("angular speed", "deg/s"),
+}
+
+_WORDS_OF_FORMULAS = {
+    "q": "the joint's name, such as '{0}'",
+    "s": "the joint that it is of, 'dir_{0}'",
+    "v": "the joint that it is of, 'v_{0}'",
+    "T": "what it is the temperature of, such as 'T_{0} [degC]'",
+    "F": "'load [N]'",
+}
+"""What a formula calls a column, and what it is called in the data."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Observations:
+    """Measurements in internal units, checked against a machine; made by `bind`.
+
+    Lengths are in the machine's unit, angles in radians, times in seconds, temperatures in kelvins from the machine's
+    reference, forces in newtons. n is the number of rows, J that of joints. Arrays are read-only; large ones live in
+    temporary files, and what is the same in all rows takes no memory.
+
+    Attributes
+    ----------
+    machine : Machine
+    data : Measurements
+    q : ndarray, shape (n, J)
+        Commanded coordinates.
+    s : ndarray of int8, shape (n, J)
+        Direction of approach, +1 or -1; 0 of a joint that never moves and has no column for it.
+    v : ndarray, shape (n, J)
+        Velocities.
+    t, load : ndarray, shape (n,), or None
+        Times and payload forces, where there are such columns.
+    temperature : mapping of str to ndarray, shape (n,)
+        By joint.
+    covariates : mapping of str to ndarray, shape (n,)
+        Every column without a meaning of its own, by name; temperatures from the reference, too.
+    reading : ndarray, shape (n, 3), or (n, 1) for distances
+        Directions have length 1. NaN where readings may be missing and are.
+    sigma : ndarray like `reading`, or None
+        Standard uncertainty of each component, from the columns ``u_…`` or the machine's ``noise``; None where neither
+        is given.
+    target : ndarray of int, shape (n,)
+        Index into the machine's targets.
+    run : ndarray of int, shape (n,)
+        Index into `run_names`.
+    run_names : tuple of str
+        In the order in which they occur; ``("",)`` without such a column.
+    pose : ndarray of int, shape (n,)
+        Consecutive rows with equal commanded coordinates and run have one number.
+    travel : ndarray, shape (J, 2)
+        Range of each joint: the machine's, or that of the data.
+    columns_given : frozenset of str
+        Names of all columns in the data.
+    pose_start : ndarray, shape (n, k), or None
+        Of a closed chain: the platform's pose on the nominal machine, near which a model solves for its own.
+    """
+
+    machine: Machine
+    data: Measurements
+    q: NDArray[np.float64]
+    s: NDArray[np.int8]
+    v: NDArray[np.float64]
+    t: NDArray[np.float64] | None
+    load: NDArray[np.float64] | None
+    temperature: Mapping[str, NDArray[np.float64]]
+    covariates: Mapping[str, NDArray[np.float64]]
+    reading: NDArray[np.float64]
+    sigma: NDArray[np.float64] | None
+    target: NDArray[np.int32]
+    run: NDArray[np.int32]
+    run_names: tuple[str, ...]
+    pose: NDArray[np.int32]
+    travel: NDArray[np.float64]
+    columns_given: frozenset[str]
+    pose_start: NDArray[np.float64] | None = None
+
+    @property
+    def n(self) -> int:
+        """Number of rows."""
+        return len(self.q)
+
+    @cached_property
+    def replicate(self) -> NDArray[np.intp]:
+        """A number for each row, (n,): equal where commanded coordinates, target, directions of approach and load are.
+
+        Rows of one pose with one number are repeated readings, those of several poses are replicates.
+        """
+        load = [] if self.load is None else [self.load]
+        return groups([*self.q.T, self.target, *self.s.T, *load], self.n)
+
+    @cached_property
+    def basis(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Two unit vectors that complete each measured direction, (n, 3) each: horizontal to its left, and upwards.
+
+        The first is up × direction, up being against gravity, or any horizontal one where the direction is along it.
+        """
+        up = -np.asarray(self.machine.gravity)
+        left, above = empty((self.n, 3)), empty((self.n, 3))
+        left[:] = np.cross(up, self.reading)
+        # Nearer than 2" to the pole the product's rounding would tilt it by more than 1e-11 rad.
+        pole = np.einsum("ij,ij->i", left, left) < 1e-10
+        left[pole] = np.cross(np.cross(up, np.eye(3)[np.argmin(np.abs(up))]), self.reading[pole])
+        left /= np.sqrt(np.einsum("ij,ij->i", left, left))[:, None]
+        above[:] = np.cross(self.reading, left)
+        return left, above
+
+    def take(self, rows: Any) -> Observations:
+        """Return some of the rows; numbers of poses and runs stay what they were.
+
+        Parameters
+        ----------
+        rows : ndarray of bool or int, or slice
+            A mask, indices or a slice; a slice copies nothing.
+        """
+
+        def some(array: Any) -> Any:
+            return None if array is None else _rows(array, rows)
+
+        return Observations(
+            machine=self.machine,
+            data=self.data.take(rows),
+            **{name: some(getattr(self, name)) for name in _BY_ROW},
+            temperature={name: some(column) for name, column in self.temperature.items()},
+            covariates={name: some(column) for name, column in self.covariates.items()},
+            run_names=self.run_names,
+            travel=self.travel,
+            columns_given=self.columns_given,
+        )
+
+    def arrays(self) -> Iterator[NDArray[Any]]:
+        """Yield every array that there is."""
+        given = (getattr(self, name) for name in _BY_ROW)
+        yield from (array for array in given if array is not None)
+        yield from (*self.temperature.values(), *self.covariates.values(), self.travel)
+
+    def __repr__(self) -> str:
+        return f"Observations({self.machine.name!r}, {self.data!r})"
+
+
+_BY_ROW = ("q", "s", "v", "t", "load", "reading", "sigma", "target", "run", "pose", "pose_start")
+
+
+def _rows(array: NDArray[Any], rows: Any) -> NDArray[Any]:
+    """Return some rows; what is one value repeated without memory stays so."""
+    if any(array.strides) or isinstance(rows, slice):
+        return np.asarray(array[rows])
+    count = len(np.empty(len(array), np.bool_)[rows])
+    return np.broadcast_to(array[0] if len(array) else array, (count, *array.shape[1:]))
+
+
+def bind(machine: Machine, data: Measurements, *, allow_missing_readings: bool = False) -> Observations:
+    """Check measurements against a machine, and bring them to internal units.
+
+    Parameters
+    ----------
+    machine : Machine
+    data : Measurements
+    allow_missing_readings : bool
+        Whether the columns of readings may all be missing, as in a plan of what to measure.
+
+    Returns
+    -------
+    Observations
+
+    Raises
+    ------
+    InputFileError
+        When a column is missing, has no unit or one that does not fit, is meant for a joint that there is not, or holds
+        a value that cannot be.
+
+    Examples
+    --------
+    >>> from rodgen.data.measurements import Measurements
+    >>> from rodgen.machines.machine import Joint, Machine, Measured, Target
+    >>> table = Machine(
+    ...     name="Rotary table", length_unit="mm", angle_unit="deg", gravity=(0, 0, -1), reference_temperature=20,
+    ...     joints=(Joint("C", "revolute", (0, 0, 1)),), targets=(Target("ball", (120, 0, 40)),),
+    ...     measured=Measured("point", "machine"),
+    ... )
+    >>> data = Measurements.from_frame({"C [deg]": [0, 180], "x [m]": [0.12, -0.12], "y [m]": [0, 0], "z [m]": [0, 0]})
+    >>> observations = bind(table, data)
+    >>> observations.q.T, observations.reading
+    (array([[0.        , 3.14159265]]), array([[ 120.,    0.,    0.],
+           [-120.,    0.,    0.]]))
+    """
+    binder = _Binder(machine, data)
+    binder.check_names()
+    commands = [binder.column(joint.name, *binder.kind(joint.name)).values for joint in machine.joints]
+    q = binder.coordinates(commands)
+    s = binder.approach(commands)
+    run, run_names = binder.run()
+    target = binder.target()
+    reading = binder.reading(may_be_missing=allow_missing_readings)
+    load = binder.number("load", FORCE)
+    travel = [
+        joint.travel or ((column.min(), column.max()) if data.rows else (0.0, 0.0))
+        for joint, column in zip(machine.joints, q.T, strict=True)
+    ]
+    observations = Observations(
+        machine=machine,
+        data=data,
+        q=q,
+        s=s,
+        v=binder.velocities(),
+        t=binder.number("t", TIME),
+        load=load,
+        temperature=binder.temperatures(),
+        covariates=binder.covariates(),
+        reading=reading,
+        sigma=binder.sigma(),
+        target=target,
+        run=run,
+        run_names=run_names,
+        pose=poses(commands, run),
+        travel=np.array(travel, dtype=float).reshape(-1, 2),
+        columns_given=frozenset(data.columns),
+    )
+    if machine.geometry is not None:
+        observations = closed(observations, by_readings=not allow_missing_readings)
+    for array in observations.arrays():
+        array.flags.writeable = False
+    return observations
+
+
+class _Binder:
+    """The columns of measurements in internal units, each checked where it is asked for."""
+
+    def __init__(self, machine: Machine, data: Measurements) -> None:
+        self.machine = machine
+        self.data = data
+        self.columns: Mapping[str, Any] = data.columns  # a Column, or Names of a target or run
+        self.joints = [joint.name for joint in machine.joints]
+        self.readings = READINGS[machine.measured.kind]
+        self.own = {"target", "run", "t", "load", *self.joints, *self.readings}
+        self.own |= {f"{prefix}{name}" for prefix in ("dir_", "v_", "T_") for name in self.joints}
+        self.own |= {f"u_{name}" for name in self.readings}
+
+    # faults --------------------------------------------------------------------------------------------------
+
+    def _wrong_column(self, column: Column | Names, found: str, expected: str) -> InputFileError:
+        place = f"{self.data.header_place}, column {shown(column.text)}"
+        return InputFileError(self.data.file, place, found, expected)
+
+    def _wrong_cell(self, column: Column | Names, row: int, found: str, expected: str) -> InputFileError:
+        place = f"{self.data.place(row)}, column {shown(column.text)}"
+        return InputFileError(self.data.file, place, found, expected)
+
+    def _missing(self, name: str, expected: str) -> InputFileError:
+        others = {n: c.text for n, c in self.columns.items() if n not in self.own}
+        found = f"no column {name!r}{nearest(name, others)}"
+        return InputFileError(self.data.file, self.data.header_place, found, expected)
+
+    def check_names(self) -> None:
+        """Refuse names that are a slip of the pen: of another case, or for a joint or reading that there is not."""
+        columns = self.columns
+        meant = {name.casefold(): name for name in self.own if name not in columns}
+        for name, column in columns.items():
+            if name in self.own:
+                continue
+            if name in _WORDS_OF_FORMULAS:
+                expected = _WORDS_OF_FORMULAS[name].format(self.joints[0])
+                raise self._wrong_column(column, f"{name!r}, which is a word of formulas", expected)
+            if name.casefold() in meant:
+                expected = f"{meant[name.casefold()]!r}, in this spelling"
+                raise self._wrong_column(column, f"the name {name!r}", expected)
+            for prefix, what, names in (
+                ("dir_", "joint", self.joints),
+                ("v_", "joint", self.joints),
+                ("u_", "reading", list(self.readings)),
+            ):
+                if name.startswith(prefix):
+                    rest = name.removeprefix(prefix)
+                    hint = nearest(rest, {n: n for n in names})
+                    expected = f"{prefix!r} with one of {', '.join(names)}, or another name for a covariate"
+                    raise self._wrong_column(column, f"no {what} {rest!r}{hint}", expected)
+
+    # units ---------------------------------------------------------------------------------------------------
+
+    def kind(self, joint: str) -> tuple[Dimension, str]:
+        """Return what a joint's coordinate is, and why."""
+        kind = self.machine.joint(joint).type
+        what = f"{joint} is a leg" if kind == "leg" else f"joint {joint} is {kind}"
+        return (ANGLE if kind == "revolute" else LENGTH), f" ({what})"
+
+    def column(self, name: str, dimension: Dimension, why: str = "") -> Any:
+        """Return a column that must be there, with a unit of this dimension."""
+        column = self.columns.get(name)
+        if column is None:
+            raise self._missing(name, f"one such as '{name} [{_WORDS[dimension][1]}]'{why}")
+        return self._checked(column, dimension, why)
+
+    def _checked(self, column: Any, dimension: Dimension, why: str = "") -> Any:
+        quantity, example = _WORDS[dimension]
+        self._check_numbers(column)
+        if column.unit is None:
+            expected = f"one in brackets, such as '{column.name} [{example}]'{why}"
+            raise self._wrong_column(column, "no unit", expected)
+        unit = parse_unit(column.unit)
+        if unit.dimension != dimension:
+            found = f"unit {shown(column.unit)}, which is no {quantity}"
+            raise self._wrong_column(column, found, f"a unit of {quantity}, such as {example}{why}")
+        return column
+
+    def _check_numbers(self, column: Any) -> None:
+        if hasattr(column, "codes"):
+            raise self._wrong_cell(column, 0, shown(column.values[0]), "a number")
+
+    def _plain(self, column: Any, what: str) -> NDArray[np.float64]:
+        self._check_numbers(column)
+        if column.unit is not None:
+            unit = parse_unit(column.unit)
+            if unit.dimension != ONE or unit.factor() != 1.0:
+                raise self._wrong_column(column, f"a unit, {shown(column.unit)}", f"none: {what}")
+        return column.values  # type: ignore[no-any-return]
+
+    def _scaled(self, column: Column, out: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+        """Return a column in internal units, in `out` where it is given."""
+        factor = parse_unit(column.unit).factor(self.machine.length_unit) if column.unit else 1.0
+        largest = max(column.values.max(initial=0.0), -column.values.min(initial=0.0))
+        if largest > LARGEST / factor:
+            row = int(np.argmax(np.abs(column.values)))
+            found = f"{_number(column, row)}, too large in {self.machine.length_unit}, rad, s, K and N"
+            raise self._wrong_cell(column, row, found, "a number of a usual size")
+        if out is None and factor == 1.0:
+            return column.values
+        scaled = empty(column.values.shape) if out is None else out
+        np.multiply(column.values, factor, out=scaled)
+        return scaled
+
+    def number(self, name: str, dimension: Dimension) -> NDArray[np.float64] | None:
+        """Return a column that may be left out."""
+        column = self.columns.get(name)
+        return None if column is None else self._scaled(self._checked(column, dimension))
+
+    # joints --------------------------------------------------------------------------------------------------
+
+    def coordinates(self, commands: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Return the commanded coordinates, (n, J)."""
+        q = empty((self.data.rows, len(commands)))
+        for j, name in enumerate(self.joints):
+            self._scaled(self.columns[name], q[:, j])
+        return q
+
+    def approach(self, commands: list[NDArray[np.float64]]) -> NDArray[np.int8]:
+        """Return the directions of approach, (n, J)."""
+        s = empty((self.data.rows, len(commands)), np.int8)
+        for j, name in enumerate(self.joints):
+            column = self.columns.get(f"dir_{name}")
+            if column is None:
+                s[:, j] = approach(commands[j])
+                continue
+            values = self._plain(column, "a direction of approach is +1 or -1")
+            wrong = np.abs(values) != 1.0
+            if wrong.any():
+                row = int(np.argmax(wrong))
+                raise self._wrong_cell(column, row, _number(column, row), "+1 or -1")
+            s[:, j] = values
+        return s
+
+    def velocities(self) -> NDArray[np.float64]:
+        """Return the velocities, (n, J), zero where there is no column."""
+        shape = (self.data.rows, len(self.joints))
+        given = [j for j, name in enumerate(self.joints) if f"v_{name}" in self.columns]
+        if not given:
+            return np.broadcast_to(0.0, shape)
+        v = empty(shape)
+        v[:] = 0.0
+        for j in given:
+            dimension, why = self.kind(self.joints[j])
+            self._scaled(self.column(f"v_{self.joints[j]}", dimension / TIME, why), v[:, j])
+        return v
+
+    # target and run ------------------------------------------------------------------------------------------
+
+    def target(self) -> NDArray[np.int32]:
+        """Return the index of each row's target."""
+        names = [target.name for target in self.machine.targets]
+        column = self.columns.get("target")
+        if column is None:
+            if len(names) == 1:
+                return np.broadcast_to(np.int32(0), self.data.rows)
+            raise self._missing("target", f"one, because the machine has the targets {_listed(names)}")
+        index = {plain_name(name): i for i, name in enumerate(names)}
+        known = np.array([index.get(name, -1) for name in column.names], np.int32)
+        found: NDArray[np.int32] = known[column.codes]
+        if found.min(initial=0) < 0:
+            row = int(np.argmin(found))
+            name = column.names[column.codes[row]]
+            hint = nearest(name, {n: n for n in names})
+            expected = "the machine's target" if len(names) == 1 else "one of the machine's targets"
+            raise self._wrong_cell(column, row, f"{shown(name)}{hint}", f"{expected}, {_listed(names)}")
+        return found
+
+    def run(self) -> tuple[NDArray[np.int32], tuple[str, ...]]:
+        """Return the index of each row's run, and the names of those that occur."""
+        column = self.columns.get("run")
+        if column is None:
+            return np.broadcast_to(np.int32(0), self.data.rows), ("",)
+        used = np.flatnonzero(np.bincount(column.codes, minlength=len(column.names)))
+        if len(used) == len(column.names):
+            return column.codes, column.names
+        new = np.zeros(len(column.names), np.int32)
+        new[used] = np.arange(len(used))
+        return new[column.codes], tuple(column.names[i] for i in used)
+
+    # readings ------------------------------------------------------------------------------------------------
+
+    def reading(self, *, may_be_missing: bool) -> NDArray[np.float64]:
+        """Return the readings, (n, 3) or (n, 1)."""
+        columns, kind = self.columns, self.machine.measured.kind
+        shape = (self.data.rows, len(self.readings))
+        missing = [name for name in self.readings if name not in columns]
+        if len(missing) == len(self.readings):
+            if may_be_missing:
+                return np.broadcast_to(np.nan, shape)
+            other = next((k for k, names in READINGS.items() if all(n in columns for n in names)), None)
+            if other:
+                found = f"the readings {_listed(READINGS[other])}, of the kind {other!r}"
+                expected = f'{_listed(self.readings)}: the machine file says kind = "{kind}"'
+                raise InputFileError(self.data.file, self.data.header_place, found, expected)
+        reading = empty(shape)
+        if kind == "direction":
+            for i, name in enumerate(self.readings):
+                column = columns.get(name)
+                if column is None:
+                    raise self._missing(name, f"{_listed(self.readings)}, without a unit")
+                reading[:, i] = self._plain(column, f"{_listed(self.readings)} are a vector of length 1")
+            return self._normalized(reading)
+        for i, name in enumerate(self.readings):
+            self._scaled(self.column(name, LENGTH), reading[:, i])
+        if kind == "distance" and reading.min(initial=0.0) < 0.0:
+            column, row = columns["d"], int(np.argmax(reading < 0.0))
+            expected = "the whole distance, which is positive, not a deviation from a nominal one"
+            raise self._wrong_cell(column, row, _number(column, row), expected)
+        return reading
+
+    def _normalized(self, reading: NDArray[np.float64]) -> NDArray[np.float64]:
+        length = np.sqrt(np.einsum("ij,ij->i", reading, reading))
+        wrong = ~(np.abs(length - 1.0) <= UNIT_LENGTH_TOLERANCE)
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            place = f"{self.data.place(row)}, columns {_listed(self.readings)}"
+            expected = f"a length of 1 within {UNIT_LENGTH_TOLERANCE:g}"
+            raise InputFileError(self.data.file, place, f"a direction of length {length[row]:.6g}", expected)
+        reading /= length[:, None]
+        return reading
+
+    def sigma(self) -> NDArray[np.float64] | None:
+        """Return the standard uncertainties of the readings, None where they are not stated."""
+        noise = self.machine.measured.noise
+        shape = (self.data.rows, len(self.readings))
+        given = [name for name in self.readings if f"u_{name}" in self.columns]
+        if not given:
+            return None if noise is None else np.broadcast_to(noise, shape)
+        sigma = empty(shape)
+        for i, name in enumerate(self.readings):
+            column = self.columns.get(f"u_{name}")
+            if column is None:
+                if noise is None:
+                    expected = f"it beside 'u_{given[0]}', or noise in the machine file"
+                    raise self._missing(f"u_{name}", expected)
+                sigma[:, i] = noise
+                continue
+            if self.machine.measured.kind != "direction":
+                self._checked(column, LENGTH)
+            elif column.unit is not None:
+                self._checked(column, ANGLE)
+            self._scaled(column, sigma[:, i])
+            usual = (sigma[:, i] > SMALLEST) & (sigma[:, i] < LARGEST)
+            if not usual.all():
+                row = int(np.argmin(usual))
+                raise self._wrong_cell(column, row, _number(column, row), "a positive uncertainty")
+        return sigma
+
+    # the rest ------------------------------------------------------------------------------------------------
+
+    def temperatures(self) -> dict[str, NDArray[np.float64]]:
+        """Return the temperature of each joint that has one."""
+        columns = self.data.columns
+        return {
+            name: self._temperature(columns[f"T_{name}"]) for name in self.joints if f"T_{name}" in columns
+        }
+
+    def _temperature(self, column: Any) -> NDArray[np.float64]:
+        """Return kelvins from the machine's reference."""
+        unit = parse_unit(self._checked(column, TEMPERATURE).unit or "")
+        values = self._scaled(column)
+        if unit.text.startswith(("delta", "Δ")):
+            return values
+        celsius = empty(values.shape)
+        np.add(values, ABSOLUTE_ZERO if unit.zero is None else float(unit.zero), out=celsius)
+        if celsius.min(initial=0.0) < ABSOLUTE_ZERO - 1e-9:
+            row = int(np.argmin(celsius))
+            found = f"{_number(column, row)} {column.unit}, below absolute zero"
+            raise self._wrong_cell(column, row, found, "a temperature, or delta_degC for a difference")
+        reference = self.machine.reference_temperature
+        celsius -= reference
+        if unit.zero is None and celsius.min(initial=0.0) < -TOO_COLD:
+            row = int(np.argmin(celsius))
+            found = f"{_number(column, row)} {column.unit}, far below the reference of {reference:g} degC"
+            expected = (
+                "a temperature (delta_degC for a difference), or another reference_temperature in the machine"
+            )
+            raise self._wrong_cell(column, row, found, expected)
+        return celsius
+
+    def covariates(self) -> dict[str, NDArray[np.float64]]:
+        """Return every column of numbers without a meaning of its own."""
+        found = {}
+        for name, column in self.columns.items():
+            if name in self.own or hasattr(column, "codes"):
+                continue
+            warm = name.startswith("T_")
+            warm |= column.unit is not None and parse_unit(column.unit).dimension == TEMPERATURE
+            found[name] = self._temperature(column) if warm else self._scaled(column)
+        return found
+
+
+def _number(column: Any, row: int) -> str:
+    return f"{column.values[row]:.12g}"
+
+
+def _listed(names: Any) -> str:
+    *most, last = names
+    return f"{', '.join(most)} and {last}" if most else str(last)

@@ -1,0 +1,285 @@
+r"""Which readings, of all that are considered, do best.
+
+Of two models A and B let A be true, with the values that it was fitted with. New readings then differ from what B
+predicts by d. B fits them anew together with the data: of d remains, as a rise of its chi-square,
+
+    λ = min over δ of  |d - J δ|² + δᵀ M δ,
+
+J the derivative of the readings by B's parameters, M the information of the data about them. This λ is what the
+readings are chosen for (T-optimality: Atkinson and Fedorov 1975): the least of all pairs, beside what is needed, is
+made as large as can be. For parameters it is their variance, in the mean of the logarithms (D_s-optimality).
+
+Readings are added one by one, best first, over a background of all that are considered, which is taken away in turn:
+without it the first ones would see nothing where several are needed at once. Then each is exchanged for a better one
+until none is (Fedorov 1972). A reading updates the inverse of the information by a matrix of its own size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.plan.rivals import Columns
+
+__all__ = ["SWEEPS", "Coordinates", "Pair", "Sharpen", "Task", "chosen"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+SEEN = 1e-13
+"""Combinations that change all readings together by less than this part (of squares) change nothing."""
+UNKNOWN = 1e-8
+"""Of a combination that changes a usual reading by one standard deviation, one of 1e4 is expected, and no more."""
+VALUES = 100
+"""So many values of a model's parameters stand for what the data leave open."""
+STEEP = 4.0
+"""How much more the least of all gains counts than the others."""
+ENOUGH = 3.0
+"""A gain beyond so many times what is needed counts no more."""
+SWEEPS = 4
+TOGETHER = 1e-3
+"""What it is worth that a reading is taken where another one is: a move less."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A model that is true, and one that is not.
+
+    Attributes
+    ----------
+    true, wrong : int
+        Numbers of the models.
+    now : float
+        By how much the wrong one fits the data worse.
+    needed : float
+        By how much it should, for sure.
+    """
+
+    true: int
+    wrong: int
+    now: float
+    needed: float
+
+
+@dataclass(frozen=True)
+class Sharpen:
+    """A parameter whose variance is to fall.
+
+    Attributes
+    ----------
+    model, parameter : int
+        Numbers of the model, and of the parameter among its free ones.
+    key : str
+    """
+
+    model: int
+    parameter: int
+    key: str
+
+
+class Coordinates:
+    """Parameters of a model of which a usual reading tells equally well, without combinations that none shows.
+
+    Parameters
+    ----------
+    information : ndarray, shape (p, p)
+        Of the data, in variances of a reading.
+    rows : int
+    jacobian : ndarray, shape (N, m, p)
+        Of the readings that are considered.
+
+    Attributes
+    ----------
+    root : ndarray, shape (p, r)
+        A change of the parameters is root @ x.
+    unseen : ndarray, shape (p, k)
+        The combinations that nothing shows, parameters scaled by what they change.
+    prior : ndarray, shape (r, r)
+        What is known of x.
+    values : ndarray, shape (r, k)
+        Some that the data leave open, beside those fitted.
+    """
+
+    def __init__(self, information: Array, rows: int, jacobian: Array) -> None:
+        flat = jacobian.reshape(-1, jacobian.shape[-1])
+        every = information / max(rows, 1) + flat.T @ flat / len(jacobian)
+        scale = np.sqrt(np.diag(every))
+        scale[scale == 0.0] = 1.0
+        values, vectors = np.linalg.eigh(every / np.outer(scale, scale))
+        seen = values > SEEN * max(values[-1] if len(values) else 0.0, 1e-300)
+        self.root = vectors[:, seen] / np.sqrt(values[seen]) / scale[:, None]
+        self.unseen = vectors[:, ~seen]
+        own = self.root.T @ information @ self.root
+        self.prior = own + UNKNOWN * np.eye(len(own))
+        careful = own + 1e-2 * np.eye(len(own))
+        normal = np.random.default_rng(0).normal(size=(len(own), VALUES // 2))
+        values = np.linalg.solve(np.linalg.cholesky(careful).T, normal) if len(own) else normal
+        self.values = np.concatenate([values, -values], axis=1)
+
+
+class Task:
+    """Goals, and what readings bring for them.
+
+    Parameters
+    ----------
+    coordinates : sequence of Coordinates
+        Of each model.
+    pairs : sequence of Pair
+    sharpen : sequence of Sharpen
+    """
+
+    def __init__(
+        self, coordinates: Sequence[Coordinates], pairs: Sequence[Pair], sharpen: Sequence[Sharpen]
+    ) -> None:
+        self.coordinates, self.pairs, self.sharpen = coordinates, pairs, sharpen
+        self.models = sorted({p.wrong for p in pairs} | {s.model for s in sharpen})
+
+    def value(self, gains: Array, variances: Array) -> Array:
+        """Return how good gains (..., pairs) and variances (..., parameters) are."""
+        found = np.zeros(np.broadcast_shapes(gains.shape[:-1], variances.shape[:-1]))
+        if self.pairs:
+            now = np.array([p.now for p in self.pairs])
+            needed = np.array([p.needed for p in self.pairs])
+            part = (gains + now) / needed
+            part = np.where(part > ENOUGH, ENOUGH + 0.02 * np.log1p(np.maximum(part - ENOUGH, 0)), part)
+            found = found - np.log(np.mean(np.exp(-STEEP * part), axis=-1)) / STEEP
+        if self.sharpen:
+            found = found - 0.5 * np.mean(np.log(np.maximum(variances, 1e-300)), axis=-1)
+        return np.asarray(found)
+
+    def gains(self, columns: Sequence[Columns]) -> tuple[Array, Array]:
+        """Return the rise of chi-square of each pair, and the variances, that readings bring."""
+        solved = {k: _Solved(self, k, columns) for k in self.models}
+        gains = [
+            solved[p.wrong].gain(columns[p.wrong].residual - columns[p.true].residual) for p in self.pairs
+        ]
+        return np.array(gains), np.array([solved[s.model].variance(s.parameter) for s in self.sharpen])
+
+    def probability(self, pair: Pair, columns: Sequence[Columns], threshold: float) -> float:
+        """Return the probability that the wrong model fits worse by a threshold.
+
+        What the true model's parameters are is known as well as the data tell them: the rise is that of many values.
+        """
+        from scipy.special import ndtr
+
+        wrong, true = columns[pair.wrong], columns[pair.true]
+        a, b = self.coordinates[pair.true], self.coordinates[pair.wrong]
+        d = (wrong.residual - true.residual).ravel()
+        of_a, of_b = (
+            x.jacobian.reshape(-1, x.jacobian.shape[-1]) @ c.root for x, c in ((true, a), (wrong, b))
+        )
+        expected = np.eye(len(d)) + of_b @ np.linalg.solve(b.prior, of_b.T)
+        differences = d[:, None] - of_a @ a.values
+        rise = np.einsum("nk,nk->k", differences, np.linalg.solve(expected, differences))
+        return float(np.mean(ndtr((pair.now + rise - threshold) / np.sqrt(4 * rise + 4))))
+
+
+class _Solved:
+    """One model with some readings."""
+
+    def __init__(self, task: Task, k: int, columns: Sequence[Columns]) -> None:
+        self.root, prior = task.coordinates[k].root, task.coordinates[k].prior
+        jacobian = columns[k].jacobian
+        self.j = jacobian.reshape(-1, jacobian.shape[-1]) @ self.root
+        self.inverse = np.linalg.inv(prior + self.j.T @ self.j)
+
+    def gain(self, d: Array) -> float:
+        d = d.ravel()
+        b = self.j.T @ d
+        return float(max(d @ d - b @ self.inverse @ b, 0.0))
+
+    def variance(self, parameter: int) -> float:
+        w = self.root[parameter]
+        return float(w @ self.inverse @ w)
+
+
+class _Search:
+    """Sums over readings that were chosen, and what each further one would bring."""
+
+    def __init__(
+        self, task: Task, columns: Sequence[Columns], groups: NDArray[np.int_], effort: Array
+    ) -> None:
+        self.task, self.groups, self.effort = task, groups, effort
+        self.n = len(groups)
+        self.j = {k: columns[k].jacobian @ task.coordinates[k].root for k in task.models}
+        self.d = [columns[p.wrong].residual - columns[p.true].residual for p in task.pairs]
+        self.every = {k: np.einsum("nmr,nms->rs", j, j, optimize=True) for k, j in self.j.items()}
+        self.every_b = [
+            np.einsum("nmr,nm->r", self.j[p.wrong], d, optimize=True)
+            for p, d in zip(task.pairs, self.d, strict=True)
+        ]
+        self.every_c = [float(np.vdot(d, d)) for d in self.d]
+
+    def best(self, picked: list[int], background: float) -> tuple[int, float]:
+        """Return the reading that does best beside others, and what is then reached."""
+        task = self.task
+        inverse, influence, own = {}, {}, {}
+        for k in task.models:
+            j = self.j[k]
+            flat = j[picked].reshape(-1, j.shape[-1])
+            m = task.coordinates[k].prior + flat.T @ flat + background * self.every[k]
+            inverse[k] = np.linalg.inv((m + m.T) / 2)
+            influence[k] = j @ inverse[k]
+            own[k] = np.linalg.inv(np.eye(j.shape[1]) + np.einsum("nmr,nlr->nml", influence[k], j))
+        gains = np.zeros((self.n, len(task.pairs)))
+        for i, (p, d) in enumerate(zip(task.pairs, self.d, strict=True)):
+            j, at = self.j[p.wrong], d[picked].ravel()
+            b = j[picked].reshape(-1, j.shape[-1]).T @ at + background * self.every_b[i]
+            so_far = float(at @ at) + background * self.every_c[i] - float(b @ inverse[p.wrong] @ b)
+            left = d - influence[p.wrong] @ b
+            gains[:, i] = max(so_far, 0.0) + np.einsum("nm,nml,nl->n", left, own[p.wrong], left)
+        variances = np.zeros((self.n, len(task.sharpen)))
+        for i, s in enumerate(task.sharpen):
+            w = task.coordinates[s.model].root[s.parameter]
+            change = influence[s.model] @ w
+            fall = np.einsum("nm,nml,nl->n", change, own[s.model], change)
+            variances[:, i] = np.maximum(w @ inverse[s.model] @ w - fall, 1e-300)
+        value = task.value(gains, variances)
+        shown = value - self.effort + TOGETHER * np.isin(self.groups, self.groups[picked])
+        if len(picked) < self.n:
+            shown[picked] = -np.inf  # the same reading once more would share what was wrong with it
+        k = int(np.argmax(shown))
+        return k, float(value[k])
+
+
+def chosen(
+    task: Task,
+    columns: Sequence[Columns],
+    groups: NDArray[np.int_],
+    effort: Array,
+    n: int,
+    *,
+    sweeps: int = SWEEPS,
+) -> list[int]:
+    """Return the numbers of n readings of those considered.
+
+    Parameters
+    ----------
+    task : Task
+    columns : sequence of Columns
+        Of each model, for all readings considered.
+    groups : ndarray of int, shape (N,)
+        Equal where readings can be taken in one pose.
+    effort : ndarray, shape (N,)
+        What a reading costs, in parts of what is needed: of two that are as good, the easier one is taken.
+    n : int
+    sweeps : int
+        How often every reading is exchanged at most.
+    """
+    search = _Search(task, columns, groups, effort)
+    picked: list[int] = []
+    for left in range(n - 1, -1, -1):
+        picked.append(search.best(picked, left / search.n)[0])
+    best = -np.inf
+    for _ in range(sweeps):
+        before = best
+        for i in range(n):
+            others = picked[:i] + picked[i + 1 :]
+            k, value = search.best(others, 0.0)
+            picked[i], best = k, value
+        if not best > before + 1e-3 * abs(before):
+            break
+    return picked

@@ -1,0 +1,224 @@
+"""All readings that are considered: positions within the travel, from both sides, of every target, with every load."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.assembly_modes import attainable
+from rodgen.calibration.plan.rows import Rows
+
+if TYPE_CHECKING:
+    from rodgen.calibration.observations import Observations
+    from rodgen.machines.machine import Machine
+
+__all__ = ["Levels", "levels", "positions", "readings", "rounding"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+READINGS = 2400
+"""Readings that are considered at most."""
+FEWEST_POSITIONS = 80
+LEVELS = 13
+"""Places along each joint while the others stand in the middle."""
+CORNERS = 6
+"""Joints of which every combination of ends is considered."""
+VARIANTS = 16
+"""Readings that are considered at each position, at most."""
+STEPS, FEW_STEPS = 60, 30
+"""Positions are rounded to a round number, such that the travel has at least so many: FEW_STEPS where three joints or
+more can move. Finer ones would only be the same reading again and again."""
+
+
+def rounding(low: float, high: float, unit: float, steps: int) -> float:
+    """Return the step that positions are rounded to, internal units: 1, 2 or 5 times a power of ten of the unit."""
+    span = (high - low) / unit
+    if span <= 0:
+        return 0.0
+    power = 10.0 ** np.floor(np.log10(span / steps))
+    step = max(k * power for k in (1, 2, 5) if k * power <= span / steps * (1 + 1e-9))
+    return float(step * unit)
+
+
+def positions(travel: Array, units: Array, count: int, taken: Array) -> Array:
+    """Return positions within the travel, (n, J): scans of each joint, corners, some that were measured, and any.
+
+    Parameters
+    ----------
+    travel : ndarray, shape (J, 2)
+    units : ndarray, shape (J,)
+        Internal value of the unit that each joint is commanded in.
+    count : int
+        At least.
+    taken : ndarray, shape (n, J)
+        What was measured.
+    """
+    low, high = travel.T
+    joints = len(travel)
+    middle = np.clip(np.median(taken, axis=0), low, high)
+    found = [middle[None]]
+    for j in range(joints):
+        scan = np.repeat(middle[None], LEVELS, axis=0)
+        scan[:, j] = np.linspace(low[j], high[j], LEVELS)
+        found.append(scan)
+    moving = np.flatnonzero(high > low)
+    if 0 < len(moving) <= CORNERS:
+        corners = np.repeat(middle[None], 2 ** len(moving), axis=0)
+        corners[:, moving] = list(itertools.product(*(travel[j] for j in moving)))
+        found.append(corners)
+    if len(moving) == 2:
+        grid = np.repeat(middle[None], 49, axis=0)
+        grid[:, moving] = list(itertools.product(*(np.linspace(low[j], high[j], 7) for j in moving)))
+        found.append(grid)
+    found.append(
+        np.clip(taken[np.linspace(0, len(taken) - 1, min(len(taken), count // 4)).astype(int)], low, high)
+    )
+    rest = max(count - sum(map(len, found)), count // 4)
+    found.append(low + _halton(rest, joints) * (high - low))
+    every = np.concatenate(found)
+    steps = STEPS if len(moving) < 3 else FEW_STEPS
+    step = np.array([rounding(low[j], high[j], units[j], steps) for j in range(joints)])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rounded = np.where(step > 0, np.round(every / step) * step, every)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        first, last = np.ceil(low / step - 1e-9) * step, np.floor(high / step + 1e-9) * step
+    rounded = np.where(step > 0, np.clip(rounded, first, last), rounded)
+    rounded = np.where(np.isclose(rounded, 0.0, atol=1e-9 * np.maximum(step, 1e-300)), 0.0, rounded)
+    return np.unique(rounded, axis=0)
+
+
+def _halton(n: int, joints: int) -> Array:
+    """Return points that fill a cube evenly (Halton 1960)."""
+    primes = [p for p in range(2, 60) if all(p % k for k in range(2, p))]
+    found = np.empty((n, joints))
+    for j in range(joints):
+        base, index = primes[j % len(primes)], np.arange(1, n + 1)
+        part, total = 1.0, np.zeros(n)
+        while index.any():
+            part /= base
+            total += part * (index % base)
+            index = index // base
+        found[:, j] = total
+    return found
+
+
+@dataclass(frozen=True)
+class Levels:
+    """What else may be chosen.
+
+    Attributes
+    ----------
+    sides : tuple of int
+        Joints that are considered from both sides.
+    speeds : mapping of int to tuple of float
+        Speeds of a joint, without sign.
+    loads : tuple of float
+    states : tuple of int
+        Rows of the data whose temperatures are to be met again.
+    targets : int
+    """
+
+    sides: tuple[int, ...]
+    speeds: dict[int, tuple[float, ...]]
+    loads: tuple[float, ...]
+    states: tuple[int, ...]
+    targets: int
+
+    @property
+    def variants(self) -> int:
+        """How many readings there may be at a position."""
+        speeds = int(np.prod([len(x) for x in self.speeds.values()], dtype=int))
+        return int(2 ** len(self.sides) * speeds * len(self.loads) * len(self.states) * self.targets)
+
+
+def levels(
+    o: Observations,
+    targets: int,
+    *,
+    sides: list[int],
+    speeds: list[int],
+    temperatures: list[int],
+    load: bool,
+) -> Levels:
+    """Return what may be chosen besides positions.
+
+    Parameters
+    ----------
+    o : Observations
+        The data: loads, speeds and temperatures lie within theirs.
+    targets : int
+    sides, speeds, temperatures : list of int
+        Joints of which the effects in question ask for the direction, the speed, the temperature.
+    load : bool
+        Whether they ask for the load.
+    """
+    last = o.n - 1
+    extremes: set[int] = set()
+    for j in temperatures:
+        values = o.temperature.get(o.machine.joints[j].name)
+        if values is not None and np.ptp(values) > 0:
+            extremes |= {int(np.argmin(values)), int(np.argmax(values))}
+    states = extremes or {last}
+    loads: tuple[float, ...] = (0.0,) if o.load is None else (float(o.load[last]),)
+    if o.load is not None and load:
+        loads = tuple(sorted({0.0, float(o.load.min()), float(o.load.max())}))
+    fastest = {j: float(np.max(np.abs(o.v[:, j]))) for j in speeds}
+    return Levels(
+        sides=tuple(sorted({*sides, *speeds}))[:3],
+        speeds={j: (v / 3, v) if v > 0 else (0.0,) for j, v in fastest.items()},
+        loads=loads,
+        states=tuple(sorted(states)),
+        targets=targets,
+    )
+
+
+def readings(
+    machine: Machine, o: Observations, travel: Array, units: Array, choice: Levels, *, again: bool = False
+) -> Rows:
+    """Return all readings that are considered; `again`: in the positions of the data only."""
+    count = max(FEWEST_POSITIONS, READINGS // min(choice.variants, VARIANTS))
+    taken = np.asarray(o.q)
+    if again:
+        q = np.unique(taken, axis=0)
+        q = q[np.linspace(0, len(q) - 1, min(len(q), count)).astype(int)]
+    else:
+        q = positions(travel, units, count, taken)
+    if o.machine.geometry is not None:
+        q = q[attainable(o, q)]
+    random = np.random.default_rng(0)
+    kinds = list(
+        itertools.product(
+            itertools.product((-1, 1), repeat=len(choice.sides)),
+            itertools.product(*choice.speeds.values()),
+            choice.loads,
+            choice.states,
+            range(choice.targets),
+        )
+    )
+    if len(kinds) * len(q) <= READINGS:
+        pick = np.indices((len(q), len(kinds))).reshape(2, -1).T
+    else:
+        most = max(1, min(VARIANTS, READINGS // len(q)))
+        some = [random.choice(len(kinds), min(most, len(kinds)), replace=False) for _ in q]
+        pick = np.array([(i, k) for i, row in enumerate(some) for k in row])
+    usual = np.array([1 if np.sum(o.s[:, j] < 0) <= o.n / 2 else -1 for j in range(q.shape[1])], np.int8)
+    pace = np.median(np.abs(o.v), axis=0)
+    n = len(pick)
+    s, v = np.repeat(usual[None], n, axis=0), np.repeat(pace[None], n, axis=0)
+    load, state, target = np.empty(n), np.empty(n, int), np.empty(n, int)
+    for i, (_, k) in enumerate(pick):
+        signs, speed, load[i], state[i], target[i] = kinds[k]
+        s[i, list(choice.sides)] = signs
+        v[i, list(choice.speeds)] = speed
+    q = q[pick[:, 0]]
+    # at an end of the travel a joint comes from inside, and one that cannot move comes from nowhere
+    low, high = travel.T
+    inside = ~np.any((s[:, choice.sides] > 0) & (q <= low)[:, choice.sides], axis=1)
+    inside &= ~np.any((s[:, choice.sides] < 0) & (q >= high)[:, choice.sides], axis=1)
+    still = high <= low
+    s[:, still] = o.s[-1, still]
+    return Rows(q, s, v * s, target, load, state).take(inside)

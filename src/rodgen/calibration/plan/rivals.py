@@ -1,0 +1,195 @@
+"""Models of one machine that differ in the effects that they have, each fitted to the data.
+
+All have one structure, that of the machine with every effect in question: what a model does not have is held at zero.
+So one set of kernels serves all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.fit import Fit, fit
+from rodgen.calibration.problem import Problem, one_thread_in_blas
+from rodgen.errors import InputFileError
+from rodgen.machines.model import NO_DECAY, Model
+from rodgen.machines.structure import row_effects
+
+if TYPE_CHECKING:
+    from rodgen.calibration.observations import Observations
+    from rodgen.machines.machine import Effect, Machine
+
+__all__ = ["Columns", "Rival", "Rivals"]
+
+Array: TypeAlias = NDArray[np.float64]
+Place: TypeAlias = tuple[str, str | None]
+
+LARGEST_TURN = 0.1
+"""In rad; a loose mount is off by a hundredth of it."""
+SPARE = 10
+"""Degrees of freedom from which on residuals that are larger than the stated noise count instead of it."""
+
+
+@dataclass(frozen=True)
+class Columns:
+    """What one model says of readings, in standard deviations of a reading.
+
+    Attributes
+    ----------
+    residual : ndarray, shape (n, m)
+        Of readings as the first model predicts them.
+    jacobian : ndarray, shape (n, m, p)
+        Of its free parameters.
+    """
+
+    residual: Array
+    jacobian: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Rival:
+    """A model that may be the true one.
+
+    Attributes
+    ----------
+    title : str
+        Of the effects in question that it has.
+    fit : Fit
+    own : int
+        Number of its free parameters that belong to these effects.
+    """
+
+    title: str
+    fit: Fit
+    own: int
+
+    @property
+    def plausible(self) -> bool:
+        """Whether no angle of an effect is larger than any machine has: a fit may end where all is turned round."""
+        found = self.fit
+        turns = [i for i in found.free if found.parameters[i].effect and found.parameters[i].unit == "arcsec"]
+        return all(abs(found.values[i]) < LARGEST_TURN for i in turns)
+
+    @cached_property
+    def index(self) -> NDArray[np.int_]:
+        """Numbers of the free parameters."""
+        return np.asarray(self.fit.free, int)
+
+    @cached_property
+    def information(self) -> Array:
+        """JᵀJ of the data, (p, p)."""
+        solution = self.fit.solution
+        with one_thread_in_blas():
+            _, square, _ = self.fit.problem.normal_equations(solution.theta, solution.frame)
+        return np.asarray(square[np.ix_(self.index, self.index)])
+
+
+class Rivals:
+    """Models with different ones of some effects.
+
+    Parameters
+    ----------
+    machine : Machine
+        With the effects that all of them have.
+    observations : Observations
+        The data without outliers.
+    effects : sequence of Effect
+        All that are in question. What cannot stand beside the others is left out, see `refused`.
+
+    Attributes
+    ----------
+    machine : Machine
+        With all effects.
+    refused : list of str
+        Sentences on the effects that were left out.
+    """
+
+    def __init__(self, machine: Machine, observations: Observations, effects: Sequence[Effect]) -> None:
+        self.observations = observations
+        self.refused: list[str] = []
+        self.asked: dict[Place, Effect] = {}
+        for effect in effects:
+            try:
+                machine = machine.with_effect(effect)
+            except InputFileError as error:
+                self.refused.append(f"{effect.title} is left out: {error.found}.")
+                continue
+            self.asked[effect.name, effect.place] = effect
+        self.machine = machine
+        self._made: dict[frozenset[Place], Rival] = {}
+
+    def rival(self, places: Iterable[Place]) -> Rival:
+        """Return the model with some of the effects, fitted."""
+        key = frozenset(places)
+        if key not in self._made:
+            self._made[key] = self._fitted(key)
+        return self._made[key]
+
+    def _fitted(self, key: frozenset[Place]) -> Rival:
+        effects = [
+            e if (e.name, e.place) in key or (e.name, e.place) not in self.asked else self._silent(e)
+            for e in self.machine.effects
+        ]
+        found = fit(replace(self.machine, effects=tuple(effects)), self.observations)
+        titles = [e.title for place, e in self.asked.items() if place in key]
+        own = sum(
+            (found.parameters[i].effect, found.parameters[i].place) in key
+            for i in found.free
+            if found.parameters[i].effect
+        )
+        return Rival(" and ".join(titles), found, own)
+
+    def _silent(self, effect: Effect) -> Effect:
+        """Return an effect that does nothing."""
+        joint = next((j for j in self.machine.joints if j.name == effect.place), None)
+        hold = {}
+        for name in effect.units(self.machine):
+            if name in effect.definition.searched:
+                if not (name == "P" and joint is not None and joint.period is not None):
+                    hold[name] = NO_DECAY if name == "tau" else 1.0
+            else:
+                hold[name] = 0.0
+        return replace(effect, hold=hold)
+
+    def variance(self, rivals: Sequence[Rival]) -> float:
+        """Return the variance of a weighted residual: 1 where the noise is stated, or what the best model says."""
+        left = [(r.fit.chi_square, r.fit.degrees_of_freedom) for r in rivals]
+        cost, spare = min(left, key=lambda x: x[0] / max(x[1], 1))
+        stated = self.observations.sigma is not None
+        if spare < (SPARE if stated else 1):
+            return 1.0
+        return max(cost / spare, 1.0) if stated else cost / spare
+
+    def uses(self, kind: str, places: Iterable[Place]) -> list[int]:
+        """Return the joints of which some effects use a column of a kind (``"s"``, ``"v"``, ``"T"``, ...)."""
+        chosen = set(places)
+        model = Model(self.machine, self.observations.travel, self.observations.run_names)
+        found = set()
+        for effect, term in zip(row_effects(self.machine), model.structure.terms, strict=True):
+            if (effect.name, effect.place) in chosen:
+                found |= {of for _, (k, of) in term.columns if k == kind}
+        return sorted(x for x in found if isinstance(x, int))
+
+    def columns(self, rivals: Sequence[Rival], imagined: Observations, variance: float) -> list[Columns]:
+        """Return what each model says of imagined readings."""
+        first = rivals[0].fit
+        problem = Problem(first.problem.model, imagined)
+        at = first.solution.theta, first.solution.frame
+        if first.problem.model.structure.kind == "direction":
+            imagined = replace(imagined, reading=problem.places(*at))
+        else:
+            # a reading enters its residual as it is
+            imagined = replace(imagined, reading=imagined.reading - problem.residuals(*at))
+        found = []
+        for rival in rivals:
+            solution = rival.fit.solution
+            problem = Problem(rival.fit.problem.model, imagined)
+            residual = problem.residuals(solution.theta, solution.frame, weighted=True)
+            jacobian = problem.jacobian(solution.theta, solution.frame)[:, :, rival.index]
+            found.append(Columns(residual / np.sqrt(variance), jacobian / np.sqrt(variance)))
+        return found

@@ -1,0 +1,136 @@
+"""Readings that may be taken: what is commanded, with which load, when; and as observations for a model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.assembly_modes import with_commands
+from rodgen.calibration.observations import Observations
+from rodgen.data.poses import approach
+
+__all__ = ["Rows", "Surroundings"]
+
+Array: TypeAlias = NDArray[np.float64]
+Ints: TypeAlias = NDArray[np.int_]
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Readings that may be taken, in internal units.
+
+    Attributes
+    ----------
+    q : ndarray, shape (n, J)
+    s : ndarray of int8, shape (n, J)
+        Direction of approach.
+    v : ndarray, shape (n, J)
+    target : ndarray of int, shape (n,)
+    load : ndarray, shape (n,)
+        Zero where the data have no such column.
+    state : ndarray of int, shape (n,)
+        The row of the data in which temperatures and further columns were as they are to be now.
+    """
+
+    q: Array
+    s: NDArray[np.int8]
+    v: Array
+    target: Ints
+    load: Array
+    state: Ints
+
+    @property
+    def n(self) -> int:
+        """Number of readings."""
+        return len(self.q)
+
+    def take(self, index: Any) -> Rows:
+        """Return some of them."""
+        names = ("q", "s", "v", "target", "load", "state")
+        return Rows(**{name: getattr(self, name)[index] for name in names})
+
+    @staticmethod
+    def joined(parts: list[Rows]) -> Rows:
+        """Return several one after the other."""
+        names = ("q", "s", "v", "target", "load", "state")
+        return Rows(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in names})
+
+    def as_moved(self) -> Rows:
+        """Return them with the directions of approach that their order makes, and speeds of that sign."""
+        s = np.stack([approach(column) for column in self.q.T], axis=1)
+        s = np.where(s == 0, self.s, s).astype(np.int8)
+        return replace(self, s=s, v=np.abs(self.v) * s)
+
+
+class Surroundings:
+    """What readings have besides commands: times, temperatures, uncertainties; it makes observations of them.
+
+    Parameters
+    ----------
+    observations : Observations
+        What was measured.
+    targets : int
+        How many targets there may be; at least those of the machine.
+    wait : float
+        For how many times the duration of the data the machine waits before; negative: it begins anew, as after a
+        night.
+    """
+
+    def __init__(self, observations: Observations, targets: int, *, wait: float = 0.0) -> None:
+        self.o = o = observations
+        self.sigma = self._sigma(targets)
+        t, pose = o.t, o.pose
+        self.step = 0.0
+        if t is not None:
+            starts = np.flatnonzero(np.diff(pose, prepend=pose[0] - 1))
+            steps = np.diff(t[starts])
+            steps = steps[steps > 0]
+            self.step = float(np.median(steps)) if len(steps) else 0.0
+            later = float(t.max()) + self.step + wait * float(np.ptp(t))
+            self.begin = float(t.min()) if wait < 0 else later
+
+    def _sigma(self, targets: int) -> Array | None:
+        """Return the usual uncertainty of a reading of each target, (targets, m)."""
+        o = self.o
+        if o.sigma is None:
+            return None
+        every = np.median(o.sigma, axis=0)
+        of = [o.sigma[o.target == k] for k in range(targets)]
+        return np.array([np.median(part, axis=0) if len(part) else every for part in of])
+
+    def times(self, rows: Rows) -> Array | None:
+        """Return when each is taken, one pose after the other."""
+        if self.o.t is None:
+            return None
+        moved = np.any(np.diff(rows.q, axis=0, prepend=rows.q[:1]) != 0, axis=1)
+        return np.asarray(self.begin + self.step * np.cumsum(moved))
+
+    def observations(self, rows: Rows, t: Any = None) -> Observations:
+        """Return imagined observations, without readings.
+
+        Parameters
+        ----------
+        rows : Rows
+        t : ndarray or float, optional
+            Times; left out: one pose after the other.
+        """
+        o, n = self.o, rows.n
+        base = o.take(rows.state)
+        times = self.times(rows) if t is None or o.t is None else np.broadcast_to(np.asarray(t, float), n)
+        made = replace(
+            base,
+            q=rows.q,
+            s=rows.s,
+            v=rows.v,
+            t=times,
+            load=None if o.load is None else rows.load,
+            target=rows.target.astype(np.int32),
+            run=np.full(n, o.run[-1], np.int32),
+            pose=np.arange(n, dtype=np.int32),
+            sigma=None if self.sigma is None else self.sigma[rows.target],
+            reading=np.ones((n, o.reading.shape[1])),
+        )
+        return with_commands(made, o)

@@ -1,0 +1,100 @@
+"""Planned readings as a table like the measurement file that they continue, to be measured and read back."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rodgen.calibration.observations import READINGS
+from rodgen.data.units import parse_unit
+
+if TYPE_CHECKING:
+    from rodgen.calibration.observations import Observations
+    from rodgen.calibration.plan.rows import Rows, Surroundings
+    from rodgen.machines.machine import Machine
+
+__all__ = ["as_csv", "as_text", "table"]
+
+DIGITS = 9
+
+
+def table(machine: Machine, surroundings: Surroundings, rows: Rows) -> dict[str, list[Any]]:
+    """Return columns by their names with units, in the order of the data's; without readings.
+
+    Parameters
+    ----------
+    machine : Machine
+        With new targets where there are some.
+    surroundings : Surroundings
+    rows : Rows
+        In order.
+    """
+    o = surroundings.o
+    columns = o.data.columns
+    names = [joint.name for joint in machine.joints]
+    readings = READINGS[machine.measured.kind]
+    targets = [target.name for target in machine.targets]
+    found: dict[str, list[Any]] = {}
+
+    def numbers(values: Any, unit: str | None) -> list[float]:
+        factor = parse_unit(unit).factor(machine.length_unit) if unit else 1.0
+        return [float(f"{x:.{DIGITS}g}") + 0.0 for x in np.asarray(values, float) / factor]
+
+    for name, column in columns.items():
+        prefix, _, rest = name.partition("_")
+        if name in readings:
+            continue
+        if name in names:
+            found[column.text] = numbers(rows.q[:, names.index(name)], column.unit)
+        elif name == "target":
+            found[column.text] = [targets[k] for k in rows.target]
+        elif name == "run":
+            found[column.text] = [str(o.run_names[o.run[-1]])] * rows.n
+        elif name == "t":
+            found[column.text] = numbers(surroundings.times(rows), column.unit)
+        elif name == "load":
+            found[column.text] = numbers(rows.load, column.unit)
+        elif prefix == "dir" and rest in names:
+            found[column.text] = [int(x) or 1 for x in rows.s[:, names.index(rest)]]
+        elif prefix == "v" and rest in names:
+            found[column.text] = numbers(rows.v[:, names.index(rest)], column.unit)
+        elif prefix == "u" and rest in readings:
+            found[column.text] = _usual(o, np.asarray(column.values), rows)
+        elif not hasattr(column, "codes"):  # temperatures and covariates, as they were
+            found[column.text] = [float(x) for x in np.asarray(column.values)[rows.state]]
+    if "target" not in columns and len(targets) > 1:
+        found["target"] = [targets[k] for k in rows.target]
+    return found
+
+
+def _usual(o: Observations, values: Any, rows: Rows) -> list[float]:
+    every = float(np.median(values))
+    of = {k: float(np.median(values[o.target == k])) for k in np.unique(o.target).tolist()}
+    return [of.get(int(k), every) for k in rows.target]
+
+
+def as_csv(columns: Mapping[str, Sequence[Any]]) -> str:
+    """Return a table as the text of a CSV file."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(zip(*(map(_cell, values) for values in columns.values()), strict=True))
+    return stream.getvalue()
+
+
+def _cell(value: Any) -> str:
+    return f"{value:.{DIGITS}g}" if isinstance(value, float) else str(value)
+
+
+def as_text(columns: Mapping[str, Sequence[Any]]) -> list[str]:
+    """Return a table as lines for people."""
+    cells = [[name, *map(_cell, values)] for name, values in columns.items()]
+    widths = [max(map(len, column)) for column in cells]
+    return [
+        "  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True))
+        for line in zip(*cells, strict=True)
+    ]

@@ -1,0 +1,154 @@
+"""Where a fitted machine will be at commands that were not measured, and how sure that is.
+
+The covariance of the parameters that a fit found, carried to the place of the target: U_y = J U_x Jᵀ with the
+derivative J of the place by the parameters. It says how well the model is known, not how well it is right: what the
+model lacks is not in it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.assembly_modes import open_legs
+from rodgen.calibration.observations import READINGS, Observations, bind
+from rodgen.calibration.problem import Problem, one_thread_in_blas
+from rodgen.errors import InputFileError, shown
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fit import Fit
+    from rodgen.data.measurements import Measurements
+
+__all__ = ["Prediction", "predict"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+ROUNDING = 1e-6
+"""Part of what its parameters change one by one below which a combination of them changes nothing."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Prediction:
+    """Places of the target, in the frame of the measurements.
+
+    Attributes
+    ----------
+    place : ndarray, shape (n, 3), or (n, 1) for distances
+        Length unit of the machine; unit vectors where directions are measured.
+    covariance : ndarray, shape (n, m, m)
+        Of the place, length unit squared: m is 3 for points and 1 for distances; of directions the angles to the left
+        and upwards, rad², m = 2. NaN where it is not determined, and where the fit has no noise to tell it from.
+    determined : ndarray of bool, shape (n,)
+        Whether the data of the fit determine the place.
+    names : tuple of str
+        What is predicted, as columns of measurements call it.
+    unit : str
+        Of a scalar reading, and of `u`.
+    """
+
+    place: Array
+    covariance: Array
+    determined: NDArray[np.bool_]
+    names: tuple[str, ...]
+    unit: str
+    _factor: float = 1.0
+
+    @property
+    def u(self) -> Array:
+        """Standard uncertainties, (n, m), in :attr:`unit`: the model's own, without the noise of a reading."""
+        return np.asarray(np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2)) / self._factor)
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Return the prediction as columns of a table, ``determined`` 1 or 0."""
+        turns = self.names[0] == "ux"
+        unit = "" if turns else f" [{self.unit}]"
+        found: dict[str, NDArray[Any]] = {
+            f"predicted_{n}{unit}": x for n, x in zip(self.names, self.place.T, strict=True)
+        }
+        parts = ("horizontal", "vertical") if turns else self.names
+        found |= {f"model_u_{n} [{self.unit}]": x for n, x in zip(parts, self.u.T, strict=True)}
+        return found | {"determined": self.determined.astype(np.int8)}
+
+
+def predict(fit: Fit, design: Measurements) -> Prediction:
+    """Tell where a fitted machine will be, with the covariance that comes from the fit.
+
+    Parameters
+    ----------
+    fit : Fit
+    design : Measurements
+        What is commanded, and what else the effects depend on; readings are not needed and do not matter.
+
+    Returns
+    -------
+    Prediction
+
+    Raises
+    ------
+    InputFileError
+        When the design does not fit the machine, is of a set-up that was not measured, or has legs that do not close.
+
+    Notes
+    -----
+    GUM (JCGM 100:2008), 5.2, and JCGM 102:2011, 6.2; for a Tricept Kureková et al., eq. (21).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen.data.measurements import Measurements
+    >>> from rodgen.machines.machine import Joint, Machine, Measured, Target
+    >>> table = Machine(
+    ...     "Table", "mm", "deg", (0.0, 0.0, -1.0), 20.0, (Joint("C", "revolute", (0.0, 0.0, 1.0)),),
+    ...     (Target("ball", (100.0, 0.0, 0.0)),), Measured("point", "machine", noise=0.002), estimate=("target",),
+    ... )
+    >>> data = Measurements.from_frame(
+    ...     {"C [deg]": [0.0, 90.0], "x [mm]": [100.0, 0.0], "y [mm]": [0.0, 100.0], "z [mm]": [0.0, 0.0]})
+    >>> table.fit(data).predict(Measurements.from_frame({"C [deg]": [45.0]})).u.round(5)
+    array([[0.00141, 0.00141, 0.00141]])
+    """
+    model = fit.problem.model
+    o = bind(fit.machine, design, allow_missing_readings=True)
+    o = _in_known_runs(fit, o)
+    kind = model.structure.kind
+    reading = np.ones((o.n, 1 if kind == "distance" else 3))
+    problem = Problem(model, replace(o, sigma=None, reading=reading))
+    theta, frame = fit.solution.theta, fit.solution.frame
+    with one_thread_in_blas():
+        whole = kind == "distance"
+        place = reading - problem.residuals(theta, frame) if whole else problem.places(theta, frame)
+        if problem.is_closed_chain and not np.isfinite(place).all():
+            row = int(np.argmin(np.isfinite(place).all(axis=1)))
+            raise open_legs(o, row, "the fitted machine")
+        if kind == "direction":  # whose residuals are angles beside the direction that is read
+            problem = Problem(model, replace(problem.observations, reading=place))
+        jacobian = problem.jacobian(theta, frame)
+        covariance = np.einsum("nip,pq,njq->nij", jacobian, fit.covariance, jacobian, optimize=True)
+        determined = _determined(jacobian, fit.determinacy.null) & np.isfinite(place).all(axis=1)
+    covariance[~determined] = np.nan
+    return Prediction(place, covariance, determined, READINGS[kind], fit.unit, fit.unit_factor)
+
+
+def _in_known_runs(fit: Fit, o: Observations) -> Observations:
+    """Return observations whose runs are numbered as those of the fit."""
+    if not fit.problem.model.structure.shift:
+        return replace(o, run=np.zeros(o.n, np.int32))
+    known = {name: i for i, name in enumerate(fit.observations.run_names)}
+    if len(known) == 1:
+        return replace(o, run=np.zeros(o.n, np.int32))
+    unknown = next((name for name in o.run_names if name not in known), None)
+    if unknown is not None:
+        found = f"run {shown(unknown)}, which was not measured"
+        raise InputFileError(o.data.file, "column 'run'", found, f"one of {', '.join(known)}")
+    return replace(o, run=np.array([known[name] for name in o.run_names], np.int32)[o.run])
+
+
+def _determined(jacobian: Array, null: Array) -> NDArray[np.bool_]:
+    """Tell which rows no combination changes that the data leave open."""
+    if not len(null):
+        return np.ones(len(jacobian), bool)
+    change = np.linalg.norm(np.einsum("nip,kp->nik", jacobian, null), axis=1)
+    parts = np.sqrt(np.einsum("nip,kp->nk", jacobian**2, null**2))
+    return np.asarray((change <= ROUNDING * parts).all(axis=1))

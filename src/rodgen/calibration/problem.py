@@ -1,0 +1,396 @@
+"""A model and observations as a least-squares problem, evaluated block by block.
+
+Rows that see the same target in the same set-up share their geometry: they form a group. A kernel runs over blocks of a
+group's rows, and the normal equations are summed up in the kernel's own slots before they are brought to the
+parameters, so that memory does not grow with rows times parameters.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
+
+import numpy as np
+import threadpoolctl
+from numpy.typing import NDArray
+
+from rodgen.calibration.assembly_modes import far_apart, found_again
+from rodgen.calibration.observations import Observations
+from rodgen.errors import InputFileError
+from rodgen.machines.model import Frame, Model
+from rodgen.machines.structure import row_effects
+
+__all__ = ["Problem", "one_thread_in_blas"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+BLOCK = 4096
+"""Rows a call of a kernel at most."""
+BLOCK_NUMBERS = 1 << 16
+"""Numbers in the Jacobian of a block: half a megabyte stays in the second-level cache."""
+KEPT_BYTES = 512 << 20
+"""The rows of the kernels are kept between evaluations while they need less than this."""
+THREADS_FROM = 4 * BLOCK
+"""Below so many rows a second thread costs more than it brings."""
+
+
+def one_thread_in_blas() -> Any:
+    """Return a context in which the products of NumPy run in the thread that asks for them.
+
+    The matrices here are small and many. Their blocks are spread over threads already, and where other programs use
+    the processors, threads of the library that wait for each other take a hundred times as long.
+    """
+    return _threads().limit(limits=1, user_api="blas")
+
+
+@functools.cache
+def _threads() -> threadpoolctl.ThreadpoolController:
+    return threadpoolctl.ThreadpoolController()
+
+
+@dataclass(frozen=True)
+class _Group:
+    target: int
+    run: int
+    rows: NDArray[np.int_] | slice  # numbers of its rows, a slice where they follow each other
+    count: int
+
+    def block(self, start: int, stop: int) -> Any:
+        if isinstance(self.rows, slice):
+            return slice(self.rows.start + start, self.rows.start + stop)
+        return self.rows[start:stop]
+
+
+class Problem:
+    """Residuals of a model on observations.
+
+    Parameters
+    ----------
+    model : Model
+    observations : Observations
+        Bound to the model's machine.
+
+    Attributes
+    ----------
+    weight : ndarray, shape (n, m)
+        Factor of each residual: 1/σ, or 1 where no uncertainty is stated. Robust fitting multiplies it.
+    """
+
+    def __init__(self, model: Model, observations: Observations) -> None:
+        self.model = model
+        self.observations = observations
+        self.components = model.structure.components
+        self.rows = observations.n
+        self._check_columns()
+        self.base_weight = self._base_weight()
+        self.weight = self.base_weight
+        self.groups = list(self._groups())
+        self._pairs = tuple((group.target, group.run) for group in self.groups)
+        self._kept: dict[tuple[int, int], Array] | None = None
+        if self.rows * len(model.structure.columns) * 8 <= KEPT_BYTES:
+            self._kept = {}
+
+    @property
+    def scale(self) -> float:
+        """Sum of squares of the weighted readings: what rounding is measured against."""
+        o = self.observations
+        size = (
+            1.0 if self.model.structure.kind == "direction" else float(np.max(np.abs(o.reading), initial=0.0))
+        )
+        return size**2 * float(np.vdot(self.weight, self.weight))
+
+    @property
+    def spread(self) -> float:
+        """Cost of a model that predicts the mean of the readings: what a bad fit is measured against."""
+        readings = self.observations.reading
+        around = readings - readings.mean(axis=0)
+        return float(np.sum(np.sum(around**2, -1) * np.mean(self.weight**2, -1)))
+
+    # the rows of the kernels ---------------------------------------------------------------------------------
+
+    def _check_columns(self) -> None:
+        """Refuse data without a column that an effect needs."""
+        o = self.observations
+        effects = row_effects(self.model.machine)
+        for effect, term in zip(effects, self.model.structure.terms, strict=True):
+            for name, (kind, of) in term.columns:
+                column = self._missing(kind, of)
+                if column:
+                    expected = f"one, because the effect {effect.title} uses {name}"
+                    raise InputFileError(o.data.file, o.data.header_place, f"no column {column!r}", expected)
+
+    def _missing(self, kind: str, of: Any) -> str:
+        """Return the name of the column that is not there, or nothing."""
+        o = self.observations
+        if kind == "T":
+            joint = self.model.machine.joints[of].name
+            return "" if joint in o.temperature else f"T_{joint} [degC]"
+        if kind == "t":
+            return "" if o.t is not None else "t [s]"
+        if kind == "F":
+            return "" if o.load is not None else "load [N]"
+        return "" if kind != "x" or of in o.covariates else str(of)
+
+    def _base_weight(self) -> Array:
+        o = self.observations
+        if o.sigma is None:
+            return np.broadcast_to(1.0, (self.rows, self.components))
+        if self.model.structure.kind != "direction":
+            return np.asarray(1.0 / o.sigma)
+        first, second = o.basis
+        variance = o.sigma**2
+        return np.asarray(1.0 / np.sqrt(np.stack([np.sum(e**2 * variance, -1) for e in (first, second)], -1)))
+
+    def _groups(self) -> Iterator[_Group]:
+        o = self.observations
+        runs = o.run if self.model.structure.shift else np.zeros(self.rows, int)
+        code = o.target * (int(runs.max(initial=0)) + 1) + runs
+        if self.rows and np.all(code == code[0]):
+            yield _Group(int(o.target[0]), int(runs[0]), slice(0, self.rows), self.rows)
+            return
+        order = np.argsort(code, kind="stable")
+        for rows in np.split(order, np.flatnonzero(np.diff(code[order])) + 1):
+            if len(rows):
+                yield _Group(int(o.target[rows[0]]), int(runs[rows[0]]), rows, len(rows))
+
+    def _column(self, kind: str, of: Any, rows: Any) -> Any:
+        o = self.observations
+        if kind in {"q", "s", "v"}:
+            return getattr(o, kind)[rows, of]
+        if kind == "T":
+            return o.temperature[self.model.machine.joints[of].name][rows]
+        if kind == "t":
+            return o.t[rows]  # type: ignore[index]
+        if kind == "F":
+            return o.load[rows]  # type: ignore[index]
+        if kind == "x":
+            return o.covariates[of][rows]
+        if kind == "start":
+            return o.pose_start[rows, of]  # type: ignore[index]
+        if kind == "reading":
+            if of < 3:
+                return o.reading[rows, of]
+            return o.basis[of // 3 - 1][rows, of % 3]
+        return self.weight[rows, of]
+
+    def _block(self, number: int, group: _Group, start: int, stop: int) -> Array:
+        key = (number, start)
+        if self._kept is not None and key in self._kept:
+            return self._kept[key]
+        rows = group.block(start, stop)
+        columns = self.model.structure.columns
+        made = np.empty((stop - start, len(columns)))
+        for i, (kind, of) in enumerate(columns):
+            made[:, i] = self._column(kind, of, rows)
+        if self._kept is not None:
+            self._kept[key] = made
+        return made
+
+    def set_weight(self, factor: Array) -> None:
+        """Multiply the weights that the data state by a factor for each row, (n,)."""
+        self.weight = self.base_weight * factor[:, None]
+        if self._kept is not None:
+            for (number, start), block in self._kept.items():
+                rows = self.groups[number].block(start, start + len(block))
+                block[:, -self.components :] = self.weight[rows]
+
+    def _blocks(self) -> Iterator[tuple[int, _Group, int, int]]:
+        structure = self.model.structure
+        a_row = self.components * max(1, len(structure.slots) + len(structure.parameters))
+        step = min(BLOCK, max(256, BLOCK_NUMBERS // a_row))
+        for number, group in enumerate(self.groups):
+            for start in range(0, group.count, step):
+                yield number, group, start, min(start + step, group.count)
+
+    def _each(self, function: Any) -> Iterator[Any]:
+        """Apply a function to every block, in order, in two threads where that pays."""
+        blocks = self._blocks()
+        if self.rows < THREADS_FROM:
+            yield from (function(*block) for block in blocks)
+            return
+        with ThreadPoolExecutor(2) as pool:
+            yield from pool.map(lambda block: function(*block), blocks)
+
+    # the poses of a closed chain -------------------------------------------------------------------------------
+
+    @functools.cached_property
+    def _starts(self) -> list[int]:
+        """The columns of the starts, in the order of their numbers."""
+        return [i for i, (kind, _) in enumerate(self.model.structure.columns) if kind == "start"]
+
+    @property
+    def is_closed_chain(self) -> bool:
+        """Whether the model solves for poses, from those that come with the rows."""
+        return bool(self.model.structure.family)
+
+    def follow(self, theta: Array, frame: Frame) -> bool:
+        """Let a closed chain's poses start from where they are with these values; tell whether they did elsewhere.
+
+        A model is no number where its own pose is far from the start. So the starts go along when a fit moves the
+        geometry.
+        """
+        if not self.is_closed_chain:
+            return False
+        kernel, e = self.model.kernels["pose"], self.model.parameters_of_effects(theta)
+        geometries = self._geometries(theta, frame)
+        start = self.observations.pose_start
+        assert start is not None
+        poses = np.empty(start.shape)
+        for number, group, first, last in self._blocks():
+            poses[group.block(first, last)] = kernel(
+                self._block(number, group, first, last), geometries[number], e
+            )
+        lost = ~np.isfinite(poses).all(axis=1)
+        if lost.any():
+            geometry = self.model.machine.geometry
+            names = () if geometry is None else tuple(geometry.of.numbers)
+            numbers = {name: self.model.number(theta, name) for name in names}
+            poses[lost] = found_again(self.observations.take(lost), numbers)
+        if not np.any(far_apart(poses, start, self.model.machine)):
+            return False
+        self.start_from(poses)
+        return True
+
+    @property
+    def starts(self) -> Array | None:
+        """Where the poses of a closed chain start, (n, k); None for a chain of joints."""
+        return self.observations.pose_start
+
+    def start_from(self, poses: Array | None) -> None:
+        """Let the poses of a closed chain start elsewhere; nothing for a chain of joints."""
+        if poses is None or poses is self.starts:
+            return
+        self.observations = replace(self.observations, pose_start=poses)
+        for (number, first), block in (self._kept or {}).items():
+            rows = self.groups[number].block(first, first + len(block))
+            block[:, self._starts] = poses[rows]
+
+    # evaluation ----------------------------------------------------------------------------------------------
+
+    def _geometries(self, theta: Array, frame: Frame) -> Array:
+        return self.model.geometries(theta, frame, self._pairs)
+
+    def cost(self, theta: Array, frame: Frame) -> float:
+        """Return the sum of the squares of the weighted residuals; infinite where one is not finite."""
+        kernel, e = self.model.kernels["residual"], self.model.parameters_of_effects(theta)
+        geometries = self._geometries(theta, frame)
+
+        def of_block(number: int, group: _Group, start: int, stop: int) -> float:
+            residual = kernel(self._block(number, group, start, stop), geometries[number], e)
+            return float(np.vdot(residual, residual))
+
+        total = sum(self._each(of_block))
+        return total if np.isfinite(total) else np.inf
+
+    @np.errstate(over="ignore", invalid="ignore")
+    def normal_equations(self, theta: Array, frame: Frame) -> tuple[float, Array, Array]:
+        """Return cost, JᵀJ and Jᵀr with respect to all parameters, at once and in bounded memory.
+
+        The cost is infinite where a residual or a derivative is not finite.
+        """
+        p = len(self.model.parameters)
+        if "residual_and_jacobian" not in self.model.kernels:
+            return self.cost(theta, frame), np.zeros((p, p)), np.zeros(p)
+        kernel, e = self.model.kernels["residual_and_jacobian"], self.model.parameters_of_effects(theta)
+        geometries = self._geometries(theta, frame)
+
+        @np.errstate(over="ignore", invalid="ignore")  # each thread has its own
+        def of_block(number: int, group: _Group, start: int, stop: int) -> tuple[int, float, Array, Array]:
+            residual, jacobian = kernel(self._block(number, group, start, stop), geometries[number], e)
+            flat, r = jacobian.reshape(-1, jacobian.shape[-1]), residual.ravel()
+            return number, float(r @ r), flat.T @ flat, flat.T @ r
+
+        cost = 0.0
+        sums: dict[int, list[Array]] = {}  # of each group, in order
+        for number, part, square, gradient in self._each(of_block):
+            cost += part
+            if number in sums:
+                sums[number][0] += square
+                sums[number][1] += gradient
+            else:
+                sums[number] = [square, gradient]
+        A, b = np.zeros((p, p)), np.zeros(p)
+        for (square, gradient), slots in zip(
+            sums.values(), self.model.slots(theta, self._pairs), strict=True
+        ):
+            A += slots.T @ square @ slots
+            b += slots.T @ gradient
+        return cost if np.isfinite(cost) and np.isfinite(A).all() else np.inf, A, b
+
+    @np.errstate(over="ignore", invalid="ignore")
+    def bend(self, theta: Array, frame: Frame, moved: tuple[Array, Frame], step: Array, part: float) -> Array:
+        """Return Jᵀr″, r″ the second derivative of the residuals along a step, (parameters,).
+
+        Parameters
+        ----------
+        theta, frame : ndarray, Frame
+        moved : tuple of ndarray and Frame
+            After `part` of the step.
+        step : ndarray, shape (parameters,)
+        part : float
+
+        Returns
+        -------
+        ndarray
+            Not finite where the model is not.
+        """
+        full, value = self.model.kernels["residual_and_jacobian"], self.model.kernels["residual"]
+        e, moved_e = self.model.parameters_of_effects(theta), self.model.parameters_of_effects(moved[0])
+        geometries, moved_geometries = self._geometries(theta, frame), self._geometries(*moved)
+        slots = list(self.model.slots(theta, self._pairs))
+
+        @np.errstate(over="ignore", invalid="ignore")  # each thread has its own
+        def of_block(number: int, group: _Group, start: int, stop: int) -> Array:
+            rows = self._block(number, group, start, stop)
+            residual, jacobian = full(rows, geometries[number], e)
+            flat = jacobian.reshape(-1, jacobian.shape[-1])
+            there = value(rows, moved_geometries[number], moved_e).ravel()
+            second = 2 / part * ((there - residual.ravel()) / part - flat @ (slots[number] @ step))
+            return np.asarray(slots[number].T @ (flat.T @ second))
+
+        return np.asarray(np.sum(list(self._each(of_block)), axis=0))
+
+    def residuals(self, theta: Array, frame: Frame, *, weighted: bool = False) -> Array:
+        """Return measured less predicted, (n, m), in the order of the data; internal units, or times the weight."""
+        self.follow(theta, frame)
+        kernel, e = self.model.kernels["residual"], self.model.parameters_of_effects(theta)
+        found = np.empty((self.rows, self.components))
+        geometries = self._geometries(theta, frame)
+        for number, group, start, stop in self._blocks():
+            rows = group.block(start, stop)
+            found[rows] = kernel(self._block(number, group, start, stop), geometries[number], e)
+        return found if weighted else found / self.weight
+
+    def places(self, theta: Array, frame: Frame) -> Array:
+        """Return the predicted points or directions, (n, 3)."""
+        self.follow(theta, frame)
+        kernel, e = self.model.kernels["place"], self.model.parameters_of_effects(theta)
+        found = np.empty((self.rows, 3))
+        geometries = self._geometries(theta, frame)
+        for number, group, start, stop in self._blocks():
+            found[group.block(start, stop)] = kernel(
+                self._block(number, group, start, stop), geometries[number], e
+            )
+        return found
+
+    def jacobian(self, theta: Array, frame: Frame) -> Array:
+        """Return the derivative of the weighted residuals, (n, m, parameters); as large as it sounds."""
+        found = np.zeros((self.rows, self.components, len(self.model.parameters)))
+        for rows, block in self.jacobian_blocks(theta, frame):
+            found[rows] = block
+        return found
+
+    def jacobian_blocks(self, theta: Array, frame: Frame) -> Iterator[tuple[Any, Array]]:
+        """Yield rows and the derivative of their weighted residuals, (rows, m, parameters), block by block."""
+        if "residual_and_jacobian" not in self.model.kernels:
+            return
+        self.follow(theta, frame)
+        kernel, e = self.model.kernels["residual_and_jacobian"], self.model.parameters_of_effects(theta)
+        geometries = self._geometries(theta, frame)
+        slots = list(self.model.slots(theta, self._pairs))
+        for number, group, start, stop in self._blocks():
+            _, jacobian = kernel(self._block(number, group, start, stop), geometries[number], e)
+            yield group.block(start, stop), jacobian @ slots[number]

@@ -1,0 +1,352 @@
+"""A fit that gross errors do not pull, and the rows that they are in.
+
+The size z of a row is the root of the sum of its squared residuals, in units of the stated noise (or of 1). Of a good
+row with m residuals z/s is chi-distributed with m degrees of freedom. The scale s is the noise where none is stated;
+where it is, 1, or what the rows say if that is more, so that what a model misses does not make outliers of many.
+
+1. Start: Huber's weights min(1, k s/z) (Huber 1964) bring the fit from least squares to where most rows agree, unless
+   rows far out in their commands hold it; so fits of a few random rows are tried, too (Rousseeuw 1984), and those that
+   bring the better half of the rows nearest are improved on that half (Rousseeuw and Van Driessen 2006).
+2. Scale: from the median, then from the rows inside the cut that it makes, until it stays.
+3. Rows beyond the cut lose their say, the others have all of it, until nothing changes. At a given scale s and cut c
+   every step lowers the robust cost Σ min(z², c²s²), so that more freedom, started from less, never ends higher.
+
+What is left is least squares of the rows that are believed: covariances, chi-squares and tests are theirs. The cut is
+the size which the largest of all good rows exceeds in one of 100 data sets; and that the outliers, as many as they are,
+should be the worst of good rows must be as improbable. So good data have none in about 99 of 100 sets. A row that is
+left out is judged by the variance of its prediction, too: rows that alone tell of something are not called wrong.
+
+Limits: more than half of the rows must be good, and not agree less than the bad ones do. Up to 30 % of gross errors
+in readings or in commands do no harm to machines from one joint to six (tests). Rows far out in their commands that
+agree with each other can win where there are so many parameters that no random set is free of them. Moderate errors,
+below the cut, keep their say. What a model misses in few rows, much more than elsewhere, looks like outliers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.least_squares import Solution, minimise
+from rodgen.calibration.problem import Problem
+
+__all__ = ["Judgement", "gross_rows", "robust_fit"]
+
+Array: TypeAlias = NDArray[np.float64]
+Mask: TypeAlias = NDArray[np.bool_]
+
+HUBER = {1: 1.3449975, 2: 1.5011411, 3: 1.6279879}
+"""Tuning constant k by m: 95 % efficiency for m normal components."""
+FALSE_ALARM = 0.01
+"""Probability that good data have a row that is called an outlier."""
+NO_SAY = 1e-100
+"""Weight of an outlier, instead of zero, so that its residual can still be had from the weighted one."""
+SAMPLE = 2000
+"""Rows on which starts are compared: a median of so many is good to 2 %."""
+BAD = 0.3
+"""Share of bad rows that random sets are prepared for ..."""
+MISS = 1e-3
+"""... of which none is free of bad rows with this probability ..."""
+MOST_SETS = 100
+"""... unless that takes more sets than this."""
+SPARE_ROWS = 2
+"""Rows in a random set beyond those that a fit needs: more determine it better, fewer are more often good."""
+HUBER_STEPS, HALVES, BEST_SETS, SETTLED = 20, 6, 3, 50
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A fit, and which rows it believes.
+
+    Attributes
+    ----------
+    solution : Solution
+        Its cost is that of the believed rows.
+    free : tuple of int
+        Numbers of the parameters that were adjusted.
+    outliers : ndarray of bool, shape (n,)
+    scale : float
+        s, in units of the stated noise, or of a residual.
+    cut : float
+        z/s from which a row is an outlier.
+    cost : float
+        Σ min(z², c²s²) over all rows.
+    """
+
+    solution: Solution
+    free: tuple[int, ...]
+    outliers: Mask
+    scale: float
+    cut: float
+    cost: float
+
+
+def robust_fit(problem: Problem, solve: Callable[[], tuple[Solution, list[int]]]) -> Judgement:
+    """Fit, and find the rows that are not to be believed.
+
+    Parameters
+    ----------
+    problem : Problem
+        Its weights are changed: in the end outliers have none.
+    solve : callable
+        Fits with the weights that the problem has.
+    """
+    problem.set_weight(np.ones(problem.rows))
+    solution, free = solve()
+    judge = _Judge(problem, free)
+    if not judge.can_tell:
+        return judge.judgement(solution, math.inf, math.inf)
+    solution, scale = judge.settled(judge.start(solution))
+    # What is searched, and what is taken in where the data call for it, is found again without the outliers.
+    judge.believe(judge.sizes(solution) <= judge.cut * scale)
+    solution, free = solve()
+    judge = _Judge(problem, free)
+    solution, scale = judge.settled(solution)
+    best = judge.judgement(solution, scale, judge.cut)
+    for other in judge.others(best):
+        solution, _ = judge.settled(other, scale)
+        found = judge.judgement(solution, scale, judge.cut)
+        best = min(best, found, key=lambda j: j.cost)
+    if best.outliers.any():
+        judge.believe(np.ones(problem.rows, bool))
+        every = minimise(problem, best.solution.theta, best.solution.frame, judge.free)
+        if judge.may_be_chance(best, every):
+            return judge.judgement(every, math.inf, math.inf)
+    judge.believe(~best.outliers)
+    return best
+
+
+def gross_rows(problem: Problem, solution: Solution, free: Sequence[int]) -> Mask:
+    """Return the rows, (n,), that do not agree with the others and a fit of the right model that is close to them.
+
+    Parameters
+    ----------
+    problem : Problem
+        Is not changed.
+    solution : Solution
+        Of the rows that were believed before.
+    free : sequence of int
+        Numbers of the parameters that are adjusted.
+    """
+    problem = Problem(problem.model, problem.observations)
+    judge = _Judge(problem, free)
+    if not judge.can_tell:
+        return np.zeros(problem.rows, bool)
+    solution, scale = judge.settled(solution)
+    best = judge.judgement(solution, scale, judge.cut)
+    if best.outliers.any():
+        judge.believe(np.ones(problem.rows, bool))
+        every = minimise(problem, solution.theta, solution.frame, judge.free)
+        if judge.may_be_chance(best, every):
+            return np.zeros(problem.rows, bool)
+    return best.outliers
+
+
+class _Judge:
+    """Tells which rows agree with a fit."""
+
+    def __init__(self, problem: Problem, free: Sequence[int]) -> None:
+        self.problem, self.free = problem, list(free)
+        self.m, self.n, self.p = problem.components, problem.rows, len(free)
+        self.stated = problem.observations.sigma is not None
+        # Exact data leave rounding, of which none is an outlier.
+        reading = problem.observations.reading
+        self.rounding = 64 * np.finfo(float).eps * float(np.max(np.abs(reading), initial=0.0))
+        spare = self.m * self.n - self.p
+        self.can_tell = self.n > 2 and spare > self.m
+        self.half = min((self.n + math.ceil(self.p / self.m) + 1) // 2, self.n)
+        self.cut = self._cut(spare) if self.can_tell else math.inf
+
+    def _cut(self, spare: int) -> float:
+        from scipy.special import chdtri, fdtri
+
+        chance = FALSE_ALARM / self.n
+        if self.stated:
+            return float(np.sqrt(chdtri(self.m, chance)))
+        return float(np.sqrt(self.m * fdtri(self.m, spare, 1 - chance)))
+
+    def sizes(self, solution: Solution) -> Array:
+        """Return z of each row."""
+        residuals = self.problem.residuals(solution.theta, solution.frame) * self.problem.base_weight
+        size = np.sqrt(np.einsum("ij,ij->i", residuals, residuals))
+        return np.where(np.isfinite(size), size, np.inf)
+
+    def believe(self, inside: Mask) -> None:
+        """Give the other rows no say."""
+        self.problem.set_weight(np.where(inside, 1.0, NO_SAY))
+
+    # scale ---------------------------------------------------------------------------------------------------
+
+    def scale(self, size: Array) -> float:
+        """Return s: of the rows inside the cut, which the scale itself makes."""
+        scale = self.rough_scale(size)
+        for _ in range(SETTLED):
+            inside = size <= self.cut * scale
+            spare = self.m * int(inside.sum()) - self.p
+            if spare <= 0:
+                break
+            new = self._at_least(math.sqrt(float(np.sum(size[inside] ** 2)) / spare))
+            if new == scale:
+                break
+            scale = new
+        return scale
+
+    def rough_scale(self, size: Array) -> float:
+        """Return s from the median; rather too large in small samples, by Rousseeuw's factor."""
+        from scipy.special import chdtri
+
+        spare = max(len(size) - self.p / self.m, 1.0)
+        return self._at_least(float(np.median(size)) / math.sqrt(chdtri(self.m, 0.5)) * (1 + 5 / spare))
+
+    def _at_least(self, scale: float) -> float:
+        return max(scale, 1.0) if self.stated else max(scale, self.rounding)
+
+    # from a start to rows that agree -------------------------------------------------------------------------
+
+    def settled(self, solution: Solution, scale: float | None = None) -> tuple[Solution, float]:
+        """Fit the rows inside the cut until these stay the same; at a given scale, or finding it, too."""
+        before, found = np.zeros(self.n, bool), scale or math.inf
+        for step in range(SETTLED):
+            size = self.sizes(solution)
+            if (
+                scale is None and step < SETTLED // 2
+            ):  # from then on the scale stays, and there must be an end
+                found = self.scale(size)
+            inside = size <= self.cut * found
+            if np.array_equal(inside, before):
+                break
+            before = inside
+            self.believe(inside)
+            solution = minimise(self.problem, solution.theta, solution.frame, self.free)
+        return solution, found
+
+    def judgement(self, solution: Solution, scale: float, cut: float) -> Judgement:
+        """Return a verdict on all rows."""
+        size = self.sizes(solution)
+        outliers = size > cut * scale
+        limit = (cut * scale) ** 2
+        cost = float(np.sum(np.minimum(size**2, limit)))
+        solution = Solution(
+            solution.theta,
+            solution.frame,
+            float(np.sum(size[~outliers] ** 2)),
+            solution.iterations,
+            solution.converged,
+        )
+        return Judgement(solution, tuple(self.free), outliers, scale, cut, cost)
+
+    def others(self, best: Judgement) -> Iterator[Solution]:
+        """Yield other starts: with rows that are only badly predicted, and from the values the machine came with."""
+        rows = self._badly_predicted(best)
+        if rows.any():
+            self.believe(~best.outliers | rows)
+            yield minimise(self.problem, best.solution.theta, best.solution.frame, self.free)
+        given = self.problem.model.machine.values
+        if given:
+            model = self.problem.model
+            frame = [i for i in self.free if model.parameters[i].slot[0] == "frame"]
+            self.believe(~best.outliers)
+            yield minimise(self.problem, model.start(), best.solution.frame, frame)
+
+    def may_be_chance(self, best: Judgement, every: Solution) -> bool:
+        """Tell whether good rows, too, could fall so much apart; `every` is the fit of all rows.
+
+        Of the rows of a small data set the best few may agree very well by chance. So the fall of the cost, with as
+        many degrees of freedom as the outliers have, must be improbable over all ways to choose as many rows.
+        """
+        from scipy.special import chdtrc, fdtrc, gammaln
+
+        k = int(best.outliers.sum())
+        gone, spare = self.m * k, self.m * (self.n - k) - self.p
+        if spare < 1:
+            return True
+        fall = (every.cost - best.solution.cost) / gone
+        if self.stated:
+            p = float(chdtrc(gone, gone * fall / best.scale**2))
+        else:
+            variance = max(best.solution.cost / spare, self.rounding**2)
+            p = float(fdtrc(gone, spare, fall / variance))
+        ways = gammaln(self.n + 1) - gammaln(k + 1) - gammaln(self.n - k + 1)
+        return p > 0 and math.log(p) + ways > math.log(FALSE_ALARM)
+
+    def _badly_predicted(self, best: Judgement) -> Mask:
+        """Return the outliers whose size is no wonder: what is fitted to the others predicts them badly."""
+        found = np.zeros(self.n, bool)
+        rows = np.flatnonzero(best.outliers)
+        if not len(rows) or not self.free:
+            return found
+        self.believe(~best.outliers)
+        solution, index = best.solution, np.asarray(self.free, int)
+        _, square, _ = self.problem.normal_equations(solution.theta, solution.frame)
+        square = square[np.ix_(index, index)]
+        scale = np.sqrt(np.diag(square))
+        scale[scale == 0.0] = 1.0
+        values, vectors = np.linalg.eigh(square / np.outer(scale, scale))
+        # A direction that the others do not determine predicts nothing: the row's part along it says nothing of it.
+        values = np.maximum(values, np.finfo(float).eps * values[-1])
+        root = vectors / np.sqrt(values) / scale[:, None]
+        self.problem.set_weight(np.ones(self.n))
+        jacobian = self._jacobian(solution, rows)[:, :, index] @ root
+        residual = (
+            self.problem.residuals(solution.theta, solution.frame)[rows] * self.problem.base_weight[rows]
+        )
+        variance = np.eye(self.m) + jacobian @ np.swapaxes(jacobian, 1, 2)
+        size = np.einsum("ij,ij->i", residual, np.linalg.solve(variance, residual[..., None])[..., 0])
+        found[rows] = size <= (best.cut * best.scale) ** 2
+        return found
+
+    def _jacobian(self, solution: Solution, rows: NDArray[np.int_]) -> Array:
+        part = Problem(self.problem.model, self.problem.observations.take(rows))
+        return part.jacobian(solution.theta, solution.frame)
+
+    # start ---------------------------------------------------------------------------------------------------
+
+    def start(self, solution: Solution) -> Solution:
+        """Return the best of several starts, found on some of the rows."""
+        random = np.random.default_rng(0)
+        problem = self.problem
+        if self.n > SAMPLE:
+            rows = np.sort(random.choice(self.n, SAMPLE, replace=False))
+            problem = Problem(problem.model, problem.observations.take(rows))
+        judge = _Judge(problem, self.free)
+        tried = [solution, judge._by_huber(solution), *judge._by_sets(solution, random)]
+        tried.sort(key=judge._better_half)
+        return min(map(judge._on_better_half, tried[:BEST_SETS]), key=judge._better_half)
+
+    def _by_huber(self, solution: Solution) -> Solution:
+        k = HUBER[self.m]
+        for _ in range(HUBER_STEPS):
+            size = self.sizes(solution)
+            weight = k * self.rough_scale(size) / np.maximum(size, k * self.rough_scale(size))
+            self.problem.set_weight(np.sqrt(np.maximum(weight, NO_SAY)))
+            new = minimise(self.problem, solution.theta, solution.frame, self.free, max_iterations=3)
+            if np.allclose(self.sizes(new), size, rtol=0.01):
+                return new
+            solution = new
+        return solution
+
+    def _by_sets(self, solution: Solution, random: np.random.Generator) -> Iterator[Solution]:
+        needed = math.ceil(self.p / self.m) + SPARE_ROWS
+        if needed >= self.n:
+            return
+        sets = min(math.ceil(math.log(MISS) / math.log1p(-((1 - BAD) ** needed))), MOST_SETS)
+        for _ in range(sets):
+            rows = np.sort(random.choice(self.n, needed, replace=False))
+            part = Problem(self.problem.model, self.problem.observations.take(rows))
+            yield minimise(part, solution.theta, solution.frame, self.free, max_iterations=15)
+
+    def _better_half(self, solution: Solution) -> float:
+        """Return the sum of the squares of the better half of the rows."""
+        return float(np.sum(np.partition(self.sizes(solution), self.half - 1)[: self.half] ** 2))
+
+    def _on_better_half(self, solution: Solution) -> Solution:
+        for _ in range(HALVES):
+            size = self.sizes(solution)
+            self.believe(size <= np.partition(size, self.half - 1)[self.half - 1])
+            solution = minimise(self.problem, solution.theta, solution.frame, self.free, max_iterations=5)
+        return solution

@@ -1,0 +1,179 @@
+"""Make up measurements of a machine, with effects that its file does not know: to try the tools on oneself.
+
+A design is a measurement file that needs no readings: what is commanded, when, with which load. The machine, as its
+file says or as it was fitted, goes through it with the effects, and an instrument with normal noise reads. What is
+hidden in the data is the truth, which is kept apart.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.hidden_truth import opened, sealed
+from rodgen.calibration.observations import READINGS, bind
+from rodgen.calibration.simulator import Lab, with_reading
+from rodgen.data.measurements import Column, Measurements
+from rodgen.data.units import parse_unit
+from rodgen.errors import InputFileError
+from rodgen.machines.effects.rules import UnfitEffectError
+from rodgen.machines.effects.typed import hold_of, typed_effect
+
+if TYPE_CHECKING:
+    from rodgen.machines.machine import Effect, Machine
+
+__all__ = ["Simulation", "opened", "sealed", "simulate"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+DIGITS = 3
+"""Readings are written to so many decimals below the noise."""
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """Made-up measurements.
+
+    Attributes
+    ----------
+    data : Measurements
+        The design with readings.
+    columns : mapping of str to ndarray
+        The readings by the names of their columns, with the unit, such as ``"x [mm]"``.
+    replaced : mapping of str to str
+        Names of columns of the design, with their units, and which of `columns` stands there instead.
+    truth : dict
+        What is hidden in them, as plain data; `sealed` makes it unreadable at a glance.
+    """
+
+    data: Measurements
+    columns: Mapping[str, Array]
+    replaced: Mapping[str, str]
+    truth: Mapping[str, Any]
+
+
+def simulate(
+    machine: Machine,
+    design: Measurements,
+    effects: Sequence[str | Effect] = (),
+    *,
+    hidden: bool = False,
+    noise: float | str | None = None,
+    seed: int | None = None,
+) -> Simulation:
+    """Make up measurements.
+
+    Parameters
+    ----------
+    machine : Machine
+        With its fitted values, if it has some. What it estimates and has no value for is zero, and the measuring frame
+        is its own.
+    design : Measurements
+        As a measurement file; the columns of readings may be missing, and what stands there does not matter.
+    effects : sequence of str or Effect
+        Texts such as ``"encoder_eccentricity@C:a=12arcsec,b=3arcsec"``, whose numbers without a unit are in the units
+        of the machine file, or effects with their values in ``hold``. Parameters that are not mentioned are zero; where
+        none is, all are drawn so that the effect shows.
+    hidden : bool
+        Draw one more effect from the catalogue, which shows in this design.
+    noise : float or str, optional
+        Standard deviation of a scalar reading, such as ``"2um"``, or a number in the machine file's length unit (for
+        directions in arcsec). Left out: what data or machine state, else none.
+    seed : int, optional
+        The same seed gives the same data; left out, it is drawn, and told in the truth.
+
+    Returns
+    -------
+    Simulation
+
+    Raises
+    ------
+    InputFileError
+        When the design does not fit the machine, an effect cannot stand there, or its column is missing.
+    RodgenError
+        When nothing of the catalogue shows, or an effect is to be drawn while the noise is not known.
+
+    Examples
+    --------
+    >>> from rodgen.machines.machine import Joint, Machine, Measured, Target
+    >>> table = Machine(
+    ...     "Table", "mm", "deg", (0.0, 0.0, -1.0), 20.0, (Joint("C", "revolute", (0.0, 0.0, 1.0)),),
+    ...     (Target("ball", (100.0, 0.0, 0.0)),), Measured("point", "machine"),
+    ... )
+    >>> design = Measurements.from_frame({"C [deg]": [0.0, 90.0]})
+    >>> simulate(table, design, ["zero_offset@C:a=0.1deg"], seed=1).columns["y [mm]"].round(4).tolist()
+    [0.1745, 99.9998]
+    """
+    if seed is None:
+        seed = int(np.random.SeedSequence().entropy) % 2**32  # type: ignore[arg-type]
+    bound = bind(machine, design, allow_missing_readings=True)
+    if not bound.n:
+        raise InputFileError(design.file, "file", "no rows", "at least one pose under the header")
+    lab = Lab(
+        machine, with_reading(bound, np.eye(3)[:1] if bound.reading.shape[1] == 3 else 0.0), noise, seed
+    )
+    known = []
+    for each in effects:
+        effect, run = _effect(machine, each) if isinstance(each, str) else (each, None)
+        known.append(lab.known(effect, run) or lab.drawn_or_told(effect))
+    if hidden:
+        known.append(lab.drawn_of_catalogue(known))
+    exact = lab.read(known)
+    columns = _columns(design, machine, lab.noisy(exact), lab.sigma)
+    given = {
+        name: column for name, column in design.columns.items() if name not in READINGS[machine.measured.kind]
+    }
+    ordered = {name: columns.get(name) or given[name] for name in design.columns}
+    truth = {
+        "machine": machine.file or machine.name,
+        "design": design.file,
+        "seed": seed,
+        "noise": lab.noise_told(),
+        "effects": [lab.told(each) for each in known],
+        "change": lab.change(exact),
+    }
+    return Simulation(
+        data=replace(design, columns=ordered | columns),
+        columns={column.text: column.values for column in columns.values()},
+        replaced={
+            design.columns[name].text: column.text
+            for name, column in columns.items()
+            if name in design.columns
+        },
+        truth=truth,
+    )
+
+
+def _effect(machine: Machine, text: str) -> tuple[Effect, str | None]:
+    """Return an effect of the catalogue with its typed values in `hold`, and the set-up that they are of."""
+    try:
+        typed = typed_effect(text)
+        effect = machine.effect(typed.name, typed.place)
+        return machine.effect(
+            typed.name, typed.place, hold=hold_of(machine, effect, typed.numbers)
+        ), typed.run
+    except UnfitEffectError as error:
+        raise InputFileError("effect", text, *error.args[1:]) from None
+
+
+def _columns(
+    design: Measurements, machine: Machine, reading: Array, sigma: Array | None
+) -> dict[str, Column]:
+    """Return the columns of readings, in the units that the design has for them, to a thousandth of the noise."""
+    found = {}
+    for name, values in zip(READINGS[machine.measured.kind], reading.T, strict=True):
+        unit = None
+        factor = 1.0
+        if machine.measured.kind != "direction":
+            unit = getattr(design.columns.get(name), "unit", None) or machine.length_unit
+            factor = parse_unit(unit).factor(machine.length_unit)
+        noise = 0.0 if sigma is None else float(np.min(sigma)) / factor
+        decimals = math.ceil(-math.log10(noise)) + DIGITS if noise > 0 else 17
+        rounded = values / factor
+        found[name] = Column(name, unit, np.round(rounded, decimals) if 0 <= decimals <= 15 else rounded)
+    return found

@@ -1,0 +1,299 @@
+"""A machine in its lab: it goes through a design with an effect, of a given size or of one that shows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.assembly_modes import open_legs
+from rodgen.calibration.fit import fit
+from rodgen.calibration.problem import Problem
+from rodgen.data.tables import UnitError
+from rodgen.data.units import ANGLE, LENGTH, parse_unit, unit_factor
+from rodgen.errors import InputFileError, RodgenError, shown
+from rodgen.machines.effects.catalogue import CATALOGUE
+from rodgen.machines.effects.typed import number_and_unit
+from rodgen.machines.model import Frame, Model
+
+if TYPE_CHECKING:
+    from rodgen.calibration.observations import Observations
+    from rodgen.machines.machine import Effect, Machine
+    from rodgen.machines.parameters import Parameter
+
+__all__ = ["Hidden", "Lab", "with_reading"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+TRIAL = 1e-6
+"""Value of a parameter, internal units, at which its effect on the readings is measured."""
+VISIBLE = (2.0, 5.0)
+"""A drawn effect leaves so many times the noise once the machine's own fit has taken what it can."""
+MOSTLY_ABSORBED = 5.0
+"""Its effect on the readings may be so many times what is left."""
+FEWEST_PLACES = 16
+"""Different coordinates of a joint that a drawn period needs."""
+LOOKED_AT = 20_000
+"""Rows by which sizes are told."""
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """An effect with the values of its parameters, by key, internal units."""
+
+    effect: Effect
+    values: Mapping[str, float]
+
+
+def with_reading(observations: Observations, reading: Any) -> Observations:
+    """Return observations with other readings, which may be one for all rows."""
+    return replace(observations, reading=np.broadcast_to(reading, observations.reading.shape))
+
+
+class Lab:
+    """A machine with a design.
+
+    Parameters
+    ----------
+    machine : Machine
+    observations : Observations
+        The design; its readings do not matter, but that they are finite.
+    noise : float, str or None
+        Typed, in the machine's length unit, or arcsec for directions; None: what is stated.
+    seed : int
+
+    Attributes
+    ----------
+    sigma : ndarray or None
+        Standard deviations of the readings, internal units; None where nothing is known of them.
+    unit : str
+        Of a scalar reading.
+    """
+
+    def __init__(
+        self, machine: Machine, observations: Observations, noise: float | str | None, seed: int
+    ) -> None:
+        self.machine = machine
+        self.observations = observations
+        self.random = np.random.default_rng(seed)
+        turns = machine.measured.kind == "direction"
+        self.unit = "arcsec" if turns else machine.length_unit
+        self.unit_factor, _ = unit_factor(self.unit, machine.length_unit)
+        self.sigma = observations.sigma if noise is None else np.broadcast_to(self._noise(noise), (1, 1))
+        step = -(-observations.n // LOOKED_AT)
+        self.some = observations if step <= 1 else observations.take(slice(None, None, step))
+
+    def _noise(self, noise: float | str) -> float:
+        """Return a typed noise in internal units."""
+        if not isinstance(noise, str):
+            return float(noise) * self.unit_factor
+        expected = (
+            f"a number from 0 up with its unit, such as {'0.5arcsec' if self.unit == 'arcsec' else '2um'}"
+        )
+        number, text = number_and_unit(noise) or (math.nan, "")
+        if not 0 <= number < math.inf:
+            raise InputFileError("noise", noise, "no such number", expected)
+        if not text:
+            return number * self.unit_factor
+        try:
+            unit = parse_unit(text)
+        except UnitError as error:
+            raise InputFileError("noise", noise, error.found, error.expected) from None
+        if unit.dimension != (ANGLE if self.unit == "arcsec" else LENGTH):
+            raise InputFileError("noise", noise, f"unit {shown(text)}", expected)
+        return number * unit.factor(self.machine.length_unit)
+
+    # readings ------------------------------------------------------------------------------------------------
+
+    def read(self, effects: Sequence[Hidden], observations: Observations | None = None) -> Array:
+        """Return readings without noise, (n, 3) or (n, 1)."""
+        o = observations or self.observations
+        machine = self.machine
+        for each in effects:
+            machine = machine.with_effect(replace(each.effect, hold={}))
+            machine = replace(machine, values={**machine.values, **each.values})
+        model = Model(machine, o.travel, o.run_names)
+        problem = Problem(model, o)
+        theta, frame = model.start(), Frame.identity()
+        if machine.measured.kind == "distance":
+            found = o.reading - problem.residuals(theta, frame)
+        else:
+            found = problem.places(theta, frame)
+        bad = ~np.isfinite(found).all(axis=1)
+        if bad.any():
+            row = int(np.argmax(bad))
+            if machine.geometry is not None:
+                raise open_legs(o, row, "the machine with these effects")
+            expected = "formulas and numbers that are"
+            raise InputFileError(o.data.file, o.data.place(row), "the model is not finite here", expected)
+        return found
+
+    def noisy(self, exact: Array) -> Array:
+        """Return readings with noise."""
+        if self.sigma is None:
+            return exact
+        if self.machine.measured.kind != "direction":
+            return exact + self.sigma * self.random.normal(size=exact.shape)
+        variance = np.broadcast_to(self.sigma**2, exact.shape)
+        read = exact.copy()
+        for across in with_reading(self.observations, exact).basis:
+            spread = np.sqrt(np.sum(across**2 * variance, axis=1))
+            read += across * (spread * self.random.normal(size=len(exact)))[:, None]
+        return np.asarray(read / np.linalg.norm(read, axis=1, keepdims=True))
+
+    def _rms(self, change: Array) -> float:
+        """Return the root mean square of a change, per scalar reading, internal units."""
+        scalars = {"point": 3, "direction": 2, "distance": 1}[self.machine.measured.kind]
+        return float(np.sqrt(np.sum(change**2) / max(len(change) * scalars, 1)))
+
+    def _left(self, reading: Array) -> float:
+        """Return what the machine's own fit leaves of readings of `some` rows, internal units."""
+        return fit(self.machine, with_reading(self.some, reading)).rms * self.unit_factor
+
+    def change(self, exact: Array) -> dict[str, Any]:
+        """Return by how much the effects change the readings, and what a fit without them leaves of that."""
+        some = exact[:: -(-len(exact) // LOOKED_AT) or 1]
+        plain = self.read([], self.some)
+        return {
+            "rms": self._rms(some - plain) / self.unit_factor,
+            "left_by_a_fit": self._left(some) / self.unit_factor,
+            "unit": self.unit,
+        }
+
+    # effects -------------------------------------------------------------------------------------------------
+
+    def _parameters(self, effect: Effect) -> list[Parameter]:
+        """Return the parameters of an effect, without weights at later joints."""
+        machine = self.machine.with_effect(replace(effect, hold={}))
+        found = Model(machine, self.observations.travel, self.observations.run_names).parameters
+        return [p for p in found if (p.effect, p.place) == (effect.name, effect.place)]
+
+    def known(self, effect: Effect, run: str | None) -> Hidden | None:
+        """Return an effect whose values are told in `hold`; None where none is."""
+        self.machine.with_effect(effect)  # the rules for what is held
+        parameters = {p.key: p for p in self._parameters(effect)}
+        runs = self.observations.run_names
+        if run is not None and (
+            effect.definition.component != "frame_shift" or len(runs) < 2 or run not in runs
+        ):
+            found = f"{effect.name}[{run}]"
+            raise InputFileError(
+                "effect", effect.title, found, "a set-up in the column 'run', of frame_shift alone"
+            )
+        if not effect.hold:
+            return None
+        if run is None and effect.definition.component == "frame_shift" and len(runs) > 1:
+            found, expected = (
+                "no set-up",
+                f"one of {', '.join(runs[:9])}, such as frame_shift[{runs[-1]}]:x=0.1",
+            )
+            raise InputFileError("effect", effect.title, found, expected)
+        prefix = effect.key("") if run is None else f"{effect.key('')}[{run}]"
+        values = {f"{prefix}.{name}": value for name, value in effect.hold.items()}
+        for key, parameter in parameters.items():
+            if parameter.searched and key not in values:
+                name = key.rpartition(".")[2]
+                raise InputFileError("effect", effect.title, f"no {name}", f"its value, in {parameter.unit}")
+        return Hidden(effect, values)
+
+    def drawn_or_told(self, effect: Effect) -> Hidden:
+        """Return an effect with drawn values."""
+        drawn = self.drawn(effect)
+        if drawn is None:
+            found = "values that are to be drawn, while nothing of it would show in this design"
+            raise InputFileError("effect", effect.title, found, "another effect, or its values")
+        return drawn
+
+    def drawn_of_catalogue(self, beside: Sequence[Hidden]) -> Hidden:
+        """Return an effect of the catalogue that shows in this design."""
+        machine = self.machine
+        places = [None, *(j.name for j in machine.joints), *(t.name for t in machine.targets)]
+        names = list(dict.fromkeys(definition.name for definition in CATALOGUE))
+        taken = {(each.effect.name, each.effect.place) for each in beside}
+        for name in self.random.permutation(names):
+            for place in self.random.permutation(np.array(places, object)):
+                if (name, place) in taken:
+                    continue
+                try:
+                    effect = machine.effect(str(name), place)
+                    machine.with_effect(effect)
+                    drawn = self.drawn(effect)
+                except InputFileError:  # not there, or the design lacks a column
+                    continue
+                if drawn is not None:
+                    return drawn
+        raise RodgenError(f"{self.observations.data.file}: no effect of the catalogue shows in this design")
+
+    def drawn(self, effect: Effect) -> Hidden | None:
+        """Return an effect of such a size that it shows after a fit without it; None where none does."""
+        noise = 0.0 if self.sigma is None else float(np.sqrt(np.mean(self.sigma**2)))
+        if not noise > 0:
+            raise RodgenError(
+                f"{self.observations.data.file}: noise that is not known, for an effect whose size is drawn; "
+                "expected noise in the machine file, columns u_…, or --noise"
+            )
+        parameters = self._parameters(effect)
+        fixed = {p.key: self._searched(p) for p in parameters if p.searched}
+        if not all(math.isfinite(value) for value in fixed.values()):
+            return None
+        plain = self.read([], self.some)
+        sizes: dict[str, float] = {}
+        for p in parameters:
+            if not (p.searched or p.optional or p.hold is not None):
+                tried = self.read([Hidden(effect, {**fixed, p.key: TRIAL})], self.some)
+                felt = self._rms(tried - plain) / TRIAL
+                sizes[p.key] = float(self.random.normal()) / felt if felt > 0 else 0.0
+        if not any(sizes.values()):
+            return None
+        wanted = self.random.uniform(*VISIBLE) * noise
+
+        def scaled(factor: float) -> Hidden:
+            return Hidden(effect, fixed | {key: factor * size for key, size in sizes.items()})
+
+        # of noise size first: large ones would not be in proportion
+        factor = noise / self._rms(self.read([scaled(noise)], self.some) - plain) * noise
+        changed = self.read([scaled(factor)], self.some)
+        left = self._left(changed)
+        if not left * MOSTLY_ABSORBED > self._rms(changed - plain):
+            return None
+        return scaled(factor * wanted / left)
+
+    def _searched(self, parameter: Parameter) -> float:
+        """Draw a time constant or a period; NaN where the design shows none."""
+        o = self.observations
+        if parameter.key.endswith(".tau"):
+            span = 0.0 if o.t is None or not len(o.t) else float(np.ptp(o.t))
+            return span * float(self.random.uniform(0.15, 0.5)) if span > 0 else math.nan
+        joint = [joint.name for joint in self.machine.joints].index(str(parameter.place))
+        places = np.unique(o.q[:, joint])
+        if len(places) < FEWEST_PLACES:
+            return math.nan
+        waves = math.exp(self.random.uniform(math.log(3), math.log(len(places) / 4)))
+        return float(np.ptp(places)) / waves
+
+    # the truth -----------------------------------------------------------------------------------------------
+
+    def told(self, hidden: Hidden) -> dict[str, Any]:
+        """Return an effect with its values as plain data."""
+        parameters = {p.key: p for p in self._parameters(hidden.effect)}
+        definition = hidden.effect.definition
+        return {
+            "effect": hidden.effect.name,
+            "place": hidden.effect.place,
+            "parameters": {
+                key: {"value": value / parameters[key].factor, "unit": parameters[key].unit}
+                for key, value in hidden.values.items()
+            },
+            "meaning": definition.meaning,
+            "remedy": definition.remedy,
+        }
+
+    def noise_told(self) -> dict[str, Any]:
+        """Return the noise as plain data."""
+        if self.sigma is None:
+            return {"rms": 0.0, "unit": self.unit}
+        return {"rms": float(np.sqrt(np.mean(self.sigma**2))) / self.unit_factor, "unit": self.unit}

@@ -1,0 +1,309 @@
+"""Where a fit starts: the measuring frame in closed form, and the parameters that need a search."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.least_squares import Solution, minimise
+from rodgen.calibration.nearest_frame import nearest_frame
+from rodgen.calibration.problem import Problem
+from rodgen.machines.model import Frame
+
+__all__ = ["linear_falls", "most_waves", "placed", "searched", "trilaterated", "wave_falls"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+ROUGH = 0.005
+"""A fit that leaves more than this part of the readings' spread may be a wrong valley: others are tried."""
+SEARCH_ROWS = 20_000
+"""A search looks at so many rows at most."""
+PERIOD_ROWS = 5_000
+"""And that for a period, which tries many more values."""
+LEAST_WAVES, MOST_WAVES = 0.75, 1000.0
+"""Waves over the whole way that are tried. Neighbours are half a wave apart: a quarter off leaves 80 % of the fall."""
+SEARCH_STEPS = 2_000
+"""Values that are tried for a searched parameter at most."""
+GRID = 0.01
+"""Places are on a grid when all distances are whole multiples of the least one, within this."""
+PEAKS = 10
+"""The best of them, from which a fit is tried."""
+ANY_SIZE = np.geomspace(1e-6, 1e6, 97)
+"""Sizes that are tried for a parameter in a user's formula, of either sign, internal units: eight a decade."""
+
+
+def placed(problem: Problem, theta: Array, free: Sequence[int]) -> Solution:
+    """Place the frame and fit; where the result is rough, try other frames, too.
+
+    The closed form is exact for a known geometry. Far from it the fit may end in a wrong valley, so that others all
+    around are tried when what is left is a visible part of the readings' spread.
+    """
+    model = problem.model
+    if not model.structure.frame:
+        return minimise(problem, theta, Frame.identity(), free)
+    best = _best(minimise(problem, theta, frame, free) for frame in _nearest(problem, theta))
+    if best.cost > ROUGH**2 * problem.spread:
+        some = _thinned(problem)
+        tried = sorted(
+            (minimise(some, theta, frame, free, max_iterations=8) for frame in _others(some, theta)),
+            key=lambda s: s.cost,
+        )
+        best = _best([best, *(minimise(problem, s.theta, s.frame, free) for s in tried[:3])])
+    return best
+
+
+def _thinned(problem: Problem, most: int = SEARCH_ROWS) -> Problem:
+    """Return the problem with as many rows as a search looks at: any, as every tenth may be of one kind."""
+    if problem.rows <= most:
+        return problem
+    rows = np.random.default_rng(0).choice(problem.rows, most, replace=False)
+    return Problem(problem.model, problem.observations.take(np.sort(rows)))
+
+
+def _best(solutions: Iterable[Solution]) -> Solution:
+    return min(solutions, key=lambda s: s.cost)
+
+
+def _nearest(problem: Problem, theta: Array) -> list[Frame]:
+    """Return the frame, or for distances the few frames, that are right where the geometry is.
+
+    Beside one that was fitted before, only the better one: the instrument stands there still, or elsewhere now.
+    """
+    frames, known = _in_closed_form(_thinned(problem), theta), Frame.fitted(problem.model.machine.values)
+    if known is not None:
+        return [min((known, *frames), key=lambda frame: problem.cost(theta, frame))]
+    return frames
+
+
+def _in_closed_form(problem: Problem, theta: Array) -> list[Frame]:
+    readings = problem.observations.reading
+    places = problem.places(theta, Frame.identity())
+    if not np.isfinite(places).all():  # as the fit will tell
+        return [Frame.identity()]
+    if problem.model.structure.kind == "distance":
+        return [_standing(problem, at) for at in trilaterated(places, readings[:, 0])]
+    moving = problem.model.structure.moving
+    return [nearest_frame(places, readings, problem.weight[:, 0] ** 2, moving=moving)]
+
+
+def _others(problem: Problem, theta: Array) -> Iterator[Frame]:
+    """Yield frames all around: for distances from all sides, else with the rotations of a cube; the means agree."""
+    mean_reading = problem.observations.reading.mean(axis=0)
+    mean_place = problem.places(theta, Frame.identity()).mean(axis=0)
+    if problem.model.structure.kind == "distance":  # how the frame is turned changes nothing
+        for side in np.array([s for s in np.ndindex(3, 3, 3) if s != (1, 1, 1)]) - 1.0:
+            yield _standing(problem, mean_place + mean_reading * side / np.linalg.norm(side))
+        return
+    for order in ([0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]):
+        for signs in np.ndindex(2, 2, 2):
+            rotation = np.diag(1.0 - 2.0 * np.array(signs))[:, order]
+            if np.linalg.det(rotation) > 0:
+                if problem.model.structure.kind == "point":
+                    yield Frame(rotation, mean_reading - rotation @ mean_place)
+                else:
+                    yield Frame(rotation, np.zeros(3))
+
+
+def _standing(problem: Problem, at: Array) -> Frame:
+    """Return the frame in which distances are measured from a place in machine axes."""
+    return Frame(np.eye(3), np.asarray(problem.model.machine.measured.origin) - at)
+
+
+def trilaterated(places: Array, distances: Array) -> list[Array]:
+    """Return points from which places have given distances: one by a linear equation, and two on either side.
+
+    Parameters
+    ----------
+    places : ndarray, shape (n, 3)
+    distances : ndarray, shape (n,)
+
+    Notes
+    -----
+    |x - p|² = d² is linear in p, beside |p|². Where the places are nearly in a plane this says little of the height of
+    p over it; then |p|² says more, but for the side.
+    """
+    mean = places.mean(axis=0)
+    around = places - mean
+    _, axes = np.linalg.eigh(around.T @ around)  # the first is the normal of that plane
+    along = around @ axes
+    right = distances**2 - np.sum(along**2, axis=1)
+    alone, level = (
+        np.linalg.lstsq(np.column_stack([-2 * along[:, first:], np.ones(len(along))]), right, rcond=None)[0]
+        for first in (0, 1)
+    )
+    height = np.sqrt(max(level[2] - level[0] ** 2 - level[1] ** 2, 0.0))
+    return [mean + axes @ p for p in (alone[:3], [height, *level[:2]], [-height, *level[:2]])]
+
+
+def searched(problem: Problem, solution: Solution, free: Sequence[int], new: Sequence[int]) -> Solution:
+    """Give the searched parameters among `new` the values from which the cost falls most.
+
+    Each is tried on a grid while the others of `new` may take any value: what a linear step would leave of the cost is
+    compared, so that no candidate needs a fit of its own.
+    """
+    theta = solution.theta.copy()
+    problem = _thinned(problem)
+    for index in new:
+        parameter = problem.model.parameters[index]
+        if not parameter.searched or parameter.key in problem.model.machine.values:
+            continue
+        others = [i for i in (*free, *new) if i != index]
+        waves = [i for i in new if problem.model.parameters[i].slot[-1] in {"a", "b"}]
+        if (
+            parameter.slot[-1] == "P"
+            and len(waves) == 2
+            and not theta[waves].any()
+            and not _is_own(problem, index)
+        ):
+            theta[index] = _period(problem, replace(solution, theta=theta), free, waves, index)
+            continue
+        best = (np.inf, theta[index])
+        for value in _grid(problem, index):
+            theta[index] = value
+            cost, square, gradient = problem.normal_equations(theta, solution.frame)
+            best = min(best, (cost - _fall(cost, square, gradient, others), value))
+        theta[index] = best[1]
+    return replace(solution, theta=theta)
+
+
+def _period(
+    problem: Problem, solution: Solution, free: Sequence[int], waves: Sequence[int], index: int
+) -> float:
+    """Return the period with which a wave along a joint's way lowers the cost most: a periodogram of the residuals.
+
+    As in `searched`, but a wave of any period is a multiple of how the readings follow the joint, so that the kernels
+    are called only once. What the parameters `free` can make up for is taken off (Lomb 1976, Scargle 1982, with
+    weights and nuisance parameters).
+    """
+    some = _thinned(problem, PERIOD_ROWS)
+    joint = [j.name for j in problem.model.machine.joints].index(str(problem.model.parameters[index].place))
+    q = some.observations.q[:, joint]
+    places = np.unique(q)
+    span = places[-1] - places[0]
+    highest = most_waves(places)
+    if highest < LEAST_WAVES:
+        return float(span) or 1.0
+    jacobian = some.jacobian(solution.theta, solution.frame)
+    residual = some.residuals(solution.theta, solution.frame, weighted=True).ravel()
+    at = 2 * np.pi * q / solution.theta[index]
+    follows = jacobian[:, :, waves[0]] * np.sin(at)[:, None] + jacobian[:, :, waves[1]] * np.cos(at)[:, None]
+    base, _ = np.linalg.qr(_scaled(jacobian[:, :, list(free)].reshape(len(residual), -1)))
+    residual = residual - base @ (base.T @ residual)
+
+    def falls(frequencies: Array) -> Array:
+        return wave_falls(base, residual, follows, q, 2 * np.pi / span * frequencies)
+
+    rough = np.arange(LEAST_WAVES, highest + 0.25, 0.5)
+    height = np.pad(falls(rough), 1)
+    peaks = np.flatnonzero((height[1:-1] >= height[:-2]) & (height[1:-1] >= height[2:]))
+    best = []
+    for peak in peaks[np.argsort(-height[1:-1][peaks], kind="stable")][:PEAKS]:
+        fine = np.linspace(max(rough[peak] - 0.5, LEAST_WAVES), rough[peak] + 0.5, 21)
+        theta = solution.theta.copy()
+        theta[index] = span / fine[int(np.argmax(falls(fine)))]
+        ended = minimise(some, theta, solution.frame, [*free, *waves, index])
+        best.append((ended.cost, float(ended.theta[index])))
+    return min(best)[1]
+
+
+def wave_falls(base: Array, residual: Array, follows: Array, q: Array, frequencies: Array) -> Array:
+    """Return by how much a wave of each frequency lowers the sum of squares beside what a base can make up for.
+
+    Parameters
+    ----------
+    base : ndarray, shape (n m, p)
+        Orthonormal.
+    residual : ndarray, shape (n m,)
+        Across the base.
+    follows : ndarray, shape (n, m)
+        How the readings follow the coordinate.
+    q : ndarray, shape (n,)
+        The coordinate.
+    frequencies : ndarray, shape (f,)
+        Radians by one unit of q.
+
+    Returns
+    -------
+    ndarray, shape (f,)
+    """
+    found = []
+    for several in np.array_split(frequencies, -(-len(frequencies) // 16)):
+        phase = np.multiply.outer(q, several)
+        parts = []
+        for wave in (np.sin(phase), np.cos(phase)):
+            columns = (follows[:, :, None] * wave[:, None, :]).reshape(len(residual), -1)
+            parts.append(columns - base @ (base.T @ columns))
+        s, c = parts
+        ss, cc, sc = (np.einsum("ij,ij->j", x, y) for x, y in ((s, s), (c, c), (s, c)))
+        rs, rc = residual @ s, residual @ c
+        det = ss * cc - sc**2
+        with np.errstate(invalid="ignore", divide="ignore"):
+            fall = (cc * rs**2 - 2 * sc * rs * rc + ss * rc**2) / det
+        found.append(np.where(det > 1e-10 * ss * cc, fall, 0.0))  # else one wave alone, or none
+    return np.concatenate(found)
+
+
+def most_waves(places: Array) -> float:
+    """Return how many waves over the way the places can tell from fewer: on a grid half its steps, else any number."""
+    steps = np.diff(places)
+    multiples = steps / steps.min(initial=np.inf)
+    on_grid = bool(np.all(np.abs(multiples - np.round(multiples)) < GRID))
+    return float(min(multiples.sum() / 2, MOST_WAVES)) if on_grid else MOST_WAVES
+
+
+def _scaled(columns: Array) -> Array:
+    """Return columns of length 1, without those that are zero."""
+    size = np.linalg.norm(columns, axis=0)
+    return np.asarray(columns[:, size > 0] / size[size > 0])
+
+
+def _is_own(problem: Problem, index: int) -> bool:
+    """Tell whether a parameter is that of a user's formula."""
+    name = problem.model.parameters[index].effect
+    return any(e.name == name and e.definition.own for e in problem.model.machine.effects)
+
+
+def linear_falls(
+    problem: Problem, solution: Solution, free: Sequence[int], new: Sequence[int]
+) -> list[float]:
+    """Return by how much a Gauss-Newton step with each further parameter would lower the cost of a fit."""
+    equations = problem.normal_equations(solution.theta, solution.frame)
+    alone = _fall(*equations, free)
+    return [_fall(*equations, [*free, index]) - alone for index in new]
+
+
+def _fall(cost: float, square: Array, gradient: Array, free: Sequence[int]) -> float:
+    """Return by how much a Gauss-Newton step would lower the cost."""
+    if not np.isfinite(cost):
+        return -np.inf
+    index = np.asarray(free, int)
+    scale = np.sqrt(np.diag(square)[index])
+    kept = scale > 0
+    index, scale = index[kept], scale[kept]
+    values, vectors = np.linalg.eigh(square[np.ix_(index, index)] / np.outer(scale, scale))
+    along = vectors.T @ (gradient[index] / scale)
+    determined = values > 1e-10 * values[-1]
+    return float(np.sum(along[determined] ** 2 / values[determined]))
+
+
+def _grid(problem: Problem, index: int) -> Array:
+    """Return the values that are tried for a parameter."""
+    parameter, o = problem.model.parameters[index], problem.observations
+    name = parameter.slot[-1]
+    if _is_own(problem, index):
+        return np.concatenate([-ANY_SIZE, ANY_SIZE])
+    if name == "tau" and o.t is not None:
+        t = np.unique(o.t)
+        if len(t) > 1:
+            return np.geomspace(np.diff(t).min(), 3 * (t[-1] - t[0]), 60)
+    if name == "P":
+        joint = [joint.name for joint in problem.model.machine.joints].index(str(parameter.place))
+        q = np.unique(o.q[:, joint])
+        if len(q) > 3:
+            highest = min(most_waves(q), MOST_WAVES / 10)
+            return np.asarray((q[-1] - q[0]) / np.arange(LEAST_WAVES, highest + 0.25, 0.25))
+    return np.array([1.0])

@@ -1,0 +1,179 @@
+"""A fit in words and numbers: the text that people read, and the same as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rodgen.calibration.assembly_modes import in_another_mode, weakest
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fit import Estimate, Fit
+
+__all__ = ["as_dict", "as_text", "geometry"]
+
+STRONG = 0.95
+"""Correlations above this are named: such parameters are hardly told apart."""
+LATE = 0.05
+"""Part of the measurement's duration by which its time may begin beside 0 without a word."""
+NAMED = 8
+"""Correlations and outliers that are named at most; the rest is counted."""
+
+
+def geometry(fit: Fit) -> dict[str, dict[str, list[float]]]:
+    """Return the fitted axes, points, targets and frame as vectors, in the machine file's length unit."""
+    model, theta = fit.problem.model, fit.solution.theta
+    found: dict[str, dict[str, list[float]]] = {}
+    for name in model.structure.numbers:
+        found.setdefault("geometry", {})[name] = list(model.number(theta, name))
+    for j, joint in enumerate(fit.machine.joints):
+        structure = model.structure.joints[j]
+        if structure.axis:
+            found.setdefault(joint.name, {})["axis"] = model.axis(theta, j)[0].tolist()
+        if structure.point:
+            found.setdefault(joint.name, {})["point"] = model.point(theta, j).tolist()
+    if model.structure.target:
+        for k, target in enumerate(fit.machine.targets):
+            found.setdefault("targets", {})[target.name] = model.target(theta, k)[0].tolist()
+    if model.structure.frame:
+        found["frame"] = {
+            "rotation": fit.solution.frame.rotation.tolist(),
+            "position": fit.solution.frame.position.tolist(),
+        }
+    return found
+
+
+def _correlated(fit: Fit) -> list[tuple[str, str, float]]:
+    """Return the pairs of parameters that are strongly correlated, the strongest first."""
+    index = [i for i in fit.free if not fit.determinacy.undetermined[i]]
+    keys = [fit.parameters[i].key for i in index]
+    matrix = fit.correlation[np.ix_(index, index)]
+    pairs = [
+        (keys[i], keys[j], float(matrix[i, j])) for i, j in np.argwhere(np.triu(np.abs(matrix), 1) > STRONG)
+    ]
+    return sorted(pairs, key=lambda pair: -abs(pair[2]))
+
+
+def as_dict(fit: Fit) -> dict[str, Any]:
+    """Return what `rodgen fit --json` prints."""
+    return {
+        "machine": fit.machine.name,
+        "data": fit.observations.data.file,
+        "rows": fit.observations.n,
+        "readings": fit.observations.n * fit.problem.components,
+        "outliers": np.flatnonzero(fit.outliers).tolist(),
+        "converged": fit.solution.converged,
+        "rms": fit.rms,
+        "unit": fit.unit,
+        "chi_square": fit.chi_square,
+        "degrees_of_freedom": fit.degrees_of_freedom,
+        "noise": fit.noise.to_dict(),
+        "lack_of_fit": fit.lack_of_fit.to_dict() if fit.lack_of_fit else None,
+        "parameters": {
+            key: {"value": e.value, "std": e.std, "unit": e.unit, "held": e.held, "determined": e.determined}
+            for key, e in fit.estimates.items()
+        },
+        "geometry": geometry(fit),
+        "correlations": [{"pair": [a, b], "value": r} for a, b, r in _correlated(fit)],
+        "undetermined": [
+            {"parts": dict(d.parts), "gauge": d.gauge, "text": d.text} for d in fit.determinacy.directions
+        ],
+        "weak": [{"parts": dict(d.parts), "text": d.text} for d in fit.determinacy.weak],
+    }
+
+
+def as_text(fit: Fit) -> str:
+    """Return the text that `rodgen fit` prints."""
+    return "\n".join(_lines(fit))
+
+
+def _lines(fit: Fit) -> Iterator[str]:
+    readings = fit.observations.n * fit.problem.components
+    yield f"{fit.machine.name}: {fit.observations.n} rows, {readings} readings, {len(fit.free)} parameters"
+    if not fit.solution.converged:
+        yield "NOT CONVERGED: the numbers below are where the fit stopped."
+        yield from _weakly_held(fit)
+    yield f"rms {fit.rms:.4g} {fit.unit} per reading. {fit.noise.text}"
+    if fit.lack_of_fit and fit.solution.converged:
+        yield fit.lack_of_fit.text
+    if fit.outliers.any():
+        yield _outliers(fit)
+    yield from _warnings(fit)
+    shown = [e for e in fit.estimates.values() if not e.held or e.value]
+    if shown:
+        yield ""
+        lacking = {key for d in fit.determinacy.directions if not d.gauge for key, _ in d.parts}
+        yield from _table(shown, lacking)
+    directions = (*fit.determinacy.directions, *fit.determinacy.weak)
+    if directions:
+        yield ""
+        yield from (d.text for d in directions)
+    pairs = _correlated(fit)
+    if pairs:
+        yield ""
+        yield f"Strongly correlated (above {STRONG}):"
+        yield from (f"  {a} and {b}: {r:+.4f}" for a, b, r in pairs[:NAMED])
+        if len(pairs) > NAMED:
+            yield f"  and {len(pairs) - NAMED} more pairs"
+
+
+def _warnings(fit: Fit) -> Iterator[str]:
+    """Yield what may be meant otherwise than it is taken."""
+    t = fit.observations.t
+    if t is not None and any(effect.name == "warm_up_drift" for effect in fit.machine.effects):
+        first, span = float(t.min()), float(np.ptp(t))
+        if abs(first) > LATE * span:
+            yield f"t begins at {first:.6g} s: warm_up_drift counts from t = 0, when the machine was cold."
+    yield from _about_modes(fit)
+
+
+def _about_modes(fit: Fit) -> Iterator[str]:
+    asked, written = fit.problem.model.machine, fit.machine
+    other = in_another_mode(fit.observations, asked)
+    if other > 0.5:
+        yield (
+            f"In {other:.0%} of the rows another assembly mode than that of [geometry] start is nearer to the "
+            "readings: leave start out, or check the order of the legs."
+        )
+    elif asked.geometry is not None and asked.geometry.start is None:
+        other = in_another_mode(fit.observations, written)
+        if other > 0:
+            yield (
+                f"In {other:.1%} of the rows the platform is in another assembly mode than in most: what is written "
+                "with the fitted numbers tells the mode of most, and predicts the others wrongly."
+            )
+
+
+def _weakly_held(fit: Fit) -> Iterator[str]:
+    """Name the row whose pose is the nearest to a singular one, where that may be why a fit stopped."""
+    worst = weakest(fit.observations)
+    if worst is not None:
+        yield (
+            f"In {fit.observations.data.place(worst)} the platform is near a singular pose, which its legs hardly "
+            "hold: leave such rows out, or begin with a better geometry."
+        )
+
+
+def _outliers(fit: Fit) -> str:
+    rows = np.flatnonzero(fit.outliers)
+    places = ", ".join(fit.observations.data.place(int(row)) for row in rows[:NAMED])
+    more = f" and {len(rows) - NAMED} more" if len(rows) > NAMED else ""
+    return f"{len(rows)} outlier{'s' * (len(rows) > 1)}, taken out of the rms: {places}{more}"
+
+
+def _table(estimates: list[Estimate], lacking: set[str]) -> Iterator[str]:
+    """Yield the parameters; those in `lacking` need other data, where others without a value only need coordinates."""
+    width = max(len(e.key) for e in estimates)
+    yield f"{'parameter':{width}}  {'value':>12}  {'std':>10}  unit"
+    for e in estimates:
+        if e.held:
+            spread = "held"
+        elif e.std is None and e.determined:
+            spread = "unknown"  # nothing is left to tell the noise from
+        elif e.std is None:
+            spread = "undetermined" if e.key in lacking else "gauge"
+        else:
+            spread = f"{e.std:.2g}"
+        yield f"{e.key:{width}}  {e.value:12.6g}  {spread:>10}  {e.unit}"

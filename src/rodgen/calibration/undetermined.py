@@ -1,0 +1,374 @@
+"""The combinations of parameters that the data do not determine, in words.
+
+Such a combination is a choice of coordinates (gauge) where no reading changes whatever is measured, wherever the joints
+stand: a free frame moves with all that is in it. Otherwise the data are to blame, and the readings that would change
+say what to measure. Both are told apart by evaluating the combination on readings that were not taken.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.hypothetical_readings import Variation, elsewhere, variations
+from rodgen.calibration.problem import Problem
+from rodgen.machines.model import Frame
+from rodgen.machines.parameters import Parameter
+
+__all__ = ["Direction", "Elsewhere", "describe", "sparse"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+SHARE = 0.02
+"""Parts of a combination below this, measured by how they change the readings, are not named."""
+INVARIANT = 1e-3
+"""A combination is invariant that changes no reading of the data, and others by less than this part of what its parts
+change: at best it would be hardly determined. An error motion of 1e-5 rad bends the exact symmetries by as much."""
+SHOWN = 0.01
+"""Readings would determine a combination that they show by this part of what its parts change ..."""
+SHOWN_BETTER = 30.0
+"""... or, of one that the data show a little, by so many times more."""
+ALIGNED = 1e-3
+"""Axes are the same when they differ by less than this angle, in rad; estimated ones differ by a squareness."""
+NAMED = 4
+"""Parameters that a sentence names; the rest is counted."""
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A combination of parameters that changes no reading, or hardly any.
+
+    Attributes
+    ----------
+    parts : tuple of (str, float)
+        Keys of the parameters and their parts, the largest first, in internal units, the largest set to 1.
+    gauge : bool
+        Whether no reading changes whatever is measured: a choice of coordinates, not a lack of data.
+    text : str
+        One sentence: what it is, and what to measure where that is plain.
+    """
+
+    parts: tuple[tuple[str, float], ...]
+    gauge: bool
+    text: str
+
+
+@dataclass(frozen=True)
+class Elsewhere:
+    """The derivative of readings of anything at all.
+
+    Attributes
+    ----------
+    jacobian : ndarray, shape (readings, p)
+        Of the targets that there are.
+    of_others : ndarray, shape (readings, p)
+        Of targets at other places on the body.
+    fresh : ndarray of bool, shape (p,)
+        Parameters that are others for these.
+    size : ndarray, shape (p,)
+        By how much each parameter usually changes a reading: root mean square, of either.
+    """
+
+    jacobian: Array
+    of_others: Array
+    fresh: NDArray[np.bool_]
+    size: Array
+
+    @classmethod
+    def of(cls, problem: Problem, theta: Array, frame: Frame, index: NDArray[np.int_]) -> Elsewhere:
+        """Evaluate it."""
+        there, others = elsewhere(problem, theta, frame)
+        both = [jacobian_of(p, theta, frame, index) for p in (there, others.problem)]
+        size = np.max(
+            [np.sqrt(np.mean(j**2, axis=0)) if len(j) else np.zeros(len(index)) for j in both], axis=0
+        )
+        return cls(both[0], both[1], np.isin(index, others.fresh), size)
+
+
+def jacobian_of(problem: Problem, theta: Array, frame: Frame, index: NDArray[np.int_]) -> Array:
+    """Return the derivative of imagined readings, (readings, p), without those that are not finite."""
+    found = problem.jacobian(theta, frame)[:, :, index].reshape(-1, len(index))
+    return np.asarray(found[np.isfinite(found).all(axis=1)])
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """A variation and what it would show."""
+
+    variation: Variation
+    jacobian: Array
+    fresh: NDArray[np.bool_]
+
+
+class _Words:
+    """Directions of one fit; each is a vector of the adjusted parameters times how they change the readings."""
+
+    def __init__(
+        self, problem: Problem, theta: Array, frame: Frame, index: NDArray[np.int_], scale: Array
+    ) -> None:
+        self.problem, self.theta, self.frame = problem, theta, frame
+        self.index, self.scale = index, scale
+        self.parameters: list[Parameter] = [problem.model.parameters[i] for i in index]
+
+    # choices of coordinates ----------------------------------------------------------------------------------
+
+    def split(self, null: Array) -> tuple[Array, Array]:
+        """Return the directions that no reading shows, and the others without these, each with few parts."""
+        if not len(null):
+            return null, null
+        there = self._elsewhere
+        invariant = self._invariant(null, there.jacobian, None)
+        if len(invariant):
+            invariant = self._invariant(invariant, there.of_others, there.fresh)
+        gauge, told_by = self._as_motions(invariant)
+        lacking = null - null @ told_by @ gauge
+        _, _, vt = np.linalg.svd(lacking, full_matrices=False)
+        return gauge, sparse(vt[: len(null) - len(gauge)])
+
+    @cached_property
+    def _elsewhere(self) -> Elsewhere:
+        return Elsewhere.of(self.problem, self.theta, self.frame, self.index)
+
+    def _invariant(self, directions: Array, jacobian: Array, fresh: NDArray[np.bool_] | None) -> Array:
+        """Return a basis of the directions, among those spanned, that imagined readings do not show."""
+        size = self._elsewhere.size * np.sqrt(len(jacobian))
+        size[size == 0.0] = 1.0
+        basis, _ = np.linalg.qr((directions / self.scale * size).T)
+        _, values, vt = np.linalg.svd(_changes(jacobian / size, fresh, basis))
+        values = np.concatenate([values, np.zeros(len(vt) - len(values))])
+        return np.asarray((vt[values < INVARIANT] @ basis.T) / size * self.scale)
+
+    def _as_motions(self, gauge: Array) -> tuple[Array, Array]:
+        """Return choices of coordinates as motions of the frame, one along or about each axis of the machine.
+
+        Also by what they are told apart: columns whose products with the directions are 1 with one and 0 with the rest.
+        What moves no frame is told apart by its largest parts.
+        """
+        rows = gauge / np.linalg.norm(gauge, axis=1, keepdims=True)
+        chosen = np.zeros((len(self.index), 0))
+        candidates = self._motions()
+        candidates = candidates[:, candidates.any(axis=0)]
+        candidates /= np.linalg.norm(candidates, axis=0)
+        for row in range(len(rows)):
+            values = np.abs(rows[row:] @ candidates)
+            if values.max(initial=0.0) < INVARIANT:
+                candidates = np.eye(len(self.index))
+                values = np.abs(rows[row:])
+            r, k = np.unravel_index(int(np.argmax(values)), values.shape)
+            told_by = candidates[:, k]
+            rows[[row, row + r]] = rows[[row + r, row]]
+            rows[row] /= rows[row] @ told_by
+            others = np.arange(len(rows)) != row
+            rows[others] -= np.outer(rows[others] @ told_by, rows[row])
+            chosen = np.column_stack([chosen, told_by])
+        return rows, chosen
+
+    def _motions(self) -> Array:
+        """Return the columns that tell a direction's motion: along the machine's x, y, z, then about them."""
+        columns = np.zeros((len(self.index), 6))
+        for i, p in enumerate(self.parameters):
+            if p.slot[0] == "frame":
+                x = str(p.slot[1])
+                if x.startswith("r"):
+                    columns[i, 3 + "xyz".index(x[1])] = 1.0
+                else:
+                    columns[i, :3] = self.frame.rotation["xyz".index(x)]
+        return columns / self.scale[:, None]
+
+    def choice(self, d: Array) -> str:
+        """Say what a choice of coordinates is."""
+        parts = [self.parameters[i] for i in self.order(d)]
+        together = "change together" if len(parts) > 1 else "changes"
+        names = self.listed(d, first="frame")
+        if not any(p.slot[0] in {"frame", "shift"} for p in parts):
+            if len(parts) == 1:
+                return f"{names} changes no reading, whatever is measured: leave it out."
+            return f"{names} change together without a change of any reading, whatever is measured: hold one of them."
+        told = f"{names} {together} without a change of any reading, a choice of coordinates, not a fault."
+        where = self._where(d, parts) if any(p.slot[0] == "frame" for p in parts) else ""
+        return f"{where}: {told}" if where else told
+
+    def _where(self, d: Array, parts: list[Parameter]) -> str:
+        """Say what cannot be told of the machine, or of its targets where only these move."""
+        kinds = {str(p.slot[0]).split(".")[0] for p in parts}
+        targets = self.problem.model.machine.targets
+        if kinds & {"axis", "point"}:
+            what = "the machine"
+        elif "target" in kinds:
+            what = f"target {targets[0].name}" if len(targets) == 1 else "the body with the targets"
+        else:
+            return ""
+        moved = {p.place for p in parts}
+        motion = d @ self._motions()
+        along, about = motion[:3], motion[3:]
+        size = float(np.linalg.norm(self.problem.observations.reading, axis=1).max())
+        if np.linalg.norm(about) * size > ALIGNED * np.linalg.norm(along):
+            return f"Nothing tells how far {what} is turned about {self._axis(about, along, moved)}"
+        return f"Nothing tells where {what} is along {self._axis(along, None, moved)}"
+
+    def _axis(self, vector: Array, moment: Array | None, moved: set[str | None]) -> str:
+        """Name an axis: that of a joint that is not moved, the machine's own, or a vector.
+
+        That of a turn goes where the moment says: translation of the origin per turn.
+        """
+        n = vector / np.linalg.norm(vector)
+        model = self.problem.model
+        # Targets alone move along the axis of any joint that carries them; a machine along that of its first.
+        joints = model.machine.joints if moved <= self._targets else model.machine.joints[:1]
+        for j, joint in enumerate(joints):
+            axis, point = model.axis(self.theta, j)[0], model.point(self.theta, j)
+            off = np.zeros(3)
+            if moment is not None and model.structure.moving:
+                off = np.cross(n, moment / np.linalg.norm(vector) + np.cross(n, point))
+            same = np.linalg.norm(np.cross(n, axis)) < ALIGNED
+            still = joint.type == "revolute" and joint.name not in moved
+            if still and same and np.linalg.norm(off) < ALIGNED * self._reach:
+                return f"the axis of {joint.name}"
+        largest = int(np.argmax(np.abs(n)))
+        if np.linalg.norm(np.delete(n, largest)) < ALIGNED:
+            return "xyz"[largest]
+        return f"({n[0]:.3g}, {n[1]:.3g}, {n[2]:.3g})"
+
+    @property
+    def _targets(self) -> set[str | None]:
+        return {None, *(t.name for t in self.problem.model.machine.targets)}
+
+    @cached_property
+    def _reach(self) -> float:
+        points = [t.point for t in self.problem.model.machine.targets]
+        return max(float(np.linalg.norm(points, axis=1).max()), 1.0)
+
+    # a lack of data ------------------------------------------------------------------------------------------
+
+    def lack(self, d: Array) -> str:
+        """Say what the data do not determine, and what would."""
+        names, hint = self.listed(d), self._hint(d, SHOWN)
+        if len(self.order(d)) == 1:
+            return f"{names} changes no reading in these data{hint}."
+        rest = hint or ": only their combination is determined"
+        return f"{names} change together without a change of any reading in these data{rest}."
+
+    def hardly_changing(self) -> Array:
+        """Return the parameters, one a row, that change the readings far less than they would others."""
+        usual = self._elsewhere.size * float(np.linalg.norm(self.problem.weight))
+        return np.eye(len(self.index))[self.scale < INVARIANT * usual]
+
+    def hardly(self, d: Array) -> str:
+        """Say the same of what changes the readings, but little."""
+        needed = SHOWN_BETTER * self._shown(d, self._imagined[0].jacobian)
+        rest = self._hint(d, needed)
+        if not rest and self._shown(d, self._elsewhere.jacobian) < needed:
+            rest = ", and no other readings would do better"
+        if len(self.order(d)) == 1:
+            return f"{self.listed(d)} hardly changes a reading{rest}."
+        return f"{self.listed(d)} are hardly told apart by these data{rest}."
+
+    def _hint(self, d: Array, needed: float) -> str:
+        """Return what to measure, or nothing where no single thing would do."""
+        found = [(self._shown(d, s.jacobian, s.fresh), s.variation) for s in self._imagined[1:]]
+        found = [(size, v) for size, v in found if size > needed]
+        found = [f for f in found if f[1].wanting] or found
+        found = [f for f in found if not f[1].fresh] or found
+        found.sort(key=lambda f: -f[0])
+        return ": " + " or ".join(v.hint for _, v in found[:2]) if found else ""
+
+    @cached_property
+    def _imagined(self) -> list[_Shown]:
+        found = []
+        for variation in variations(self.problem, self.theta, self.frame):
+            fresh = np.isin(self.index, variation.fresh)
+            found.append(
+                _Shown(variation, jacobian_of(variation.problem, self.theta, self.frame, self.index), fresh)
+            )
+        return found
+
+    def _shown(self, d: Array, jacobian: Array, fresh: NDArray[np.bool_] | None = None) -> float:
+        """Return how imagined readings change along a direction, beside what its parts change anywhere."""
+        raw = d / self.scale
+        parts = np.linalg.norm(self._elsewhere.size * raw)
+        change = np.linalg.norm(_changes(jacobian, fresh, raw[:, None])) / np.sqrt(len(jacobian))
+        return float(change / parts) if parts > 0 else 0.0
+
+    # names ---------------------------------------------------------------------------------------------------
+
+    def order(self, d: Array) -> list[int]:
+        """Return the numbers of the parts that count, the largest first."""
+        shares = np.abs(d) / np.abs(d).max()
+        return [int(i) for i in np.argsort(-shares, kind="stable") if shares[i] >= SHARE]
+
+    def parts(self, d: Array) -> tuple[tuple[str, float], ...]:
+        """Return keys and parts, the largest set to 1."""
+        values, order = d / self.scale, self.order(d)
+        return tuple((self.parameters[i].key, float(values[i] / values[order[0]])) for i in order)
+
+    def listed(self, d: Array, first: str = "") -> str:
+        """Name the parameters, those of a kind before the others."""
+        parameters = [self.parameters[i] for i in self.order(d)]
+        names = [p.key for p in sorted(parameters, key=lambda p: p.slot[0] != first)]
+        if len(names) > NAMED + 1:
+            names = [*names[:NAMED], f"{len(names) - NAMED} more"]
+        return f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else names[0]
+
+
+def _changes(jacobian: Array, fresh: NDArray[np.bool_] | None, directions: Array) -> Array:
+    """Return how readings change along directions (columns), where what is unknown there, too, makes up for it."""
+    if fresh is None or not fresh.any():
+        return jacobian @ directions
+    change = jacobian[:, ~fresh] @ directions[~fresh]
+    own = jacobian[:, fresh]
+    return np.asarray(change - own @ np.linalg.lstsq(own, change, rcond=None)[0])
+
+
+def describe(
+    problem: Problem,
+    theta: Array,
+    frame: Frame,
+    index: NDArray[np.int_],
+    scale: Array,
+    null: Array,
+    weak: Array,
+) -> tuple[tuple[Direction, ...], tuple[Direction, ...]]:
+    """Return the directions that are not determined, choices of coordinates first, and those that hardly are.
+
+    Parameters
+    ----------
+    problem : Problem
+    theta, frame : ndarray, Frame
+    index : ndarray of int, shape (p,)
+        Numbers of the parameters that are adjusted.
+    scale : ndarray, shape (p,)
+        By how much each parameter changes all readings together.
+    null, weak : ndarray, shape (k, p)
+        Bases of both kinds of directions, in parameters times `scale`.
+    """
+    words = _Words(problem, theta, frame, index, scale)
+    gauge, lacking = words.split(null)
+    undetermined = [Direction(words.parts(d), True, words.choice(d)) for d in gauge]
+    undetermined += [Direction(words.parts(d), False, words.lack(d)) for d in lacking]
+    named = {key for d in undetermined for key, _ in d.parts}
+    hardly = []
+    for d in (*sparse(weak), *words.hardly_changing()):
+        parts = words.parts(d)
+        if len(parts) > 1 or parts[0][0] not in named:
+            hardly.append(Direction(parts, False, words.hardly(d)))
+            named |= {key for key, _ in parts}
+    return tuple(undetermined), tuple(hardly)
+
+
+def sparse(basis: Array) -> Array:
+    """Return directions that span the same and have few parts each: row echelon form with the largest pivots."""
+    rows = basis.copy()
+    done = np.zeros(rows.shape[1], bool)
+    for row in range(len(rows)):
+        rest = np.where(done, 0.0, np.abs(rows[row:]))
+        r, column = np.unravel_index(int(np.argmax(rest)), rest.shape)
+        rows[[row, row + int(r)]] = rows[[row + int(r), row]]
+        rows[row] /= rows[row, column]
+        others = np.arange(len(rows)) != row
+        rows[others] -= np.outer(rows[others, column], rows[row])
+        done[column] = True
+    return rows

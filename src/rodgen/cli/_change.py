@@ -1,0 +1,217 @@
+"""A machine file with other effects: the new file, the fits with and without them, and what is said of both."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import tempfile
+import textwrap
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from rodgen.cli._console import fitting
+from rodgen.cli._machine import load_data
+from rodgen.cli._outputs import Outputs
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fit import Estimate
+    from rodgen.calibration.ladder import Ladder, Rung
+    from rodgen.machines.machine import Effect, Machine
+
+__all__ = ["Change", "Written", "carry_out"]
+
+_WIDTH = 100
+
+
+@dataclass(frozen=True)
+class Change:
+    """What becomes of a machine.
+
+    Attributes
+    ----------
+    machines : tuple of Machine
+        As it was, then after each effect.
+    effects : tuple of Effect
+        That come, or the one that goes.
+    edit : callable
+        Writes the new machine file, of the given name.
+    words : tuple of str
+        That a name for the new file is made of, where none is given.
+    added : bool
+        Whether effects come.
+    several : bool
+        Whether they are told as a list, even of one.
+    """
+
+    machines: tuple[Machine, ...]
+    effects: tuple[Effect, ...]
+    edit: Callable[[str], object]
+    words: tuple[str, ...]
+    added: bool = True
+    several: bool = False
+
+
+@dataclass(frozen=True)
+class Written:
+    """What was done.
+
+    Attributes
+    ----------
+    change : Change
+    machine, output : str
+        Names of the file as it was, and of the new one.
+    ladder : Ladder or None
+        The fits, where there are measurements.
+    """
+
+    change: Change
+    machine: str
+    output: str
+    ladder: Ladder | None
+
+    @property
+    def converged(self) -> bool:
+        """Whether all fits did."""
+        return self.ladder is None or all(rung.fit.solution.converged for rung in self.ladder.rungs)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        told = [_told(effect) for effect in self.change.effects]
+        effects = {"effects": told} if self.change.several else told[0]
+        ladder = self.ladder.to_dict() if self.ladder else None
+        return {"file": self.output, **effects, "ladder": ladder}
+
+    def __str__(self) -> str:
+        return "\n".join(self._lines())
+
+    def _lines(self) -> Iterator[str]:
+        effects, added = self.change.effects, self.change.added
+        titles = ", ".join(effect.title for effect in effects)
+        yield f"{self.output}: {self.machine} {'with' if added else 'without'} {titles}"
+        if self.ladder is None:
+            for effect in effects if added else ():
+                yield ""
+                yield effect.definition.describe()
+            return
+        yield ""
+        yield str(self.ladder)
+        rungs = self.ladder.rungs[1:]
+        for effect, rung in zip(effects, rungs, strict=True):
+            yield ""
+            yield rung.verdict
+            if added:
+                yield from _listed(_parameters(rung, rungs, last=rung is rungs[-1]))
+            yield from _advice(effect, rung, added=added)
+
+
+def carry_out(options: argparse.Namespace, change: Change, *inputs: str) -> Written:
+    """Write the new machine file, and fit all machines where there are measurements.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        ``machine``, ``output``, ``data``, ``loss``.
+    change : Change
+    *inputs : str
+        Further files that were read, and thus are not written.
+    """
+    content = _edited(change.edit)
+    output = options.output or _new_name(options.machine, change.words)
+    ladder = None
+    with Outputs(*filter(None, [options.data, *inputs])) as outputs:
+        outputs.claim(output)
+        outputs.add(output, content)
+        if options.data:
+            from rodgen.calibration.ladder import ladder_of
+
+            data = load_data(options.data)
+            with fitting() as progress:
+                ladder = ladder_of(change.machines, data, loss=options.loss, progress=progress)
+    return Written(change, options.machine, output, ladder)
+
+
+def _edited(edit: Callable[[str], object]) -> bytes:
+    """Return what an edit of a file writes, for later: nothing is written before all that was asked for is done."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = os.path.join(folder, "machine.toml")
+        edit(file)
+        with open(file, "rb") as stream:
+            return stream.read()
+
+
+def _new_name(machine: str, words: Sequence[str]) -> str:
+    """Return the name of no file, beside the machine's."""
+    stem, ending = os.path.splitext(machine)
+    name = stem + "".join("_" + re.sub(r"\W", "_", word) for word in words if word)
+    found, number = f"{name}{ending}", 2
+    while os.path.lexists(found):
+        found, number = f"{name}_{number}{ending}", number + 1
+    return found
+
+
+# what is said ------------------------------------------------------------------------------------------------
+
+
+def _told(effect: Effect) -> dict[str, Any]:
+    return {
+        "effect": effect.name,
+        "place": effect.place,
+        "meaning": effect.definition.meaning,
+        "usual_size": effect.definition.usual_size,
+        "remedy": effect.definition.remedy,
+    }
+
+
+def _parameters(rung: Rung, rungs: Sequence[Rung], *, last: bool) -> list[Estimate]:
+    """Return an effect's parameters as the last fit has them; with the last effect, those of effects that were there.
+
+    They change with what stands beside them.
+    """
+    final = rungs[-1].fit
+    own = rung.parameters
+    new = {key for each in rungs for key in each.parameters}
+    others = [p.key for p in final.parameters if last and p.effect is not None and p.key not in new]
+    found = [final.estimates[key] for key in [*own, *others]]
+    return [e for e in found if not e.held or e.value or (e.key in own and not _is_waiting(e.key))]
+
+
+def _is_waiting(key: str) -> bool:
+    """Tell whether it is a weight at a later joint, which is taken in only where the data call for it."""
+    return ".gravity_windup.k_" in key
+
+
+def _listed(estimates: Sequence[Estimate]) -> Iterator[str]:
+    width = max((len(e.key) for e in estimates), default=0)
+    for e in estimates:
+        unit = "" if e.unit == "1" else f" {e.unit}"
+        if e.held:
+            yield f"  {e.key:{width}}  {e.value:.5g}{unit}, held"
+        elif e.std is None:
+            yield f"  {e.key:{width}}  not determined by these data"
+        else:
+            yield f"  {e.key:{width}}  {e.value:.5g} ± {e.std:.2g}{unit}"
+
+
+def _advice(effect: Effect, rung: Rung, *, added: bool) -> Iterator[str]:
+    """Say what it is, and what to do about it where it is real."""
+    definition = effect.definition
+    real = rung.step is not None and rung.step.significant
+    if added:
+        words = [("Meaning", definition.meaning), ("Usual size", definition.usual_size)]
+        yield from _words([*words, ("Remedy", definition.remedy)] if real else words)
+    elif real:
+        yield "Without it the model is worse than it can be: keep it."
+
+
+def _words(words: Sequence[tuple[str, str]]) -> Iterator[str]:
+    for title, text in words:
+        if text:
+            yield from textwrap.wrap(
+                text,
+                _WIDTH,
+                initial_indent=f"  {title:<13}",
+                subsequent_indent=" " * 15,
+                break_long_words=False,
+            )

@@ -1,0 +1,189 @@
+"""The effects that a diagnosis calls for, from what ``rodgen diagnose --json`` wrote."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from rodgen.errors import InputFileError, shown
+
+if TYPE_CHECKING:
+    from rodgen.machines.machine import Effect, Machine
+
+__all__ = ["ReadDiagnosis", "read_diagnosis"]
+
+LARGEST = 50_000_000
+_EXPECTED = "a diagnosis, as 'rodgen diagnose --json' writes it"
+_NONE = {
+    "nothing_missing": ("nothing is missing", "a diagnosis that found effects"),
+    "effects_missing": ("there is nothing to add", "a diagnosis that found effects"),
+    "unknown_effect": (
+        "what acts is outside the catalogue",
+        "effects of the catalogue; 'rodgen diagnose' prints an [[effect]] block to paste",
+    ),
+    "cannot_tell": ("those data cannot tell", "a diagnosis that found effects"),
+}
+"""By verdict: why there are no steps, and what was expected."""
+
+
+@dataclass(frozen=True)
+class ReadDiagnosis:
+    """What was read.
+
+    Attributes
+    ----------
+    file : str
+        Its name.
+    steps : tuple of (str, str or None)
+        Name and place of each effect, in the order of adding.
+    verdict : str
+    forms, outliers : int
+        Numbers of forms outside the catalogue, and of rows that were not believed.
+    """
+
+    file: str
+    steps: tuple[tuple[str, str | None], ...]
+    verdict: str
+    forms: int
+    outliers: int
+
+    def effects(self, machine: Machine, chosen: Sequence[int] = ()) -> tuple[Effect, ...]:
+        """Return the effects, all of them or the chosen steps, counted from 1, in the order of adding.
+
+        Raises
+        ------
+        InputFileError
+            When there are none, or one cannot stand in the machine beside those before it.
+        """
+        from rodgen.machines.effects.rules import UnfitEffectError, catalogue_effect, check_effect
+
+        if not self.steps:
+            why, expected = _NONE[self.verdict]
+            raise InputFileError(self.file, "steps", f"none: {why}", expected)
+        for number in chosen:
+            if number > len(self.steps):
+                some = "1, the only step" if len(self.steps) == 1 else f"1 to {len(self.steps)}"
+                raise InputFileError("command line", "--step", f"{number}", f"{some} of {self.file}")
+        effects: list[Effect] = []
+        there = {(effect.name, effect.place) for effect in machine.effects}
+        for number, (name, place) in enumerate(self.steps, 1):
+            if chosen and number not in chosen:
+                continue
+            try:
+                effect = catalogue_effect(machine, name, place, {})
+                if (name, place) in there:
+                    known = f"{effect.title}, which {machine.file or machine.name} has already"
+                    raise UnfitEffectError("name", known, "an effect that is new; --step N chooses")
+                check_effect(machine, effect)
+            except UnfitEffectError as error:
+                key = "effect" if error.key == "name" else "joint"
+                raise InputFileError(
+                    self.file, f"step {number}, {key}", error.found, error.expected
+                ) from None
+            effects.append(effect)
+            machine = machine.with_effect(effect)
+        return tuple(effects)
+
+    def remarks(self, *, fitted: bool, robust: bool) -> list[str]:
+        """Return what of the diagnosis is not in the new machine, and not in its fit."""
+        found = []
+        if self.forms:
+            several = f"{self.forms} forms" if self.forms > 1 else "1 form"
+            found.append(
+                f"{self.file}: {several} outside the catalogue left out; 'rodgen diagnose' prints the "
+                "[[effect]] blocks to paste"
+            )
+        if fitted and not robust and self.outliers:
+            several = f"{self.outliers} outliers" if self.outliers > 1 else "1 outlier"
+            found.append(
+                f"{self.file}: {several} in the diagnosis, which this fit takes for good; --loss huber does not"
+            )
+        return found
+
+
+def read_diagnosis(file: str) -> ReadDiagnosis:
+    """Read a diagnosis; ``"-"`` is standard input.
+
+    Raises
+    ------
+    InputFileError
+        When it is none.
+    """
+    name = "standard input" if file == "-" else file
+    data = _parsed(_bytes(file, name), name)
+    verdict = data.get("verdict")
+    if not isinstance(verdict, str) or verdict not in _NONE:
+        raise InputFileError(name, "verdict", _found(data, "verdict"), _EXPECTED)
+    steps = tuple(_step(each, number, name) for number, each in enumerate(_list(data, "steps", name), 1))
+    forms = _list(data, "unexplained", name)
+    outliers = _list(data, "outliers", name)
+    return ReadDiagnosis(name, steps, verdict, len(forms), len(outliers))
+
+
+def _bytes(file: str, name: str) -> bytes:
+    try:
+        if file == "-":
+            if sys.stdin is None:
+                raise InputFileError(name, "file", "closed", _EXPECTED)
+            data = sys.stdin.buffer.read(LARGEST + 1)
+        else:
+            with open(file, "rb") as stream:
+                data = stream.read(LARGEST + 1)
+    except FileNotFoundError:
+        raise InputFileError(name, "file", "no such file", _EXPECTED) from None
+    except IsADirectoryError:
+        raise InputFileError(name, "file", "a folder", _EXPECTED) from None
+    except (OSError, ValueError) as error:
+        if isinstance(error, InputFileError):
+            raise
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputFileError(name, "file", f"cannot be read ({reason})", _EXPECTED) from None
+    if len(data) > LARGEST:
+        raise InputFileError(name, "file", f"more than {LARGEST // 1_000_000} MB", _EXPECTED)
+    return data
+
+
+def _parsed(content: bytes, name: str) -> Mapping[str, Any]:
+    if not content.strip():
+        raise InputFileError(name, "file", "empty", _EXPECTED)
+    try:
+        data = json.loads(content)
+    except json.JSONDecodeError as error:
+        place = f"line {error.lineno}, column {error.colno}"
+        raise InputFileError(name, place, f"no JSON ({error.msg})", _EXPECTED) from None
+    except (ValueError, RecursionError):  # no text, or numbers and nesting beyond measure
+        raise InputFileError(name, "file", "no JSON that can be read", _EXPECTED) from None
+    if not isinstance(data, dict):
+        raise InputFileError(name, "file", f"JSON that is {_kind(data)}", _EXPECTED)
+    return data
+
+
+def _kind(data: object) -> str:
+    return "a list" if isinstance(data, list) else shown(json.dumps(data))
+
+
+def _list(data: Mapping[str, Any], key: str, name: str) -> list[Any]:
+    found = data.get(key)
+    if not isinstance(found, list):
+        raise InputFileError(name, key, _found(data, key), _EXPECTED)
+    return found
+
+
+def _step(data: object, number: int, name: str) -> tuple[str, str | None]:
+    where = f"step {number}"
+    if not isinstance(data, dict):
+        raise InputFileError(name, where, shown(json.dumps(data)), "an effect and its joint")
+    effect, joint = data.get("effect"), data.get("joint")
+    if not isinstance(effect, str):
+        raise InputFileError(name, f"{where}, effect", _found(data, "effect"), "the name of an effect")
+    if "joint" not in data or not (joint is None or isinstance(joint, str)):
+        found, expected = _found(data, "joint"), "the name of a joint or target, or null"
+        raise InputFileError(name, f"{where}, joint", found, expected)
+    return effect, joint
+
+
+def _found(data: Mapping[str, Any], key: str) -> str:
+    return shown(json.dumps(data[key])) if key in data else "missing"

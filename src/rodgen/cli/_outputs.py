@@ -1,0 +1,76 @@
+"""Write several files: all of them, or none."""
+
+from __future__ import annotations
+
+import os
+from types import TracebackType
+
+from rodgen.errors import InputFileError
+from rodgen.files import AtomicFile
+
+__all__ = ["Outputs"]
+
+
+class Outputs:
+    """Files that get their names together, when the block that this is the context of ends well.
+
+    Parameters
+    ----------
+    *inputs : str
+        Files that are read, and thus cannot be written.
+    """
+
+    def __init__(self, *inputs: str) -> None:
+        self._inputs = inputs
+        self._files: list[AtomicFile] = []
+        self._places: list[str] = []
+
+    def __enter__(self) -> Outputs:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            for file in self._files if kind is None else ():
+                try:
+                    file.commit()
+                except OSError as fault:
+                    raise file.error(fault) from None
+        finally:
+            for file in self._files:
+                file.discard()
+
+    def claim(self, path: str) -> None:
+        """Refuse a name that something else has; every output is claimed before it is written.
+
+        Raises
+        ------
+        InputFileError
+        """
+        if os.path.isdir(path):
+            raise InputFileError(path, "file", "a folder", "the name of a file")
+        place = os.path.realpath(path)
+        for name in self._inputs:
+            if place == os.path.realpath(name):
+                raise InputFileError(path, "file", "the input file itself", "another name for the output")
+        if place in self._places:
+            raise InputFileError(path, "file", "the name of two outputs", "a name for each")
+        self._places.append(place)
+
+    def add(self, path: str, content: bytes) -> None:
+        """Write a file that was claimed, as yet without its name.
+
+        Raises
+        ------
+        InputFileError
+            When the place cannot be written.
+        """
+        file = AtomicFile(path)
+        stream = file.open()
+        self._files.append(file)
+        try:
+            with stream:
+                stream.write(content)
+        except OSError as error:
+            raise file.error(error) from None

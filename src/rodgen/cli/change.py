@@ -1,0 +1,178 @@
+"""``rodgen add`` and ``rodgen remove``: which effects come into a machine file, or go out of it."""
+
+from __future__ import annotations
+
+import argparse
+
+from rodgen.cli._change import Change, Written, carry_out
+from rodgen.cli._console import FAILED, OK, Command, UsageError, show, show_json, tell
+from rodgen.cli._machine import FILES, add_json, add_loss, add_place
+from rodgen.errors import InputFileError
+
+__all__ = ["add_to"]
+
+_ADD = f"""\
+Copy a machine file with one effect of the catalogue more, or with those that a diagnosis found; what else stands in it,
+comments included, stays as it is. With DATA the machine is fitted without and with each of them: the error on the poses
+that the fit saw and on those that it did not, beside the noise, whether the effect is real, and what to do about it.
+
+{FILES}
+  rodgen add mount.toml gravity_windup stars.csv --joint EL --hold k2=0
+  rodgen diagnose mount.toml stars.csv --json > diagnosis.json
+  rodgen add mount.toml --from-diagnosis diagnosis.json stars.csv -o better.toml
+"""
+
+_REMOVE = f"""\
+Copy a machine file with one effect less; what else stands in it stays as it is. With DATA both machines are fitted,
+and the error is shown with and without the effect.
+
+{FILES}"""
+
+
+def add_to(command: Command) -> None:
+    """Add the commands."""
+    add = command("add", _add, "add effects to a machine, and watch the error fall", _ADD)
+    remove = command("remove", _remove, "take an effect out of a machine", _REMOVE)
+    for each in (add, remove):
+        each.add_argument("machine", metavar="MACHINE", help="the machine file")
+        name = "its name; 'rodgen effects' lists them"
+        if each is add:
+            name += "; left out with --from-diagnosis"
+        each.add_argument("effect", metavar="EFFECT", nargs="?" if each is add else None, help=name)
+        about = "measurements, to fit the machine to, before and after"
+        each.add_argument("data", metavar="DATA", nargs="?", help=about)
+        add_place(each)
+        if each is add:
+            each.add_argument(
+                "--hold",
+                metavar="NAME=VALUE",
+                action="append",
+                default=[],
+                help="a parameter that is not estimated, in the units of the machine file or with its own: k2=0, "
+                "b=12arcsec; may be given several times",
+            )
+            each.add_argument(
+                "--from-diagnosis",
+                metavar="FILE",
+                help="add what 'rodgen diagnose --json' wrote; '-' is standard input",
+            )
+            each.add_argument(
+                "--step",
+                metavar="N",
+                type=_number,
+                action="append",
+                default=[],
+                help="only this step of the diagnosis, counted from 1; may be given several times",
+            )
+        each.add_argument(
+            "-o",
+            "--output",
+            metavar="NEW.toml",
+            help="may be MACHINE itself; default: a new name beside it, which the command prints",
+        )
+        add_loss(each)
+        add_json(each)
+
+
+def _number(text: str) -> int:
+    if not text.isdecimal() or not int(text):
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 1 up")
+    return int(text)
+
+
+def _usage(found: str, expected: str) -> UsageError:
+    return UsageError(InputFileError("command line", "rodgen add", found, expected))
+
+
+def _add(options: argparse.Namespace) -> int:
+    if options.from_diagnosis is not None:
+        return _add_diagnosed(options)
+    if options.step:
+        raise _usage("--step without --from-diagnosis", "--from-diagnosis FILE, too")
+    if options.effect is None:
+        raise _usage("no EFFECT", "its name, which 'rodgen effects' lists, or --from-diagnosis FILE")
+    return _add_one(options)
+
+
+def _add_one(options: argparse.Namespace) -> int:
+    from rodgen.machines.effects.rules import UnfitEffectError
+    from rodgen.machines.effects.typed import assignments, hold_of
+    from rodgen.machines.files.edit import add_effects_to_file
+    from rodgen.machines.machine import Machine
+
+    machine = Machine.load(options.machine)
+    place = options.joint or options.target
+    try:
+        effect = machine.effect(options.effect, place)
+        hold = hold_of(machine, effect, assignments(options.hold))
+    except UnfitEffectError as error:
+        place = " ".join(["--hold", *error.key.split(".")[1:]])
+        raise InputFileError("command line", place, error.found, error.expected) from None
+    effect = machine.effect(options.effect, place, hold=hold)
+    machines = (machine, machine.with_effect(effect))
+    words = (effect.name, effect.place or "")
+    change = Change(
+        machines, (effect,), lambda out: add_effects_to_file(options.machine, [effect], out), words
+    )
+    return _done(options, carry_out(options, change))
+
+
+def _add_diagnosed(options: argparse.Namespace) -> int:
+    from rodgen.cli._from_diagnosis import read_diagnosis
+    from rodgen.machines.files.edit import add_effects_to_file
+    from rodgen.machines.machine import Machine
+
+    if options.data is not None:
+        expected = "MACHINE and DATA beside --from-diagnosis, which says which effects"
+        raise _usage("three files or names", expected)
+    options.effect, options.data = None, options.effect  # what stands behind MACHINE
+    for name in ("joint", "target", "hold"):
+        if getattr(options, name):
+            raise _usage(
+                f"--{name} beside --from-diagnosis", "the diagnosis alone: it says which effects, and where"
+            )
+    if options.from_diagnosis == options.data == "-":
+        raise _usage("the diagnosis and DATA, both on standard input", "the name of a file for one of them")
+    machine = Machine.load(options.machine)
+    diagnosis = read_diagnosis(options.from_diagnosis)
+    effects = diagnosis.effects(machine, options.step)
+    machines = [machine]
+    for effect in effects:
+        machines.append(machines[-1].with_effect(effect))
+    change = Change(
+        tuple(machines),
+        effects,
+        lambda out: add_effects_to_file(options.machine, effects, out),
+        ("diagnosed",),
+        several=True,
+    )
+    written = carry_out(options, change, diagnosis.file)
+    for remark in diagnosis.remarks(fitted=options.data is not None, robust=options.loss != "linear"):
+        tell(remark)
+    return _done(options, written)
+
+
+def _remove(options: argparse.Namespace) -> int:
+    from rodgen.machines.files.edit import remove_effect_from_file
+    from rodgen.machines.machine import Machine
+
+    machine = Machine.load(options.machine)
+    place = options.joint or options.target
+    changed = machine.without_effect(options.effect, place)
+    effect = next(e for e in machine.effects if (e.name, e.place) == (options.effect, place))
+    change = Change(
+        (machine, changed),
+        (effect,),
+        lambda out: remove_effect_from_file(options.machine, effect.name, place, out),
+        ("without", effect.name, effect.place or ""),
+        added=False,
+    )
+    return _done(options, carry_out(options, change))
+
+
+def _done(options: argparse.Namespace, written: Written) -> int:
+    if options.json:
+        show_json(written.to_dict())
+    else:
+        show(str(written))
+    return OK if written.converged else FAILED

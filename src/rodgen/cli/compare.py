@@ -1,0 +1,45 @@
+"""``rodgen compare``: where a machine's model is worst, and what the error depends on."""
+
+from __future__ import annotations
+
+import argparse
+
+from rodgen.cli._console import FAILED, OK, Command, fitting, show, show_json, working
+from rodgen.cli._machine import FILES, add_files, add_json, add_loss, load_data
+
+__all__ = ["add_to"]
+
+_COMPARE = f"""\
+Fit a machine, and hold what is left against everything that was noted: each joint, direction of approach, time, run,
+temperatures, load, further columns, and the place in the workspace. Where is the model worst, and how much does each
+explain?
+
+{FILES}"""
+
+
+def add_to(command: Command) -> None:
+    """Add the command."""
+    compare = command("compare", _run, "what the error of a machine's model depends on", _COMPARE)
+    add_files(compare)
+    add_loss(compare)
+    compare.add_argument("--plot", metavar="FOLDER", help="draw the residuals into this folder")
+    add_json(compare)
+
+
+def _run(options: argparse.Namespace) -> int:
+    from rodgen.machines.machine import Machine
+
+    machine = Machine.load(options.machine)
+    data = load_data(options.data)
+    with fitting() as progress:
+        fit = machine.fit(data, loss=options.loss, progress=progress)
+    comparison = fit.compare()
+    plots = []
+    if options.plot:
+        with working("drawing") as told:
+            plots = comparison.plot(options.plot, told)
+    if options.json:
+        show_json(comparison.to_dict() | {"plots": plots})
+    else:
+        show("\n".join([str(comparison), *plots]))
+    return OK if fit.solution.converged else FAILED

@@ -1,0 +1,137 @@
+"""``rodgen derive``, ``errata`` and ``kernels``: derivations, what they prove, and the code that is made of them."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from rodgen.cli._console import FAILED, OK, Command, show, tell
+from rodgen.errors import InputFileError, RodgenError
+
+if TYPE_CHECKING:
+    from rodgen.symbolic import Derivation
+
+__all__ = ["add_to"]
+
+_DERIVE = """\
+Run a derivation, prove every statement in it, and print what was proved, what was found wrong in the source,
+and how long it took.
+
+The script is plain Python (jupytext percent format when it is to become a notebook) that leaves a
+rodgen.symbolic.Derivation in the module-level name 'derivation'.
+"""
+
+_ERRATA = """\
+Print what is wrong in the sources, with an exact counterexample and the correction. Each claim is marked: 'printed' is
+a formula of the source, 'said' are its words (with their meaning as a formula), 'tacit' is a hypothesis that it needs
+and does not state.
+"""
+
+_KERNELS = """\
+Write the kernels of a derivation: a NumPy module, C source and header, and for kernels that say where their inputs
+are sampled a test. With --check nothing is written: files that differ are shown as a diff, and the exit code is 1.
+"""
+
+
+def add_to(command: Command) -> None:
+    """Add the commands."""
+    derive = command("derive", _derive, "run a derivation and print its report", _DERIVE)
+    derive.add_argument("derivation", metavar="NAME|SCRIPT.py", help="one of rodgen's own, or a script")
+    derive.add_argument("--notebook", metavar="FILE.ipynb", help="also run it as a notebook, and write that")
+
+    errata = command("errata", _errata, "what is wrong in the sources", _ERRATA)
+    errata.add_argument(
+        "derivation", metavar="NAME|SCRIPT.py", nargs="?", help="default: all of rodgen's own derivations"
+    )
+    errata.add_argument("--format", choices=("text", "markdown", "json"), default="text")
+
+    kernels = command("kernels", _kernels, "generate code from a derivation", _KERNELS)
+    kernels.add_argument(
+        "derivation", metavar="NAME|SCRIPT.py", nargs="?", help="default: all of rodgen's own derivations"
+    )
+    kernels.add_argument("-o", "--output", metavar="DIR", default="generated", help="default: %(default)s")
+    kernels.add_argument("--check", action="store_true", help="compare with what is there instead of writing")
+
+
+def _derive(options: argparse.Namespace) -> int:
+    from rodgen.cli.scripts import load_derivation, run_notebook
+
+    derivation = load_derivation(options.derivation)
+    show(derivation.report())
+    if options.notebook:
+        run_notebook(options.derivation, options.notebook)
+    return FAILED if derivation.open else OK
+
+
+def _loaded(name: str | None) -> list[Derivation]:
+    from rodgen.cli.scripts import load_derivation, packaged_derivations
+
+    return [load_derivation(n) for n in ([name] if name else packaged_derivations())]
+
+
+def _errata(options: argparse.Namespace) -> int:
+    derivations = _loaded(options.derivation)
+    if not options.derivation:
+        derivations = [d for d in derivations if any(entry.refutation for entry in d)]
+    if options.format == "json":
+        import json
+
+        show(json.dumps([_refutations(derivation) for derivation in derivations], indent=2))
+    else:
+        from rodgen.symbolic import errata
+
+        show(errata(*derivations, form=options.format), end="")
+    return OK
+
+
+def _refutations(derivation: Derivation) -> dict[str, Any]:
+    return {
+        "source": derivation.source,
+        "errata": [
+            {
+                "label": wrong.label,
+                "id": entry.id,
+                "place": entry.place,
+                "origin": entry.origin,
+                "words": entry.words,
+                "claims": [str(claim) for claim in entry.claims],
+                "because": wrong.because,
+                "counterexample": {str(symbol): str(value) for symbol, value in wrong.counterexample},
+                "there": [[str(left), str(right)] for left, right in wrong.values],
+                "correction": [str(claim) for claim in wrong.correction],
+            }
+            for entry in derivation
+            if (wrong := entry.refutation) is not None
+        ],
+    }
+
+
+def _kernels(options: argparse.Namespace) -> int:
+    from pathlib import Path
+
+    from rodgen.codegen import KernelError
+    from rodgen.codegen.project import check_kernels, write_kernels
+
+    derivations = _loaded(options.derivation)
+    folder = Path(options.output)
+    own = options.derivation is None  # rodgen's own kernels are a NumPy extension, too
+    try:
+        if not options.check:
+            for path in write_kernels(derivations, folder, extension=own):
+                show(str(path))
+            return OK
+        difference = check_kernels(derivations, folder, extension=own)
+    except KernelError as error:
+        raise RodgenError(f"{options.derivation}: {error}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        if isinstance(error, BrokenPipeError):
+            raise
+        reason = getattr(error, "strerror", None) or str(error)
+        file = getattr(error, "filename", None) or str(folder)
+        raise InputFileError(file, "file", reason, "a folder for generated files") from None
+    if not difference:
+        return OK
+    show(difference, end="")
+    command = " ".join(["rodgen kernels", *([options.derivation] if not own else []), "-o", options.output])
+    tell(f"{folder}: not what the derivations make; '{command}' writes it anew")
+    return FAILED

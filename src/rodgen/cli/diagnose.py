@@ -1,0 +1,48 @@
+"""``rodgen diagnose``: which physical effect is missing in a machine's model."""
+
+from __future__ import annotations
+
+import argparse
+
+from rodgen.cli._console import FAILED, OK, Command, fitting, show, show_json
+from rodgen.cli._machine import FILES, add_files, add_json, load_data
+
+__all__ = ["add_to"]
+
+_DIAGNOSE = f"""\
+Fit a machine, and find out which physical effect its model misses: every effect of the catalogue at every joint is
+tested, those that the data call for are added one after the other, and for each it is told which others these data
+cannot tell it from. What no effect of the catalogue explains is given as a formula. "Nothing is missing" and "these
+data cannot tell" are answers, too. Outliers are found and taken out; readings that depend on each other are known.
+
+{FILES}
+  rodgen diagnose mount.toml stars.csv
+  rodgen diagnose mount.toml stars.csv --json > diagnosis.json
+  rodgen add mount.toml --from-diagnosis diagnosis.json -o better.toml
+"""
+
+
+def add_to(command: Command) -> None:
+    """Add the command."""
+    diagnose = command("diagnose", _run, "which physical effect a machine's model misses", _DIAGNOSE)
+    add_files(diagnose)
+    diagnose.add_argument(
+        "--test", metavar="FILE", help="further measurements, of which the error before and after is told"
+    )
+    add_json(diagnose)
+
+
+def _run(options: argparse.Namespace) -> int:
+    from rodgen.calibration.diagnose import diagnose
+    from rodgen.machines.machine import Machine
+
+    machine = Machine.load(options.machine)
+    data = load_data(options.data)
+    test = load_data(options.test) if options.test else None
+    with fitting() as progress:
+        found = diagnose(machine, data, test=test, progress=progress)
+    if options.json:
+        show_json(found.to_dict())
+    else:
+        show(found.summary())
+    return OK if all(each.solution.converged for each in found.fits) else FAILED

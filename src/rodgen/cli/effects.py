@@ -1,0 +1,75 @@
+"""``rodgen effects``: the catalogue."""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import textwrap
+from collections.abc import Iterator
+
+from rodgen.cli._console import OK, Command, show, show_json
+from rodgen.cli._machine import add_json
+from rodgen.errors import InputFileError
+
+__all__ = ["add_to"]
+
+_EFFECTS = """\
+List the effects that a machine may have: what each changes by which formula, its parameters with their units, its
+symbols in ISO 230. With a name: also what is physically there, how large it usually is, what to do about it, and who
+says so.
+
+In the formulas q is the joint's coordinate, s its direction of approach, v its velocity, T its temperature less the
+reference, t the time, F the load; U, V, N are unit vectors that complete the axis, and the axis; EX, EY, EZ machine
+axes; M, M_perp, M_across, M_guide moments of a unit force along gravity; zeta the place in the travel, P1 to P4
+Legendre polynomials of 2 zeta - 1, L the travel; leg_tension the force in a leg, pulling, per unit load at the
+target.
+"""
+
+_PLACES = {
+    "revolute": "At a revolute joint (rodgen add MACHINE NAME --joint J)",
+    "prismatic": "At a prismatic joint (rodgen add MACHINE NAME --joint J)",
+    "machine": "Of the whole machine (rodgen add MACHINE NAME)",
+    "target": "Of a target (rodgen add MACHINE NAME --target T)",
+    "leg": "At a leg of a closed chain (rodgen add MACHINE NAME --joint J)",
+}
+_WIDTH = 110
+
+
+def add_to(command: Command) -> None:
+    """Add the command."""
+    effects = command("effects", _run, "the catalogue of effects", _EFFECTS)
+    effects.add_argument("name", metavar="NAME", nargs="?", help="say everything about this one")
+    add_json(effects)
+
+
+def _run(options: argparse.Namespace) -> int:
+    from rodgen.machines.effects.catalogue import CATALOGUE, UnknownEffectError, definitions
+
+    try:
+        found = definitions(options.name) if options.name else CATALOGUE
+    except UnknownEffectError as error:
+        raise InputFileError("command line", "NAME", error.found, error.expected) from None
+    if options.json:
+        show_json([definition.as_dict() for definition in found])
+    elif options.name:
+        show("\n\n".join(definition.describe() for definition in found))
+    else:
+        show("\n".join(_table()))
+    return OK
+
+
+def _table() -> Iterator[str]:
+    from rodgen.machines.effects.catalogue import CATALOGUE, as_table
+
+    rows = as_table()
+    width = max(len(definition.name) for definition in CATALOGUE) + 2
+    for place, group in itertools.groupby(rows, key=lambda row: row[0]):
+        yield _PLACES[place]
+        for _, name, equation, parameters, iso in group:
+            yield from textwrap.wrap(
+                equation, _WIDTH, initial_indent=f"  {name:{width}}", subsequent_indent=" " * (width + 4)
+            )
+            symbol = f"   ISO 230: {iso}" if iso else ""
+            yield f"{'':{width + 2}}{parameters}{symbol}"
+        yield ""
+    yield "rodgen effects NAME: what it is, how large it usually is, what to do about it, who says so."

@@ -1,0 +1,53 @@
+"""``rodgen emit``: a fitted machine as standalone code."""
+
+from __future__ import annotations
+
+import argparse
+
+from rodgen.cli._console import FAILED, OK, Command, fitting, show, show_json, tell
+from rodgen.cli._machine import FILES, add_files, add_json, add_loss, load_data
+
+__all__ = ["add_to"]
+
+_EMIT = f"""\
+Write a fitted machine as code that needs no rodgen: where it really is, the derivatives, and the commands that bring
+it where it should be, with their own test. C99 without allocation, or NumPy.
+
+With DATA the machine is fitted first; without, every parameter of MACHINE must have its value, as in a file that
+'rodgen fit -o' wrote. What such a file says is then the nominal machine, which compensation does not correct: with
+DATA, it corrects axes and points, too.
+
+{FILES}"""
+
+
+def add_to(command: Command) -> None:
+    """Add the command."""
+    emit = command("emit", _run, "a fitted machine as C or NumPy code", _EMIT)
+    add_files(emit, needed=False)
+    emit.add_argument("--lang", choices=("c", "numpy"), required=True, help="C99, or Python with NumPy")
+    emit.add_argument("-o", "--output", metavar="FOLDER", default="build", help="default: %(default)s")
+    add_loss(emit)
+    add_json(emit)
+
+
+def _run(options: argparse.Namespace) -> int:
+    from rodgen.calibration.assembly_modes import not_found_by_code
+    from rodgen.machines.machine import Machine
+
+    machine, travel, converged, lost = Machine.load(options.machine), None, True, 0.0
+    if options.data:
+        data = load_data(options.data)
+        with fitting() as progress:
+            fit = machine.fit(data, loss=options.loss, progress=progress)
+        machine, travel, converged = fit.machine, fit.observations.travel, fit.solution.converged
+        lost = not_found_by_code(machine, fit.observations)
+    files = [str(path) for path in machine.emit(options.lang, options.output, travel=travel)]
+    if options.json:
+        show_json({"files": files, "converged": converged})
+    else:
+        show("\n".join(files))
+    if lost > 0:
+        tell(
+            f"In {lost:.1%} of the rows the emitted code does not find the platform, and gives NaN or another pose."
+        )
+    return OK if converged else FAILED

@@ -1,0 +1,117 @@
+"""``rodgen euler direct``: attitudes of a 3-SPS-S machine from its legs."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import math
+import re
+from typing import Any
+
+import numpy as np
+
+from rodgen.cli._attitude import add_files
+from rodgen.cli._console import OK, Command, reading, tell
+from rodgen.cli.euler._three_sps_s import MACHINE_TEXT, add_machine, machine_of
+from rodgen.errors import InputFileError, shown
+
+__all__ = ["add_to"]
+
+_TEXT = f"""\
+Find the attitude of a 3-SPS-S machine for the legs in every row of a table.
+
+The table, CSV (gzip or not) or Parquet, has the columns
+
+  L1 [mm],L2 [mm],L3 [mm]
+
+in any unit of length, and may have further ones. {MACHINE_TEXT}
+Up to eight attitudes have the same legs. Taken is the one nearest to --near, or with --follow nearest to that of the
+row before, or with --all each of them, a row each, the least turned first. The output gets every column of the table,
+then
+  q0 qx qy qz               the attitude, a quaternion, scalar part first
+  chi_x chi_y chi_z [deg]   its instantaneous Euler angles
+  status                    converged; singular (two attitudes meet there); no_assembly (no attitude has these legs);
+                            ambiguous (two are equally near: from the start, which is singular, they often are);
+                            incomplete (one was not found); invalid
+and with --all, first, mode: the number of the attitude, 0 where there is none.
+"""
+
+
+def add_to(command: Command) -> None:
+    """Add the command."""
+    parser = command("direct", _run, "attitudes of a 3-SPS-S machine from its legs", _TEXT)
+    add_files(parser, "LEGS")
+    parser.add_argument("--all", action="store_true", help="every attitude, a row each")
+    parser.add_argument(
+        "--near",
+        metavar="X,Y,Z",
+        type=_rotation_vector,
+        help="rotation vector (axis times angle) with its unit, such as 0,0,30deg; default: the start in the machine "
+        "file, else no rotation",
+    )
+    parser.add_argument(
+        "--follow", action="store_true", help="the rows are a motion, which begins near --near"
+    )
+    add_machine(parser)
+
+
+def _rotation_vector(text: str) -> Any:
+    found = re.fullmatch(r"([-+.,\deE\s]*\d\.?)\s*(deg|rad)", text.strip())
+    if found:
+        with contextlib.suppress(ValueError):
+            numbers = [float(part) for part in found[1].split(",")]
+            if len(numbers) == 3 and all(map(math.isfinite, numbers)):
+                return np.radians(numbers) if found[2] == "deg" else np.array(numbers)
+    raise argparse.ArgumentTypeError(f"{shown(text)} is no rotation vector in deg or rad, such as 0,0,30deg")
+
+
+def _run(options: argparse.Namespace) -> int:
+    from rodgen import matrix_from_axis_angle, quaternion_from_matrix
+    from rodgen.data.tables import Column, Result, map_table
+    from rodgen.kinematics import instantaneous_euler, three_sps_s
+
+    if options.all and (options.follow or options.near is not None):
+        raise InputFileError("command line", "--all", "beside --near or --follow", "one of the two")
+    results = [
+        *([Result("mode", "count")] if options.all else []),
+        *(Result(name, "number") for name in ("q0", "qx", "qy", "qz")),
+        *(Result(f"chi_{axis}", "angle") for axis in "xyz"),
+        Result("status", three_sps_s.DirectStatus),
+    ]
+
+    def prepare(unit: str) -> Any:
+        geometry, _ = machine_of(options, unit)
+        near = np.zeros(3)
+        if options.near is not None or options.start is not None:
+            near = np.array(options.start if options.near is None else options.near)
+        angle = float(np.linalg.norm(near))
+        start = matrix_from_axis_angle(near / angle if angle else [0.0, 0.0, 1.0], angle)[0]
+
+        def function(values: Any) -> Any:
+            legs = np.column_stack(values)
+            index, first = None, []
+            if options.all:
+                rotations, count, status = three_sps_s.direct_all(legs, geometry)
+                index = np.repeat(np.arange(len(legs)), np.maximum(count, 1))
+                number = np.arange(len(index)) - np.searchsorted(index, index)
+                first = [np.where(count[index] > 0, number + 1, 0)]
+                rotation, status = rotations[index, number], status[index]
+            elif options.follow:
+                rotation, status = three_sps_s.follow(legs, geometry, start=start)
+            else:
+                rotation, status = three_sps_s.direct(legs, geometry, near=start)
+            quaternion = quaternion_from_matrix(rotation)[0]
+            chi = instantaneous_euler.angles_from_matrix(rotation)[0]
+            return [*first, *quaternion.T, *chi.T, status], index
+
+        return results, function
+
+    columns = [Column(f"L{n}", "length") for n in (1, 2, 3)]
+    with contextlib.ExitStack() as stack:
+        summary = map_table(
+            options.table, options.output, columns, prepare, progress=reading(stack), whole=options.follow
+        )
+    counts = ", ".join(f"{count} {name}" for name, count in summary.counts.items())
+    name = "standard input" if options.table == "-" else options.table
+    tell(f"{name}: {summary.rows} row{'s' * (summary.rows != 1)}: {counts}")
+    return OK

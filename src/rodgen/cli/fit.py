@@ -1,0 +1,68 @@
+"""``rodgen fit``: a machine's parameters from measurements."""
+
+from __future__ import annotations
+
+import argparse
+
+from rodgen.cli._console import FAILED, OK, Command, fitting, show, show_json
+from rodgen.cli._machine import FILES, add_files, add_json, add_loss, load_data
+from rodgen.cli._outputs import Outputs
+
+__all__ = ["add_to"]
+
+_FIT = f"""\
+Adjust a machine's parameters until its model meets the measurements best: the values with their uncertainties, the
+error that is left beside the noise, and what the measurements do not determine.
+
+{FILES}"""
+
+
+def add_to(command: Command) -> None:
+    """Add the command."""
+    fit = command("fit", _run, "fit a machine to measurements", _FIT)
+    add_files(fit)
+    fit.add_argument(
+        "-o",
+        "--output",
+        metavar="FITTED.toml",
+        help="write the machine with the fitted numbers in place, and nothing left to estimate",
+    )
+    add_loss(fit)
+    fit.add_argument(
+        "--residuals",
+        metavar="FILE",
+        help=".csv, .csv.gz or .parquet: the table as it is, with what the model predicts and what is left",
+    )
+    add_json(fit)
+
+
+def _run(options: argparse.Namespace) -> int:
+    from rodgen.machines.machine import Machine
+
+    with Outputs(options.machine, options.data) as outputs:
+        if options.output:
+            outputs.claim(options.output)
+        if options.residuals:
+            from rodgen.calibration.annotated_copy import check_output
+
+            outputs.claim(options.residuals)
+            check_output(options.data, options.residuals)
+        machine = Machine.load(options.machine)
+        data = load_data(options.data)
+        with fitting() as progress:
+            fit = machine.fit(data, loss=options.loss, progress=progress)
+        text = None if options.json else fit.summary()
+        if options.output:
+            from rodgen.machines.files.write import fixed_machine, machine_text
+
+            outputs.add(options.output, machine_text(fixed_machine(fit.machine)).encode())
+        if options.residuals:
+            from rodgen.calibration.annotated_copy import copied_with, residual_columns
+
+            with copied_with(options.data, options.residuals, residual_columns(fit)):
+                pass
+    if text is None:
+        show_json(fit.to_dict())
+    else:
+        show(text)
+    return OK if fit.solution.converged else FAILED

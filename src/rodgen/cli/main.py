@@ -1,0 +1,205 @@
+"""The command line: it reads what was asked for, runs the command, and says in one line what went wrong.
+
+There is no mathematics here. The commands are in :mod:`rodgen.cli`; what one needs is imported when it runs, so
+that ``rodgen --help`` and ``rodgen solve`` never wait for SymPy.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import re
+import sys
+import warnings
+from collections.abc import Iterator, Sequence
+from typing import IO, Any, NoReturn
+
+from rodgen.cli import (
+    axis,
+    change,
+    compare,
+    derivations,
+    diagnose,
+    effects,
+    emit,
+    euler,
+    fit,
+    mechanism,
+    plan,
+    predict,
+    report,
+    simulate,
+    tricept,
+)
+from rodgen.cli._console import (
+    BAD_INPUT,
+    EXIT_CODES,
+    FAILED,
+    INTERRUPTED,
+    OK,
+    READER_GONE,
+    Parser,
+    UsageError,
+    adder,
+    show,
+    tell,
+)
+from rodgen.errors import InputFileError, RodgenError
+
+__all__ = ["main"]
+
+_COMMANDS = (
+    fit,
+    compare,
+    diagnose,
+    plan,
+    predict,
+    report,
+    change,
+    emit,
+    simulate,
+    effects,
+    axis,
+    tricept,
+    euler,
+    mechanism,
+    derivations,
+)
+
+# Modules that only some commands need, and the extra that brings them.
+_EXTRAS = {
+    "sympy": "derive",
+    "jinja2": "derive",
+    "pint": "tables",
+    "pyarrow": "tables",
+    "tqdm": "tables",
+    "scipy": "machines",
+    "threadpoolctl": "machines",
+    "matplotlib": "plot",
+}
+
+_WITH_A_MINUS = ("--point", "--hold", "--effect", "--q", "--tool")
+"""Options whose value may begin with a minus sign."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        What follows the command's name; ``sys.argv[1:]`` when left out.
+
+    Returns
+    -------
+    int
+        The exit code.
+    """
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        with _one_line_warnings():
+            try:
+                options = _parser().parse_args(_joined(given))
+            except SystemExit:  # --help and --version
+                show("", end="")
+                return OK
+            code: int = options.run(options)
+            return code
+    except UsageError as error:
+        tell(str(error))
+        return BAD_INPUT
+    except BrokenPipeError:
+        # Who read the output has seen enough. What is still buffered must not raise once more at the exit.
+        with contextlib.suppress(OSError, ValueError, AttributeError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return READER_GONE
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except ModuleNotFoundError as error:
+        extra = _EXTRAS.get((error.name or "").partition(".")[0])
+        if extra is None:
+            raise
+        found, expected = f"no module {error.name!r}", f"it: pip install 'rodgen[{extra}]'"
+        tell(str(InputFileError("command line", given[0], found, expected)))
+        return BAD_INPUT
+    except RodgenError as error:
+        from rodgen.cli.scripts import UnprovedError
+
+        tell(str(error))
+        if isinstance(error, InputFileError) and error.file == "standard output":
+            # Closed here, because the interpreter would try, and complain, once more at the exit.
+            with contextlib.suppress(OSError, AttributeError):
+                sys.stdout.close()
+        return FAILED if isinstance(error, UnprovedError) else BAD_INPUT
+
+
+@contextlib.contextmanager
+def _one_line_warnings() -> Iterator[None]:
+    """Show each warning once, on one line, and let none of them stop the command.
+
+    Those for developers stay silent, as they do in Python.
+    """
+    told: set[str] = set()
+
+    def shown(
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        file: IO[str] | None = None,
+        line: str | None = None,
+    ) -> None:
+        text = " ".join(str(message).split())
+        if text not in told:
+            told.add(text)
+            tell(f"rodgen: warning: {text}")
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for category in (UserWarning, RuntimeWarning):
+            warnings.simplefilter("always", category)
+        warnings.showwarning = shown
+        yield
+
+
+# options -----------------------------------------------------------------------------------------------
+
+
+class _Version(argparse.Action):
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
+        from importlib.metadata import version
+
+        print(f"rodgen {version('rodgen')}")
+        parser.exit()
+
+
+def _joined(arguments: list[str]) -> list[str]:
+    """Join ``--point -1,2,3`` with an equals sign: argparse takes "-1,2,3" for an option."""
+    joined: list[str] = []
+    for argument in arguments:
+        if joined and joined[-1] in _WITH_A_MINUS and re.match(r"-[\d.]", argument):
+            joined[-1] += f"={argument}"
+        else:
+            joined.append(argument)
+    return joined
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser(
+        prog="rodgen",
+        description="Derive, prove and generate the equations of rotating machines, and use them.",
+        epilog=EXIT_CODES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", nargs=0, action=_Version, help="print the version and exit")
+    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+
+    command = adder(commands)
+    for family in _COMMANDS:
+        family.add_to(command)
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

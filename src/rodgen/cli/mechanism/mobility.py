@@ -1,0 +1,128 @@
+"""``rodgen mechanism mobility``: freedoms, planar drawing, equivalent spherical mechanism and group."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from rodgen.cli._console import OK, Command, show, show_json, tell
+from rodgen.cli._machine import add_json
+from rodgen.cli._outputs import Outputs
+from rodgen.cli.mechanism._mechanism import MECHANISM_TEXT, add_mechanism, chain_of
+from rodgen.errors import InputFileError, RodgenError, shown
+
+if TYPE_CHECKING:
+    from rodgen.kinematics.spatial import Mechanism
+
+__all__ = ["add_to"]
+
+_TEXT = f"""\
+Tell how many freedoms a mechanism has, where the formula that counts them is known to be wrong, the equivalent
+spherical mechanism, and by it the group: how hard the reverse analysis is, and how many solutions it has at most.
+
+{MECHANISM_TEXT}
+
+--svg draws the planar representation: lines are links, letters are joints, the fixed link is hatched.
+"""
+
+
+def add_to(command: Command) -> None:
+    """Add the command."""
+    parser = command("mobility", _run, "freedoms, drawing and group of a mechanism", _TEXT)
+    add_mechanism(parser)
+    parser.add_argument("--svg", metavar="FILE", help="draw the planar representation")
+    parser.add_argument("--input", metavar="JOINT", help="joint to mark as the input in the drawing")
+    parser.add_argument("--output", metavar="JOINT", help="joint to mark as the output")
+    add_json(parser)
+
+
+def _run(options: argparse.Namespace) -> int:
+    chain = chain_of(options.mechanism, expand=False)
+    mechanism = chain.mechanism
+    drawing = _drawing(options, mechanism)
+    data = _data(mechanism)
+    if options.svg is not None:
+        with Outputs(options.mechanism) as outputs:
+            outputs.claim(options.svg)
+            outputs.add(options.svg, drawing.encode())
+        tell(f"{options.svg}: planar representation")
+    if options.json:
+        show_json(data)
+    else:
+        show(_text(mechanism, data))
+    return OK
+
+
+def _drawing(options: argparse.Namespace, mechanism: Mechanism) -> str:
+    from rodgen.kinematics import spatial
+
+    for name in ("input", "output"):
+        joint = getattr(options, name)
+        if joint is not None and options.svg is None:
+            raise InputFileError("command line", f"--{name}", "no --svg", "the drawing in which it is marked")
+        if joint is not None and joint not in mechanism.names:
+            raise InputFileError(
+                "command line", f"--{name}", shown(joint), f"one of {', '.join(mechanism.names)}"
+            )
+    return "" if options.svg is None else spatial.planar_svg(mechanism, options.input, options.output)
+
+
+def _data(mechanism: Mechanism) -> dict[str, Any]:
+    from rodgen.kinematics import spatial
+
+    found = spatial.mobility(mechanism)
+    data: dict[str, Any] = {
+        "name": mechanism.name,
+        "joints": list(mechanism.joints),
+        "closed": mechanism.closed,
+        "bodies": found.bodies,
+        "freedoms": list(found.freedoms),
+        "mobility": found.value,
+        "formula": found.formula,
+        "exception": found.exception or None,
+        "passive": found.passive,
+        "remarks": list(found.remarks),
+        "spherical": None,
+        "group": None,
+    }
+    try:
+        equivalent, group = spatial.equivalent_spherical(mechanism), spatial.group(mechanism)
+    except RodgenError as error:  # where nothing turns there is no spherical mechanism
+        return {**data, "remarks": [*data["remarks"], str(error).partition("; expected ")[0].rstrip(".")]}
+    names = mechanism.expanded().names
+    data["spherical"] = {
+        "joints": [names[j] for j in equivalent.joints],
+        "polygon": equivalent.polygon,
+        "mobility": equivalent.mobility,
+    }
+    if group.number < 1:
+        return data
+    data["group"] = {
+        "number": group.number,
+        "polygon": group.polygon,
+        "most_solutions": group.most_solutions,
+        "method": group.method,
+    }
+    return data
+
+
+def _text(mechanism: Mechanism, data: dict[str, Any]) -> str:
+    kind = "closed loop" if data["closed"] else "open chain"
+    total = " + ".join(map(str, data["freedoms"])) + (" - 6" if data["closed"] else "")
+    lines = [
+        f"{data['name'] or 'mechanism'}: {kind} {''.join(data['joints'])}, {data['bodies']} bodies",
+        f"mobility    {data['mobility']}",
+        f"formula     {total} = {data['formula']}",
+    ]
+    lines += [f"            {remark}" for remark in data["remarks"]]
+    spherical, group = data["spherical"], data["group"]
+    if spherical:
+        what = "open chain" if spherical["polygon"] == "open" else spherical["polygon"]
+        lines.append(
+            f"spherical   {what} of {' '.join(spherical['joints'])}, mobility {spherical['mobility']}"
+        )
+    if group:
+        most = "" if group["most_solutions"] is None else f", at most {group['most_solutions']} solutions"
+        lines.append(f"group       {group['number']} ({group['polygon']}){most}")
+        lines += [f"            {group['method']}"] if group["method"] else []
+    return "\n".join(lines)

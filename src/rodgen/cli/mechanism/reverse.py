@@ -1,0 +1,184 @@
+"""``rodgen mechanism reverse``: every set of joint coordinates that brings a robot to a pose, or closes a loop."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+import numpy as np
+
+from rodgen.cli._attitude import ATTITUDE_TEXT, add_form, columns_of, matrices
+from rodgen.cli._console import Command
+from rodgen.cli.mechanism._mechanism import (
+    MECHANISM_TEXT,
+    Chain,
+    add_files,
+    chain_of,
+    column_name,
+    faults_of,
+    quantity_of,
+    run,
+)
+from rodgen.cli.mechanism._tool import add_tool, tool_of
+from rodgen.errors import InputFileError, shown
+
+__all__ = ["add_to"]
+
+_USUAL = "quaternion"
+"""How 'rodgen mechanism forward' writes attitudes."""
+_OFF = 1e-3
+"""How far an attitude in a table may be off a rotation: digits that were cut off, not another convention."""
+
+_TEXT = f"""\
+Find all joint coordinates that bring the last link of a robot to the pose in every row of a table, or all that close a
+loop whose input is given.
+
+{MECHANISM_TEXT}
+
+The table, CSV (gzip or not) or Parquet, has for a robot the pose, as 'rodgen mechanism forward' writes it:
+
+  x [mm],y [mm],z [mm] of the point --tool, and the attitude of the last link
+
+{ATTITUDE_TEXT}
+For a loop it has the coordinates of the joints that are given, such as R1 [deg]: by --given, else the first that there
+are. The output has a row for each solution with every column of the table, then
+  solution   its number, from 1; 0 where there is none
+             a column for each joint, under its name; of a joint C two, such as C3.theta and C3.S
+  status     regular; double (two solutions meet there); family (one of infinitely many, as where a wrist is singular);
+             none; incomplete (a further solution may be missing); invalid
+A column of the table that has such a name, a joint's say, is kept as 'given R1', and so on.
+"""
+
+
+def add_to(command: Command) -> None:
+    """Add the command."""
+    parser = command("reverse", _run, "all joint coordinates of poses, or of a loop's input", _TEXT)
+    add_files(parser, "POSES")
+    add_form(parser, _USUAL)
+    parser.set_defaults(form=None)  # a loop has no poses: there the option must not be given
+    add_tool(parser)
+    parser.add_argument(
+        "--given",
+        metavar="NAMES",
+        help="of a loop: the columns that are its inputs, such as R1 or C2.theta,C2.S",
+    )
+
+
+def _run(options: argparse.Namespace) -> int:
+    chain = chain_of(options.mechanism)
+    with faults_of(chain.file):
+        return _loop(options, chain) if chain.mechanism.closed else _robot(options, chain)
+
+
+def _robot(options: argparse.Namespace, chain: Chain) -> int:
+    from rodgen.data.tables import Column
+
+    if options.given is not None:
+        raise InputFileError("command line", "--given", "for an open chain", "a closed loop, or no --given")
+    form = options.form or _USUAL
+    columns = [*(Column(axis, "length") for axis in "xyz"), *columns_of(form)]
+
+    def prepare(unit: str) -> Any:
+        here = chain.to(unit)
+        to_end = np.linalg.inv(tool_of(options, here))
+        robot = here.robot()
+
+        def function(values: Any) -> Any:
+            table = np.column_stack(values)
+            T = np.zeros((len(table), 4, 4))
+            T[:, :3, :3], T[:, :3, 3], T[:, 3, 3] = _rotations(form, table[:, 3:]), table[:, :3], 1.0
+            found = robot.reverse(T @ to_end)
+            return _answers(found.solutions, found.status)
+
+        return _results(here, list(range(len(here.mechanism.variables)))), function
+
+    return run(options, columns, prepare)
+
+
+def _loop(options: argparse.Namespace, chain: Chain) -> int:
+    from rodgen.data.tables import Column
+    from rodgen.kinematics import spatial
+
+    for option, value in (("--tool", options.tool), ("--from", options.form)):
+        if value is not None:
+            raise InputFileError(
+                "command line", option, "for a closed loop", f"an open chain, or no {option}"
+            )
+    mechanism = chain.mechanism
+    names = [column_name(mechanism, v) for v in range(len(mechanism.variables))]
+    wanted = _given(options, names)
+    columns = [Column(names[v], quantity_of(mechanism, v)) for v in wanted]
+
+    def prepare(unit: str) -> Any:
+        here = chain.to(unit)
+
+        def function(values: Any) -> Any:
+            found = spatial.reverse_loop(here.mechanism, dict(zip(wanted, values, strict=True)))
+            return _answers(found.values, found.status, left)
+
+        left = [v for v in range(len(names)) if v not in wanted]
+        return _results(here, left), function
+
+    return run(options, columns, prepare)
+
+
+def _given(options: argparse.Namespace, names: list[str]) -> list[int]:
+    if options.given is None:
+        return list(range(max(1, len(names) - 6)))
+    wanted = []
+    for name in options.given.split(","):
+        if name.strip() not in names:
+            raise InputFileError("command line", "--given", shown(name.strip()), f"one of {', '.join(names)}")
+        wanted.append(names.index(name.strip()))
+    if len(set(wanted)) < len(wanted):
+        raise InputFileError("command line", "--given", shown(options.given), "every name once")
+    return wanted
+
+
+def _rotations(form: str, values: Any) -> Any:
+    """Return the rotations that are meant; NaN where none is."""
+    if form == "quaternion":
+        size = np.linalg.norm(values, axis=1, keepdims=True)
+        values = np.where(np.abs(size - 1) < _OFF, values / np.where(size > 0, size, 1.0), np.nan)
+        return matrices(form, values)[0]
+    made = matrices(form, values)[0]
+    if form != "matrix":
+        return made
+    # The nearest rotation, so that a matrix of five digits is one.
+    left, stretch, right = np.linalg.svd(made)
+    nearest = left @ right
+    good = (np.abs(stretch - 1) < _OFF).all(axis=1) & (np.linalg.det(nearest) > 0)
+    return np.where(good[:, None, None], nearest, np.nan)
+
+
+def _results(chain: Chain, variables: list[int]) -> Any:
+    from rodgen.data.tables import Result
+    from rodgen.kinematics.spatial import ReverseStatus
+
+    unit = chain.mechanism.unit
+    made = [Result("solution", "count")]
+    for v in variables:
+        name = column_name(chain.mechanism, v)
+        if quantity_of(chain.mechanism, v) == "angle":
+            made.append(Result(name, "angle"))
+        else:
+            made.append(Result(f"{name} [{unit}]", "number"))
+    return [*made, Result("status", ReverseStatus)]
+
+
+def _answers(solutions: Any, status: Any, variables: Any = slice(None)) -> Any:
+    """Return a row for each solution, one for what may be missing, and one where there is nothing."""
+    from rodgen.kinematics.spatial import ReverseStatus
+
+    there = status <= ReverseStatus.FAMILY
+    missing = (status == ReverseStatus.INCOMPLETE).any(axis=1)
+    count = there.sum(axis=1)
+    rows = count + (missing | (count == 0))
+    index = np.repeat(np.arange(len(status)), rows)
+    slot = np.arange(len(index)) - np.searchsorted(index, index)
+    is_solution = slot < count[index]
+    # Solutions come first; what a row without one says is the status of the slot after them.
+    slot = np.minimum(slot, status.shape[1] - 1)
+    codes = np.where(missing[index] & ~is_solution, ReverseStatus.INCOMPLETE, status[index, slot])
+    q = np.where(is_solution[:, None], solutions[index, slot], np.nan)[:, variables]
+    return [np.where(is_solution, slot + 1, 0), *q.T, codes], index

@@ -1,0 +1,95 @@
+"""``rodgen plan``: what to measure next."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from rodgen.cli._console import OK, Command, fitting, show, show_json, tell, working
+from rodgen.cli._machine import FILES, add_files, add_json, add_loss, load_data
+from rodgen.cli._outputs import Outputs
+from rodgen.errors import RodgenError
+
+if TYPE_CHECKING:
+    from rodgen.calibration.diagnose import Diagnosis
+    from rodgen.calibration.fit import Fit
+
+__all__ = ["add_to"]
+
+_PLAN = f"""\
+Say what to measure next: readings within the machine's travel that tell apart the effects that a diagnosis finds and
+the data cannot tell from each other, or that determine what is not determined; with --for, those that sharpen chosen
+parameters. Each with the gain that is expected, and in words. The rows are a measurement file that lacks only the
+readings: measure them in this order, and add them to the data.
+
+{FILES}
+  rodgen plan mount.toml stars.csv -n 12 -o next.csv
+  rodgen plan gantry.toml balls.csv --for C.axis --for C.backlash
+"""
+
+
+def add_to(command: Command) -> None:
+    """Add the command."""
+    plan = command("plan", _run, "what to measure next", _PLAN)
+    add_files(plan)
+    plan.add_argument(
+        "-n",
+        dest="count",
+        type=_count,
+        default=12,
+        metavar="N",
+        help="readings at most, 12 when left out; fewer where they are enough to tell effects apart",
+    )
+    plan.add_argument(
+        "-o", "--output", metavar="PLAN.csv", help="write the rows, if any, as a measurement file"
+    )
+    plan.add_argument(
+        "--for",
+        dest="wanted",
+        action="append",
+        default=[],
+        metavar="KEY",
+        help="sharpen this parameter, such as C.axis.a, or those of an effect, such as C.backlash, which the machine "
+        "need not have yet; may be given several times, and no diagnosis is made then",
+    )
+    add_loss(plan)
+    add_json(plan)
+
+
+def _count(text: str) -> int:
+    if text.isascii() and text.isdigit() and 1 <= int(text[:6]) <= 500:
+        return int(text)
+    raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 1 to 500")
+
+
+def _run(options: argparse.Namespace) -> int:
+    from rodgen.calibration.plan import PlanError, plan
+    from rodgen.machines.machine import Machine
+
+    with Outputs(options.machine, options.data) as outputs:
+        if options.output:
+            outputs.claim(options.output)
+        machine = Machine.load(options.machine)
+        data = load_data(options.data)
+        with fitting() as progress:
+            of: Fit | Diagnosis
+            if options.wanted:
+                of = machine.fit(data, loss=options.loss, progress=progress)
+            else:
+                from rodgen.calibration.diagnose import diagnose
+
+                of = diagnose(machine, data, progress=progress)
+        try:
+            with working("planning"):
+                found = plan(of, options.count, wanted=options.wanted or None)
+        except PlanError as error:  # the number was looked at before, so it is one of these
+            raise RodgenError(f"command line: --for: {error}") from None
+        if options.output and found.count:
+            outputs.add(options.output, found.csv().encode())
+        elif options.output:
+            tell(f"{options.output} is not written: there is nothing to measure")
+    if options.json:
+        show_json(found.to_dict())
+    else:
+        show(found.summary())
+    return OK

@@ -1,0 +1,53 @@
+"""``rodgen predict``: where a fitted machine will be, and how sure that is."""
+
+from __future__ import annotations
+
+import argparse
+
+from rodgen.cli._console import FAILED, OK, Command, fitting, tell
+from rodgen.cli._machine import add_files, add_loss, load_data
+from rodgen.cli._outputs import Outputs
+
+__all__ = ["add_to"]
+
+_PREDICT = """\
+Fit a machine to measurements, and tell where it will be at other commands, with the standard uncertainty that the fit
+leaves: U_y = J U_x J^T, from the covariance U_x of the fitted parameters.
+
+DESIGN is a measurement file that needs no readings: what is commanded, and what else the effects depend on (target, t,
+T_..., load, run). The output is the same table with the predicted places, their model_u_..., and "determined": 0 where
+the measurements do not tell the place. The uncertainty is that of the model as it is: what it lacks is not in it.
+"""
+
+
+def add_to(command: Command) -> None:
+    """Add the command."""
+    predict = command("predict", _run, "where a fitted machine will be, and how sure that is", _PREDICT)
+    add_files(predict)
+    predict.add_argument("design", metavar="DESIGN", help="what is commanded")
+    add_loss(predict)
+    predict.add_argument(
+        "-o", "--output", metavar="FILE", help=".csv, .csv.gz or .parquet; default: CSV on standard output"
+    )
+
+
+def _run(options: argparse.Namespace) -> int:
+    from rodgen.calibration.annotated_copy import check_output, copied_with
+    from rodgen.machines.machine import Machine
+
+    with Outputs(options.machine, options.data, options.design) as outputs:
+        if options.output not in (None, "-"):
+            outputs.claim(options.output)
+        check_output(options.design, options.output)
+        machine = Machine.load(options.machine)
+        data, design = load_data(options.data), load_data(options.design)
+        with fitting() as progress:
+            fit = machine.fit(data, loss=options.loss, progress=progress)
+        made = fit.predict(design)
+        with copied_with(options.design, options.output, made.columns()):
+            pass
+    open_ = int((~made.determined).sum())
+    name = options.output if options.output not in (None, "-") else "standard output"
+    more = f"; {open_} not determined by these measurements" if open_ else ""
+    tell(f"{name}: {design.rows} row{'s' * (design.rows != 1)}{more}")
+    return OK if fit.solution.converged else FAILED

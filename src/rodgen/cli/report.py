@@ -1,0 +1,107 @@
+"""``rodgen report``: what is missing in a machine's model, on one page."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import math
+
+from rodgen.cli._console import FAILED, OK, Command, fitting, show, working
+from rodgen.cli._machine import FILES, add_files, load_data
+from rodgen.errors import InputFileError, RodgenError
+
+__all__ = ["add_to"]
+
+_REPORT = f"""\
+Diagnose a machine, plan what to measure next, and write both as one HTML page: the verdict, the error falling from
+model to model, what is left before and after, the candidates, what the numbers mean in hardware. The page needs no
+network, and brings its pictures as PNG and SVG.
+
+{FILES}
+  rodgen report mount.toml stars.csv -o report.html
+  rodgen report table.toml balls.csv -o report.html --radius C=40mm
+"""
+
+
+def add_to(command: Command) -> None:
+    """Add the command."""
+    report = command("report", _run, "the diagnosis of a machine as one page", _REPORT)
+    add_files(report)
+    report.add_argument("-o", "--output", metavar="PAGE.html", required=True, help="the page")
+    report.add_argument(
+        "--test", metavar="FILE", help="further measurements, of which the error before and after is told"
+    )
+    report.add_argument("--images", metavar="FOLDER", help="write the page's pictures into this folder, too")
+    report.add_argument(
+        "--radius",
+        metavar="JOINT=LENGTH",
+        action="append",
+        default=[],
+        help="radius of a joint's scale, such as C=40mm: an eccentricity is then told in micrometres",
+    )
+
+
+def _run(options: argparse.Namespace) -> int:
+    import matplotlib  # noqa: F401 - that it is missing is told before a long diagnosis, not after
+
+    from rodgen.calibration.diagnose import diagnose
+    from rodgen.calibration.observations import bind
+    from rodgen.calibration.plan import PlanError, plan
+    from rodgen.machines.machine import Machine
+    from rodgen.output.report import write_report
+
+    _check_output(options)
+    machine = Machine.load(options.machine)
+    radii = dict(_radius(text) for text in options.radius)
+    data = load_data(options.data)
+    test = None
+    if options.test:
+        test = load_data(options.test)
+        bind(machine, test)  # what is wrong with it is told before a long fit, not after
+    with fitting() as progress:
+        found = diagnose(machine, data, test=test, progress=progress)
+    planned = None
+    with working("planning"), contextlib.suppress(PlanError):
+        planned = plan(found)
+    with working("drawing") as told:
+        files = write_report(
+            found, planned, options.output, images=options.images, radii=radii, progress=told
+        )
+    show("\n".join(files))
+    return OK if all(each.solution.converged for each in found.fits) else FAILED
+
+
+def _check_output(options: argparse.Namespace) -> None:
+    """Find out whether the page can be written before a long diagnosis, not after."""
+    from rodgen.cli._outputs import Outputs
+    from rodgen.files import AtomicFile, is_device
+
+    with Outputs(options.machine, options.data, *([options.test] if options.test else [])) as outputs:
+        outputs.claim(options.output)
+    if not is_device(options.output):
+        if not options.output.lower().endswith((".html", ".htm")):
+            raise InputFileError(
+                options.output, "file", "no name of a page", "one that ends in .html or .htm"
+            )
+        file = AtomicFile(options.output)
+        file.open().close()
+        file.discard()
+
+
+def _radius(text: str) -> tuple[str, float]:
+    """Read ``C=40mm`` as a joint and millimetres."""
+    from rodgen.data.units import LENGTH, parse_unit
+
+    joint, equals, size = text.partition("=")
+    number = size.rstrip("abcdefghijklmnopqrstuvwxyzµ\"' ")
+    unit = size[len(number) :].strip()
+    try:
+        found = parse_unit(unit)
+        value = float(number) * found.factor("mm")
+        if equals and joint and found.dimension == LENGTH and 0 < value < math.inf:
+            return joint, value
+    except (RodgenError, ValueError):
+        pass
+    raise InputFileError(
+        "command line", "--radius", f"{text!r}", "a joint, '=', a length and its unit, such as C=40mm"
+    )

@@ -1,0 +1,192 @@
+"""Run a derivation script: one of rodgen's own by its name, or the user's by its file.
+
+A derivation script is plain Python that leaves a :class:`rodgen.symbolic.Derivation` in the module-level
+name ``derivation``.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import os
+import pkgutil
+import subprocess
+import sys
+import traceback
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+from rodgen.errors import InputFileError, RodgenError, shown
+
+if TYPE_CHECKING:
+    from rodgen.symbolic import Derivation
+
+__all__ = ["UnprovedError", "load_derivation", "packaged_derivations", "run_notebook", "script_path"]
+
+_OBJECT = "a module-level name 'derivation', a rodgen.symbolic.Derivation"
+
+
+class UnprovedError(RodgenError):
+    """A statement of a derivation is not true, or not shown to be."""
+
+
+def packaged_derivations() -> list[str]:
+    """Return the names of rodgen's own derivations, sorted."""
+    import rodgen.derivation
+
+    return sorted(m.name for m in pkgutil.iter_modules(rodgen.derivation.__path__) if m.name[0] != "_")
+
+
+def script_path(name: str) -> Path:
+    """Find the script of a derivation.
+
+    Parameters
+    ----------
+    name : str
+        A name of `packaged_derivations`, or a file that ends in ``.py``.
+
+    Raises
+    ------
+    InputFileError
+        When there is neither.
+    """
+    if name.endswith(".py") or os.sep in name:
+        path = Path(name)
+        if not path.is_file():
+            found = "a folder" if path.is_dir() else "no such file"
+            raise InputFileError(name, "file", found, "a derivation script")
+        return path
+    if name not in packaged_derivations():
+        raise InputFileError(
+            name,
+            "file",
+            "no such derivation",
+            f"{', '.join(packaged_derivations())}, or a script that ends in .py",
+        )
+    spec = importlib.util.find_spec(f"rodgen.derivation.{name}")
+    assert spec is not None
+    assert spec.origin is not None
+    return Path(spec.origin)
+
+
+def load_derivation(name: str) -> Derivation:
+    """Run a derivation script and return its derivation.
+
+    Parameters
+    ----------
+    name : str
+        As for `script_path`.
+
+    Returns
+    -------
+    Derivation
+
+    Raises
+    ------
+    UnprovedError
+        When a proof in it fails.
+    InputFileError
+        When there is no such script, it does not run, or it leaves no derivation.
+    """
+    from rodgen.symbolic import Derivation, DerivationError
+
+    path = script_path(name)
+    try:
+        module = _run(name, path)
+    except DerivationError as error:
+        message = str(error).partition("\n")[0]
+        raise UnprovedError(f"{name}: {_line(error, path)}: {message}") from error
+    except RodgenError:
+        raise
+    except (Exception, SystemExit) as error:
+        text = (error.msg if isinstance(error, SyntaxError) else str(error)).partition("\n")[0]
+        message = f"{type(error).__name__}: {text}"
+        raise InputFileError(name, _line(error, path), message, "a script that runs to its end") from error
+    derivation = getattr(module, "derivation", None)
+    if not isinstance(derivation, Derivation):
+        found = "no such name" if derivation is None else f"{shown(type(derivation).__name__)}"
+        raise InputFileError(name, "'derivation'", found, _OBJECT)
+    return derivation
+
+
+def _run(name: str, path: Path) -> ModuleType:
+    if not name.endswith(".py") and os.sep not in name:
+        return importlib.import_module(f"rodgen.derivation.{name}")
+    spec = importlib.util.spec_from_file_location(f"_rodgen_script_{path.stem}", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    # As Python does for a script: its own folder first, and the module where dataclasses and pickle find it.
+    sys.path.insert(0, str(path.resolve().parent))
+    sys.modules[spec.name] = module
+    try:
+        spec.loader.exec_module(module)
+    finally:
+        sys.path.remove(str(path.resolve().parent))
+        del sys.modules[spec.name]
+    return module
+
+
+def _line(error: BaseException, path: Path) -> str:
+    """Name the last line of the script itself that led to `error`."""
+    if isinstance(error, SyntaxError) and error.lineno:
+        return f"line {error.lineno}"
+    here = [f.lineno for f in traceback.extract_tb(error.__traceback__) if Path(f.filename).name == path.name]
+    return f"line {here[-1]}" if here else "file"
+
+
+def run_notebook(name: str, output: str | os.PathLike[str]) -> None:
+    """Run a derivation script as a notebook, and write it with what it shows.
+
+    Parameters
+    ----------
+    name : str
+        As for `script_path`; a script in jupytext's percent format, whose prose stands in Markdown cells.
+    output : str or os.PathLike
+        Ends in ``.ipynb``.
+
+    Raises
+    ------
+    UnprovedError
+        When a cell fails.
+    InputFileError
+        When the script cannot be read, the output not be written, or Jupyter is not installed.
+    """
+    from rodgen.files import write_file
+
+    path = script_path(name)
+    file = os.fspath(output)
+    if not file.endswith(".ipynb"):
+        raise InputFileError(
+            file, "file", "a name that does not say what to write", "a name that ends in .ipynb"
+        )
+    if not Path(file).resolve().parent.is_dir():
+        raise InputFileError(file, "file", "a name in a folder that is not there", "a folder that is there")
+    try:
+        import jupytext
+        import nbclient
+        import nbformat
+    except ImportError as error:
+        raise InputFileError(
+            "command line", "--notebook", f"no module {error.name!r}", "it: pip install 'rodgen[notebooks]'"
+        ) from None
+    notebook = jupytext.read(path)
+    notebook.metadata["kernelspec"] = {"display_name": "Python 3", "language": "python", "name": "python3"}
+    notebook.metadata.pop("jupytext", None)
+    client = nbclient.NotebookClient(
+        notebook,
+        timeout=600,
+        kernel_name="python3",
+        record_timing=False,  # the same script gives the same bytes
+        resources={"metadata": {"path": str(path.resolve().parent)}},
+    )
+    try:
+        # What the kernel itself has to say about its sockets is nothing to the user; errors come by protocol.
+        client.execute(stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    except nbclient.exceptions.CellExecutionError as error:
+        raise UnprovedError(f"{name}: {shown(f'{error.ename}: {error.evalue}', 300)[1:-1]}") from None
+    for number, cell in enumerate(notebook.cells):
+        cell["id"] = f"cell-{number}"
+    text: str = nbformat.writes(notebook)  # type: ignore[no-untyped-call]
+    write_file(file, text.encode())

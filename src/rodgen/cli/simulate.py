@@ -1,0 +1,152 @@
+"""``rodgen simulate``: measurements with something hidden in them."""
+
+from __future__ import annotations
+
+import argparse
+import textwrap
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from rodgen.cli._console import OK, Command, UsageError, show, show_json, tell
+from rodgen.cli._machine import add_json, load_data
+from rodgen.cli._outputs import Outputs
+from rodgen.errors import InputFileError
+
+__all__ = ["add_to"]
+
+_SIMULATE = """\
+Make up measurements of a machine with effects that its file does not know, to try the tools on yourself:
+
+  rodgen simulate machine.toml design.csv --hidden -o data.csv --truth truth.json
+  rodgen compare machine.toml data.csv
+  rodgen simulate --open truth.json
+
+DESIGN is a measurement file that needs no readings: what is commanded, and what else the effects depend on (target, t,
+T_..., load, run). The output is the same table with readings: order, other columns and text are kept. The truth stands
+in a file of its own that tells nothing at a glance (base64 of JSON); --open reads it.
+
+An effect is NAME@JOINT:a=12arcsec,b=3arcsec, or NAME@TARGET:..., or NAME:... for one of the whole machine. Numbers
+without a unit are in the units of the machine file, parameters that are not mentioned are zero. Without any parameter,
+as NAME@JOINT, it is given a size that shows.
+"""
+
+
+def add_to(command: Command) -> None:
+    """Add the command."""
+    simulate = command("simulate", _run, "make up measurements, with something hidden in them", _SIMULATE)
+    simulate.add_argument("machine", metavar="MACHINE", nargs="?", help="the machine file")
+    simulate.add_argument("design", metavar="DESIGN", nargs="?", help="what is commanded")
+    simulate.add_argument(
+        "--effect",
+        metavar="EFFECT",
+        action="append",
+        default=[],
+        help="an effect that is in the data; may be given several times",
+    )
+    simulate.add_argument(
+        "--hidden", action="store_true", help="draw an effect of the catalogue that shows in this design"
+    )
+    simulate.add_argument(
+        "--noise",
+        metavar="SIZE",
+        help="standard deviation of a reading, such as 2um or 0.5arcsec; default: what DESIGN or MACHINE state",
+    )
+    simulate.add_argument("--seed", type=_seed, metavar="N", help="the same number gives the same data")
+    simulate.add_argument(
+        "-o", "--output", metavar="DATA", help=".csv, .csv.gz or .parquet; default: CSV on standard output"
+    )
+    simulate.add_argument("--truth", metavar="TRUTH.json", help="what is hidden; needed with --hidden")
+    simulate.add_argument("--open", metavar="TRUTH.json", help="print what was hidden; takes no other files")
+    add_json(simulate)
+
+
+def _seed(text: str) -> int:
+    if text.isascii() and text.isdigit() and len(text) <= 18:
+        return int(text)
+    raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 0 up")
+
+
+def _usage(found: str, expected: str) -> UsageError:
+    return UsageError(InputFileError("command line", "rodgen simulate", found, expected))
+
+
+def _run(options: argparse.Namespace) -> int:
+    if options.open:
+        return _open(options)
+    if not options.design:
+        raise _usage("no MACHINE and DESIGN", "both, or --open TRUTH.json")
+    if options.hidden and not options.truth:
+        raise _usage("--hidden without --truth", "--truth TRUTH.json, where the answer is kept")
+    if options.json and options.output in (None, "-"):
+        raise _usage("--json, while standard output has the data", "-o DATA, too")
+    from rodgen.calibration.annotated_copy import check_output, copied_with
+    from rodgen.calibration.simulate import sealed
+    from rodgen.machines.machine import Machine
+
+    with Outputs(options.machine, options.design) as outputs:
+        if options.output not in (None, "-"):
+            outputs.claim(options.output)
+        if options.truth:
+            outputs.claim(options.truth)
+        check_output(options.design, options.output)
+        machine = Machine.load(options.machine)
+        design = load_data(options.design)
+        made = machine.simulate(
+            design, options.effect, hidden=options.hidden, noise=options.noise, seed=options.seed
+        )
+        if options.truth:
+            outputs.add(options.truth, sealed(made.truth).encode())
+        with copied_with(options.design, options.output, made.columns, replaced=made.replaced):
+            pass
+    about = {
+        "data": options.output,
+        "truth": options.truth,
+        "rows": design.rows,
+        "noise": made.truth["noise"],
+    }
+    if options.json:
+        show_json(about)
+    else:
+        tell(_told(options, about))
+    return OK
+
+
+def _told(options: argparse.Namespace, about: Mapping[str, Any]) -> str:
+    noise = about["noise"]
+    said = f"noise {noise['rms']:.3g} {noise['unit']}" if noise["rms"] else "no noise"
+    name = options.output if options.output not in (None, "-") else "standard output"
+    kept = f"; the truth is in {options.truth}" if options.truth else ""
+    return f"{name}: {about['rows']} row{'s' * (about['rows'] != 1)}, {said}{kept}"
+
+
+def _open(options: argparse.Namespace) -> int:
+    from rodgen.calibration.simulate import opened
+
+    if options.machine:
+        raise _usage("files beside --open", "--open TRUTH.json alone")
+    truth = opened(options.open)
+    if options.json:
+        show_json(truth)
+    else:
+        show("\n".join(_lines(truth)))
+    return OK
+
+
+def _lines(truth: Mapping[str, Any]) -> Iterator[str]:
+    noise, change = truth["noise"], truth["change"]
+    said = f"noise {noise['rms']:.3g} {noise['unit']}"
+    yield f"{truth['machine']} through {truth['design']}, seed {truth['seed']}, {said}"
+    if not truth["effects"]:
+        yield "Nothing is hidden: noise alone."
+    for effect in truth["effects"]:
+        at = f" at {effect['place']}" if effect["place"] else ""
+        yield f"{effect['effect']}{at}"
+        for key, number in effect["parameters"].items():
+            unit = "" if number["unit"] == "1" else f" {number['unit']}"
+            yield f"  {key}  {number['value']:.6g}{unit}"
+        yield from textwrap.wrap(effect["meaning"], 100, initial_indent="  ", subsequent_indent="  ")
+    if truth["effects"]:
+        yield (
+            f"A reading changes by {change['rms']:.3g} {change['unit']} (rms), of which a fit of the machine without "
+            f"it leaves {change['left_by_a_fit']:.3g}."
+        )

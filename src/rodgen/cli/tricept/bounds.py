@@ -1,0 +1,280 @@
+"""``rodgen tricept bounds``: between which values U_y stays in a cube, the largest cube, and influence maps."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import re
+from typing import Any
+
+import numpy as np
+
+from rodgen.cli._console import OK, Command, show, show_json, tell
+from rodgen.cli.tricept._covariance import COVARIANCE_TEXT, add_covariance, covariance_of
+from rodgen.cli.tricept._options import add_geometry, geometry_of, lengths, limits_of, unit_of
+from rodgen.errors import InputFileError, RodgenError, shown
+
+__all__ = ["add_to"]
+
+_TEXT = f"""\
+Bound the six elements of U_y while the tool is anywhere in a cube (or a box): their true range, certified by intervals
+and reached at points, and the sums of the influences' ranges, which is the paper's way and encloses that.
+
+The cube is given by --centre and --edge, or found: --largest axis (its centre on the z axis), --largest free, or
+--largest about the --centre. With --influence one element of U_x on one of U_y is followed along every beam in the cube
+and within the limits of the rods, as in the paper's figures 3 to 10: A0,xx is the variance of A0 on u²(Qx), A0:r,xy the
+covariance of A0 and r on u(Qx,Qy). Bounds need the paper's five parameters only.
+
+{COVARIANCE_TEXT}"""
+
+
+def add_to(command: Command) -> None:
+    """Add the command."""
+    parser = command("bounds", _run, "bounds of U_y over a cube, the largest cube, influence maps", _TEXT)
+    parser.add_argument(
+        "--centre",
+        metavar="X,Y,Z",
+        type=lengths("--centre", 3, "0,0,685mm"),
+        help="of the cube, such as 0,0,685mm",
+    )
+    parser.add_argument(
+        "--edge",
+        metavar="LENGTH",
+        type=_edges,
+        help="of the cube, such as 160mm; X,Y,Z of a box: 160,160,80mm",
+    )
+    parser.add_argument(
+        "--largest", metavar="WHERE", nargs="?", const="axis", choices=("axis", "free", "centre"),
+        help="the largest cube within the limits: axis (default), free, or centre",
+    )  # fmt: skip
+    add_geometry(parser)
+    add_covariance(parser)
+    parser.add_argument(
+        "--gap", metavar="RATIO", type=_ratio, default=1e-3,
+        help="how far certified and reached values may differ, of the greatest magnitude (1e-3)",
+    )  # fmt: skip
+    parser.add_argument("--influence", metavar="PAIR,ELEMENT", type=_pair, help="such as A0,xx or A0:r,xy")
+    parser.add_argument(
+        "--beams", metavar="N", type=_count, default=121, help="beams of the map in each direction (121)"
+    )
+    parser.add_argument("--plot", metavar="FILE", help="draw the influence map: .png, .svg or .pdf")
+    parser.add_argument("--json", action="store_true", help="print JSON: angles in rad")
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", help="table of the bounds or of the map: .csv or .parquet"
+    )
+
+
+def _edges(text: str) -> Any:
+    count = 3 if "," in text else 1
+    found = lengths("--edge", count, "160mm")(text)
+    if min(found.numbers) < 0:
+        raise argparse.ArgumentTypeError(f"{shown(text)} is negative")
+    return found
+
+
+def _ratio(text: str) -> float:
+    with contextlib.suppress(ValueError):
+        if 1e-9 <= float(text) < 1:
+            return float(text)
+    raise argparse.ArgumentTypeError(f"{shown(text)} is no ratio from 1e-9 to 1")
+
+
+def _count(text: str) -> int:
+    with contextlib.suppress(ValueError):
+        if 2 <= int(text) <= 2000:
+            return int(text)
+    raise argparse.ArgumentTypeError(f"{shown(text)} is no whole number from 2 to 2000")
+
+
+def _pair(text: str) -> tuple[tuple[str, str], str]:
+    found = re.fullmatch(r"\s*([^,:\s]+)\s*(?::\s*([^,:\s]+)\s*)?,\s*([xyz]{2})\s*", text)
+    if found:
+        element = "".join(sorted(found[3]))
+        return (found[1], found[2] or found[1]), element
+    raise argparse.ArgumentTypeError(f"{shown(text)} is no pair and element, such as A0,xx or A0:r,xy")
+
+
+def _run(options: argparse.Namespace) -> int:
+    from rodgen.kinematics import tricept
+
+    _check(options)
+    unit = unit_of(options) if options.centre is None else options.centre.unit
+    geometry, limits = geometry_of(options, unit), limits_of(options, unit)
+    try:
+        cube = None
+        if options.largest:
+            if limits is None:
+                raise InputFileError(
+                    "command line", "--limits", "none", "lengths of a rod, such as 568,858mm"
+                )
+            centre = options.centre.to(unit) if options.largest == "centre" else options.largest
+            cube = tricept.largest_cube(geometry, limits, centre)
+            low, high = cube.low, cube.high
+        elif options.centre is not None:
+            edge = np.array(options.edge.to(unit))
+            low, high = (
+                np.array(options.centre.to(unit)) - edge / 2,
+                np.array(options.centre.to(unit)) + edge / 2,
+            )
+        else:
+            return _influence(options, geometry, limits, None, unit)
+        if options.influence:
+            return _influence(options, geometry, limits, (low, high), unit)
+        U = covariance_of(options, unit)
+        if U[5:, 5:].any():
+            raise InputFileError(
+                "command line",
+                "--u",
+                "parameters beyond the paper's",
+                "A0, A1, A-1, r and R alone (rods, radii)",
+            )
+        rods = cube.rods if cube else tricept.rod_bounds(low, high, geometry)
+        found = tricept.bounds(low, high, geometry, U[:5, :5], gap=options.gap)
+    except InputFileError:
+        raise
+    except RodgenError as error:
+        what, _, expected = str(error).partition("; expected ")
+        place = "--influence" if options.influence else "cube"
+        raise InputFileError("command line", place, what, expected or "another one") from None
+    if options.output:
+        _write_bounds(options.output, found, unit)
+    inside = limits is None or bool(
+        (rods.outer[:, 0] >= limits[0]).all() and (rods.outer[:, 1] <= limits[1]).all()
+    )
+    if options.json:
+        extra = {"cube": cube.to_dict()} if cube else {}
+        show_json(
+            {
+                "unit": unit,
+                **extra,
+                "rods_certified": rods.outer.tolist(),
+                "within_limits": None if limits is None else inside,
+                **found.to_dict(),
+            }
+        )
+        return OK
+    _print(found, cube, rods, limits, inside, unit)
+    return OK
+
+
+def _check(options: argparse.Namespace) -> None:
+    if options.largest and options.edge:
+        raise InputFileError("command line", "--edge", "beside --largest", "one of the two")
+    if options.largest == "centre" and options.centre is None:
+        raise InputFileError(
+            "command line", "--centre", "nothing", "the centre of the cube, such as 0,0,685mm"
+        )
+    if options.largest in ("axis", "free") and options.centre is not None:
+        raise InputFileError(
+            "command line", "--centre", f"beside --largest {options.largest}", "--largest centre"
+        )
+    if not options.largest and (options.centre is None) != (options.edge is None):
+        raise InputFileError("command line", "--centre, --edge", "one of them", "both, or --largest")
+    if not options.largest and options.centre is None and not options.influence:
+        raise InputFileError("command line", "--centre, --edge", "nothing", "a cube, or --largest")
+    if options.plot and not options.influence:
+        raise InputFileError(
+            "command line", "--plot", "no --influence", "what to draw, such as --influence A0,xx"
+        )
+
+
+def _print(found: Any, cube: Any, rods: Any, limits: Any, inside: bool, unit: str) -> None:
+    from rodgen.kinematics import tricept
+
+    text = ", ".join(f"{a:.6g}…{b:.6g}" for a, b in zip(found.low, found.high, strict=True))
+    show(f"box {text} {unit}" + (f", edge {cube.edge:.6g} {unit}" if cube else ""))
+    for name, (least, greatest) in zip(("A0", "A1", "A-1"), rods.outer, strict=True):
+        show(f"  {name:4} {least:.4f} … {greatest:.4f} {unit} certified")
+    if limits is not None:
+        low, high = limits
+        show(f"  {'within' if inside else 'NOT certified to be within'} the limits {low:g} … {high:g} {unit}")
+    show(f"U_y [{unit}²]: range certified (reached), and the paper's sum of influences")
+    for n, name in enumerate(tricept.ELEMENTS):
+        (a, b), (c, d), (e, f) = found.outer[n], found.inner[n], found.base_outer[n]
+        show(
+            f"  {name}  {a: .5e} … {b: .5e}  ({c: .5e} … {d: .5e})   sum {e: .5e} … {f: .5e}, "
+            f"{found.excess[n]:.2f} times as wide"
+        )
+    if not found.complete:
+        show("  the wanted gap was not reached everywhere: the bounds are right, and wider than they need be")
+
+
+def _write(path: str, columns: dict[str, Any]) -> None:
+    import pyarrow as pa
+
+    from rodgen.data.tables import open_sink
+
+    batch = pa.RecordBatch.from_pydict({name: pa.array(values) for name, values in columns.items()})
+    with open_sink(path, batch.schema) as sink:
+        sink.write(sink.encode(batch))
+
+
+def _write_bounds(path: str, found: Any, unit: str) -> None:
+    from rodgen.kinematics import tricept
+
+    columns: dict[str, Any] = {"element": list(tricept.ELEMENTS)}
+    for name, ends in (
+        ("certified", found.outer),
+        ("reached", found.inner),
+        ("base_sum_certified", found.base_outer),
+        ("base_sum_reached", found.base_inner),
+    ):
+        for k, end in enumerate(("least", "greatest")):
+            columns[f"{end}_{name} [{unit}**2]"] = ends[:, k]
+    for k, end in enumerate(("least", "greatest")):
+        for n, axis in enumerate("xyz"):
+            columns[f"{end}_Q{axis} [{unit}]"] = found.points[:, k, n]
+    _write(path, columns)
+
+
+def _influence(options: argparse.Namespace, geometry: Any, limits: Any, box: Any, unit: str) -> int:
+    from rodgen.kinematics import tricept
+    from rodgen.kinematics.tricept._influence import search_angles
+    from rodgen.kinematics.tricept._maps import figure_kind
+
+    if options.plot:
+        figure_kind(options.plot)
+    pair, element = options.influence
+    coarse = search_angles(geometry, box)
+    found = _followed(coarse, geometry, options.influence, limits, box)
+    # once to find where the beams are, once to map them
+    known = np.isfinite(found.least)
+    ends = [
+        np.linspace(angles[max(some[0] - 1, 0)], angles[min(some[-1] + 1, len(angles) - 1)], options.beams)
+        for angles, some in zip(
+            coarse, (np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))), strict=True
+        )
+    ]
+    found = _followed((ends[0], ends[1]), geometry, options.influence, limits, box)
+    known = np.isfinite(found.least)
+    if options.plot:
+        tricept.save_figure(options.plot, tricept.draw_influence(found))
+    if options.output:
+        keep = known.ravel()
+        columns = {"alpha [deg]": np.degrees(found.alpha), "beta [deg]": np.degrees(found.beta)}
+        columns |= {"least": found.least, "greatest": found.greatest}
+        columns |= {f"z_least [{unit}]": found.z_least, f"z_greatest [{unit}]": found.z_greatest}
+        _write(options.output, {name: np.asarray(values).ravel()[keep] for name, values in columns.items()})
+    least, greatest = float(np.nanmin(found.least)), float(np.nanmax(found.greatest))
+    if options.json:
+        show_json(
+            {"pair": list(pair), "element": element, "beams": int(known.sum()), "range": [least, greatest]}
+        )
+    else:
+        tell(
+            f"U_x[{pair[0]}, {pair[1]}] on U_y[{element}]: {least:.6g} … {greatest:.6g} on {known.sum()} beams"
+        )
+    return OK
+
+
+def _followed(angles: tuple[Any, Any], geometry: Any, what: Any, limits: Any, box: Any) -> Any:
+    from rodgen.kinematics import tricept
+
+    pair, element = what
+    alpha, beta = angles[0][:, None], angles[1][None, :]
+    found = tricept.influence_map(alpha, beta, geometry, pair, element, limits=limits, box=box)
+    if not np.isfinite(found.least).any():
+        raise InputFileError(
+            "command line", "--influence", "no beam in the region", "a cube that the rods reach"
+        )
+    return found

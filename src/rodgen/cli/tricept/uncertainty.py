@@ -1,0 +1,272 @@
+"""``rodgen tricept uncertainty``: how uncertain the tool is at points, what makes it so, and maps of it."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rodgen.cli._console import OK, Command, reading, show, show_json, tell
+from rodgen.cli.tricept._covariance import COVARIANCE_TEXT, add_covariance, covariance_of
+from rodgen.cli.tricept._options import add_geometry, geometry_of, lengths, limits_of, plane, unit_of
+from rodgen.errors import InputFileError, RodgenError, shown
+
+__all__ = ["add_to"]
+
+_TEXT = f"""\
+Propagate the uncertainty of a Tricept's parameters to its tool at every point of a table, with the columns
+
+  Qx [mm],Qy [mm],Qz [mm]
+
+in any unit of length. The output gets every column of the table, then
+  u(Qx) [mm] u(Qy) [mm] u(Qz) [mm]                   standard uncertainties
+  cov(Qx,Qy) [mm**2] cov(Qx,Qz) ... cov(Qy,Qz) ...   covariances
+  a1 [mm] a2 [mm] a3 [mm]                            semi-axes of the ellipsoid, the greatest first
+  a1_x a1_y ... a3_z                                 their directions
+  status                                             reachable; out_of_limits; unreachable; singular; ...
+With --budget or --monte-carlo, these are printed for each point instead, with its status. With --plot and --slice a map
+is drawn, and the table may be left out.
+
+{COVARIANCE_TEXT}"""
+
+# A budget or a million draws of more points than this is nothing to read.
+_MOST_POINTS = 100
+
+
+def add_to(command: Command) -> None:
+    """Add the command."""
+    parser = command(
+        "uncertainty", _run, "uncertainty of the tool at points, budget, Monte Carlo, maps", _TEXT
+    )
+    parser.add_argument("points", metavar="POINTS", nargs="?", help="the table; '-' is CSV on standard input")
+    parser.add_argument(
+        "--point",
+        metavar="X,Y,Z",
+        type=lengths("--point", 3, "0,0,700mm"),
+        help="one point instead of a table",
+    )
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", help=".csv, .csv.gz or .parquet; default: CSV on standard output"
+    )
+    add_geometry(parser)
+    add_covariance(parser)
+    parser.add_argument(
+        "--probability", metavar="P", type=_probability, help="of the ellipsoid and of intervals; default: the "
+        "standard ellipsoid (k = 1), and intervals of 0.95",
+    )  # fmt: skip
+    parser.add_argument("--budget", action="store_true", help="what each parameter makes of it")
+    parser.add_argument(
+        "--monte-carlo",
+        metavar="N",
+        type=_draws,
+        help="N draws through the exact direct problem (GUM Supplement 1)",
+    )
+    parser.add_argument(
+        "--rectangular",
+        action="store_true",
+        help="draw errors from rectangles, ±√3 u, instead of normal ones",
+    )
+    parser.add_argument("--seed", metavar="N", type=_seed, default=0, help="of the draws (0)")
+    parser.add_argument("--json", action="store_true", help="print budget and Monte Carlo as JSON")
+    parser.add_argument("--plot", metavar="FILE", help="draw the map of --slice: .png, .svg or .pdf")
+    parser.add_argument(
+        "--slice", metavar="AXIS=LENGTH", type=plane("y=0mm"), help="the plane of the map, such as y=0mm"
+    )
+
+
+def _probability(text: str) -> float:
+    with contextlib.suppress(ValueError):
+        if 0 < float(text) < 1:
+            return float(text)
+    raise argparse.ArgumentTypeError(f"{shown(text)} is no probability between 0 and 1, such as 0.95")
+
+
+def _draws(text: str) -> int:
+    with contextlib.suppress(ValueError):
+        if 1000 <= int(text) <= 100_000_000:
+            return int(text)
+    raise argparse.ArgumentTypeError(f"{shown(text)} is no whole number from 1000 to 100000000")
+
+
+def _seed(text: str) -> int:
+    with contextlib.suppress(ValueError):
+        if 0 <= int(text) < 2**64:
+            return int(text)
+    raise argparse.ArgumentTypeError(f"{shown(text)} is no whole number from 0 up")
+
+
+def _run(options: argparse.Namespace) -> int:
+    if options.point and options.points:
+        raise InputFileError("command line", "--point", "beside a table", "one of the two")
+    if bool(options.plot) != bool(options.slice):
+        missing, other = ("--slice", "y=0mm") if options.plot else ("--plot", "map.png")
+        raise InputFileError("command line", missing, "nothing", f"both --plot and --slice, such as {other}")
+    if not (options.point or options.points or options.plot):
+        raise InputFileError("command line", "POINTS", "nothing", "a table, --point, or --plot with --slice")
+    if options.plot:
+        _draw(options)
+    if options.budget or options.monte_carlo:
+        if options.output:
+            raise InputFileError(
+                "command line", "--output", "beside --budget or --monte-carlo", "one of the two"
+            )
+        if not (options.point or options.points):
+            raise InputFileError("command line", "POINTS", "nothing", "a table, or --point")
+        return _told(options)
+    return _table(options) if options.points else _one(options) if options.point else OK
+
+
+def _draw(options: argparse.Namespace) -> None:
+    from rodgen.kinematics import tricept
+    from rodgen.kinematics.tricept._maps import figure_kind
+
+    figure_kind(options.plot)
+    axis, given = options.slice
+    unit = unit_of(options)
+    geometry, limits = geometry_of(options, unit), limits_of(options, unit)
+    if limits is None:
+        raise InputFileError("command line", "--limits", "none", "lengths of a rod, such as 568,858mm")
+    try:
+        found = tricept.uncertainty_map(
+            geometry, covariance_of(options, unit), axis, given.to(unit)[0], limits
+        )
+    except InputFileError:
+        raise
+    except RodgenError as error:
+        what, _, expected = str(error).partition("; expected ")
+        raise InputFileError("command line", "--slice", what, expected) from None
+    tricept.save_figure(options.plot, tricept.draw_uncertainty_map(found, unit))
+
+
+def _points(options: argparse.Namespace) -> tuple[Any, str]:
+    """Return the points, and their unit."""
+    if options.point:
+        unit = options.point.unit
+        return np.array([options.point.to(unit)]), unit
+    from rodgen.data.tables import Column, open_table
+
+    with open_table(options.points, [Column(f"Q{axis}", "length") for axis in "xyz"]) as table:
+        blocks = [values for values, _ in table.map(lambda rows: np.column_stack(rows.values))]
+        unit = table.units()["Qx"]
+    points = np.concatenate(blocks)
+    if len(points) > _MOST_POINTS:
+        raise InputFileError(
+            options.points,
+            "file",
+            f"{len(points)} points",
+            f"at most {_MOST_POINTS} with --budget or --monte-carlo",
+        )
+    return points, unit
+
+
+def _told(options: argparse.Namespace) -> int:
+    from rodgen.kinematics import tricept
+
+    points, unit = _points(options)
+    geometry, limits, U = geometry_of(options, unit), limits_of(options, unit), covariance_of(options, unit)
+    states = np.atleast_1d(tricept.place_covariance(points, geometry, U, limits)[1])
+    rectangular = [name for n, name in enumerate(tricept.PARAMETERS) if U[n, n] > 0]
+    answers = []
+    for number, point in enumerate(points, start=1):
+        status = tricept.TriceptStatus(states[number - 1]).name.lower()
+        answer: dict[str, Any] = {"point": point.tolist(), "unit": unit, "status": status}
+        head = f"Q = ({', '.join(f'{x:g}' for x in point)}) {unit}, {status}"
+        try:
+            if options.budget:
+                made = tricept.budget(point, geometry, U)
+                answer["budget"] = made.to_dict()
+                if not options.json:
+                    show(f"{head}\n{made.summary(unit)}")
+            if options.monte_carlo:
+                drawn = tricept.monte_carlo(
+                    point,
+                    geometry,
+                    U,
+                    draws=options.monte_carlo,
+                    rectangular=rectangular if options.rectangular else (),
+                    probability=options.probability or 0.95,
+                    seed=options.seed,
+                )
+                answer["monte_carlo"] = drawn.to_dict()
+                if not options.json:
+                    show(f"{head}\n{drawn.summary(unit)}")
+        except RodgenError as error:
+            what, _, expected = str(error).partition("; expected ")
+            file = "command line" if options.point else options.points
+            place = "--point" if options.point else f"point {number}"
+            raise InputFileError(file, place, what, expected or "another one") from None
+        answers.append(answer)
+    if options.json:
+        show_json(answers)
+    return OK
+
+
+def _columns(options: argparse.Namespace) -> list[Any]:
+    from rodgen.data.tables import Result
+    from rodgen.kinematics import tricept
+
+    return [
+        *(Result(f"u(Q{axis})", "length") for axis in "xyz"),
+        *(Result(f"cov(Q{one},Q{two})", "area") for one, two in ("xy", "xz", "yz")),
+        *(Result(f"a{n}", "length") for n in (1, 2, 3)),
+        *(Result(f"a{n}_{axis}", "number") for n in (1, 2, 3) for axis in "xyz"),
+        Result("status", tricept.TriceptStatus),
+    ]
+
+
+def _values(points: Any, geometry: Any, U: Any, limits: Any, probability: float | None) -> list[Any]:
+    from rodgen.kinematics import tricept
+
+    U_y, status = tricept.place_covariance(points, geometry, U, limits)
+    found = tricept.ellipsoid(U_y, probability)
+    with np.errstate(invalid="ignore"):
+        u = np.sqrt(np.diagonal(U_y, axis1=-2, axis2=-1))
+    directions = np.swapaxes(found.directions, -1, -2).reshape(-1, 9)
+    off = [U_y[:, 0, 1], U_y[:, 0, 2], U_y[:, 1, 2]]
+    return [*u.T, *off, *found.semi_axes.T, *directions.T, np.asarray(status)]
+
+
+def _table(options: argparse.Namespace) -> int:
+    from rodgen.data.tables import Answer, Column, map_table
+
+    def prepare(unit: str) -> tuple[Sequence[Any], Any]:
+        geometry, limits, U = (
+            geometry_of(options, unit),
+            limits_of(options, unit),
+            covariance_of(options, unit),
+        )
+
+        def function(values: Sequence[Any]) -> Answer:
+            return _values(np.column_stack(values), geometry, U, limits, options.probability), None
+
+        return _columns(options), function
+
+    with contextlib.ExitStack() as stack:
+        columns = [Column(f"Q{axis}", "length") for axis in "xyz"]
+        summary = map_table(options.points, options.output, columns, prepare, progress=reading(stack))
+    counts = ", ".join(f"{count} {name}" for name, count in summary.counts.items())
+    name = "standard input" if options.points == "-" else options.points
+    tell(f"{name}: {summary.rows} row{'s' * (summary.rows != 1)}: {counts}")
+    return OK
+
+
+def _one(options: argparse.Namespace) -> int:
+    from rodgen.kinematics import tricept
+
+    points, unit = _points(options)
+    geometry, limits, U = geometry_of(options, unit), limits_of(options, unit), covariance_of(options, unit)
+    values = _values(points, geometry, U, limits, options.probability)
+    names = [result.name for result in _columns(options)]
+    answer = dict(zip(names, (value[0].item() for value in values), strict=True))
+    answer["status"] = tricept.TriceptStatus(answer["status"]).name.lower()
+    if options.json:
+        show_json({"unit": unit, **answer})
+        return OK
+    for result in _columns(options):
+        value = answer[result.name]
+        text = {"length": unit, "area": f"{unit}²"}.get(str(result.quantity), "")
+        show(f"{result.name:11} {value if isinstance(value, str) else format(value, '.5g')} {text}".rstrip())
+    return OK

@@ -1,0 +1,301 @@
+"""Measurements: a table as it was written, and, bound to a machine, as numbers to compute with.
+
+:class:`Measurements` is a file's or a frame's content, each column in its own unit, each row with the place where it
+stands. :func:`bind` checks it against a machine and brings it to internal units: :class:`Observations`.
+
+The columns and their meaning: the reference of file formats. Whatever is wrong is a
+:class:`rodgen.errors.InputFileError`, one sentence with the file, the line and the column.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.observations import Observations, bind
+from rodgen.data.names import plain_name
+from rodgen.data.spool import GrowingArray
+from rodgen.data.tables import EveryColumn, UnitError, open_frame, open_table
+from rodgen.errors import InputFileError, shown
+
+if TYPE_CHECKING:
+    from rodgen.data.tables.reader import Rows, Table
+
+__all__ = ["Column", "Measurements", "Names", "Observations", "bind"]
+
+Progress: TypeAlias = Callable[[int | None, str], Callable[[int], object]]
+
+_COLUMNS = EveryColumn(("target", "run"), "X [mm],C [deg],x [mm],y [mm],z [mm]")
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """A column of numbers.
+
+    Attributes
+    ----------
+    name : str
+    unit : str or None
+        As it was written, in brackets; None where there was none.
+    values : ndarray of float64, shape (rows,)
+        Finite, in that unit; read-only.
+    """
+
+    name: str
+    unit: str | None
+    values: NDArray[np.float64]
+
+    @property
+    def text(self) -> str:
+        """The column's name with its unit."""
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
+    def take(self, rows: Any) -> Column:
+        """Return some of the rows: a mask, indices or a slice."""
+        return Column(self.name, self.unit, self.values[rows])
+
+
+@dataclass(frozen=True, eq=False)
+class Names:
+    """A column of names: ``target`` or ``run``.
+
+    A whole number is the same name however it is written: ``1`` and ``1.0`` are one run, because a table of numbers
+    does not keep the difference.
+
+    Attributes
+    ----------
+    name : str
+    codes : ndarray of int32, shape (rows,)
+        Of each row, the index of its name in `names`.
+    names : tuple of str
+        Each once, in the order in which they first occur.
+    unit : None
+    """
+
+    name: str
+    codes: NDArray[np.int32]
+    names: tuple[str, ...]
+    unit: None = None
+
+    @property
+    def text(self) -> str:
+        """The column's name."""
+        return self.name
+
+    @property
+    def values(self) -> NDArray[np.str_]:
+        """The name of each row; made anew each time."""
+        return np.array(self.names, np.str_)[self.codes]
+
+    def take(self, rows: Any) -> Names:
+        """Return some of the rows: a mask, indices or a slice."""
+        return Names(self.name, self.codes[rows], self.names)
+
+
+@dataclass(frozen=True, eq=False)
+class _Places:
+    """Where each row of the file stands: stretches of rows without an empty line between."""
+
+    counted: str
+    first: NDArray[np.int64]  # row at which a stretch begins
+    number: NDArray[np.int64]  # its place in the file
+
+    def __call__(self, row: int) -> str:
+        stretch = int(np.searchsorted(self.first, row, "right")) - 1
+        number = row - int(self.first[stretch]) + int(self.number[stretch])
+        return f"line {number}" if self.counted == "line" else f"row {number} (from 0)"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Measurements:
+    """A table of measurements: what was commanded, what was read, and what else was noted.
+
+    Made by :meth:`load` or :meth:`from_frame`. Columns longer than some millions of rows live in temporary files, so
+    that a table may be larger than memory.
+
+    Attributes
+    ----------
+    file : str
+        The file as the user named it, or the name given to the frame.
+    rows : int
+    columns : mapping of str to Column or Names
+        By name, in the file's order; ``target`` and ``run`` are `Names`.
+    header_place : str
+        Where the columns' names stand, for messages.
+    """
+
+    file: str
+    rows: int
+    columns: Mapping[str, Column | Names]
+    header_place: str
+    _places: _Places
+    _row_in_file: range | NDArray[np.int64]
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str], *, progress: Progress | None = None) -> Measurements:
+        r"""Read a measurement file.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            CSV (UTF-8, gzip or not) or Parquet, with units in brackets in the columns' names; ``"-"`` is CSV on
+            standard input. Empty lines are skipped, columns without a name not read.
+        progress : callable, optional
+            Called once with the total (or None) and its unit, returns what is called with every advance.
+
+        Returns
+        -------
+        Measurements
+            Of no rows, if there is but a header.
+
+        Raises
+        ------
+        InputFileError
+            When it cannot be read, a unit is none, or a cell is no finite number. Names stand in the columns
+            ``target`` and ``run``, and in columns without a unit that begin with a word; those are kept, and take
+            no part in a fit.
+
+        Examples
+        --------
+        >>> import pathlib, tempfile
+        >>> path = pathlib.Path(tempfile.mkdtemp(), "data.csv")
+        >>> _ = path.write_text("C [deg],target,d [mm]\n0,ball,100.002\n90,ball,100.004\n")
+        >>> data = Measurements.load(path)
+        >>> data.columns["C"].unit, data.columns["C"].values, data.place(1)
+        ('deg', array([ 0., 90.]), 'line 3')
+        """
+        with open_table(path, _COLUMNS) as table, ExitStack() as stack:
+            return cls._read(table, stack, progress)
+
+    @classmethod
+    def from_frame(cls, frame: Any, *, name: str = "data") -> Measurements:
+        """Take a table that is in memory; its numbers are copied.
+
+        Parameters
+        ----------
+        frame : mapping, DataFrame or Arrow table
+            From names with units in brackets to sequences: a dict, a pandas or Polars DataFrame, an Arrow table.
+        name : str
+            What stands for the file's name in messages.
+
+        Returns
+        -------
+        Measurements
+
+        Raises
+        ------
+        InputFileError
+            As :meth:`load`, with the row instead of the line.
+
+        Examples
+        --------
+        >>> data = Measurements.from_frame({"C [deg]": [0, 90], "d [mm]": [100.002, 100.004]})
+        >>> data
+        Measurements('data', 2 rows: C [deg], d [mm])
+        """
+        with open_frame(frame, _COLUMNS, name) as table, ExitStack() as stack:
+            return cls._read(table, stack, None)
+
+    @classmethod
+    def _read(cls, table: Table, stack: ExitStack, progress: Progress | None) -> Measurements:
+        _check_units(table)
+        numbers = [stack.enter_context(GrowingArray(np.float64)) for _ in table.matches]
+        codes = [stack.enter_context(GrowingArray(np.int32)) for _ in table.text]
+        index: list[dict[str, int]] = [{} for _ in table.text]
+        first: list[NDArray[np.int64]] = []
+        number: list[NDArray[np.int64]] = []
+        rows = 0
+        advance = progress(table.total, table.amount_unit) if progress else None
+        for block, amount in table.map(_Block.of, empty=True):
+            for column, values in zip(numbers, block.values, strict=True):
+                column.append(values)
+            for coded, names, (here, there) in zip(codes, index, block.names, strict=True):
+                code = [names.setdefault(name, len(names)) for name in map(plain_name, there)]
+                coded.append(np.array(code, np.int32)[here])
+            first.append(block.first + rows)
+            number.append(block.number)
+            rows += block.rows
+            if advance:
+                advance(amount)
+        columns: dict[int, Column | Names] = {}
+        for match, column in zip(table.matches, numbers, strict=True):
+            columns[match.index] = Column(match.name, match.unit or None, column.array())
+        for match, column, names in zip(table.text, codes, index, strict=True):
+            columns[match.index] = Names(match.name, column.array(), tuple(names))
+        places = _Places(table.counted, _joined(first), _joined(number))
+        ordered = {columns[i].name: columns[i] for i in sorted(columns)}
+        return cls(table.file, rows, ordered, table.header, places, range(rows))
+
+    def place(self, row: int) -> str:
+        """Say where a row stands in the file: ``"line 17"`` of a CSV file, else ``"row 16 (from 0)"``.
+
+        Parameters
+        ----------
+        row : int
+            From 0.
+        """
+        return self._places(int(self._row_in_file[row]))
+
+    def take(self, rows: Any) -> Measurements:
+        """Return some of the rows, which keep their places.
+
+        Bound alone they have their own order: to keep poses and directions of approach, take from the observations.
+
+        Parameters
+        ----------
+        rows : ndarray of bool or int, or slice
+            A mask, indices or a slice; a slice copies nothing.
+        """
+        columns = {name: column.take(rows) for name, column in self.columns.items()}
+        before = self._row_in_file
+        if isinstance(before, range) and not isinstance(rows, slice):
+            before = np.arange(before.start, before.stop, before.step)
+        row_in_file = before[rows]
+        count = len(row_in_file)
+        return Measurements(self.file, count, columns, self.header_place, self._places, row_in_file)
+
+    def __repr__(self) -> str:
+        names = ", ".join(column.text for column in self.columns.values())
+        return f"Measurements({self.file!r}, {self.rows} row{'s' * (self.rows != 1)}: {names})"
+
+
+@dataclass(frozen=True)
+class _Block:
+    """What is kept of some rows of a file."""
+
+    rows: int
+    values: tuple[NDArray[np.float64], ...]
+    names: list[tuple[NDArray[np.int32], list[str]]]  # of each column of names: indices, and into what
+    first: NDArray[np.int64]
+    number: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, rows: Rows) -> _Block:
+        names = []
+        for column in rows.text:
+            encoded = column.dictionary_encode()
+            names.append((encoded.indices.to_numpy(), encoded.dictionary.to_pylist()))
+        first = np.flatnonzero(np.diff(rows.numbers, prepend=-2) != 1)
+        return cls(len(rows.numbers), rows.values, names, first, rows.numbers[first])
+
+
+def _joined(parts: list[NDArray[np.int64]]) -> NDArray[np.int64]:
+    return np.concatenate([np.empty(0, np.int64), *parts])
+
+
+def _check_units(table: Table) -> None:
+    from rodgen.data.units import parse_unit
+
+    for match in table.matches:
+        if match.unit:
+            try:
+                parse_unit(match.unit)
+            except UnitError as error:
+                place = f"{table.header}, column {shown(match.text)}"
+                raise InputFileError(table.file, place, error.found, error.expected) from None

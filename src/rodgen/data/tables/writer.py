@@ -1,0 +1,249 @@
+"""Write a table in blocks without ever leaving half of a file.
+
+A file is written beside its final place under a temporary name and renamed when it is complete; standard
+output gets its text when all of it is known to be good. So whoever reads the output reads all of it, and an
+error in row nine million leaves what was there before.
+"""
+
+from __future__ import annotations
+
+import abc
+import csv
+import gzip
+import io
+import os
+import shutil
+import sys
+import tempfile
+from typing import IO, Any
+
+import pyarrow as pa
+import pyarrow.csv as pa_csv
+
+from rodgen.errors import InputFileError, shown
+from rodgen.files import AtomicFile, is_device
+
+__all__ = ["Sink", "open_sink"]
+
+# Row groups of a few MB a column read fast; larger ones would only be held in memory longer.
+_ROW_GROUP = 1 << 17
+_SPOOLED_BYTES = 16 << 20
+_KINDS = "a name that ends in .csv, .csv.gz or .parquet"
+
+
+class Sink(abc.ABC):
+    """A table that is being written; `open_sink` makes it.
+
+    As a context manager it completes the output when its block ends well, and leaves nothing when not.
+    """
+
+    @abc.abstractmethod
+    def encode(self, batch: pa.RecordBatch) -> Any:
+        """Turn a block into what `write` takes; safe to call in threads."""
+
+    @abc.abstractmethod
+    def write(self, encoded: Any) -> None:
+        """Append a block."""
+
+    @abc.abstractmethod
+    def __enter__(self) -> Sink:
+        """Create the temporary file."""
+
+    @abc.abstractmethod
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
+        """Rename the temporary file, or remove it when there was an error."""
+
+
+def open_sink(
+    path: str | os.PathLike[str] | None, schema: pa.Schema, *, source: str | os.PathLike[str] | None = None
+) -> Sink:
+    """Open a file, or standard output, for writing a table in blocks.
+
+    Parameters
+    ----------
+    path : str, os.PathLike or None
+        Ends in ``.csv``, ``.csv.gz`` or ``.parquet``; None or ``"-"`` is CSV on standard output.
+    schema : pyarrow.Schema
+        Of the blocks.
+    source : str or os.PathLike, optional
+        The file that is being read, which must be another one.
+
+    Returns
+    -------
+    Sink
+        A context manager; ``write(encode(batch))`` appends.
+
+    Raises
+    ------
+    InputFileError
+        When the place cannot be written, here or in `Sink.write`, or its name does not say what to write.
+    """
+    if path is None or os.fspath(path) == "-":
+        _check_csv_holds("standard output", schema)
+        return _CsvSink(_Stdout(), schema)
+    file = os.fspath(path)
+    name = file.lower()
+    if not name.endswith((".csv", ".csv.gz", ".parquet")) and not is_device(file):
+        raise InputFileError(file, "file", "a name that does not say what to write", _KINDS)
+    if os.path.isdir(file):
+        raise InputFileError(file, "file", "a folder", _KINDS)
+    if (
+        source is not None
+        and os.path.exists(file)
+        and os.path.exists(source)
+        and os.path.samefile(file, source)
+    ):
+        raise InputFileError(file, "file", "the input file itself", "another name for the output")
+    if name.endswith(".parquet"):
+        return _ParquetSink(AtomicFile(file), schema)
+    _check_csv_holds(file, schema)
+    return _CsvSink(AtomicFile(file), schema, compress=name.endswith(".gz"))
+
+
+def _check_csv_holds(file: str, schema: pa.Schema) -> None:
+    for field in schema:
+        if pa.types.is_nested(field.type):
+            raise InputFileError(
+                file,
+                f"column {shown(field.name)}",
+                f"the type {shown(str(field.type))}",
+                "Parquet as the output",
+            )
+
+
+class _Stdout:
+    """Standard output, which gets everything or nothing."""
+
+    file = "standard output"
+
+    def open(self) -> IO[bytes]:
+        if sys.stdout is None:
+            raise InputFileError(self.file, "file", "closed", "an open standard output, or -o FILE")
+        self._spool = tempfile.SpooledTemporaryFile(_SPOOLED_BYTES)  # noqa: SIM115
+        # The sink closes what it wrote to; the spool has to outlive that.
+        return _Unclosed(self._spool)  # type: ignore[return-value]
+
+    def commit(self) -> None:
+        self._spool.seek(0)
+        sys.stdout.flush()
+        binary = getattr(sys.stdout, "buffer", None)
+        if binary is None:  # standard output was replaced by a text buffer
+            sys.stdout.write(self._spool.read().decode())
+        else:
+            shutil.copyfileobj(self._spool, binary, 1 << 20)
+            binary.flush()
+        self._spool.close()
+
+    def discard(self) -> None:
+        self._spool.close()
+
+    def error(self, error: BaseException) -> Exception:
+        if isinstance(error, BrokenPipeError):  # the reader has seen enough: no fault of any file
+            return error
+        reason = getattr(error, "strerror", None) or str(error)
+        return InputFileError(
+            self.file, "file", f"cannot be written ({reason})", "a writable place with room"
+        )
+
+
+class _Unclosed:
+    def __init__(self, stream: Any) -> None:
+        self.write = stream.write
+
+    def close(self) -> None:
+        pass
+
+
+class _CsvSink(Sink):
+    def __init__(self, place: AtomicFile | _Stdout, schema: pa.Schema, *, compress: bool = False) -> None:
+        self._place = place
+        self._names = schema.names
+        self._compress = compress
+
+    def __enter__(self) -> Sink:
+        self._raw = self._place.open()
+        self._stream: Any = self._raw
+        if self._compress:
+            # No name and no time in the header: the same input gives the same bytes.
+            self._stream = gzip.GzipFile(filename="", mode="wb", fileobj=self._raw, compresslevel=5, mtime=0)
+        header = io.StringIO()
+        csv.writer(header, lineterminator="\n").writerow(self._names)
+        self.write(header.getvalue().encode())
+        return self
+
+    def encode(self, batch: pa.RecordBatch) -> pa.Buffer:
+        # Arrow quotes all text or none: none is right, and shorter, unless some cell holds a comma or quote.
+        for style in ("none", "needed"):
+            out = pa.BufferOutputStream()
+            try:
+                pa_csv.write_csv(batch, out, pa_csv.WriteOptions(include_header=False, quoting_style=style))
+            except pa.ArrowInvalid:
+                if style == "needed":
+                    raise
+                continue
+            return out.getvalue()
+        raise AssertionError("unreachable")
+
+    def write(self, encoded: Any) -> None:
+        try:
+            self._stream.write(encoded)
+        except OSError as error:
+            raise self._place.error(error) from None
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
+        _finish(self._place, [self._stream, self._raw], kind is None)
+
+
+class _ParquetSink(Sink):
+    def __init__(self, place: AtomicFile, schema: pa.Schema) -> None:
+        self._place = place
+        self._schema = schema
+        self._held: list[pa.RecordBatch] = []
+        self._held_rows = 0
+
+    def __enter__(self) -> Sink:
+        import pyarrow.parquet as pq
+
+        self._raw = self._place.open()
+        self._writer = pq.ParquetWriter(self._raw, self._schema)
+        return self
+
+    def encode(self, batch: pa.RecordBatch) -> pa.RecordBatch:
+        return batch
+
+    def write(self, encoded: pa.RecordBatch) -> None:
+        self._held.append(encoded)
+        self._held_rows += len(encoded)
+        if self._held_rows >= _ROW_GROUP:
+            self._write_group()
+
+    def _write_group(self) -> None:
+        if self._held:
+            try:
+                self._writer.write_table(pa.Table.from_batches(self._held, self._schema))
+            except OSError as error:
+                raise self._place.error(error) from None
+        self._held, self._held_rows = [], 0
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
+        try:
+            if kind is None:
+                self._write_group()
+        except BaseException:
+            _finish(self._place, [self._writer, self._raw], False)
+            raise
+        _finish(self._place, [self._writer, self._raw], kind is None)
+
+
+def _finish(place: AtomicFile | _Stdout, streams: list[Any], complete: bool) -> None:
+    try:
+        for stream in streams:
+            stream.close()
+        if complete:
+            place.commit()
+    except OSError as error:
+        if complete:
+            raise place.error(error) from None
+    finally:
+        # After a commit there is nothing under the temporary name any more.
+        place.discard()

@@ -1,0 +1,421 @@
+"""What a unit text means: its dimension, and the factor to the numbers that are computed with.
+
+Computed with are the machine file's unit of length, the radian, the second, the kelvin (a difference) and the
+newton. A mass is a force over an acceleration there, so that every unit of mechanics is made of these five; what is
+none of mechanics (ampere, candela, count) keeps Pint's name and size.
+
+A unit text is unit names, products, quotients and exponents of one digit. The everyday names are in a table here;
+any other is looked up in Pint, which is imported only then: it takes longer to load than a model.
+"""
+
+from __future__ import annotations
+
+import difflib
+import functools
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from rodgen.data.tables import UnitError
+from rodgen.errors import shown
+
+__all__ = [
+    "ANGLE",
+    "FORCE",
+    "LENGTH",
+    "ONE",
+    "TEMPERATURE",
+    "TIME",
+    "Dimension",
+    "Unit",
+    "display_unit",
+    "parse_unit",
+    "unit_factor",
+]
+
+_BASES = ("angle", "length", "force", "temperature", "time")
+"""In the order in which a display unit names them: arcsec/mm, mm/K."""
+
+_BELOW = ("force", "length", "temperature", "time", "angle")
+"""The same below the line: arcsec/N/mm."""
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """A product of powers of length, angle, time, temperature, force, and whatever else a unit may hold.
+
+    Attributes
+    ----------
+    powers : tuple of (str, Fraction)
+        Names with their exponents, sorted, without zeros.
+
+    Examples
+    --------
+    >>> (ANGLE / (FORCE * LENGTH)).powers
+    (('angle', Fraction(1, 1)), ('force', Fraction(-1, 1)), ('length', Fraction(-1, 1)))
+    >>> print(ANGLE / (FORCE * LENGTH))
+    angle/force/length
+    """
+
+    powers: tuple[tuple[str, Fraction], ...] = ()
+
+    @classmethod
+    def of(cls, powers: Iterable[tuple[str, int | Fraction]]) -> Dimension:
+        """Collect powers, of which some may be equal or zero."""
+        total: dict[str, Fraction] = {}
+        for name, exponent in powers:
+            total[name] = total.get(name, Fraction(0)) + exponent
+        return cls(tuple(sorted((name, exponent) for name, exponent in total.items() if exponent)))
+
+    def __mul__(self, other: Dimension) -> Dimension:
+        return Dimension.of(self.powers + other.powers)
+
+    def __truediv__(self, other: Dimension) -> Dimension:
+        return self * other**-1
+
+    def __pow__(self, exponent: int | Fraction) -> Dimension:
+        return Dimension.of((name, power * exponent) for name, power in self.powers)
+
+    def __getitem__(self, name: str) -> Fraction:
+        return dict(self.powers).get(name, Fraction(0))
+
+    def __str__(self) -> str:
+        return _product({name: name for name, _ in self.powers}, self) if self.powers else "a plain number"
+
+    def fits(self, other: Dimension) -> bool:
+        """Tell whether the two may be added: an angle in radians is a plain number.
+
+        Examples
+        --------
+        >>> (LENGTH * ANGLE).fits(LENGTH), LENGTH.fits(ANGLE)
+        (True, False)
+        """
+        return self._without_angle == other._without_angle
+
+    @property
+    def _without_angle(self) -> tuple[tuple[str, Fraction], ...]:
+        return tuple((name, power) for name, power in self.powers if name != "angle")
+
+
+ONE = Dimension()
+LENGTH, ANGLE, TIME, TEMPERATURE, FORCE = (
+    Dimension.of([(name, 1)]) for name in ("length", "angle", "time", "temperature", "force")
+)
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit, as read from a text.
+
+    Attributes
+    ----------
+    text : str
+        As it was written.
+    dimension : Dimension
+    scale : Fraction
+        Its size in metres, radians, seconds, kelvins and newtons, over the `turns`-th power of pi.
+    turns : int
+        The power of pi in its size: a degree is exactly pi/180.
+    zero : Fraction or None
+        Of a scale with a zero of its own, what it reads as zero, in degrees Celsius; None for every other unit.
+    """
+
+    text: str
+    dimension: Dimension
+    scale: Fraction = Fraction(1)
+    turns: int = 0
+    zero: Fraction | None = None
+
+    def factor(self, length_unit: str = "mm") -> float:
+        """Return what a number in this unit is multiplied by to be computed with.
+
+        Parameters
+        ----------
+        length_unit : str
+            The machine's unit of length.
+
+        Examples
+        --------
+        >>> parse_unit("inch").factor("mm"), parse_unit("um/m").factor("mm"), parse_unit("deg").factor("mm")
+        (25.4, 1e-06, 0.017453292519943295)
+        """
+        power = self.dimension["length"]
+        length = parse_unit(length_unit).scale if power else Fraction(1)
+        if power.denominator == 1:
+            return _size(self.scale / length**power.numerator, self.turns)
+        return _size(self.scale, self.turns) / math.pow(length, power)
+
+    @property
+    def is_temperature_offset(self) -> bool:
+        """Whether it is a temperature with a zero of its own (degC, degF); :meth:`factor` is of a difference.
+
+        Examples
+        --------
+        >>> [parse_unit(u).is_temperature_offset for u in ("degC", "K", "mm/degC")]
+        [True, False, False]
+        """
+        return self.zero is not None
+
+
+def parse_unit(text: str) -> Unit:
+    """Read a unit.
+
+    Parameters
+    ----------
+    text : str
+        Unit names that Pint knows, joined by ``*`` and ``/``, with exponents of one digit; ``1`` for no unit.
+
+    Returns
+    -------
+    Unit
+
+    Raises
+    ------
+    UnitError
+        When it is no such unit; also for logarithmic units (dB), which no factor brings anywhere.
+
+    Examples
+    --------
+    >>> unit = parse_unit("arcsec/N/m")
+    >>> print(unit.dimension)
+    angle/force/length
+    >>> parse_unit("arcsec/(N*m)")
+    Traceback (most recent call last):
+    rodgen.data.tables.columns.UnitError: unit 'arcsec/(N*m)' with parentheses; expected 'arcsec/N/m', without them
+    """
+    return _parsed(text.strip())
+
+
+def unit_factor(text: str, length_unit: str = "mm") -> tuple[float, Dimension]:
+    """Read a unit that a number has in a file: its factor to what is computed with, and its dimension.
+
+    Parameters
+    ----------
+    text : str
+        The unit, as for :func:`parse_unit`.
+    length_unit : str
+        The machine's unit of length.
+
+    Examples
+    --------
+    >>> factor, dimension = unit_factor("mm/kN", "mm")
+    >>> factor, str(dimension)
+    (0.001, 'length/force')
+    """
+    unit = parse_unit(text)
+    return unit.factor(length_unit), unit.dimension
+
+
+def display_unit(dimension: Dimension, length_unit: str = "mm", angle_unit: str = "arcsec") -> Unit:
+    """Return the unit in which a number of this dimension is shown.
+
+    Parameters
+    ----------
+    dimension : Dimension
+    length_unit, angle_unit : str
+        Units of length and of angle; times are in seconds, temperatures in kelvins, forces in newtons.
+
+    Examples
+    --------
+    >>> display_unit(ANGLE / (FORCE * LENGTH)).text, display_unit(ONE / TEMPERATURE).text, display_unit(ONE).text
+    ('arcsec/N/mm', '1/K', '1')
+    >>> display_unit(ANGLE, angle_unit="deg").factor("mm")
+    0.017453292519943295
+    """
+    units = {
+        "angle": parse_unit(angle_unit),
+        "length": parse_unit(length_unit),
+        "force": parse_unit("N"),
+        "temperature": parse_unit("K"),
+        "time": parse_unit("s"),
+    }
+    as_mass = Dimension.of(
+        ("mass", power) if base == "force" else (base, power)
+        for base, power in (dimension * (LENGTH / TIME**2) ** dimension["force"]).powers
+    )
+    if sum(abs(p) for _, p in as_mass.powers) < sum(abs(p) for _, p in dimension.powers):
+        dimension = as_mass  # kg reads better than N*s**2/mm
+    kilogram = parse_unit("kg")
+    sizes = units | {"mass": kilogram}
+    names = {base: sizes[base].text if base in sizes else base for base, _ in dimension.powers}
+    scale, turns, total = Fraction(1), 0, ONE
+    for base, power in dimension.powers:
+        unit = sizes.get(base)
+        total *= (unit.dimension if unit else Dimension.of([(base, 1)])) ** power
+        if unit and power.denominator == 1:
+            scale *= unit.scale**power.numerator
+            turns += unit.turns * power.numerator
+        elif unit:
+            scale *= Fraction(_size(unit.scale, unit.turns) ** float(power))
+    return Unit(_product(names, dimension), total, scale, turns)
+
+
+# how a unit is read ------------------------------------------------------------------------------------------
+
+_NAME = r"[^\W\d_]\w*|°[^\W\d_]*|%|1"
+_FACTOR = rf"(?:{_NAME})(?:\s*(?:\*\*|\^)\s*-?\d)?"
+_TEXT = re.compile(rf"{_FACTOR}(?:\s*[*/]\s*{_FACTOR})*")
+_EACH = re.compile(rf"(?P<sign>[*/]?)\s*(?P<name>{_NAME})(?:\s*(?:\*\*|\^)\s*(?P<exponent>-?\d))?\s*")
+_LONGEST = 60
+_SPELLINGS = str.maketrans({"μ": "µ", "º": "°", "·": "*", "⋅": "*", "×": "*", "²": "^2", "³": "^3"})
+
+_PI_PARTS = {"deg": 180, "°": 180, "degree": 180, "arcmin": 10800, "arcsec": 648000, "mas": 648000000}
+_EVERYDAY: dict[str, tuple[Dimension, Fraction]] = {
+    **dict.fromkeys(("1", "dimensionless"), (ONE, Fraction(1))),
+    **dict.fromkeys(("%", "percent"), (ONE, Fraction(1, 100))),
+    "ppm": (ONE, Fraction(1, 10**6)),
+    **dict.fromkeys(("m", "meter", "metre"), (LENGTH, Fraction(1))),
+    "cm": (LENGTH, Fraction(1, 100)),
+    **dict.fromkeys(("mm", "millimeter", "millimetre"), (LENGTH, Fraction(1, 1000))),
+    **dict.fromkeys(("um", "µm", "micron", "micrometer", "micrometre"), (LENGTH, Fraction(1, 10**6))),
+    "nm": (LENGTH, Fraction(1, 10**9)),
+    **dict.fromkeys(("inch", "in"), (LENGTH, Fraction(254, 10000))),
+    **dict.fromkeys(("rad", "radian"), (ANGLE, Fraction(1))),
+    "mrad": (ANGLE, Fraction(1, 1000)),
+    **dict.fromkeys(("urad", "µrad"), (ANGLE, Fraction(1, 10**6))),
+    **dict.fromkeys(("s", "second"), (TIME, Fraction(1))),
+    "ms": (TIME, Fraction(1, 1000)),
+    **dict.fromkeys(("min", "minute"), (TIME, Fraction(60))),
+    **dict.fromkeys(("h", "hour"), (TIME, Fraction(3600))),
+    **dict.fromkeys(("K", "kelvin", "degC", "°C", "delta_degC"), (TEMPERATURE, Fraction(1))),
+    "mK": (TEMPERATURE, Fraction(1, 1000)),
+    **dict.fromkeys(("N", "newton"), (FORCE, Fraction(1))),
+    "kN": (FORCE, Fraction(1000)),
+    "kg": (FORCE * TIME**2 / LENGTH, Fraction(1)),
+}
+_ZEROS = {
+    **dict.fromkeys(("degC", "°C", "celsius", "degree_Celsius"), Fraction(0)),
+    **dict.fromkeys(("degF", "°F", "fahrenheit", "degree_Fahrenheit"), Fraction(-160, 9)),
+}
+
+
+@functools.lru_cache(maxsize=1024)
+def _parsed(written: str) -> Unit:
+    text = written.translate(_SPELLINGS)
+    if not text:
+        raise UnitError("no unit", "one such as mm, arcsec or 1/K, or 1 for a plain number")
+    if len(text) > _LONGEST or not _TEXT.fullmatch(text):
+        raise _no_unit(text)
+    dimension, scale, turns = ONE, Fraction(1), 0
+    for part in _EACH.finditer(text):
+        exponent = int(part["exponent"] or 1) * (-1 if part["sign"] == "/" else 1)
+        one = _named(part["name"])
+        dimension *= one.dimension**exponent
+        scale *= one.scale**exponent
+        turns += one.turns * exponent
+    unit = Unit(written, dimension, scale, turns, _ZEROS.get(text))
+    try:
+        usable = math.isfinite(_size(scale, turns)) and _size(scale, turns) > 0
+    except OverflowError:
+        usable = False
+    if not usable:
+        raise UnitError(f"unit {shown(text)}, whose size is beyond floating point", "a unit of a usual size")
+    return unit
+
+
+def _named(name: str) -> Unit:
+    if name in _PI_PARTS:
+        return Unit(name, ANGLE, Fraction(1, _PI_PARTS[name]), 1)
+    if name in _EVERYDAY:
+        return Unit(name, *_EVERYDAY[name])
+    return _by_pint(name)
+
+
+@functools.cache
+def _registry() -> Any:
+    import pint
+
+    return pint.UnitRegistry()
+
+
+_BY_PINT = {
+    "meter": LENGTH,
+    "radian": ANGLE,
+    "second": TIME,
+    "kelvin": TEMPERATURE,
+    "gram": FORCE * TIME**2 / LENGTH,
+}
+
+
+def _by_pint(name: str) -> Unit:
+    try:
+        registry = _registry()
+    except ImportError:
+        raise UnitError(
+            f"unknown unit {shown(name)}",
+            "another one, or Pint, which knows more: pip install rodgen[tables]",
+        ) from None
+    try:
+        parsed = registry.parse_units(name.replace("°", "deg") if len(name) > 1 else name)
+        size, root = registry.get_root_units(parsed)
+    except Exception:  # Pint answers a bad unit with AssertionError, ValueError, tokenize errors and its own
+        raise _no_unit(name) from None
+    if not all(registry._units[n].is_multiplicative for n in parsed._units) and name not in _ZEROS:
+        raise UnitError(f"logarithmic unit {shown(name)}", "a linear one")
+    dimension, scale = ONE, _meant(float(size))
+    for base, power in root._units.items():
+        power = Fraction(power).limit_denominator(10)
+        dimension *= _BY_PINT.get(base, Dimension.of([(base, 1)])) ** power
+        if base == "gram":
+            scale *= (
+                Fraction(1, 1000) ** power.numerator
+                if power.denominator == 1
+                else _meant(1e-3 ** float(power))
+            )
+    return Unit(name, dimension, scale)
+
+
+def _meant(size: float) -> Fraction:
+    """Return the shortest decimal within rounding of a size: Pint's pound is 0.45359237000000005 kg."""
+    short = float(f"{size:.14g}")
+    return Fraction(repr(short if abs(short / size - 1.0) < 5e-16 else size))
+
+
+def _no_unit(text: str) -> UnitError:
+    plain = re.sub(r"[()\s]", "", re.sub(r"/\(([^()/]*)\)", lambda m: "/" + m[1].replace("*", "/"), text))
+    if plain != text and "(" in text and _is_unit(plain):
+        return UnitError(f"unit {shown(text)} with parentheses", f"{plain!r}, without them")
+    for other in (re.sub(r"\s+", "*", text), text.lower(), text.upper(), text.strip("\"'")):
+        if other != text and _is_unit(other):
+            return UnitError(f"unknown unit {shown(text)}", f"{other!r}, or another unit")
+    near = difflib.get_close_matches(text, _EVERYDAY | _PI_PARTS, n=1, cutoff=0.75)
+    hint = f"{near[0]!r}, or another unit" if near else "a unit such as mm, arcsec, N or mm/K"
+    return UnitError(f"unknown unit {shown(text)}", hint)
+
+
+def _is_unit(text: str) -> bool:
+    """Tell whether a mended text would be a unit; no hint on a hint, so that this ends."""
+    if not text or len(text) > _LONGEST or not _TEXT.fullmatch(text):
+        return False
+    names = [part["name"] for part in _EACH.finditer(text)]
+    unknown = [name for name in names if name not in _EVERYDAY and name not in _PI_PARTS]
+    if not unknown:
+        return True
+    try:
+        return all(name in _registry() for name in unknown)
+    except Exception:  # as above
+        return False
+
+
+def _size(scale: Fraction, turns: int) -> float:
+    """Return scale·πⁿ with one rounding of π: a degree is math.pi/180."""
+    return math.pow(math.pi, turns) * scale.numerator / scale.denominator if turns else float(scale)
+
+
+def _product(names: dict[str, str], dimension: Dimension) -> str:
+    """Write a product of powers as text: what stands above the line first, then each divisor."""
+
+    def order(bases: tuple[str, ...]) -> list[str]:
+        return sorted(names, key=lambda n: (bases.index(n) if n in bases else len(bases), n))
+
+    def power(base: str, exponent: Fraction) -> str:
+        if exponent == 1:
+            return names[base]
+        return f"{names[base]}**{exponent if exponent.denominator == 1 else float(exponent)}"
+
+    above = "*".join(power(base, dimension[base]) for base in order(_BASES) if dimension[base] > 0)
+    below = "".join(f"/{power(base, -dimension[base])}" for base in order(_BELOW) if dimension[base] < 0)
+    return (above or "1") + below

@@ -1,5 +1,0 @@
-"""One page that tells what a diagnosis found: `write_report`."""
-
-from rodgen.discrepancy.report._report import report_page, write_report
-
-__all__ = ["report_page", "write_report"]

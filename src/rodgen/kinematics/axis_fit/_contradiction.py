@@ -1,0 +1,122 @@
+"""Problem: tell a user whose pairs hold two answers that the fit had to take one of them.
+
+A robust loss is safe while the bad pairs are a minority without a plan. Where a large part contradicts the
+rest consistently, for example with the sign of the angle reversed, two axes are supported about equally, and
+the fit either takes one of them or lies between both with a noise that hides what happened. So the two fifths
+of the pairs that agree best with one another are asked: if they do so far better than the fit with all, and
+the others contradict them, then the noise of the fit is no noise.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.kinematics.axis_fit._moments import Moments, tangents
+from rodgen.kinematics.axis_fit._noise import Noise
+from rodgen.kinematics.axis_fit._pairs import Pairs
+from rodgen.kinematics.axis_fit._robust import Loss, best_agreement, chi_cut
+from rodgen.kinematics.axis_fit._solve import Line, half_squares
+from rodgen.kinematics.axis_fit._sphere import global_maximum
+
+__all__ = ["contradiction"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+# Share of the pairs whose contradiction leaves no answer safe.
+_MANY = 0.3
+# The agreeing pairs that are looked for: fewer than half, so that one of two camps is enough.
+_CAMP = 0.4
+# By how much the fit's noise must exceed that of the agreeing pairs. They are the best of many choices, so
+# their own noise is already taken at a multiple.
+_FAR_BETTER = 10.0
+# Least ratio of information within a camp for its axis to be one.
+_LEAST_INFORMATION = 1e-4
+
+
+def contradiction(pairs: Pairs, loss: Loss, noise: Noise, line: Line) -> list[str]:
+    """One sentence where three pairs in ten or more contradict the others; else none."""
+    count = int(noise.used.sum())
+    bad = noise.outliers
+    hidden = loss.name != "linear" and pairs.variance is None
+    if bad.sum() < _MANY * count:
+        camp = _hidden_camp(pairs, noise) if hidden else None
+        if camp is None:
+            return []
+        line, bad = camp
+        start = (
+            f"{int(bad.sum())} of {count} pairs contradict the other {count - int(bad.sum())}, which agree "
+            f"on the axis {_shown(line.axis)} far better than with the fit"
+        )
+    else:
+        start = f"{int(bad.sum())} of {count} pairs contradict the axis"
+    good = noise.used & ~bad
+    against = _axis_of(pairs, bad, _variance(pairs, good, line))
+    if against is None:
+        return [f"{start}: with so many the answer is not safe."]
+    opposite = "the opposite axis " if float(against @ line.axis) < -0.99 else "the axis "
+    return [
+        f"{start}; they agree with one another on {opposite}{_shown(against)}: with so many the answer is not "
+        "safe (check the signs of the angles and the order of the points)."
+    ]
+
+
+def _hidden_camp(pairs: Pairs, noise: Noise) -> tuple[Line, Bools] | None:
+    """Line of the pairs that agree far better than the fit, and which pairs contradict it."""
+    used = np.flatnonzero(noise.used)
+    parameters = _parameters(pairs)
+    count = max(math.ceil(_CAMP * len(used)), 3)
+    if len(used) - count < max(_MANY * len(used), 1) or not noise.variance > 0:
+        return None
+    x, y, angle, w = pairs.rho[used], pairs.rho_prime[used], pairs.angle[used], pairs.weight[used]
+    axis, point = best_agreement(x, y, angle, w, pairs.point, _CAMP)
+    line = Line(axis, point)
+    squares = half_squares(pairs, line)
+    inside = used[np.argsort(squares[used], kind="stable")[:count]]
+    own = max(float(squares[inside].sum()) / (3 * count - parameters), (4 * pairs.rounding) ** 2)
+    # The factor of the least median of squares, for a variance that was made small by choice.
+    own *= (1 + 5 / (count - parameters / 3)) ** 2
+    bad = noise.used & (squares > chi_cut(len(used)) ** 2 * own)
+    if noise.variance < _FAR_BETTER**2 * own or bad.sum() < _MANY * len(used):
+        return None
+    return (line, bad) if _is_axis(pairs, inside, line) else None
+
+
+def _axis_of(pairs: Pairs, bad: Bools, variance: float) -> Floats | None:
+    """Axis on which the contradicting pairs agree, to three times the noise of the others; None if on none."""
+    chosen = np.flatnonzero(bad)
+    if 3 * len(chosen) - _parameters(pairs) < 5:
+        return None
+    x, y, angle, w = pairs.rho[chosen], pairs.rho_prime[chosen], pairs.angle[chosen], pairs.weight[chosen]
+    moments = Moments.of(x, y, angle, w, pairs.point)
+    axis = global_maximum(*moments.quadratic())
+    line = Line(axis, moments.point(axis))
+    if not _is_axis(pairs, chosen, line):
+        return None
+    return axis if _variance(pairs, bad, line) <= 9 * variance else None
+
+
+def _variance(pairs: Pairs, chosen: Bools, line: Line) -> float:
+    freedoms = max(3 * int(chosen.sum()) - _parameters(pairs), 1)
+    return max(float(half_squares(pairs, line)[chosen].sum()) / freedoms, (4 * pairs.rounding) ** 2)
+
+
+def _is_axis(pairs: Pairs, chosen: NDArray[np.intp], line: Line) -> bool:
+    """Whether these pairs alone determine the line, and not by the noise of readings that are all alike."""
+    x, y, angle = pairs.rho[chosen], pairs.rho_prime[chosen], pairs.angle[chosen]
+    H = Moments.of(x, y, angle, pairs.weight[chosen], pairs.point).hessian(
+        line.axis, line.point, tangents(line.axis)
+    )
+    values = np.linalg.eigvalsh(H)
+    return bool(values[0] > _LEAST_INFORMATION * values[-1])
+
+
+def _parameters(pairs: Pairs) -> int:
+    return 4 if pairs.point is None else 2
+
+
+def _shown(vector: Floats) -> str:
+    return "(" + ", ".join(f"{c:z.4g}" for c in vector) + ")"

@@ -1,0 +1,99 @@
+"""Problem: how uncertain the axis and its point are.
+
+With H the second derivatives of ½ Σ w |d|² by axis and point, and v the variance of a coordinate at weight 1,
+the score's variance is H/(2v) plus, in the direction's block, Σ (1 - cos χ) I: the noise of ρ, turned by
+the error of the axis, meets the noise of ρ′. Hence
+
+    cov = 2v H⁻¹ + 4v² H⁻¹ (Σ (1 - cos χ) I) H⁻¹.
+
+The second term matters only where the points lie within some σ of the axis; without it pairs of pure noise
+would claim an axis (proved in ``derivation/axis_fit.py``). H holds products ρ ρ′ᵀ of two independent
+readings and so is free of the bias that the Gauss-Newton matrix, with ρ ρᵀ, has there. A robust loss
+changes H by its mean slope and the score's variance by its mean square, as usual for M-estimates (P. J.
+Huber, Robust Statistics, 1981, section 7.6).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.kinematics.axis_fit._moments import Moments
+from rodgen.kinematics.axis_fit._noise import Noise
+from rodgen.kinematics.axis_fit._pairs import Pairs
+from rodgen.kinematics.axis_fit._robust import Loss
+from rodgen.kinematics.axis_fit._solve import Line
+
+__all__ = ["condition_number", "information_of", "joint_covariance", "parameter_covariance"]
+
+Floats = NDArray[np.float64]
+
+
+def information_of(pairs: Pairs, noise: Noise, loss: Loss, line: Line, basis: Floats) -> tuple[Floats, float]:
+    """Information H on axis and point along the basis, and the factor of the score's variance on it.
+
+    Of a robust loss every good pair gets the mean slope and the mean square of all pairs: pair by pair
+    they would follow the noise of a small sample, and claim too much.
+    """
+    x, y, angle = pairs.rho, pairs.rho_prime, pairs.angle
+    if loss.name == "linear":
+        w = pairs.weight
+        return Moments.of(x, y, angle, w, pairs.point).hessian(line.axis, line.point, basis), 1.0
+    good = noise.good
+    z = noise.z[noise.used]
+    weight = loss.weight(z)
+    # Over the three directions: ψ′ along the residual, ψ/z across it; and E[ψ²] a direction.
+    slope = float(((loss.slope(z) + 2 * weight) / 3).sum())
+    # Tukey's loss bends down where a sigma too small puts most pairs; the information stays positive.
+    slope = max(slope, 0.1 * float(weight.sum())) / int(good.sum())
+    square = float(((weight * z) ** 2 / 3).sum()) / int(good.sum())
+    H = Moments.of(x, y, angle, pairs.weight * good, pairs.point).hessian(line.axis, line.point, basis)
+    # The fit has made the residuals smaller than the errors by its own degrees of freedom.
+    count = 3 * len(z)
+    return slope * H, square / slope * count / max(count - len(H), 1)
+
+
+def parameter_covariance(information: Floats, score: float, variance: float, versines: float) -> Floats:
+    """Covariance (4, 4) or (2, 2) of axis and point along the basis: the module's formula.
+
+    Parameters
+    ----------
+    information, score : array, float
+        From :func:`information_of`.
+    variance : float
+        v, of a coordinate at weight 1.
+    versines : float
+        Σ (1 - cos χ) over the pairs that count.
+    """
+    inverse = np.linalg.inv(information)
+    noise = np.zeros_like(information)
+    noise[:2, :2] = versines * np.eye(2)
+    covariance = inverse @ (2 * variance * score * information + 4 * variance**2 * noise) @ inverse
+    return (covariance + covariance.T) / 2
+
+
+def joint_covariance(covariance: Floats, line: Line, centroid: Floats, basis: Floats, scale: float) -> Floats:
+    """(6, 6) covariance of the axis and of its point nearest to the centroid, lengths times `scale`."""
+    size = len(covariance)
+    jacobian = np.zeros((6, size))
+    jacobian[:3, :2] = basis
+    if size == 4:
+        # The foot of the perpendicular slides along the axis as the axis turns.
+        jacobian[3:, :2] = -np.outer(line.axis, (line.point - centroid) @ basis)
+        jacobian[3:, 2:] = basis
+    units = np.array([1.0, 1.0, 1.0, scale, scale, scale])
+    with np.errstate(over="ignore"):  # a length beyond 1e154 has no square; its covariance is infinite
+        whole: Floats = (jacobian @ covariance @ jacobian.T) * units * units[:, None]
+    if size == 2:
+        whole[3:], whole[:, 3:] = 0.0, 0.0
+    return whole
+
+
+def condition_number(information: Floats, arm: float) -> float:
+    """Ratio of the extreme uncertainties of direction times arm, and point."""
+    units = np.ones(len(information))
+    units[:2] = 1 / arm
+    values = np.linalg.eigvalsh(information * np.outer(units, units))
+    return math.sqrt(values[-1] / values[0]) if values[0] > 0 else math.inf

@@ -1,0 +1,294 @@
+"""Problem: which turns of the axis leave the residuals as they are, and whether a second axis fits as well.
+
+The direction's own information matrix (the Hessian with the point eliminated) has an eigenvalue for each
+of the two ways to turn. An eigenvalue that rounding can have made counts as zero; one that is positive but
+leaves an uncertainty of a third of a radian is told as hidden in the noise: no linearised figure can be
+trusted there. The quadratic on the sphere has at most two local maxima; the second one is a candidate when
+the likelihood ratio does not speak against it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.kinematics.axis_fit._pairs import ZERO_TURN, Pairs
+from rodgen.kinematics.axis_fit._residual import residual
+from rodgen.kinematics.axis_fit._result import AxisFitStatus
+from rodgen.kinematics.axis_fit._solve import Line, Solution, half_squares
+
+__all__ = [
+    "Freedoms",
+    "PairFacts",
+    "axis_information",
+    "choose",
+    "find_freedoms",
+    "is_determined",
+    "sentences",
+    "status_of",
+]
+
+Floats = NDArray[np.float64]
+
+_EPS = float(np.finfo(float).eps)
+# Beyond this a turn does not stay in the range where the model is straight.
+_LOST_RADIANS = 1 / 3
+# Twice the log of a likelihood ratio below which a second axis is kept: odds of 150 to 1.
+_KEEP_BELOW = 10.0
+# Standard deviations by which noise alone may favour one of two axes that fit alike.
+_KEEP_DEVIATIONS = 4.0
+_HALF_TURN = 1e-6
+# Opposite to within 8 degrees: the same line, as far as a message is concerned.
+_OPPOSITE = -0.99
+
+
+@dataclass(frozen=True)
+class PairFacts:
+    """What verdicts and messages need to know about the pairs.
+
+    Attributes
+    ----------
+    count : int
+        Pairs that are used and no outliers.
+    free : bool
+        Whether the point is free.
+    largest_half_sine : float
+        Of the angles.
+    half_turns : bool
+        Whether all angles are half turns.
+    moved, missed : float
+        Root mean square lengths of displacements and of residuals, in the user's unit.
+    displaced : bool
+        Whether the points move by more than twice as much as the residuals, and than rounding.
+    exact : bool
+        Whether the residuals are no more than rounding.
+    arm : float
+        Root mean square distance of the points from their mean, or from the known point.
+    size : float
+        Largest coordinate as given, before any origin was subtracted: its rounding is in every arm.
+    versines : float
+        Σ 2 w (1 - cos χ).
+    """
+
+    count: int
+    free: bool
+    largest_half_sine: float
+    half_turns: bool
+    moved: float
+    missed: float
+    displaced: bool
+    exact: bool
+    arm: float
+    size: float
+    versines: float
+
+    @classmethod
+    def of(cls, pairs: Pairs, good: NDArray[np.bool_], line: Line) -> PairFacts:
+        """Collect them."""
+        x, y, angle = pairs.rho[good], pairs.rho_prime[good], pairs.angle[good]
+        points = np.concatenate([x, y])
+        middle = points.mean(axis=0) if pairs.point is None else pairs.point
+        missed = float((residual(x, y, angle, line.axis, line.point) ** 2).mean())
+        moved = float(((y - x) ** 2).mean())
+        sines = np.abs(np.sin(angle / 2))
+        size = max(pairs.size, 1.0)
+        return cls(
+            count=len(angle),
+            free=pairs.point is None,
+            largest_half_sine=float(sines.max()),
+            half_turns=bool((np.abs(np.cos(angle / 2)) < _HALF_TURN / 2).all()),
+            moved=math.sqrt(3 * moved) * pairs.scale,
+            missed=math.sqrt(3 * missed) * pairs.scale,
+            displaced=moved > max(4 * missed, (16 * _EPS * size) ** 2),
+            exact=missed <= (16 * _EPS * size) ** 2,
+            arm=math.sqrt(3 * float(((points - middle) ** 2).mean())),
+            size=size,
+            versines=4 * float(pairs.weight[good] @ sines**2),
+        )
+
+    @property
+    def turns(self) -> bool:
+        """Whether there is a turn at all."""
+        return self.largest_half_sine > ZERO_TURN
+
+    @property
+    def tolerance(self) -> float:
+        """Relative size of information that rounding of the coordinates can make."""
+        return 64 * _EPS * (1 + self.size / self.arm) / self.largest_half_sine
+
+
+@dataclass(frozen=True, eq=False)
+class Freedoms:
+    """Turns (3, F) of the axis that are free: exactly, or hidden in the noise with that uncertainty."""
+
+    exact: Floats
+    hidden: Floats
+    uncertainty: Floats
+
+    @property
+    def directions(self) -> Floats:
+        """(F, 3) all of them."""
+        return np.concatenate([self.exact, self.hidden], axis=1).T
+
+
+def choose(pairs: Pairs, solution: Solution) -> list[Line]:
+    """Lines that fit as well as can be told, best first: one or two.
+
+    Two optima that differ by rounding only are put in an order that does not hang on it: the one first
+    that is greater along the coordinate in which their axes differ most.
+    """
+    best, other = solution.best, solution.other
+    if other is None:
+        return [best]
+    here = float(solution.share @ half_squares(pairs, best))
+    there = float(solution.share @ half_squares(pairs, other))
+    weight = pairs.weight * solution.share
+    rounding = (8 * pairs.rounding) ** 2 * float(weight.sum())
+    apart = best.axis - other.axis
+    if abs(there - here) <= 1e-9 * (there + here) + rounding:
+        swap = bool(apart[np.argmax(np.abs(apart))] < 0)
+    else:
+        swap = there < here
+    if swap:
+        best, other, here, there = other, best, there, here
+
+    used = weight > 0
+    freedoms = max(3 * int(used.sum()) - (4 if pairs.point is None else 2), 1)
+    if pairs.variance is not None:
+        ratio = (there - here) / pairs.variance
+    else:
+        ratio = freedoms * math.log((there + rounding) / (here + rounding))
+    # Of two axes e, f that take the true points to the same places, noise favours one by
+    # Σ n′·(R_e - R_f) n / v: this is its standard deviation.
+    cosine = float(best.axis @ other.axis)
+    angle = pairs.angle[used]
+    by_versine = 2 * (2 * np.sin(angle / 2) ** 2) ** 2 * (1 - cosine**2)
+    chance = math.sqrt(max(float((by_versine + 4 * np.sin(angle) ** 2 * (1 - cosine)).sum()), 0.0))
+    return [best, other] if ratio < _KEEP_BELOW + _KEEP_DEVIATIONS * chance else [best]
+
+
+def axis_information(information: Floats) -> Floats:
+    """(2, 2) information on the direction: the point's share eliminated."""
+    if len(information) == 2 or not information[2, 2] > 0:
+        return information[:2, :2]
+    alone: Floats = information[:2, :2] - information[:2, 2:] @ information[2:, :2] / information[2, 2]
+    return alone
+
+
+def is_determined(information: Floats, reference: float, facts: PairFacts) -> bool:
+    """Whether every turn of the axis tells more than rounding does; arguments as :func:`find_freedoms`."""
+    if not facts.turns or not facts.arm > 0:
+        return False
+    return bool((np.linalg.eigvalsh(information) > facts.tolerance * reference).all())
+
+
+def find_freedoms(
+    information: Floats, reference: float, covariance: Floats, basis: Floats, facts: PairFacts
+) -> Freedoms:
+    """Find the turns that the pairs do not determine.
+
+    Parameters
+    ----------
+    information : (2, 2) array
+        From :func:`axis_information`.
+    reference : float
+        Information on a turn that moves every point by its arm.
+    covariance : (2, 2) array
+        Of the direction along `basis`; NaN where unknown.
+    basis : (3, 2) array
+        Perpendicular to the axis.
+    facts : PairFacts
+    """
+    none = np.empty((3, 0))
+    if not facts.turns or not facts.arm > 0:
+        return Freedoms(basis, none, np.empty(0))
+    values, vectors = np.linalg.eigh(information)
+    exact = ~(values > facts.tolerance * reference)
+    if exact.any() or not np.isfinite(covariance).all():
+        return Freedoms((basis @ vectors)[:, exact], none, np.empty(0))
+    variances, along = np.linalg.eigh(covariance)
+    hidden = variances > _LOST_RADIANS**2
+    return Freedoms(none, (basis @ along)[:, hidden], np.sqrt(variances[hidden]))
+
+
+def status_of(freedoms: Freedoms, lines: list[Line]) -> AxisFitStatus:
+    """Name what is free."""
+    free = len(freedoms.directions)
+    if free:
+        return AxisFitStatus.ONE_FREEDOM if free == 1 else AxisFitStatus.ANY_AXIS
+    if len(lines) == 1:
+        return AxisFitStatus.DETERMINED
+    opposite = float(lines[0].axis @ lines[1].axis) < _OPPOSITE
+    return AxisFitStatus.SIGN_FREE if opposite else AxisFitStatus.TWO_AXES
+
+
+def sentences(status: AxisFitStatus, freedoms: Freedoms, lines: list[Line], facts: PairFacts) -> list[str]:
+    """Say in words what is not determined, and why."""
+    told: list[str] = []
+    if freedoms.exact.shape[1]:
+        told.append(f"the axis direction: {_why_free(status, freedoms, facts)}.")
+    for turn, uncertainty in zip(freedoms.hidden.T, freedoms.uncertainty, strict=True):
+        told.append(
+            f"the axis direction towards {_shown(turn)}: its standard uncertainty is "
+            f"{math.degrees(uncertainty):.0f} deg, so the noise hides it."
+        )
+    if told and facts.free:
+        told.append(
+            "the point: it moves with the axis direction."
+            if facts.turns
+            else "the point: without a turn every point fits."
+        )
+    if status is AxisFitStatus.SIGN_FREE:
+        told.append(f"the sign of the axis: {_why_sign(facts)}.")
+    if status is AxisFitStatus.TWO_AXES:
+        both = f"{_shown(lines[0].axis)} and {_shown(lines[1].axis)}"
+        told.append(f"the choice between two axes, {both}: {_why_two(facts)}.")
+    return told
+
+
+def _why_free(status: AxisFitStatus, freedoms: Freedoms, facts: PairFacts) -> str:
+    if not facts.turns:
+        return "all angles are zero or whole turns"
+    if facts.arm <= 64 * _EPS * facts.size:
+        return "all points are one point at rest" if facts.free else "all points lie at the known point"
+    if status is AxisFitStatus.ANY_AXIS:
+        return "no turn of it changes the residuals"
+    towards = f"it can turn towards {_shown(freedoms.exact[:, 0])} and the pairs fit as well"
+    if facts.free and facts.count == 1:
+        return f"{towards}; one pair with a free point allows every axis perpendicular to its displacement"
+    if facts.free:
+        return f"{towards}; all pairs are alike, and a point elsewhere or another angle is needed"
+    if facts.half_turns:
+        return f"{towards}; half turns that reverse the points allow every axis perpendicular to them"
+    return f"{towards}; the angle is the smallest one that takes the points there, and two solutions merge"
+
+
+def _why_sign(facts: PairFacts) -> str:
+    if facts.half_turns:
+        return "all angles are half turns, which are the same in both senses"
+    if not facts.displaced:
+        if facts.exact:
+            return "all points lie on the axis and do not move"
+        return (
+            f"the points do not move by more than twice the residuals ({facts.moved:.3g} and "
+            f"{facts.missed:.3g} rms), so the opposite axis fits about as well"
+        )
+    return "the opposite axis fits as well within the noise"
+
+
+def _why_two(facts: PairFacts) -> str:
+    if facts.free:
+        return "both fit within the noise; pairs farther apart or with other angles tell"
+    if facts.count == 1:
+        return "one pair and a known point have two solutions; a pair with another angle or direction tells"
+    return (
+        "both fit within the noise, as happens when all points lie in one direction from the known point "
+        "and turn by one angle; a pair with another angle or direction tells"
+    )
+
+
+def _shown(vector: Floats) -> str:
+    return "(" + ", ".join(f"{c:.4g}" if abs(c) > 1e-12 else "0" for c in vector) + ")"

@@ -1,0 +1,147 @@
+"""Problem: what of all the pairs the likelihood of an axis depends on. A handful of sums.
+
+With r = ρ′ - ρ, m = ρ′ + ρ, weights w, κ = 1 - cos χ and s = sin χ, R(e, χ) is quadratic in e, and
+
+    ½ Σ w |ρ′ - p - R(ρ - p)|² = constant - (eᵀ A e + b·e)      for a given point p, taken as the origin,
+    A = Σ w κ sym(ρ ρ′ᵀ),   b = Σ w s ρ × ρ′ = Σ w s ρ × r.
+
+A free point drops out in closed form. (I - R)ᵀ(I - R) = 2κ (I - e eᵀ), so that for any e the best point is
+
+    p = (M - e (e·M) + e × S)/D + any multiple of e,   M = Σ w κ m,  S = Σ w s r,  D = 2 Σ w κ,
+
+and putting it back leaves a quadratic in e again:
+
+    A′ = A - (M Mᵀ + S Sᵀ)/(2D),    b′ = b + (S × M)/D.
+
+So the maximum-likelihood axis is the maximum of a quadratic on the sphere in both cases, with nothing to
+iterate and no local minimum to fall into (:mod:`._sphere`); ``derivation/axis_fit.py`` proves it.
+The sums are taken about the centre that makes M vanish: then A′ and b′ do not suffer from points far from
+the origin.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.kinematics.axis_fit._vectors import cross, dot, skew
+
+__all__ = ["Moments", "tangents"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """Sums over weighted pairs; every field may have leading batch axes.
+
+    Attributes
+    ----------
+    A, b : (…, 3, 3) and (…, 3) arrays
+        The quadratic for the point `centre`.
+    M, S : (…, 3) arrays
+    D : (…) array
+        As in the module's docstring, about `centre`.
+    centre : (…, 3) array
+        The known point, or the mean of the points weighted by w κ.
+    free : bool
+        Whether the point is to be found.
+    """
+
+    A: Floats
+    b: Floats
+    M: Floats
+    S: Floats
+    D: Floats
+    centre: Floats
+    free: bool
+
+    @classmethod
+    def of(
+        cls, rho: Floats, rho_prime: Floats, angle: Floats, weight: Floats, point: Floats | None
+    ) -> Moments:
+        """Sum over the second last axis of (…, N, 3) points; `point` is None where it is free."""
+        by_versine = 2 * weight * np.sin(angle / 2) ** 2
+        by_sine = weight * np.sin(angle)
+        D = 2 * by_versine.sum(axis=-1)
+        if point is None:
+            safe = np.where(D > 0, D, 1.0)[..., None]
+            centre = (by_versine[..., None, :] @ rho)[..., 0, :] + (by_versine[..., None, :] @ rho_prime)[
+                ..., 0, :
+            ]
+            centre = centre / safe
+        else:
+            centre = np.broadcast_to(point, (*D.shape, 3))
+        x = rho - centre[..., None, :]
+        y = rho_prime - centre[..., None, :]
+        r = rho_prime - rho
+        product = (x * by_versine[..., None]).mT @ y
+        turn = (x * by_sine[..., None]).mT @ r
+        return cls(
+            A=(product + product.mT) / 2,
+            b=_axial(turn),
+            M=(by_versine[..., None, :] @ (x + y))[..., 0, :],
+            S=(by_sine[..., None, :] @ r)[..., 0, :],
+            D=D,
+            centre=centre,
+            free=point is None,
+        )
+
+    def quadratic(self) -> tuple[Floats, Floats]:
+        """Give A and b of the quadratic in the axis, with a free point already at its best."""
+        if not self.free:
+            return self.A, self.b
+        D = np.where(self.D > 0, self.D, 1.0)[..., None]
+        lost = self.M[..., :, None] * self.M[..., None, :] + self.S[..., :, None] * self.S[..., None, :]
+        return self.A - lost / (2 * D[..., None]), self.b + cross(self.S, self.M) / D
+
+    def point(self, axis: Floats) -> Floats:
+        """Point on the axis: the known one, or the best one in the plane through `centre`."""
+        if not self.free:
+            return self.centre
+        D = np.where(self.D > 0, self.D, 1.0)[..., None]
+        across = self.M - axis * dot(axis, self.M)[..., None]
+        return self.centre + (across + cross(axis, self.S)) / D
+
+    def hessian(self, axis: Floats, point: Floats, basis: Floats) -> Floats:
+        """Second derivatives of ½ Σ w |d|² by (axis, point) along `basis`.
+
+        Parameters
+        ----------
+        axis, point : (3,) arrays
+            Where: a stationary axis and its point.
+        basis : (3, 2) array
+            Two unit vectors perpendicular to the axis.
+
+        Returns
+        -------
+        (4, 4) array, or (2, 2) where the point is known
+            Not the Gauss-Newton matrix: products ρ ρ′ᵀ are free of the noise bias that ρ ρᵀ has.
+        """
+        q = point - self.centre
+        A = self.A - (np.outer(q, self.M) + np.outer(self.M, q)) / 2 + self.D / 2 * np.outer(q, q)
+        b = self.b - cross(q, self.S)
+        M = self.M - self.D * q
+        multiplier = axis @ (A @ axis + b / 2)
+        by_axis = 2 * (multiplier * np.eye(2) - basis.T @ A @ basis)
+        if not self.free:
+            return by_axis
+        mixed = (axis @ M) * np.eye(2) + basis.T @ skew(self.S) @ basis
+        return np.block([[by_axis, mixed.T], [mixed, self.D * np.eye(2)]])
+
+
+def tangents(axis: Floats) -> Floats:
+    """Two unit vectors (3, 2) that make a right-handed basis (u, v, axis)."""
+    start = np.eye(3)[np.argmin(np.abs(axis))]
+    u = cross(axis, start)
+    u = u / np.sqrt(u @ u)
+    return np.stack([u, cross(axis, u)], axis=1)
+
+
+def _axial(T: Floats) -> Floats:
+    """Σ x × r from T = Σ x rᵀ."""
+    return np.stack(
+        [T[..., 1, 2] - T[..., 2, 1], T[..., 2, 0] - T[..., 0, 2], T[..., 0, 1] - T[..., 1, 0]], axis=-1
+    )

@@ -1,0 +1,135 @@
+"""Problem: what a user of a fitted axis should know besides the numbers."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.kinematics.axis_fit._contradiction import contradiction
+from rodgen.kinematics.axis_fit._moments import Moments
+from rodgen.kinematics.axis_fit._noise import Noise
+from rodgen.kinematics.axis_fit._pairs import Pairs
+from rodgen.kinematics.axis_fit._residual import residual
+from rodgen.kinematics.axis_fit._robust import Loss
+from rodgen.kinematics.axis_fit._solve import MOST_REWEIGHTINGS, Line, Solution, half_squares
+from rodgen.kinematics.axis_fit._sphere import global_maximum
+
+__all__ = ["remarks_on"]
+
+Floats = NDArray[np.float64]
+
+# Probability below which a better fit is not taken for luck.
+_CHANCE = 1e-5
+# A statistic this many of its standard deviations off is no accident.
+_NO_ACCIDENT = 5.0
+# Below this many degrees of freedom the estimated noise is too uncertain for the usual two sigma.
+_FEW_FREEDOMS = 10
+_DEGREES = 4 * math.pi
+
+
+def remarks_on(
+    pairs: Pairs, solution: Solution, loss: Loss, noise: Noise, line: Line, determined: bool
+) -> list[str]:
+    """Sentences, the weightiest first; none where there is nothing to tell."""
+    told: list[str] = []
+    largest = float(np.abs(pairs.angle).max())
+    if largest > _DEGREES:
+        told.append(f"An angle is {largest:.4g} rad: angles are taken in rad, not in degrees.")
+    if math.isnan(noise.variance):
+        told.append(
+            "The pairs have nothing to spare to estimate the noise from: give sigma to learn the uncertainty."
+        )
+    bad, used = int(noise.outliers.sum()), int(noise.used.sum())
+    if bad and loss.name == "linear":
+        told.append(
+            f"{bad} of {used} pairs are farther off than noise explains and still count: loss='tukey' would "
+            "give them no say."
+        )
+    told += contradiction(pairs, loss, noise, line)
+    if determined and pairs.variance is None and 0 < noise.dof < _FEW_FREEDOMS:
+        told.append(_few_freedoms(noise.dof))
+    excess = 0.0 if noise.chi_square is None else noise.chi_square - noise.dof
+    if noise.dof > 0 and abs(excess) > _NO_ACCIDENT * math.sqrt(2 * noise.dof):
+        told.append(
+            f"The residuals are {math.sqrt(1 + excess / noise.dof):.3g} times what sigma leads to expect; "
+            "the uncertainties told are those of sigma."
+        )
+    if not solution.converged:
+        told.append(f"The weights of loss={loss.name!r} had not settled after {MOST_REWEIGHTINGS} solutions.")
+    if pairs.point is not None:
+        told += _point_off(pairs, solution, noise, line) + _lengths_differ(pairs, noise, line)
+    return told
+
+
+def _few_freedoms(dof: int) -> str:
+    """Say how far the 95 % region reaches when the noise is estimated with `dof` degrees of freedom.
+
+    The direction has two components: the region is where their squares, in units of the uncertainties, sum
+    to less than twice the quantile of F with 2 and `dof` degrees of freedom, dof (0.05^(-2/dof) - 1) in
+    closed form; with a known noise it is -2 log 0.05.
+    """
+    reach = math.sqrt(dof * (0.05 ** (-2 / dof) - 1))
+    known = math.sqrt(-2 * math.log(0.05))
+    degrees = "1 degree" if dof == 1 else f"{dof} degrees"
+    return (
+        f"The noise is estimated with {degrees} of freedom: the region that holds the direction with 95 % "
+        f"probability reaches to {reach:.2g} standard uncertainties, {reach / known:.2g} times as far as "
+        "if the noise were known."
+    )
+
+
+def _point_off(pairs: Pairs, solution: Solution, noise: Noise, line: Line) -> list[str]:
+    """Say so when a free point fits better than two more parameters do by chance."""
+    good = noise.good
+    freedoms = 3 * int(good.sum()) - 4
+    if freedoms <= 0:
+        return []
+    x, y, angle = pairs.rho[good], pairs.rho_prime[good], pairs.angle[good]
+    w = (pairs.weight * solution.share)[good]
+    moments = Moments.of(x, y, angle, w, None)
+    axis = global_maximum(*moments.quadratic())
+    free = Line(axis, moments.point(axis)).nearest(np.zeros(3))
+    left = float((w[:, None] * residual(x, y, angle, free.axis, free.point) ** 2).sum()) / 2
+    gain = float((solution.share * half_squares(pairs, line))[good].sum()) - left
+    if gain <= (64 * pairs.rounding) ** 2 * len(w):
+        return []
+    # Survival functions of χ² with 2 degrees of freedom, and of F with 2 and `freedoms`, in closed form.
+    if pairs.variance is not None:
+        chance = math.exp(-gain / pairs.variance / 2)
+    else:
+        chance = math.exp(-freedoms / 2 * math.log1p(gain / left)) if left > 0 else 0.0
+    if chance > _CHANCE:
+        return []
+    away = math.sqrt(float(free.point @ free.point)) * pairs.scale
+    return [
+        f"With a free point the pairs fit far better, and the axis passes {away:.3g} from the point given: is "
+        "that point on the axis?"
+    ]
+
+
+def _lengths_differ(pairs: Pairs, noise: Noise, line: Line) -> list[str]:
+    """Say so when distances from the known point change more than the rest of the residuals explains."""
+    good = noise.good
+    change = np.sqrt((pairs.rho_prime[good] ** 2).sum(axis=-1)) - np.sqrt((pairs.rho[good] ** 2).sum(axis=-1))
+    count = len(change)
+    if np.abs(change).max() <= 64 * pairs.rounding:
+        return []
+    radial = float((pairs.weight[good] * change**2).mean()) / 2
+    if pairs.variance is not None:
+        limit = pairs.variance * (1 + _NO_ACCIDENT * math.sqrt(2 / count))
+    else:
+        freedoms = 2 * count - 2
+        if freedoms <= 0:
+            return []
+        across = max(float(half_squares(pairs, line)[good].sum()) - count * radial, 0.0) / freedoms
+        limit = across * (1 + _NO_ACCIDENT * math.sqrt(2 / count + 2 / freedoms))
+    if radial <= limit:
+        return []
+    worst = int(np.flatnonzero(good)[np.argmax(np.abs(change))])
+    rms = math.sqrt(float((change**2).mean())) * pairs.scale
+    return [
+        f"Distances from the known point change by {rms:.3g} rms (most in pair {worst}), more than the other "
+        "residuals explain."
+    ]

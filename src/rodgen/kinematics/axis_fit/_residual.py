@@ -1,0 +1,68 @@
+"""Problem: by how much a pair misses an axis, d = ρ′ - p - R(e, χ)(ρ - p), and how that changes with e and p.
+
+With noise of covariance σ² I on both ρ and ρ′, d has covariance 2σ² I whatever the rotation, and half of
+Σ |d|²/(2σ²) is the negative log-likelihood of e and p once the true ρ are eliminated. The kernel is derived,
+proved and generated in ``derivation/axis.py``; it forms ρ′ - ρ and (R - I)(ρ - p) apart, which keeps the
+smallest angles exact.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.kinematics.backend import kernels
+
+__all__ = ["residual", "residual_and_jacobian", "residual_gradient"]
+
+Floats = NDArray[np.float64]
+
+# Pairs at a time: the derivatives, eighteen numbers a pair, stay in the cache.
+_BLOCK = 4096
+
+
+def residual_and_jacobian(
+    rho: Floats, rho_prime: Floats, angle: Floats, axis: Floats, point: Floats
+) -> tuple[Floats, Floats]:
+    """Residual of pairs against one axis, and its derivatives.
+
+    Parameters
+    ----------
+    rho, rho_prime : (N, 3) arrays
+        Points before and after, one length unit.
+    angle : (N,) array
+        Angles in rad.
+    axis : (3,) array
+        Unit axis.
+    point : (3,) array
+        Point on the axis.
+
+    Returns
+    -------
+    residual : (N, 3) array
+    jacobian : (N, 3, 6) array
+        By axis and point; of the axis, only directions perpendicular to it mean anything.
+    """
+    d, jacobian = kernels.axis_residual(rho, rho_prime, angle, axis, point)
+    return d, jacobian
+
+
+def residual(rho: Floats, rho_prime: Floats, angle: Floats, axis: Floats, point: Floats) -> Floats:
+    """Residual (N, 3) alone; as :func:`residual_and_jacobian`."""
+    d = np.empty_like(rho)
+    for first in range(0, len(d), _BLOCK):
+        block = slice(first, first + _BLOCK)
+        d[block] = residual_and_jacobian(rho[block], rho_prime[block], angle[block], axis, point)[0]
+    return d
+
+
+def residual_gradient(
+    rho: Floats, rho_prime: Floats, angle: Floats, weight: Floats, axis: Floats, point: Floats
+) -> tuple[Floats, Floats]:
+    """Differentiate ½ Σ w |d|² by axis (3,) and point (3,); arguments as :func:`residual_and_jacobian`."""
+    gradient = np.zeros(6)
+    for first in range(0, len(rho), _BLOCK):
+        block = slice(first, first + _BLOCK)
+        d, jacobian = residual_and_jacobian(rho[block], rho_prime[block], angle[block], axis, point)
+        gradient += (weight[block, None] * d).ravel() @ jacobian.reshape(-1, 6)
+    return gradient[:3], gradient[3:]

@@ -1,0 +1,208 @@
+"""Problem: the axis and point of least weighted squares, or of least robust loss, with the other optimum.
+
+Route: the global minimum in closed form (:mod:`._moments`, :mod:`._sphere`); a
+robust loss repeats it with reduced weights from a start that gross errors cannot move
+(:mod:`._robust`); Newton steps on the residuals themselves remove what rounding of the
+sums has left: the sums lose the square of the condition number, the residuals only its first power.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.errors import RodgenError
+from rodgen.kinematics.axis_fit._moments import Moments, tangents
+from rodgen.kinematics.axis_fit._pairs import Pairs
+from rodgen.kinematics.axis_fit._residual import residual, residual_gradient
+from rodgen.kinematics.axis_fit._robust import Loss, robust_start, trimmed_variance
+from rodgen.kinematics.axis_fit._sphere import global_maximum, maximise_on_sphere
+
+__all__ = ["MOST_REWEIGHTINGS", "Line", "Solution", "half_squares", "solve"]
+
+Floats = NDArray[np.float64]
+
+# Reweighting converges by a factor of three to ten a solution; not to be done by then is told, not hidden.
+MOST_REWEIGHTINGS = 100
+_SETTLED = 1e-12
+# Two optima of one data set are farther apart than the step from one solution to the next.
+_SAME_OPTIMUM = 0.99
+# From the closed form one step is enough, and one more shows that it was.
+_MOST_NEWTON_STEPS = 5
+_STEP_ENOUGH = 1e-12
+# The closed form is nearer than this wherever a step makes sense at all.
+_LONGEST_STEP = 1e-3
+# Turns with less than this share of the best one's information are left as the closed form has them.
+_LEAST_INFORMATION = 1e-11
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """An axis and a point on it, scaled lengths."""
+
+    axis: Floats
+    point: Floats
+
+    def nearest(self, to: Floats) -> Line:
+        """Give the same line by its point nearest to `to`."""
+        return Line(self.axis, self.point + self.axis * (self.axis @ (to - self.point)))
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """The optimum, the other local optimum if there is one worth a look, and what each pair counted."""
+
+    best: Line
+    other: Line | None
+    share: Floats
+    """(N,) what the loss leaves of each pair's weight; 0 for pairs that are left out."""
+    iterations: int
+    converged: bool
+
+
+def half_squares(pairs: Pairs, line: Line) -> Floats:
+    """Return w |d|²/2 of every pair: three times the variance of unit weight, in the mean."""
+    return _half_squares(pairs.rho, pairs.rho_prime, pairs.angle, pairs.weight, line)
+
+
+def solve(pairs: Pairs, loss: Loss) -> Solution:
+    """Find the optimum.
+
+    Raises
+    ------
+    RodgenError
+        Too few pairs for a robust loss, or too few that it leaves any weight.
+    """
+    used = pairs.weight > 0
+    arrays = (pairs.rho, pairs.rho_prime, pairs.angle, pairs.weight)
+    x, y, angle, w = arrays if used.all() else tuple(array[used] for array in arrays)
+    point = pairs.point
+    share, iterations, converged, near = np.ones(len(w)), 0, True, None
+    if loss.name != "linear":
+        needed = 4 if point is None else 3
+        if len(w) < needed:
+            raise RodgenError(
+                f"loss={loss.name!r} has {len(w)} pairs; it needs at least {needed} to tell a bad one from "
+                "the good ones; use loss='linear'"
+            )
+        start = robust_start(x, y, angle, w, point)
+        near, share, iterations, converged = _reweight(
+            x,
+            y,
+            angle,
+            w,
+            point,
+            loss,
+            Line(start.axis, start.point),
+            start.variance,
+            pairs.variance,
+            pairs.rounding**2,
+        )
+        left = np.count_nonzero(share)
+        if left < needed - 1:  # of the fewest pairs allowed one may be bad
+            if pairs.variance is None:
+                cause = f"no {needed - 1} of them agree with one axis; use loss='linear'"
+            else:
+                cause = "sigma is too small (check its unit, or leave it out to have it estimated), or too "
+                cause += "many pairs are wrong"
+            raise RodgenError(f"loss={loss.name!r} leaves {left} of {len(w)} pairs: {cause}")
+    best, other = _optima(x, y, angle, w * share, point, near)
+    everyone = np.zeros(len(used))
+    everyone[used] = share
+    return Solution(best, other, everyone, iterations, converged)
+
+
+def _optima(
+    x: Floats, y: Floats, angle: Floats, w: Floats, point: Floats | None, near: Line | None
+) -> tuple[Line, Line | None]:
+    """Both optima for given weights; `near` says which one the weights belong to."""
+    moments = Moments.of(x, y, angle, w, point)
+    A, b = moments.quadratic()
+    first, second = maximise_on_sphere(A, b)
+    if near is not None and second @ near.axis > first @ near.axis:
+        first, second = second, first
+    best = _polish(x, y, angle, w, moments, first)
+    if not np.isfinite(second).all():
+        return best, None
+    # ½ Σ w |d|² is a constant less the quadratic: a far worse optimum is known without another look at
+    # the pairs.
+    worse = float(first @ A @ first + b @ first - second @ A @ second - b @ second)
+    if worse > 100 * float(_half_squares(x, y, angle, w, best).sum()) + 1e-6 * float(np.abs(A).max()):
+        return best, None
+    return best, _polish(x, y, angle, w, moments, second)
+
+
+def _half_squares(x: Floats, y: Floats, angle: Floats, w: Floats, line: Line) -> Floats:
+    d = residual(x, y, angle, line.axis, line.point)
+    return w * (d[:, 0] ** 2 + d[:, 1] ** 2 + d[:, 2] ** 2) / 2
+
+
+def _reweight(
+    x: Floats,
+    y: Floats,
+    angle: Floats,
+    w: Floats,
+    point: Floats | None,
+    loss: Loss,
+    line: Line,
+    variance: float,
+    given: float | None,
+    rounding: float,
+) -> tuple[Line, Floats, int, bool]:
+    """Solve with the loss's weights until they stay; each solution is a global one.
+
+    The noise, where it is not given, follows the solutions until it stays too. Which pairs it is taken from
+    changes by whole pairs and may go in a circle: half way it is held. Exact pairs have the noise of
+    `rounding`.
+    """
+    parameters = 4 if point is None else 2
+    share = np.ones(len(w))
+    for count in range(1, MOST_REWEIGHTINGS + 1):
+        squares = _half_squares(x, y, angle, w, line)
+        if given is not None:
+            variance = given
+        elif count <= MOST_REWEIGHTINGS // 2:
+            variance = trimmed_variance(squares, parameters, variance)
+        share = loss.weight(np.sqrt(squares / max(variance, rounding)))
+        moments = Moments.of(x, y, angle, w * share, point)
+        axis = global_maximum(*moments.quadratic())
+        if axis @ line.axis < _SAME_OPTIMUM:
+            # Of two optima stay with the one that the start has chosen.
+            axis = max(maximise_on_sphere(*moments.quadratic()), key=lambda e: float(e @ line.axis))
+        new = Line(axis, moments.point(axis)).nearest(line.point)
+        moved = max(float(np.abs(axis - line.axis).max()), float(np.abs(new.point - line.point).max()))
+        line = new
+        if moved <= _SETTLED:
+            return line, share, count, True
+    return line, share, MOST_REWEIGHTINGS, False
+
+
+def _polish(x: Floats, y: Floats, angle: Floats, w: Floats, moments: Moments, axis: Floats) -> Line:
+    """Newton steps on the residuals, in the turns and shifts that are determined."""
+    point = moments.point(axis)
+    arm = math.sqrt(3 * float(np.mean((x - point) ** 2))) or 1.0
+    last = _LONGEST_STEP
+    for _ in range(_MOST_NEWTON_STEPS):
+        basis = tangents(axis)
+        by_axis, by_point = residual_gradient(x, y, angle, w, axis, point)
+        gradient, units = by_axis @ basis / arm, np.repeat(1 / arm, 2)
+        if moments.free:
+            gradient = np.concatenate([gradient, by_point @ basis])
+            units = np.concatenate([units, np.ones(2)])
+        values, vectors = np.linalg.eigh(moments.hessian(axis, point, basis) * np.outer(units, units))
+        kept = values > max(_LEAST_INFORMATION * values[-1], 0.0)
+        step = -vectors[:, kept] @ ((vectors[:, kept].T @ gradient) / values[kept])
+        size = float(np.abs(step).max()) / arm
+        if not size < last / 2:
+            break
+        axis = axis + basis @ step[:2] / arm
+        axis = axis / math.sqrt(axis @ axis)
+        if moments.free:
+            point = point + basis @ step[2:]
+        if size < _STEP_ENOUGH:
+            break
+        last = size
+    return Line(axis, point)

@@ -1,0 +1,298 @@
+"""Rotate vectors, and convert between the ways to write a rotation.
+
+A rotation by the angle χ about the unit axis e is also its Rodrigues vector θ = 2 tan(χ/2) e, its matrix, or
+its unit quaternion (cos χ/2, sin χ/2 e), scalar part first. Conversions return the value and a status for each
+element; proofs are in the derivation ``rotations``.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from rodgen.generated.numpy.rotations import RotationStatus
+from rodgen.kinematics.backend import kernels
+from rodgen.kinematics.broadcasting import call
+
+__all__ = [
+    "RotationStatus",
+    "axis_angle_from_matrix",
+    "axis_angle_from_quaternion",
+    "axis_angle_from_rodrigues_vector",
+    "matrix_from_axis_angle",
+    "matrix_from_quaternion",
+    "matrix_from_rodrigues_vector",
+    "quaternion_from_axis_angle",
+    "quaternion_from_matrix",
+    "quaternion_from_rodrigues_vector",
+    "rodrigues_vector",
+    "rodrigues_vector_from_matrix",
+    "rodrigues_vector_from_quaternion",
+    "rotate",
+]
+
+
+def rotate(rho: ArrayLike, theta: ArrayLike, *, out: Any = None) -> Any:
+    """Rotate vectors by Rodrigues' formula.
+
+    Parameters
+    ----------
+    rho : array_like (..., 3)
+        Vectors, in any unit.
+    theta : array_like (..., 3)
+        Rodrigues vectors, 2 tan(χ/2) times the unit axis. They may be huge (half turns), not infinite.
+    out : array (..., 3), optional
+        Where the result goes.
+
+    Returns
+    -------
+    array (..., 3)
+        ρ + θ × (ρ + θ × ρ / 2) / (1 + |θ|² / 4), in the unit of `rho`; NaN where an input is not finite.
+
+    Notes
+    -----
+    Stebulyanin and Pimushkin, eq. (1); proved in the derivation ``rotations``.
+
+    Examples
+    --------
+    >>> import rodgen
+    >>> rodgen.rotate([1.0, 0.0, 0.0], [0.0, 0.0, 2.0])  # a quarter turn about z
+    array([0., 1., 0.])
+    """
+    return call(kernels.rotate, (rho, theta), out)
+
+
+def rodrigues_vector(axis: ArrayLike, angle: ArrayLike) -> tuple[Any, Any]:
+    """Return the Rodrigues vector θ = 2 tan(χ/2) e of an axis and an angle.
+
+    Parameters
+    ----------
+    axis : array_like (..., 3)
+        Axis e; of unit length, or the status says so.
+    angle : array_like (...)
+        Angle χ in rad.
+
+    Returns
+    -------
+    theta : array (..., 3)
+        Rodrigues vector, no unit; about 3e16 long for a half turn.
+    status : array (...) of int8
+        Codes of :class:`RotationStatus`.
+
+    Examples
+    --------
+    >>> import rodgen
+    >>> theta, status = rodgen.rodrigues_vector([0.0, 0.0, 1.0], 1.0)
+    >>> theta.round(6)
+    array([0.      , 0.      , 1.092605])
+    """
+    return call(kernels.rodrigues_vector_from_axis_angle, (axis, angle), None)  # type: ignore[no-any-return]
+
+
+def matrix_from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> tuple[Any, Any]:
+    """Convert a rotation from axis and angle to matrix.
+
+    Parameters
+    ----------
+    axis : array_like (..., 3)
+        Axis e; of unit length, or the status says so.
+    angle : array_like (...)
+        Angle χ in rad.
+
+    Returns
+    -------
+    matrix : array (..., 3, 3)
+        Rotation matrix.
+    status : array (...) of int8
+        Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
+    """
+    return call(kernels.matrix_from_axis_angle, (axis, angle), None)  # type: ignore[no-any-return]
+
+
+def quaternion_from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> tuple[Any, Any]:
+    """Convert a rotation from axis and angle to quaternion.
+
+    Parameters
+    ----------
+    axis : array_like (..., 3)
+        Axis e; of unit length, or the status says so.
+    angle : array_like (...)
+        Angle χ in rad.
+
+    Returns
+    -------
+    quaternion : array (..., 4)
+        Unit quaternion, scalar part first; w ≥ 0 in results.
+    status : array (...) of int8
+        Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
+    """
+    return call(kernels.quaternion_from_axis_angle, (axis, angle), None)  # type: ignore[no-any-return]
+
+
+def axis_angle_from_rodrigues_vector(theta: ArrayLike) -> tuple[Any, Any, Any]:
+    """Convert a rotation from Rodrigues vector to axis and angle.
+
+    Parameters
+    ----------
+    theta : array_like (..., 3)
+        Rodrigues vector 2 tan(χ/2) e.
+
+    Returns
+    -------
+    axis : array (..., 3)
+        Unit axis; z where there is no turn.
+    angle : array (...)
+        Angle in rad, 0 to π.
+    status : array (...) of int8
+        Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
+    """
+    return call(kernels.axis_angle_from_rodrigues_vector, (theta,), None)  # type: ignore[no-any-return]
+
+
+def matrix_from_rodrigues_vector(theta: ArrayLike) -> tuple[Any, Any]:
+    """Convert a rotation from Rodrigues vector to matrix.
+
+    Parameters
+    ----------
+    theta : array_like (..., 3)
+        Rodrigues vector 2 tan(χ/2) e.
+
+    Returns
+    -------
+    matrix : array (..., 3, 3)
+        Rotation matrix.
+    status : array (...) of int8
+        Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
+    """
+    return call(kernels.matrix_from_rodrigues_vector, (theta,), None)  # type: ignore[no-any-return]
+
+
+def quaternion_from_rodrigues_vector(theta: ArrayLike) -> tuple[Any, Any]:
+    """Convert a rotation from Rodrigues vector to quaternion.
+
+    Parameters
+    ----------
+    theta : array_like (..., 3)
+        Rodrigues vector 2 tan(χ/2) e.
+
+    Returns
+    -------
+    quaternion : array (..., 4)
+        Unit quaternion, scalar part first; w ≥ 0 in results.
+    status : array (...) of int8
+        Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
+    """
+    return call(kernels.quaternion_from_rodrigues_vector, (theta,), None)  # type: ignore[no-any-return]
+
+
+def axis_angle_from_matrix(matrix: ArrayLike) -> tuple[Any, Any, Any]:
+    """Convert a rotation from matrix to axis and angle.
+
+    Parameters
+    ----------
+    matrix : array_like (..., 3, 3)
+        Rotation matrix.
+
+    Returns
+    -------
+    axis : array (..., 3)
+        Unit axis; z where there is no turn.
+    angle : array (...)
+        Angle in rad, 0 to π.
+    status : array (...) of int8
+        Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
+    """
+    return call(kernels.axis_angle_from_matrix, (matrix,), None)  # type: ignore[no-any-return]
+
+
+def rodrigues_vector_from_matrix(matrix: ArrayLike) -> tuple[Any, Any]:
+    """Convert a rotation from matrix to Rodrigues vector.
+
+    Parameters
+    ----------
+    matrix : array_like (..., 3, 3)
+        Rotation matrix.
+
+    Returns
+    -------
+    theta : array (..., 3)
+        Rodrigues vector 2 tan(χ/2) e.
+    status : array (...) of int8
+        Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
+    """
+    return call(kernels.rodrigues_vector_from_matrix, (matrix,), None)  # type: ignore[no-any-return]
+
+
+def quaternion_from_matrix(matrix: ArrayLike) -> tuple[Any, Any]:
+    """Convert a rotation from matrix to quaternion.
+
+    Parameters
+    ----------
+    matrix : array_like (..., 3, 3)
+        Rotation matrix.
+
+    Returns
+    -------
+    quaternion : array (..., 4)
+        Unit quaternion, scalar part first; w ≥ 0 in results.
+    status : array (...) of int8
+        Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
+    """
+    return call(kernels.quaternion_from_matrix, (matrix,), None)  # type: ignore[no-any-return]
+
+
+def axis_angle_from_quaternion(quaternion: ArrayLike) -> tuple[Any, Any, Any]:
+    """Convert a rotation from quaternion to axis and angle.
+
+    Parameters
+    ----------
+    quaternion : array_like (..., 4)
+        Unit quaternion, scalar part first.
+
+    Returns
+    -------
+    axis : array (..., 3)
+        Unit axis; z where there is no turn.
+    angle : array (...)
+        Angle in rad, 0 to π.
+    status : array (...) of int8
+        Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
+    """
+    return call(kernels.axis_angle_from_quaternion, (quaternion,), None)  # type: ignore[no-any-return]
+
+
+def rodrigues_vector_from_quaternion(quaternion: ArrayLike) -> tuple[Any, Any]:
+    """Convert a rotation from quaternion to Rodrigues vector.
+
+    Parameters
+    ----------
+    quaternion : array_like (..., 4)
+        Unit quaternion, scalar part first.
+
+    Returns
+    -------
+    theta : array (..., 3)
+        Rodrigues vector 2 tan(χ/2) e.
+    status : array (...) of int8
+        Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
+    """
+    return call(kernels.rodrigues_vector_from_quaternion, (quaternion,), None)  # type: ignore[no-any-return]
+
+
+def matrix_from_quaternion(quaternion: ArrayLike) -> tuple[Any, Any]:
+    """Convert a rotation from quaternion to matrix.
+
+    Parameters
+    ----------
+    quaternion : array_like (..., 4)
+        Unit quaternion, scalar part first.
+
+    Returns
+    -------
+    matrix : array (..., 3, 3)
+        Rotation matrix.
+    status : array (...) of int8
+        Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
+    """
+    return call(kernels.matrix_from_quaternion, (quaternion,), None)  # type: ignore[no-any-return]

@@ -1,0 +1,103 @@
+"""Spatial mechanisms after Crane and Duffy: rotations, links, loops, and their forward and reverse analysis.
+
+A :class:`Mechanism` is a row of joints with the links between them: an open chain or a closed loop. Functions take
+arrays of any shape, with the components along the last axes; lengths are in one unit, angles in rad.
+
+>>> from rodgen import spatial
+>>> spatial.PUMA_560.closed, len(spatial.PUMA_560.variables)
+(False, 6)
+"""
+
+from rodgen.kinematics.spatial._denavit_hartenberg import (
+    DenavitHartenberg,
+    from_denavit_hartenberg,
+    from_modified_denavit_hartenberg,
+    to_denavit_hartenberg,
+    to_modified_denavit_hartenberg,
+)
+from rodgen.kinematics.spatial._forward import forward, frames, jacobian, link_transform
+from rodgen.kinematics.spatial._hypothetical import HypotheticalLink, HypotheticalStatus, close_loop
+from rodgen.kinematics.spatial._link_table import link_table, load_mechanism, save_mechanism
+from rodgen.kinematics.spatial._loops import LoopSolutions, reverse_loop, reverse_sliding
+from rodgen.kinematics.spatial._machine import from_machine, to_machine
+from rodgen.kinematics.spatial._mechanism import FREEDOMS, GE_P60, PUMA_560, T3_776, Mechanism
+from rodgen.kinematics.spatial._mobility import Mobility, mobility, mobility_of
+from rodgen.kinematics.spatial._notation import direction_cosines, notation, secondary_notation
+from rodgen.kinematics.spatial._pair import Pair, PairStatus, pair_from_biquadratics, solve_pair
+from rodgen.kinematics.spatial._pentagon import spherical_pentagon
+from rodgen.kinematics.spatial._placement import Placement
+from rodgen.kinematics.spatial._planar import planar_svg, save_planar_svg
+from rodgen.kinematics.spatial._product_of_exponentials import (
+    ProductOfExponentials,
+    from_product_of_exponentials,
+    to_product_of_exponentials,
+)
+from rodgen.kinematics.spatial._quadrilateral import PolygonStatus, spherical_quadrilateral
+from rodgen.kinematics.spatial._reverse import Reverse, reverse, reverse_method
+from rodgen.kinematics.spatial._rotations import VectorAngle, inverse_transform, transform, vector_and_angle
+from rodgen.kinematics.spatial._spherical import Group, SphericalEquivalent, equivalent_spherical, group
+from rodgen.kinematics.spatial._status import ReverseStatus
+from rodgen.kinematics.spatial._toolkit import toolkit
+from rodgen.kinematics.spatial._trig import TrigStatus, solve_trig
+
+__all__ = [
+    "FREEDOMS",
+    "GE_P60",
+    "PUMA_560",
+    "T3_776",
+    "DenavitHartenberg",
+    "Group",
+    "HypotheticalLink",
+    "HypotheticalStatus",
+    "LoopSolutions",
+    "Mechanism",
+    "Mobility",
+    "Pair",
+    "PairStatus",
+    "Placement",
+    "PolygonStatus",
+    "ProductOfExponentials",
+    "Reverse",
+    "ReverseStatus",
+    "SphericalEquivalent",
+    "TrigStatus",
+    "VectorAngle",
+    "close_loop",
+    "direction_cosines",
+    "equivalent_spherical",
+    "forward",
+    "frames",
+    "from_denavit_hartenberg",
+    "from_machine",
+    "from_modified_denavit_hartenberg",
+    "from_product_of_exponentials",
+    "group",
+    "inverse_transform",
+    "jacobian",
+    "link_table",
+    "link_transform",
+    "load_mechanism",
+    "mobility",
+    "mobility_of",
+    "notation",
+    "pair_from_biquadratics",
+    "planar_svg",
+    "reverse",
+    "reverse_loop",
+    "reverse_method",
+    "reverse_sliding",
+    "save_mechanism",
+    "save_planar_svg",
+    "secondary_notation",
+    "solve_pair",
+    "solve_trig",
+    "spherical_pentagon",
+    "spherical_quadrilateral",
+    "to_denavit_hartenberg",
+    "to_machine",
+    "to_modified_denavit_hartenberg",
+    "to_product_of_exponentials",
+    "toolkit",
+    "transform",
+    "vector_and_angle",
+]

@@ -1,0 +1,274 @@
+"""From the orientation of a 3-SPS-S machine to its legs, their rates, and how well they hold the platform.
+
+Problem: the platform is turned by a rotation about the pivot; how long are the legs, how fast do they change when it
+turns on, and where do they not hold it? There the Jacobian loses rank: its determinant, normed to lie between -1 and 1,
+is zero. The home pose is such a place, and so is every pure tilt straight towards a joint.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rodgen.generated.numpy.rotations import RotationStatus
+from rodgen.kinematics.backend import kernels
+from rodgen.kinematics.three_sps_s._geometry import Geometry
+
+__all__ = [
+    "SINGULAR",
+    "Singularity",
+    "jacobian",
+    "leg_rates",
+    "legs",
+    "legs_from_quaternion",
+    "rotation_from_tilt_torsion",
+    "singularity",
+    "tilt_torsion",
+]
+
+SINGULAR = 1e-6
+"""Normed determinant up to which a pose counts as singular. The angle that errors of the legs open grows by about its
+inverse, and two assembly modes are about as far apart, in rad: below 1e-6 rounding of the legs is more than 1e-10."""
+
+
+NO_ROTATION = 1e-3
+"""Largest entry of RᵀR - 1 beyond which a matrix is taken for a slip, not for a rotation with few digits."""
+
+
+def proper(rotation: ArrayLike) -> tuple[Any, Any]:
+    """Return matrices as they are, with NaN for what is no rotation by far, and codes of `RotationStatus`."""
+    given = np.asarray(rotation)
+    if np.iscomplexobj(given):
+        raise TypeError("the rotation is complex; expected real numbers")
+    matrix = given.astype(float, copy=False)
+    if matrix.ndim < 2 or matrix.shape[-2:] != (3, 3):
+        raise ValueError(f"the rotation has the shape {matrix.shape}; expected (..., 3, 3)")
+    kind = np.array(kernels.quaternion_from_matrix(matrix)[1])
+    rough = kind == RotationStatus.NOT_NORMAL
+    if rough.any():
+        gram = np.swapaxes(matrix[rough], -1, -2) @ matrix[rough]
+        far = np.abs(gram - np.eye(3)).max(axis=(-2, -1)) > NO_ROTATION
+        kind[rough] = np.where(far, RotationStatus.INVALID, RotationStatus.NOT_NORMAL)
+    if (kind == RotationStatus.INVALID).any():
+        matrix = np.where((kind == RotationStatus.INVALID)[..., None, None], np.nan, matrix)
+    return matrix, kind
+
+
+class Singularity(NamedTuple):
+    """How well three legs hold the platform, of :func:`singularity`."""
+
+    determinant: Any
+    gains: Any
+    condition: Any
+
+
+def legs(rotation: ArrayLike, geometry: Geometry) -> Any:
+    """Return the lengths of the three legs.
+
+    Parameters
+    ----------
+    rotation : array_like (..., 3, 3)
+        Orientation of the platform: a rotation matrix, from platform to machine axes.
+    geometry : Geometry
+        The machine.
+
+    Returns
+    -------
+    array (..., 3)
+        Lengths of the legs at -30°, 90° and 210°; NaN where the matrix is no rotation to 1e-3.
+
+    Notes
+    -----
+    Zhou and Zhu, eqs. (21)-(23), proved in the derivation ``three_sps_s``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen import three_sps_s
+    >>> three_sps_s.legs(np.eye(3), three_sps_s.Geometry(2, 1, 1.5)).round(6)
+    array([1.802776, 1.802776, 1.802776])
+    """
+    return kernels.sps_legs(proper(rotation)[0], *geometry.lengths)
+
+
+def legs_from_quaternion(quaternion: ArrayLike, geometry: Geometry) -> Any:
+    """Return the lengths of the three legs, from a quaternion.
+
+    Parameters
+    ----------
+    quaternion : array_like (..., 4)
+        Orientation of the platform, scalar first, of any length but zero.
+    geometry : Geometry
+        The machine.
+
+    Returns
+    -------
+    array (..., 3)
+        Lengths of the legs, as :func:`legs`.
+
+    Examples
+    --------
+    >>> from rodgen import three_sps_s
+    >>> three_sps_s.legs_from_quaternion([-0.8, 0.6, 0, 0], three_sps_s.Geometry(4, 1, 1.5)).round(6)
+    array([3.758989, 3.758989, 3.758989])
+    """
+    return kernels.sps_legs_from_quaternion(quaternion, *geometry.lengths)
+
+
+def jacobian(rotation: ArrayLike, geometry: Geometry) -> Any:
+    """Differentiate the legs with respect to a turn of the platform.
+
+    Parameters
+    ----------
+    rotation : array_like (..., 3, 3)
+        Orientation of the platform.
+    geometry : Geometry
+        The machine.
+
+    Returns
+    -------
+    array (..., 3, 3)
+        Row k holds the rate of leg k by each component of the angular velocity, in machine axes: length per rad. Not
+        finite where a leg has no length, or the matrix is no rotation.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen import three_sps_s
+    >>> three_sps_s.jacobian(np.eye(3), three_sps_s.Geometry(2, 1, 1.5)).round(4)[:, 2] + 0.0  # yaw at the start
+    array([0., 0., 0.])
+    """
+    return kernels.sps_jacobian(proper(rotation)[0], *geometry.lengths)
+
+
+def leg_rates(rotation: ArrayLike, angular_velocity: ArrayLike, geometry: Geometry) -> Any:
+    """Return how fast the legs change while the platform turns.
+
+    Parameters
+    ----------
+    rotation : array_like (..., 3, 3)
+        Orientation of the platform.
+    angular_velocity : array_like (..., 3)
+        Angular velocity of the platform in machine axes, rad per time.
+    geometry : Geometry
+        The machine.
+
+    Returns
+    -------
+    array (..., 3)
+        Rates of the legs, length per time.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen import three_sps_s
+    >>> three_sps_s.leg_rates(np.eye(3), [0.1, 0, 0], three_sps_s.Geometry(2, 1, 1.5)).round(6)
+    array([-0.041603,  0.083205, -0.041603])
+    """
+    omega = np.asarray(angular_velocity, float)
+    return np.einsum("...ij,...j->...i", jacobian(rotation, geometry), omega)
+
+
+def singularity(rotation: ArrayLike, geometry: Geometry) -> Singularity:
+    """Measure how well the legs hold the platform.
+
+    Parameters
+    ----------
+    rotation : array_like (..., 3, 3)
+        Orientation of the platform.
+    geometry : Geometry
+        The machine.
+
+    Returns
+    -------
+    Singularity
+        determinant (...): of the moments of the legs' spans about the pivot, normed to lie between -1 and 1. Zero where
+        the legs do not hold the platform; its sign says on which side, and two modes that meet have different signs.
+        gains (..., 3): singular values of the Jacobian, length per rad, the greatest first. condition (...): ratio of
+        the greatest to the least, infinite where the latter is zero. NaN where an input is, or a leg has no length.
+
+    Notes
+    -----
+    The closed form of the determinant is proved in the derivation ``three_sps_s``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen import three_sps_s
+    >>> found = three_sps_s.singularity(np.eye(3), three_sps_s.Geometry(2, 1, 1.5))  # the home pose
+    >>> bool(abs(found.determinant) < 1e-15), bool(found.condition > 1e15)
+    (True, True)
+    """
+    matrix, _ = proper(rotation)
+    determinant = kernels.sps_singularity(matrix, geometry.R, geometry.h)
+    rows = np.asarray(kernels.sps_jacobian(matrix, *geometry.lengths))
+    good = np.isfinite(rows).all(axis=(-2, -1))
+    gains = np.linalg.svd(np.where(good[..., None, None], rows, 0.0), compute_uv=False)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        condition = np.where(gains[..., 2] > 0, gains[..., 0] / gains[..., 2], np.inf)
+    return Singularity(
+        determinant, np.where(good[..., None], gains, np.nan), np.where(good, condition, np.nan)
+    )
+
+
+def rotation_from_tilt_torsion(azimuth: ArrayLike, tilt: ArrayLike, torsion: ArrayLike) -> Any:
+    """Return the rotation that tilts the platform's axis towards an azimuth, with a torsion.
+
+    Parameters
+    ----------
+    azimuth, tilt, torsion : array_like (...)
+        Angles F, T and σ in rad: the Z-Y-Z angles F, T, σ - F. Without torsion the axis of the turn is in the base.
+
+    Returns
+    -------
+    array (..., 3, 3)
+        Rotation matrix.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen import three_sps_s
+    >>> three_sps_s.rotation_from_tilt_torsion(0.0, np.pi / 2, 0.0)[:, 2].round(6)  # where the platform's axis is
+    array([1., 0., 0.])
+    """
+    F, T, sigma = np.broadcast_arrays(*(np.asarray(x, float) for x in (azimuth, tilt, torsion)))
+    scalar, along = np.cos(T / 2) * np.cos(sigma / 2), np.cos(T / 2) * np.sin(sigma / 2)
+    phase = F - sigma / 2
+    quaternion = np.stack([scalar, -np.sin(T / 2) * np.sin(phase), np.sin(T / 2) * np.cos(phase), along], -1)
+    return kernels.matrix_from_quaternion(quaternion)[0]
+
+
+def tilt_torsion(rotation: ArrayLike) -> Any:
+    """Return azimuth, tilt and torsion of a rotation.
+
+    Parameters
+    ----------
+    rotation : array_like (..., 3, 3)
+        Rotation matrix.
+
+    Returns
+    -------
+    array (..., 3)
+        Azimuth (-π to π), tilt (0 to π) and torsion (-π to π) in rad. Of a pure torsion the azimuth is 0; of a tilt by
+        π the torsion is 0. NaN where an entry is.
+
+    Examples
+    --------
+    >>> from rodgen import three_sps_s
+    >>> turned = three_sps_s.rotation_from_tilt_torsion(0.5, 0.3, -0.2)
+    >>> three_sps_s.tilt_torsion(turned).round(6)
+    array([ 0.5,  0.3, -0.2])
+    """
+    quaternion = kernels.quaternion_from_matrix(proper(rotation)[0])[0]
+    w, x, y, z = np.moveaxis(np.asarray(quaternion), -1, 0)
+    along, across = np.hypot(w, z), np.hypot(x, y)
+    rounding = 4 * np.finfo(float).eps
+    half = np.where(along <= rounding, 0.0, np.arctan2(z, w))
+    phase = np.where(across <= rounding, -half, np.arctan2(-x, y))
+
+    def folded(angle: Any) -> Any:
+        return np.arctan2(np.sin(angle), np.cos(angle))
+
+    return np.stack([folded(phase + half), 2 * np.arctan2(across, along), folded(2 * half)], axis=-1)

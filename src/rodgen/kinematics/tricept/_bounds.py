@@ -1,0 +1,318 @@
+"""Bounds of a Tricept's covariance matrix U_y while its point is anywhere in a box: the true range, and the paper's.
+
+The paper bounds the influence of each base matrix (one element of U_x) over the box and adds the intervals up. That
+encloses the range and is wider, because the influences do not take their extremes at one place. Here is both: each
+element's range itself, and the sum of the influences' ranges; either certified from above by intervals with branch and
+bound, and reached from below by points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rodgen.errors import RodgenError
+from rodgen.kinematics.tricept._branch import Extremes, certified_extremes, lattice
+from rodgen.kinematics.tricept._covariance import check_covariance
+from rodgen.kinematics.tricept._enclosure import enclose
+from rodgen.kinematics.tricept._geometry import Geometry
+from rodgen.kinematics.tricept._interval import Jet, stack
+from rodgen.kinematics.tricept._kinematics import behind
+
+__all__ = ["ELEMENTS", "Bounds", "bounds", "rod_bounds"]
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+ELEMENTS = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
+"""The six elements of U_y, by name."""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Bounds of the six elements of U_y over a box, in the order of ``ELEMENTS``.
+
+    Attributes
+    ----------
+    low, high : ndarray, shape (3,)
+        The box.
+    outer : ndarray, shape (6, 2)
+        The range, certified: no value is below the first or above the second.
+    inner : ndarray, shape (6, 2)
+        Least and greatest value that a point of the box reaches.
+    points : ndarray, shape (6, 2, 3)
+        These points.
+    base_outer : ndarray, shape (6, 2)
+        The paper's way: sums of the least and greatest influences of the base matrices; an enclosure, certified.
+    base_inner : ndarray, shape (6, 2)
+        The same sums of influences that points reach: how near `base_outer` is to what the paper's way gives exactly.
+    boxes : int
+        How many boxes were looked at.
+    complete : bool
+        Whether the wanted gap was reached everywhere; if not, the bounds are right and wider.
+    """
+
+    low: Floats
+    high: Floats
+    outer: Floats
+    inner: Floats
+    points: Floats
+    base_outer: Floats
+    base_inner: Floats
+    boxes: int
+    complete: bool
+
+    @property
+    def gap(self) -> Floats:
+        """How far certified and reached values differ, (6, 2)."""
+        return np.abs(self.outer - self.inner)
+
+    @property
+    def excess(self) -> Floats:
+        """How many times wider the paper's intervals are than the range, (6,): from below, by certified numbers."""
+        return np.diff(self.base_inner, axis=1)[:, 0] / np.diff(self.outer, axis=1)[:, 0]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain numbers, for JSON."""
+        return {
+            "box": {"low": self.low.tolist(), "high": self.high.tolist()},
+            "complete": self.complete,
+            "boxes": self.boxes,
+            "elements": {
+                name: {
+                    "range_certified": self.outer[n].tolist(),
+                    "range_reached": self.inner[n].tolist(),
+                    "points": self.points[n].tolist(),
+                    "base_sum_certified": self.base_outer[n].tolist(),
+                    "base_sum_reached": self.base_inner[n].tolist(),
+                    "base_sum_width_over_range": float(self.excess[n]),
+                }
+                for n, name in enumerate(ELEMENTS)
+            },
+        }
+
+
+def _box(low: ArrayLike, high: ArrayLike) -> tuple[Floats, Floats]:
+    corners = np.asarray(low, float), np.asarray(high, float)
+    if any(c.shape != (3,) for c in corners) or not np.isfinite(corners).all():
+        raise RodgenError("a box has two corners of three finite coordinates")
+    if (corners[0] > corners[1]).any():
+        raise RodgenError(f"the box goes from {corners[0]} to {corners[1]}; expected its lower corner first")
+    return corners
+
+
+def bounds(
+    low: ArrayLike, high: ArrayLike, geometry: Geometry, U_x: ArrayLike, *, gap: float = 1e-3
+) -> Bounds:
+    """Bound the elements of U_y over a box, exactly and in the paper's way.
+
+    Parameters
+    ----------
+    low, high : array_like (3,)
+        Opposite corners of the box in which the point Q is; all its points must have a pose of the assembled machine.
+    geometry : Geometry
+        The machine.
+    U_x : array_like (5, 5)
+        Covariance of A0, A1, A-1, r, R.
+    gap : float, optional
+        How far certified and reached values may differ, relative to the greatest magnitude of the element.
+
+    Returns
+    -------
+    Bounds
+
+    Raises
+    ------
+    RodgenError
+        When the box is none, U_x is no covariance matrix, the gap is not positive, or the box reaches where the pose or
+        A35 is not determined, or where the assembled machine has no pose.
+
+    Notes
+    -----
+    Kureková et al., sec. 4 and eq. (24); that the paper's sums enclose and are no ranges is shown in the derivation
+    ``tricept_uncertainty``. The rods' limits play no part: see `rod_bounds` and `largest_cube`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen import tricept
+    >>> U_x = np.diag([0.005**2 / 3] * 3 + [0.01**2 / 3] * 2)
+    >>> found = tricept.bounds([-80, -80, 605], [80, 80, 765], tricept.PAPER, U_x)
+    >>> (found.outer[2] * 1e6).round(2), (found.base_outer[2] * 1e6).round(2)  # u²(Qz) in µm²
+    (array([6.8 , 9.64]), array([ 3.79, 13.85]))
+    """
+    low, high = _box(low, high)
+    if not 0 < gap < np.inf:
+        raise RodgenError(f"gap is {gap}; expected a positive number, such as 1e-3")
+    U = check_covariance(U_x, 5)
+    _check_regular(low, high, geometry)
+    if np.any(behind(lattice(low, high).T, geometry)):
+        raise RodgenError("a part of the box is behind the base; expected a box before the base")
+    pairs = list(ELEMENTS.values())
+    points = lattice(low, high)
+    sample = enclose(points, points, geometry, False).A.value[0]
+    scale = np.abs(np.stack([_element(sample, U, k, m) for k, m in pairs])).max(axis=1)
+
+    def elements(lower: Floats, upper: Floats, slopes: bool, which: Indices | None = None) -> Jet:
+        A = enclose(lower, upper, geometry, slopes).A
+        return _taken(stack([_sum(A, U, k, m) for k, m in pairs]), which)
+
+    found = certified_extremes(elements, low, high, gap=gap * scale, parts=_parts(low, high))
+    base = [(i, j) for i in range(5) for j in range(i, 5) if U[i, j] != 0]
+    base_outer, base_inner = np.zeros((6, 2)), np.zeros((6, 2))
+    boxes, complete = found.boxes, found.complete
+    if base:
+        members = [(k, m, i, j) for k, m in pairs for i, j in base]
+
+        def influences(lower: Floats, upper: Floats, slopes: bool, which: Indices | None = None) -> Jet:
+            A = enclose(lower, upper, geometry, slopes).A
+            if which is None:
+                return stack([influence(A, *member) for member in members])
+            return _each_influence(A, np.array(members)[which].T)
+
+        weights = np.array([U[i, j] for i, j in base])
+        allowed = (gap * scale)[:, None] / (len(base) * np.abs(weights))
+        each = certified_extremes(influences, low, high, gap=allowed.ravel(), parts=_parts(low, high))
+        base_outer, base_inner = (
+            _weighted(ends.reshape(6, len(base), 2), weights, away)
+            for ends, away in ((each.outer, True), (each.inner, False))
+        )
+        boxes, complete = boxes + each.boxes, complete and each.complete
+    return Bounds(low, high, found.outer, found.inner, found.points, base_outer, base_inner, boxes, complete)
+
+
+def rod_bounds(low: ArrayLike, high: ArrayLike, geometry: Geometry, *, gap: float = 1e-6) -> Extremes:
+    """Bound the lengths of the three rods while the point is anywhere in a box.
+
+    Parameters
+    ----------
+    low, high : array_like (3,)
+        Opposite corners of the box.
+    geometry : Geometry
+        The machine.
+    gap : float, optional
+        How far certified and reached lengths may differ, in the unit of length.
+
+    Returns
+    -------
+    Extremes
+        ``outer`` (3, 2): no rod is shorter than the first, or longer than the second; ``inner`` and ``points``: what is
+        reached, and where.
+
+    Raises
+    ------
+    RodgenError
+        When the box is none, or reaches where the pose is not determined.
+
+    Examples
+    --------
+    >>> from rodgen import tricept
+    >>> tricept.rod_bounds([-80, -80, 605], [80, 80, 765], tricept.PAPER).outer.round(2)
+    array([[597.09, 829.11],
+           [586.74, 840.94],
+           [586.74, 840.94]])
+    """
+    low, high = _box(low, high)
+    _check_regular(low, high, geometry)
+
+    def rods(lower: Floats, upper: Floats, slopes: bool, which: Indices | None = None) -> Jet:
+        return _taken(enclose(lower, upper, geometry, slopes).rods, which)
+
+    return certified_extremes(rods, low, high, gap=np.full(3, float(gap)), parts=_parts(low, high))
+
+
+def influence(A: Jet, k: int, m: int, i: int, j: int) -> Jet:
+    """Enclose what the base matrix (i, j) does to element (k, m): A E Aᵀ."""
+    if i == j:
+        return A[k, i].square() if k == m else A[k, i] * A[m, i]
+    if k == m:
+        return A[k, i] * A[k, j] * 2.0
+    return A[k, i] * A[m, j] + A[k, j] * A[m, i]
+
+
+def _parts(low: Floats, high: Floats) -> int:
+    """Cut a box into parts of a sixty-fourth of its distance: there derivatives begin to tell something."""
+    away = float(np.linalg.norm((low + high) / 2))
+    return int(np.clip(np.ceil(64 * (high - low).max() / max(away, 1e-300)), 1, 16))
+
+
+def _taken(functions: Jet, which: Indices | None) -> Jet:
+    return functions if which is None else functions[which, np.arange(len(which))]
+
+
+def _each_influence(A: Jet, members: Indices) -> Jet:
+    """Enclose of each box one influence: rows k, m, i, j of `members`."""
+    k, m, i, j = members
+    n = np.arange(len(k))
+    one = A[k, i, n] * A[m, j, n]
+    # the square of one number is never negative, and the two products of a base off the diagonal may be one
+    squared = (k == m) & (i == j)
+    least = np.where(squared, np.maximum(one.value[0], 0.0), one.value[0])
+    product = Jet((least, one.value[1]), one.slope)
+    other = A[k, j, n] * A[m, i, n]
+    both = product + other
+    slope = None
+    if both.slope is not None and product.slope is not None:
+        slope = tuple(np.where(i == j, a, b) for a, b in zip(product.slope, both.slope, strict=True))
+    value = tuple(np.where(i == j, a, b) for a, b in zip(product.value, both.value, strict=True))
+    return Jet(value, slope)  # type: ignore[arg-type]
+
+
+def _sum(A: Jet, U: Floats, k: int, m: int) -> Jet:
+    total: Jet | None = None
+    for i in range(5):
+        for j in range(i, 5):
+            if U[i, j] != 0:
+                part = influence(A, k, m, i, j) * U[i, j]
+                total = part if total is None else total + part
+    return A[0, 0] * 0.0 if total is None else total
+
+
+def _element(A: Floats, U: Floats, k: int, m: int) -> Floats:
+    values: Floats = np.einsum("in,ij,jn->n", A[k], U, A[m])
+    return values
+
+
+def _weighted(ends: Floats, weights: Floats, away: bool) -> Floats:
+    """Add intervals up: outwards (`away`), or as they are."""
+    products = ends * weights[None, :, None]
+    products.sort(axis=-1)
+    total: Floats = products.sum(axis=1)
+    if away:  # one rounding for a product, one for each sum
+        room = (len(weights) + 1) * 2.0**-52 * np.abs(products).sum(axis=1)
+        total = total + room * [-1.0, 1.0]
+    return total
+
+
+def _check_regular(low: Floats, high: Floats, geometry: Geometry) -> None:
+    """Refuse boxes in which A35 is not bounded: they reach a singularity or a place without a pose."""
+    lower, upper = (corner[:, None] for corner in (low, high))
+    for _ in range(6):
+        found = enclose(lower, upper, geometry, False)
+        with np.errstate(invalid="ignore"):
+            bad = ~np.isfinite(found.A.value[0]).all(axis=(0, 1)) | ~np.isfinite(found.A.value[1]).all(
+                axis=(0, 1)
+            )
+        if not bad.any():
+            return
+        lower, upper = _eighths(lower[:, bad], upper[:, bad])
+    raise RodgenError(
+        "the box reaches a place where the machine has no pose, or no determined one; expected a box before the base"
+    )
+
+
+def _eighths(lower: Floats, upper: Floats) -> tuple[Floats, Floats]:
+    middle = lower + (upper - lower) / 2
+    halves: Sequence[tuple[Floats, Floats]] = ((lower, middle), (middle, upper))
+    corners = [(a, b, c) for a in range(2) for b in range(2) for c in range(2)]
+    low = np.concatenate(
+        [np.stack([halves[s][0][n] for n, s in enumerate(corner)]) for corner in corners], axis=1
+    )
+    high = np.concatenate(
+        [np.stack([halves[s][1][n] for n, s in enumerate(corner)]) for corner in corners], axis=1
+    )
+    return low, high

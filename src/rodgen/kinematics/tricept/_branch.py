@@ -1,0 +1,272 @@
+"""The least and the greatest value of functions over a box, certified: branch and bound with intervals.
+
+Problem: f₁ … f_m over a box. Every box that is left is enclosed with its derivatives. Where a derivative has one sign,
+the extreme is on a face, and the box shrinks to it; what remains is bounded from a corner or the centre by the
+derivatives (mean value theorem), thrown away when it cannot beat what a point has reached, or halved.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.kinematics.tricept._interval import Jet, outward
+
+__all__ = ["Extremes", "Functions", "certified_extremes", "lattice"]
+
+Floats = NDArray[np.float64]
+
+# As many boxes as keep most arrays in the processor's cache; fewer where all functions are wanted of each.
+_BLOCK, _FEW = 2048, 512
+
+
+class Functions(Protocol):
+    """Encloses m functions over n boxes."""
+
+    def __call__(
+        self, lower: Floats, upper: Floats, slopes: bool, which: NDArray[np.int64] | None = None
+    ) -> Jet:
+        """Return a `Jet` of shape (m, n), or of shape (n,): of each box the function `which`."""
+
+
+@dataclass(frozen=True)
+class Extremes:
+    """What is certain of the least and the greatest values of m functions over a box.
+
+    Attributes
+    ----------
+    outer : ndarray, shape (m, 2)
+        No value is below the first or above the second.
+    inner : ndarray, shape (m, 2)
+        Values that are reached: the least is at most the first, the greatest at least the second.
+    points : ndarray, shape (m, 2, 3)
+        Where.
+    boxes : int
+        How many boxes were looked at.
+    complete : bool
+        Whether the wanted gap was reached everywhere.
+    """
+
+    outer: Floats
+    inner: Floats
+    points: Floats
+    boxes: int
+    complete: bool
+
+
+def certified_extremes(
+    function: Functions,
+    low: Floats,
+    high: Floats,
+    *,
+    gap: Floats,
+    parts: int = 16,
+    most_boxes: int = 1_000_000,
+) -> Extremes:
+    """Enclose the range of functions over a box.
+
+    Parameters
+    ----------
+    function : Functions
+        Encloses them.
+    low, high : ndarray, shape (3,)
+        The box.
+    gap : ndarray, shape (m,)
+        How far outer and inner values of each function may differ.
+    parts : int, optional
+        Into how many parts each side is cut at the beginning: in large boxes derivatives are too uncertain to exclude
+        anything, and one pass over all functions is cheaper than one for each.
+    most_boxes : int, optional
+        After so many boxes the bounds stay as wide as they are.
+
+    Returns
+    -------
+    Extremes
+    """
+    start = function(low[:, None], high[:, None], False)
+    m = len(start.value[0])
+    # Problem p asks for the greatest value of sign * f: first all least, then all greatest values.
+    signs, which = np.repeat([-1.0, 1.0], m), np.tile(np.arange(m), 2)
+    best = np.full(2 * m, -np.inf)
+    places = np.zeros((2 * m, 3))
+    bound = np.full(2 * m, -np.inf)  # of everything that was thrown away
+    _try_points(function, lattice(low, high), signs, which, best, places)
+
+    queue_low, queue_high, queue, looked = _first(
+        function, _divided(low, high, parts), signs, best, places, bound, gap
+    )
+    while queue.size and looked < most_boxes:
+        part = slice(-_BLOCK, None)
+        lower, upper, problem = queue_low[:, part].copy(), queue_high[:, part].copy(), queue[part]
+        queue_low, queue_high, queue = queue_low[:, :-_BLOCK], queue_high[:, :-_BLOCK], queue[:-_BLOCK]
+        looked += len(problem)
+        lower, upper, slope, value, top = _bounded(function, lower, upper, signs[problem], which[problem])
+        _keep_best(value[0], lower, upper, problem, best, places)
+        thin = (lower >= upper).all(axis=0)
+        done = (top <= (best + np.tile(gap, 2))[problem]) | thin
+        np.maximum.at(bound, problem[done], top[done])
+        rest = ~done
+        if rest.any():
+            halves = _halved(lower[:, rest], upper[:, rest], slope[:, rest])
+            queue_low = np.concatenate([queue_low, halves[0]], axis=1)
+            queue_high = np.concatenate([queue_high, halves[1]], axis=1)
+            queue = np.concatenate([queue, problem[rest], problem[rest]])
+    complete = not queue.size
+    while queue.size:  # no more boxes: what was not looked at is bounded as a whole
+        part = slice(-_BLOCK, None)
+        found = function(queue_low[:, part], queue_high[:, part], False, which[queue[part]])
+        top = _signed(found.value, signs[queue[part]])[1]
+        np.maximum.at(bound, queue[part], top)
+        queue_low, queue_high, queue = queue_low[:, :-_BLOCK], queue_high[:, :-_BLOCK], queue[:-_BLOCK]
+    # a point that was reached by rounding up a little may lie above the bound of all boxes
+    outer = np.maximum(bound, best).reshape(2, m).T * [-1.0, 1.0]
+    inner = best.reshape(2, m).T * [-1.0, 1.0]
+    return Extremes(outer, inner, places.reshape(2, m, 3).transpose(1, 0, 2), looked, complete)
+
+
+def lattice(low: Floats, high: Floats) -> Floats:
+    """Return points of a box, its corners among them."""
+    steps = np.linspace(0.0, 1.0, 7)
+    unit = np.stack(np.meshgrid(steps, steps, steps, indexing="ij")).reshape(3, -1)
+    return np.clip(low[:, None] + (high - low)[:, None] * unit, low[:, None], high[:, None])
+
+
+def _divided(low: Floats, high: Floats, parts: int) -> tuple[Floats, Floats]:
+    """Cut a box into equal ones; the cuts are shared, so that nothing is between two boxes."""
+    cuts = [
+        np.linspace(a, b, parts + 1) if b > a else np.array([a, b]) for a, b in zip(low, high, strict=True)
+    ]
+    for cut, b in zip(cuts, high, strict=True):
+        cut[-1] = b
+    lower = np.stack(np.meshgrid(*(cut[:-1] for cut in cuts), indexing="ij")).reshape(3, -1)
+    upper = np.stack(np.meshgrid(*(cut[1:] for cut in cuts), indexing="ij")).reshape(3, -1)
+    return lower, upper
+
+
+def _signed(ends: tuple[Floats, Floats], sign: Floats) -> tuple[Floats, Floats]:
+    """Give functions the signs of their problems; NaN is no bound at all."""
+    low, high = np.where(sign > 0, ends[0], -ends[1]), np.where(sign > 0, ends[1], -ends[0])
+    return np.where(np.isnan(low), -np.inf, low), np.where(np.isnan(high), np.inf, high)
+
+
+def _first(
+    function: Functions,
+    boxes: tuple[Floats, Floats],
+    signs: Floats,
+    best: Floats,
+    places: Floats,
+    bound: Floats,
+    gap: Floats,
+) -> tuple[Floats, Floats, NDArray[np.int64], int]:
+    """Look at a grid of boxes for all problems at once; return which boxes are left of which problem."""
+    lower, upper = boxes
+    count, m = lower.shape[1], len(gap)
+    sign = signs.reshape(2, m, 1)
+    tops = np.empty((2, m, count))
+    for start in range(0, count, _FEW):
+        part = slice(start, start + _FEW)
+        a, b = lower[:, part], upper[:, part]
+        found = function(a, b, True)
+        assert found.slope is not None
+        centre = np.clip(a + (b - a) / 2, a, b)
+        value = _signed(function(centre, centre, False).value, sign)
+        slope = np.maximum(np.abs(found.slope[0]), np.abs(found.slope[1]))
+        slope = np.where(np.isnan(slope), np.inf, slope)
+        total = _linear(value[1], np.broadcast_to(slope[:, None], (3, *value[1].shape)), a, b, centre)
+        tops[:, :, part] = np.minimum(total, _signed(found.value, sign)[1])
+        for p, column in enumerate(value[0].reshape(2 * m, -1)):
+            n = int(column.argmax())
+            if column[n] > best[p]:
+                best[p], places[p] = column[n], centre[:, n]
+    flat = tops.reshape(2 * m, count)
+    left = flat > (best + np.tile(gap, 2))[:, None]
+    np.maximum(bound, np.where(left, -np.inf, flat).max(axis=1), out=bound)
+    problem, box = np.nonzero(left)
+    return lower[:, box], upper[:, box], problem, count
+
+
+def _linear(top: Floats, slope: Floats, lower: Floats, upper: Floats, centre: Floats) -> Floats:
+    """Bound functions by the value at the centre and the derivatives, rounded up."""
+    reach = outward(upper - centre, np.maximum(upper - centre, centre - lower))[1]
+    reach = np.where(upper > lower, reach, 0.0)
+    for n in range(3):
+        with np.errstate(invalid="ignore"):
+            step = np.where(reach[n] > 0, outward(slope[n], slope[n] * reach[n])[1], 0.0)
+            top = outward(top, top + step)[1]
+    return np.where(np.isnan(top), np.inf, top)
+
+
+def _bounded(
+    function: Functions,
+    lower: Floats,
+    upper: Floats,
+    sign: Floats,
+    which: NDArray[np.int64],
+) -> tuple[Floats, Floats, Floats, tuple[Floats, Floats], Floats]:
+    """Shrink boxes to faces, and bound the problems' functions on them from above.
+
+    Returns the boxes, the largest possible |derivative| of what is left of them, the value at one of their points, and
+    the bound.
+    """
+    found = function(lower, upper, True, which)
+    assert found.slope is not None
+    least, greatest = _signed(found.slope, sign)
+    rising, falling = least >= 0, greatest <= 0
+    lower, upper = np.where(rising, upper, lower), np.where(falling & ~rising, lower, upper)
+    centre = np.clip(lower + (upper - lower) / 2, lower, upper)
+    value = _signed(function(centre, centre, False, which).value, sign)
+    slope = np.where(rising | falling, 0.0, np.maximum(np.abs(least), np.abs(greatest)))
+    whole = _signed(found.value, sign)[1]
+    return lower, upper, slope, value, np.minimum(_linear(value[1], slope, lower, upper, centre), whole)
+
+
+def _keep_best(
+    value: Floats,
+    lower: Floats,
+    upper: Floats,
+    problem: NDArray[np.int64],
+    best: Floats,
+    places: Floats,
+) -> None:
+    """Keep the best values that points have reached."""
+    centre = np.clip(lower + (upper - lower) / 2, lower, upper)
+    order = np.argsort(value)
+    final = np.full(len(best), -1)
+    final[problem[order]] = order  # the last one of each problem is its greatest
+    for p in np.flatnonzero(final >= 0):
+        n = final[p]
+        if value[n] > best[p]:
+            best[p], places[p] = value[n], centre[:, n]
+
+
+def _try_points(
+    function: Functions,
+    points: Floats,
+    signs: Floats,
+    which: NDArray[np.int64],
+    best: Floats,
+    places: Floats,
+) -> None:
+    """Start with what a few points reach."""
+    found = function(points, points, False).value
+    for p, (sign, n) in enumerate(zip(signs, which, strict=True)):
+        values = found[0][n] if sign > 0 else -found[1][n]
+        if np.isfinite(values).any():
+            k = int(np.nanargmax(values))
+            best[p], places[p] = values[k], points[:, k]
+
+
+def _halved(lower: Floats, upper: Floats, slope: Floats) -> tuple[Floats, Floats]:
+    """Halve boxes across the side over which the function can change most."""
+    width = upper - lower
+    with np.errstate(invalid="ignore"):
+        weight = np.where(width > 0, np.minimum(slope, 1e300) * width, -1.0)
+    side = np.argmax(weight, axis=0)
+    columns = np.arange(len(side))
+    middle = lower[side, columns] + width[side, columns] / 2
+    first, second = upper.copy(), lower.copy()
+    first[side, columns] = second[side, columns] = middle
+    return np.concatenate([lower, second], axis=1), np.concatenate([first, upper], axis=1)

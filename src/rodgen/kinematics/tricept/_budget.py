@@ -1,0 +1,192 @@
+"""Which parameter makes how much of the uncertainty of a Tricept's tool.
+
+Problem: u²(Q_k) = Σ_ij S_ki U_ij S_kj. Without correlations parameter i makes (S_ki u_i)². With them a part belongs to
+pairs; it is given in equal halves to both, S_ki Σ_j U_ij S_kj, so that the parts still add up, and one may be negative:
+it then takes away from what the others make.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rodgen.errors import RodgenError
+from rodgen.kinematics.tricept._covariance import check_covariance
+from rodgen.kinematics.tricept._geometry import Geometry
+from rodgen.kinematics.tricept._kinematics import inverse
+from rodgen.kinematics.tricept._matrices import sensitivity
+from rodgen.kinematics.tricept._parameters import ANGLES, PARAMETERS
+from rodgen.kinematics.tricept._uncertainty import parameter_sensitivity
+
+__all__ = ["Budget", "BudgetLine", "budget"]
+
+Floats = NDArray[np.float64]
+
+# Sensitivities this small beside the greatest of their unit are rounding, as those that vanish by symmetry.
+_ROUNDING = 64 * 2.0**-52
+
+
+class BudgetLine(NamedTuple):
+    """What one parameter does to one coordinate.
+
+    Attributes
+    ----------
+    parameter : str
+        Its name.
+    sensitivity : float
+        ∂Q_k by it.
+    u : float
+        Its standard uncertainty.
+    alone : float
+        |sensitivity| · u: the standard uncertainty of Q_k if there were no other.
+    part : float
+        Its part of u²(Q_k), with half of what it has with others by correlation.
+    share : float
+        That part over u²(Q_k).
+    """
+
+    parameter: str
+    sensitivity: float
+    u: float
+    alone: float
+    part: float
+    share: float
+
+
+class Budget(NamedTuple):
+    """The uncertainty budget of a point.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The parameters, n of them.
+    sensitivity : ndarray, shape (3, n)
+        Derivatives of Qx, Qy, Qz.
+    u : ndarray, shape (n,)
+        Standard uncertainties of the parameters.
+    parts : ndarray, shape (3, n)
+        What each makes of u²(Qx), u²(Qy), u²(Qz); a row's sum is that.
+    U_y : ndarray, shape (3, 3)
+        The covariance matrix of the point.
+    correlated : bool
+        Whether any of the parameters are.
+    """
+
+    names: tuple[str, ...]
+    sensitivity: Floats
+    u: Floats
+    parts: Floats
+    U_y: Floats
+    correlated: bool
+
+    def lines(self, coordinate: int) -> list[BudgetLine]:
+        """Return the parameters that count, the greatest share first; coordinate 0, 1, 2 is Qx, Qy, Qz."""
+        total = self.U_y[coordinate, coordinate]
+        made = [
+            BudgetLine(
+                name,
+                float(self.sensitivity[coordinate, n]),
+                float(self.u[n]),
+                float(abs(self.sensitivity[coordinate, n]) * self.u[n]),
+                float(self.parts[coordinate, n]),
+                float(self.parts[coordinate, n] / total) if total > 0 else 0.0,
+            )
+            for n, name in enumerate(self.names)
+            if self.u[n] > 0
+        ]
+        return sorted(made, key=lambda line: (-abs(line.part), -line.alone))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain numbers, for JSON."""
+        return {
+            "correlated": self.correlated,
+            "U_y": self.U_y.tolist(),
+            **{
+                f"Q{axis}": {
+                    "u": float(np.sqrt(self.U_y[k, k])),
+                    "parameters": [line._asdict() for line in self.lines(k)],
+                }
+                for k, axis in enumerate("xyz")
+            },
+        }
+
+    def summary(self, unit: str = "") -> str:
+        """Return a text table; lines below a thousandth of the whole are put together."""
+        text = []
+        for k, axis in enumerate("xyz"):
+            total = np.sqrt(self.U_y[k, k])
+            text.append(f"u(Q{axis}) = {total:.4g} {unit}".rstrip())
+            rest = 0.0
+            for line in self.lines(k):
+                if abs(line.share) < 1e-3:
+                    rest += line.share
+                    continue
+                text.append(
+                    f"  {line.parameter:12} alone {line.alone:10.4g}   share {100 * line.share:7.2f} %"
+                )
+            if rest:
+                text.append(f"  {'all others':12} {'':16}   share {100 * rest:7.2f} %")
+        if self.correlated:
+            text.append(
+                "Some parameters are correlated: shares have half of each pair's part, and can be negative."
+            )
+        return "\n".join(text)
+
+
+def budget(point: ArrayLike, geometry: Geometry, U: ArrayLike) -> Budget:
+    """Make the uncertainty budget of one point.
+
+    Parameters
+    ----------
+    point : array_like (3,)
+        Q, from the base's centre.
+    geometry : Geometry
+        The machine.
+    U : array_like (5, 5) or (n, n)
+        Covariance of A0, A1, A-1, r, R, or of all ``PARAMETERS``.
+
+    Returns
+    -------
+    Budget
+
+    Raises
+    ------
+    RodgenError
+        When U is no covariance matrix, or the point has no regular pose.
+
+    Examples
+    --------
+    >>> from rodgen import tricept
+    >>> U = tricept.covariance({"rods": 0.0029, "radii": 0.0058})
+    >>> found = tricept.budget([0.0, 0.0, 700.0], tricept.PAPER, U)
+    >>> line = found.lines(2)[0]
+    >>> line.parameter, round(line.share, 3)
+    ('r', 0.311)
+    """
+    place = np.asarray(point, float)
+    if place.shape != (3,):
+        raise RodgenError(f"the point has the shape {place.shape}; expected three coordinates")
+    size = np.asarray(U).shape[-1] if np.ndim(U) == 2 else 0
+    count = 5 if size == 5 else len(PARAMETERS)
+    matrix = check_covariance(U, count)
+    pose = inverse(place, geometry)[0][0]
+    S = np.asarray(sensitivity(pose, geometry) if count == 5 else parameter_sensitivity(pose, geometry)[0])
+    if not np.isfinite(S).all():
+        raise RodgenError(
+            f"the point {place.tolist()} has no regular pose; expected one that the machine reaches"
+        )
+    S = _without_rounding(S)
+    parts = S * (S @ matrix)
+    off = matrix[~np.eye(count, dtype=bool)]
+    return Budget(
+        PARAMETERS[:count], S, np.sqrt(np.diagonal(matrix)), parts, S @ matrix @ S.T, bool((off != 0).any())
+    )
+
+
+def _without_rounding(S: Floats) -> Floats:
+    """Set to 0 what is rounding beside the greatest sensitivity, of lengths and of angles."""
+    angle = np.array([name in ANGLES for name in PARAMETERS[: S.shape[1]]])
+    greatest = np.where(angle, np.abs(S[:, angle]).max(initial=0.0), np.abs(S[:, ~angle]).max(initial=0.0))
+    return np.where(np.abs(S) > _ROUNDING * greatest, S, 0.0)

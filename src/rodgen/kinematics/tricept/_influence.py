@@ -1,0 +1,325 @@
+"""What one element of U_x does to one element of U_y along the beams of a workspace: the paper's figures 3 to 10.
+
+Along a beam (α and β fixed) the influence of a base matrix is √S P/D², polynomials in z: D = det W33, and S is 1 or the
+square of a rod or of a product of two. Its stationary points are among the real roots of S′PD + 2S(P′D − 2PD′); its
+least and greatest values are there or at the ends of the beam.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rodgen.errors import RodgenError
+from rodgen.kinematics.backend import kernels
+from rodgen.kinematics.tricept._bounds import ELEMENTS
+from rodgen.kinematics.tricept._geometry import Geometry, kernel_limits
+from rodgen.kinematics.tricept._kinematics import point, pose
+from rodgen.kinematics.tricept._parameters import PARAMETERS
+from rodgen.kinematics.tricept._workspace import assembled
+
+__all__ = ["Influence", "influence_map", "search_angles"]
+
+Floats = NDArray[np.float64]
+Box = tuple[ArrayLike, ArrayLike]
+
+# On the beam, scaled to -1…1, coefficients below this are rounding.
+_NEGLIGIBLE = 1e-13
+# A complex root this near the beam may be a double real one; it costs nothing to look there, too.
+_NEARLY_REAL = 1e-3
+
+# Where the beams of a machine are searched when no box says it, and how finely, rad.
+_WIDEST = np.radians(85.0)
+_BEAMS = 171
+# A box's angles are those of so many points along each edge: between them an angle goes on by less than a step.
+_ALONG_EDGE = 33
+
+
+@dataclass(frozen=True)
+class Influence:
+    """Least and greatest influence along beams.
+
+    Attributes
+    ----------
+    alpha, beta : ndarray, shape (...)
+        The beams, rad.
+    least, greatest : ndarray, shape (...)
+        Of the element of U_y per unit of the element of U_x; NaN where no part of the beam is in the region.
+    z_least, z_greatest : ndarray, shape (...)
+        Where on the beam.
+    pair : tuple of str
+        The two parameters of the element of U_x.
+    element : str
+        The element of U_y.
+    """
+
+    alpha: Floats
+    beta: Floats
+    least: Floats
+    greatest: Floats
+    z_least: Floats
+    z_greatest: Floats
+    pair: tuple[str, str]
+    element: str
+
+
+def influence_map(
+    alpha: ArrayLike,
+    beta: ArrayLike,
+    geometry: Geometry,
+    pair: Sequence[str],
+    element: str,
+    *,
+    limits: Sequence[float] | None = None,
+    box: Box | None = None,
+) -> Influence:
+    """Find the least and the greatest influence of one element of U_x on one of U_y along each beam.
+
+    Parameters
+    ----------
+    alpha, beta : array_like (...)
+        Beams, rad; they broadcast. |α| and |β| below π/2.
+    geometry : Geometry
+        The machine.
+    pair : two of "A0", "A1", "A-1", "r", "R"
+        The element of U_x: a variance when both are the same, else a covariance and its mirror image.
+    element : {"xx", "yy", "zz", "xy", "xz", "yz"}
+        The element of U_y.
+    limits : pair of floats, optional
+        Least and greatest length of a rod.
+    box : two corners, optional
+        Where the point is to be. Limits, box, or both must be given.
+
+    Returns
+    -------
+    Influence
+
+    Raises
+    ------
+    RodgenError
+        When a name is none, or the beams have no end.
+
+    Notes
+    -----
+    Kureková et al., sec. 4; the polynomials are derived in ``tricept_uncertainty``.
+
+    Examples
+    --------
+    >>> from rodgen import tricept
+    >>> found = tricept.influence_map(0.0, 0.0, tricept.PAPER, ("A0", "A0"), "zz", limits=tricept.LEG_LIMITS)
+    >>> round(float(found.least), 5), round(float(found.z_least), 2)  # A²/(9z²), A² = z² + (R - r)²
+    (0.11684, 836.7)
+    """
+    i, j = _parameters(pair)
+    if element not in ELEMENTS:
+        raise RodgenError(f"{element!r} is no element of U_y; expected one of {', '.join(ELEMENTS)}")
+    if limits is None and box is None:
+        raise RodgenError("neither limits nor a box: the beams have no end; expected one of them")
+    angles = np.broadcast_arrays(np.asarray(alpha, float), np.asarray(beta, float))
+    shape = angles[0].shape
+    a, b = (x.ravel() for x in angles)
+    numerator, D, squares = (
+        np.asarray(x, float) for x in kernels.tricept_beam(a, b, geometry.R, geometry.r, geometry.q)
+    )
+    S, P = _parts(numerator, squares, i, j, *ELEMENTS[element])
+    low, high, pieces = _pieces(a, b, geometry, squares, limits, box)
+    length = np.where(high > low, high - low, 1.0)
+    S, P, D = (_on_beam(p, low, length) for p in (S, P, D))
+    dS, dP, dD = _slope(S), _slope(P), _slope(D)
+    stationary = _add(
+        _product(dS, _product(P, D)),
+        2 * _product(S, _add(_product(dP, D), -2 * _product(P, dD))),
+    )
+    roots = _roots(stationary)
+    ends = (pieces - low[:, None]) * 2 / length[:, None] - 1
+    places = np.concatenate([ends, roots], axis=1)
+    z = low[:, None] + (places + 1) / 2 * length[:, None]
+    inside = np.isfinite(places) & _allowed(z, a, b, geometry, squares, limits, box)
+    with np.errstate(all="ignore"):
+        values = np.sqrt(np.maximum(_value(S, places), 0)) * _value(P, places) / _value(D, places) ** 2
+    inside &= np.isfinite(values)
+    some = inside.any(axis=1)
+    rows = np.arange(len(a))
+    found = []
+    for worst, choose in ((np.inf, np.argmin), (-np.inf, np.argmax)):
+        n = choose(np.where(inside, values, worst), axis=1)
+        found.append(tuple(np.where(some, x[rows, n], np.nan).reshape(shape)[()] for x in (values, z)))
+    (least, z_least), (greatest, z_greatest) = found
+    return Influence(
+        angles[0], angles[1], least, greatest, z_least, z_greatest, (PARAMETERS[i], PARAMETERS[j]), element
+    )
+
+
+def search_angles(geometry: Geometry, box: Box | None = None) -> tuple[Floats, Floats]:
+    """Return α and β, rad, between which all beams of a box are, or of any machine where there is no box.
+
+    Raises
+    ------
+    RodgenError
+        When the assembled machine reaches no point of the box.
+    """
+    if box is None:
+        every = np.linspace(-_WIDEST, _WIDEST, _BEAMS)
+        return every, every
+    low, high = (np.asarray(corner, float) for corner in box)
+    axes = np.linspace(low, high, _ALONG_EDGE).T
+    poses = np.asarray(pose(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3), geometry)[0])
+    angles = poses[assembled(poses), :2]
+    if not len(angles):
+        raise RodgenError("no beam in the region; expected a cube before the base")
+    least, greatest = angles.min(axis=0), angles.max(axis=0)
+    room = (greatest - least) / (_ALONG_EDGE - 1)
+    limit = np.radians(89.9)
+    first, last = (np.clip(end, -limit, limit) for end in (least - room, greatest + room))
+    alpha, beta = np.linspace(first, last, _BEAMS).T
+    return alpha, beta
+
+
+def _parameters(pair: Sequence[str]) -> tuple[int, int]:
+    if isinstance(pair, str) or len(pair) != 2:
+        raise RodgenError(f"{pair!r} is no element of U_x; expected two of {', '.join(PARAMETERS[:5])}")
+    for name in pair:
+        if name not in PARAMETERS[:5]:
+            raise RodgenError(
+                f"{name!r} is none of the paper's parameters; expected {', '.join(PARAMETERS[:5])}"
+            )
+    i, j = sorted(PARAMETERS.index(name) for name in pair)
+    return i, j
+
+
+def _product(p: Floats, q: Floats) -> Floats:
+    made = np.zeros((len(p), p.shape[1] + q.shape[1] - 1))
+    for n in range(q.shape[1]):
+        made[:, n : n + p.shape[1]] += p * q[:, n, None]
+    return made
+
+
+def _add(p: Floats, q: Floats) -> Floats:
+    made = np.zeros((len(p), max(p.shape[1], q.shape[1])))
+    made[:, : p.shape[1]] += p
+    made[:, : q.shape[1]] += q
+    return made
+
+
+def _slope(p: Floats) -> Floats:
+    if p.shape[1] == 1:
+        return np.zeros_like(p)
+    made: Floats = p[:, 1:] * np.arange(1, p.shape[1])
+    return made
+
+
+def _value(p: Floats, x: Floats) -> Floats:
+    made = np.zeros_like(x)
+    for n in range(p.shape[1] - 1, -1, -1):
+        made = made * x + p[:, n, None]
+    return made
+
+
+def _on_beam(p: Floats, low: Floats, length: Floats) -> Floats:
+    """Write a polynomial in z in the variable that goes from -1 to 1 along the beam."""
+    line = np.stack([low + length / 2, length / 2], axis=1)
+    made = p[:, -1:]
+    for n in range(p.shape[1] - 2, -1, -1):
+        made = _product(made, line)
+        made[:, 0] += p[:, n]
+    return made
+
+
+def _parts(numerator: Floats, squares: Floats, i: int, j: int, k: int, m: int) -> tuple[Floats, Floats]:
+    """Return S and P of the influence of (i, j) on (k, m)."""
+    n = numerator
+    one = np.ones((len(n), 1))
+    if i == j:
+        P = _product(n[:, k, i], n[:, m, i])
+        return one, (_product(P, squares[:, i]) if i < 3 else P)
+    P = _product(n[:, k, i], n[:, m, j]) + _product(n[:, k, j], n[:, m, i])
+    S = one
+    for index in (i, j):
+        if index < 3:
+            S = _product(S, squares[:, index])
+    return S, P
+
+
+def _line(a: Floats, b: Floats, geometry: Geometry) -> tuple[Floats, Floats]:
+    """Return point and direction of the beams: Q = point + z direction."""
+    zero = np.zeros_like(a)
+    start = np.asarray(point(np.stack([a, b, zero], axis=-1), geometry))
+    return start, np.asarray(point(np.stack([a, b, zero + 1], axis=-1), geometry)) - start
+
+
+def _pieces(
+    a: Floats,
+    b: Floats,
+    geometry: Geometry,
+    squares: Floats,
+    limits: Sequence[float] | None,
+    box: Box | None,
+) -> tuple[Floats, Floats, Floats]:
+    """Return the least and the greatest place in the region, and where its parts may begin and end (else NaN)."""
+    marks = []
+    with np.errstate(all="ignore"):
+        if limits is not None:
+            for limit in kernel_limits(limits):
+                p = squares[:, :, 1] / 2
+                root = np.sqrt(p**2 - squares[:, :, 0] + limit**2)
+                marks += [-p - root, -p + root]
+        if box is not None:
+            start, direction = _line(a, b, geometry)
+            for corner in box:
+                marks.append((np.asarray(corner, float) - start) / direction)
+    places = np.concatenate(marks, axis=1)
+    # only S = 1: the platform is before the base
+    places = np.where(np.isfinite(places) & (places > max(0.0, -geometry.q[2])), places, np.nan)
+    good = _allowed(places, a, b, geometry, squares, limits, box)
+    places = np.where(good, places, np.nan)
+    none = ~good.any(axis=1)
+    low = np.where(none, 0.0, np.min(np.where(good, places, np.inf), axis=1))
+    high = np.where(none, 1.0, np.max(np.where(good, places, -np.inf), axis=1))
+    return low, high, places
+
+
+def _allowed(
+    z: Floats,
+    a: Floats,
+    b: Floats,
+    geometry: Geometry,
+    squares: Floats,
+    limits: Sequence[float] | None,
+    box: Box | None,
+) -> NDArray[np.bool_]:
+    """Tell which places on the beams are in the region; its border, to rounding, is."""
+    good = np.isfinite(z)
+    with np.errstate(invalid="ignore"):
+        if limits is not None:
+            least, greatest = kernel_limits(limits)
+            rods = squares[:, None, :, 0] + z[..., None] * (squares[:, None, :, 1] + z[..., None])
+            room = 1e-9 * geometry.R**2
+            good = good & (rods >= least**2 - room).all(axis=-1) & (rods <= greatest**2 + room).all(axis=-1)
+        if box is not None:
+            start, direction = _line(a, b, geometry)
+            places = start[:, None] + z[..., None] * direction[:, None]
+            low, high = (np.asarray(corner, float) for corner in box)
+            room = 1e-9 * geometry.R
+            good = good & (places >= low - room).all(axis=-1) & (places <= high + room).all(axis=-1)
+    return np.asarray(good)
+
+
+def _roots(p: Floats) -> Floats:
+    """Return the real roots between -1 and 1, NaN for the others; as many columns as the greatest degree."""
+    found = np.full((len(p), max(p.shape[1] - 1, 1)), np.nan)
+    size = np.abs(p).max(axis=1, keepdims=True)
+    scaled = np.divide(p, size, out=np.zeros_like(p), where=(size > 0) & np.isfinite(size))
+    big = np.abs(scaled) > _NEGLIGIBLE
+    degree = np.where(big.any(axis=1), p.shape[1] - 1 - big[:, ::-1].argmax(axis=1), 0)
+    for d in np.unique(degree[degree > 0]):
+        rows = np.flatnonzero(degree == d)
+        companion = np.zeros((len(rows), d, d))
+        companion[:, np.arange(1, d), np.arange(d - 1)] = 1.0
+        companion[:, :, -1] = -scaled[rows, :d] / scaled[rows, d, None]
+        roots = np.linalg.eigvals(companion)
+        real = (np.abs(roots.imag) < _NEARLY_REAL) & (np.abs(roots.real) <= 1)
+        found[rows, :d] = np.where(real, roots.real, np.nan)
+    return found

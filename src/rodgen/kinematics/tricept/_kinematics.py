@@ -1,0 +1,251 @@
+"""From the pose of a Tricept to its point and rods, and back.
+
+Problem: the platform's centre is at z along the middle rod, which is turned by α and β; where is the point q of the
+platform, Q = Oy(β) Ox(α) (q + z e₃), how long are the three rods, and which poses have a given point or given rods?
+Ox is the paper's, the transposed of the right-handed rotation: a positive α moves the centre towards +y.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rodgen.generated.numpy.tricept import TriceptStatus
+from rodgen.kinematics.backend import kernels
+from rodgen.kinematics.broadcasting import call
+from rodgen.kinematics.tricept._direct import direct_all
+from rodgen.kinematics.tricept._geometry import Geometry, kernel_limits
+
+__all__ = ["behind", "direct", "inverse", "legs", "point", "pose", "rotation"]
+
+
+def point(pose: ArrayLike, geometry: Geometry) -> Any:
+    """Return where the platform's point is in a pose.
+
+    Parameters
+    ----------
+    pose : array_like (..., 3)
+        α and β in rad, and z.
+    geometry : Geometry
+        The machine; its point q counts.
+
+    Returns
+    -------
+    array (..., 3)
+        Q, from the base's centre, in the unit of z; NaN where an input is.
+
+    Notes
+    -----
+    Kureková et al., eq. (1), proved in the derivation ``tricept``.
+
+    Examples
+    --------
+    >>> from rodgen import tricept
+    >>> tricept.point([0.1, 0.0, 600.0], tricept.PAPER).round(3)
+    array([  0.   ,  59.9  , 597.002])
+    """
+    return call(kernels.tricept_point, (pose, *geometry.q), None)[0]
+
+
+def rotation(pose: ArrayLike) -> Any:
+    """Return the orientation of the platform in a pose, Oy(β) Ox(α).
+
+    Parameters
+    ----------
+    pose : array_like (..., 3)
+        α and β in rad, and z.
+
+    Returns
+    -------
+    array (..., 3, 3)
+        Rotation matrix, from the platform's axes to the base's.
+
+    Notes
+    -----
+    Kureková et al., eq. (1). In the usual, right-handed sense the angle about x is −α.
+
+    Examples
+    --------
+    >>> from rodgen import tricept
+    >>> (tricept.rotation([0.1, 0.2, 600.0])[:, 2] * 600).round(3)  # the middle rod
+    array([118.606,  59.9  , 585.102])
+    """
+    return call(kernels.tricept_point, (pose, 0.0, 0.0, 0.0), None)[1]
+
+
+def legs(pose: ArrayLike, geometry: Geometry) -> Any:
+    """Return the lengths of the three rods in a pose.
+
+    Parameters
+    ----------
+    pose : array_like (..., 3)
+        α and β in rad, and z.
+    geometry : Geometry
+        The machine.
+
+    Returns
+    -------
+    array (..., 3)
+        A0, A1, A-1, the rods at 0°, +120° and −120°, from joint to joint.
+
+    Notes
+    -----
+    Kureková et al., eqs. (2) to (4), computed as lengths of vectors.
+
+    Examples
+    --------
+    >>> from rodgen import tricept
+    >>> tricept.legs([0.0, 0.0, 456.0], tricept.PAPER)
+    array([494., 494., 494.])
+    """
+    return call(kernels.tricept_legs, (pose, *geometry.radii), None)
+
+
+def inverse(
+    point: ArrayLike, geometry: Geometry, limits: Sequence[float] | None = None
+) -> tuple[Any, Any, Any]:
+    """Find all poses in which the platform's point is at a given point, and the rods they need.
+
+    Parameters
+    ----------
+    point : array_like (..., 3)
+        Q, from the base's centre.
+    geometry : Geometry
+        The machine; its point q is brought to Q.
+    limits : pair of floats, optional
+        Least and greatest length of a rod; none when left out.
+
+    Returns
+    -------
+    poses : array (..., 4, 3)
+        α and β in rad, and z. The rows are for the signs (S, K) = (+, +), (+, −), (−, +), (−, −) of the two roots; the
+        first is that of the machine as it is assembled, for points before the base. A point behind it, where Qz is
+        negative, has no such pose: there cos β is not positive in the first row, either. With K = −1 the platform is
+        turned by half a turn about the middle rod, with S = −1 it is below the base; the rods may be within the limits
+        there, too.
+    legs : array (..., 4, 3)
+        A0, A1, A-1.
+    status : array (..., 4) of int8
+        Codes of :class:`TriceptStatus`: REACHABLE, OUT_OF_LIMITS, DOUBLE_POSE where two of the poses meet to rounding,
+        GIMBAL_LOCK where an angle is not determined and 0 stands for it. Poses and rods are NaN where it is UNREACHABLE
+        or INVALID.
+
+    Notes
+    -----
+    Kureková et al., conditions below eq. (4); that there are these four and no others is proved in the derivation
+    ``tricept``. float32 input gives float32 results.
+
+    Examples
+    --------
+    >>> from rodgen import tricept
+    >>> poses, legs, status = tricept.inverse([100.0, 50.0, 650.0], tricept.PAPER, tricept.LEG_LIMITS)
+    >>> legs[0].round(3)
+    array([637.318, 689.585, 730.485])
+    >>> [tricept.TriceptStatus(code).name for code in status]
+    ['REACHABLE', 'REACHABLE', 'REACHABLE', 'REACHABLE']
+    """
+    arguments = (point, *geometry.radii, *geometry.q, *kernel_limits(limits))
+    return call(kernels.tricept_inverse, arguments, None)  # type: ignore[no-any-return]
+
+
+def pose(point: ArrayLike, geometry: Geometry, limits: Sequence[float] | None = None) -> tuple[Any, Any, Any]:
+    """Find the pose in which the assembled machine has its point at a given one, and its rods.
+
+    Parameters
+    ----------
+    point, geometry, limits
+        As for :func:`inverse`.
+
+    Returns
+    -------
+    pose : array (..., 3)
+        α and β in rad, and z; the first row of what :func:`inverse` gives.
+    legs : array (..., 3)
+        A0, A1, A-1.
+    status : array (...) of int8
+        Codes of :class:`TriceptStatus`, as for :func:`inverse`. UNREACHABLE, too, for points behind the base: there
+        neither cosine is positive in the first row, and the assembled machine has no such pose.
+
+    Notes
+    -----
+    Kureková et al., conditions below eq. (4) with S = K = +1. It takes a third of the time of all four poses.
+
+    Examples
+    --------
+    >>> from rodgen import tricept
+    >>> pose, legs, status = tricept.pose([100.0, 50.0, 650.0], tricept.PAPER, tricept.LEG_LIMITS)
+    >>> legs.round(3)
+    array([637.318, 689.585, 730.485])
+    """
+    arguments = (point, *geometry.radii, *geometry.q, *kernel_limits(limits))
+    found, rods, status = call(kernels.tricept_pose, arguments, None)
+    lost = (status <= TriceptStatus.OUT_OF_LIMITS) & behind(point, geometry)
+    if isinstance(lost, np.ndarray | np.bool_) and not lost.any():
+        return found, rods, status
+    found, rods = (np.where(lost[..., None], np.nan, x) for x in (found, rods))
+    return found, rods, np.where(lost, np.int8(TriceptStatus.UNREACHABLE), status)
+
+
+def behind(point: Any, geometry: Geometry) -> Any:
+    """Tell points that are reached by no pose with positive cosines, (...); others may be out of reach, too.
+
+    cos α and cos β have the signs of √(|Q|² − qx² − qy²) g + qy Qy and qx Qx + g Qz, with g = √(Qx² + Qz² − qx²).
+    """
+    x, y, z = np.moveaxis(np.asarray(point, dtype=float) if np.ndim(point) < 2 else point, -1, 0)
+    if geometry.q == (0.0, 0.0, 0.0):
+        return z <= 0
+    qx, qy, _ = geometry.q
+    g = np.sqrt(np.maximum(x * x + z * z - qx * qx, 0))
+    root = np.sqrt(np.maximum(x * x + y * y + z * z - qx * qx - qy * qy, 0))
+    return (qx * x + g * z <= 0) | (root * g + qy * y <= 0)
+
+
+def direct(legs: ArrayLike, geometry: Geometry) -> tuple[Any, Any]:
+    """Find the pose of the machine as it is assembled, from its rods: cos α, cos β and z are positive.
+
+    Parameters
+    ----------
+    legs : array_like (..., 3)
+        A0, A1, A-1, from joint to joint.
+    geometry : Geometry
+        The machine.
+
+    Returns
+    -------
+    pose : array (..., 3)
+        α and β in rad, and z.
+    status : array (...) of int8
+        Codes of :class:`TriceptStatus`: REACHABLE, SINGULAR where the pose is not determined to first order; NaN where
+        it is UNREACHABLE, because there is no such pose, or INVALID.
+
+    Notes
+    -----
+    Newton's method on Kureková et al., eqs. (7) to (9). Rods from which it does not come to a pose are solved by
+    :func:`direct_all`, except in Dask arrays; so UNREACHABLE is a statement about the equations. Where there are
+    several such poses, which needs rods far from the paper's, it is one of them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen import tricept
+    >>> pose, status = tricept.direct([650.0, 700.0, 760.0], tricept.PAPER)
+    >>> np.degrees(pose[:2]).round(3), round(float(pose[2]), 3)
+    (array([6.379, 9.653]), 677.982)
+    """
+    pose, status = call(kernels.tricept_direct, (legs, *geometry.radii), None)
+    if not isinstance(status, np.ndarray | np.generic):
+        return pose, status
+    lost = np.asarray(status) == TriceptStatus.UNREACHABLE
+    if not lost.any():
+        return pose, status
+    rows = np.broadcast_to(np.asarray(legs), np.shape(pose))[lost]
+    poses, count = direct_all(rows, geometry)
+    first = poses[:, 0]
+    found = (count > 0) & (np.cos(first[:, :2]) > 0).all(axis=1) & (first[:, 2] > 0)
+    pose, status = np.array(pose), np.array(status)
+    pose[lost] = np.where(found[:, None], first, np.nan)
+    status[lost] = np.where(found, TriceptStatus.REACHABLE, TriceptStatus.UNREACHABLE)
+    return pose, status

@@ -1,0 +1,336 @@
+"""Monte Carlo beside the law of propagation: GUM Supplement 1 for the place of a Tricept's tool.
+
+Problem: draw the parameters from their distributions, solve the exact direct problem for every draw, and take mean,
+covariance and coverage intervals from the draws; then tell, by clause 8 of the Supplement, whether the linear result
+agrees with them to its stated digits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rodgen.errors import RodgenError
+from rodgen.kinematics.tricept._closure import disturbed_point
+from rodgen.kinematics.tricept._covariance import check_covariance
+from rodgen.kinematics.tricept._geometry import Geometry
+from rodgen.kinematics.tricept._kinematics import inverse
+from rodgen.kinematics.tricept._parameters import PARAMETERS
+from rodgen.kinematics.tricept._uncertainty import parameter_sensitivity
+
+__all__ = ["MonteCarlo", "coverage_intervals", "monte_carlo", "numerical_tolerance"]
+
+Floats = NDArray[np.float64]
+
+_BATCHES = 20
+_BLOCK = 20_000
+
+
+@dataclass(frozen=True)
+class MonteCarlo:
+    """What the draws say, and what the linear law says, of one point.
+
+    Attributes
+    ----------
+    point : ndarray, shape (3,)
+        Q with the nominal parameters: the estimate of the linear law.
+    draws, failed : int
+        How many were drawn, and how many of them had no pose (they are left out).
+    probability : float
+        Of the coverage intervals.
+    mean, covariance : ndarray, shape (3,) and (3, 3)
+        Of the draws.
+    linear_covariance : ndarray, shape (3, 3)
+        By the law of propagation.
+    symmetric, shortest : ndarray, shape (3, 2)
+        The probabilistically symmetric and the shortest coverage interval of each coordinate.
+    linear : ndarray, shape (3, 2)
+        Q ± k u of the linear law, with k of the normal distribution.
+    end_uncertainty : ndarray, shape (3, 2)
+        Standard uncertainty of the ends of `symmetric`, because the draws are finite.
+    digits : int
+        Significant digits of u that count.
+    delta : ndarray, shape (3,)
+        The numerical tolerance of clause 7.9.2.
+    difference : ndarray, shape (3, 2)
+        d_low and d_high of clause 8.1.
+    validated : ndarray, shape (3,) of bool
+        Whether both are at most `delta`.
+    enough : ndarray, shape (3,) of bool
+        Whether the draws are as many as clause 8.2 wants: twice `end_uncertainty` is at most delta/5.
+    """
+
+    point: Floats
+    draws: int
+    failed: int
+    probability: float
+    mean: Floats
+    covariance: Floats
+    linear_covariance: Floats
+    symmetric: Floats
+    shortest: Floats
+    linear: Floats
+    end_uncertainty: Floats
+    digits: int
+    delta: Floats
+    difference: Floats
+    validated: NDArray[np.bool_]
+    enough: NDArray[np.bool_]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain numbers, for JSON."""
+        return {
+            name: value.tolist() if isinstance(value, np.ndarray) else value
+            for name, value in vars(self).items()
+        }
+
+    def summary(self, unit: str = "") -> str:
+        """Return a text table."""
+        lines = [
+            f"{self.draws} draws"
+            + (f", {self.failed} without a pose" if self.failed else "")
+            + f"; {100 * self.probability:g} % intervals, {self.digits} digits"
+        ]
+        for k, axis in enumerate("xyz"):
+            low, high = self.symmetric[k] - self.point[k]
+            spread = np.sqrt(self.covariance[k, k])
+            by_law = np.sqrt(self.linear_covariance[k, k])
+            verdict = "agrees" if self.validated[k] else "does not agree"
+            lines.append(
+                f"Q{axis}: u {spread:.4g} {unit} (linear {by_law:.4g}), mean {self.mean[k] - self.point[k]:+.2g}, "
+                f"interval {low:+.4g} to {high:+.4g}; the linear law {verdict} to {self.delta[k]:.1g}"
+                + ("" if self.enough[k] else " (more draws are needed to be sure)")
+            )
+        return "\n".join(lines)
+
+
+def monte_carlo(
+    point: ArrayLike,
+    geometry: Geometry,
+    U: ArrayLike,
+    *,
+    draws: int = 1_000_000,
+    rectangular: Collection[str] = (),
+    probability: float = 0.95,
+    digits: int = 2,
+    seed: int = 0,
+) -> MonteCarlo:
+    """Draw the parameters, solve the exact direct problem, and compare with the linear law.
+
+    Parameters
+    ----------
+    point : array_like (3,)
+        Q, from the base's centre.
+    geometry : Geometry
+        The machine.
+    U : array_like (5, 5) or (n, n)
+        Covariance of A0, A1, A-1, r, R, or of all ``PARAMETERS``.
+    draws : int, optional
+        How many.
+    rectangular : collection of str, optional
+        Parameters whose error is anywhere within ±√3 u with equal probability, such as those of the paper's Table 1;
+        they must have no correlations. All others are normal.
+    probability : float, optional
+        Of the coverage intervals.
+    digits : int, optional
+        How many significant digits of u count in the comparison, 1 or 2.
+    seed : int, optional
+        Of the random numbers.
+
+    Returns
+    -------
+    MonteCarlo
+
+    Raises
+    ------
+    RodgenError
+        When U is no covariance matrix, an option is out of range, or the point has no regular pose.
+
+    Notes
+    -----
+    JCGM 101:2008 (GUM Supplement 1), clauses 5.9, 7.7, 7.9 and 8.
+
+    Examples
+    --------
+    >>> from rodgen import tricept
+    >>> U = tricept.covariance({"rods": 0.0029, "radii": 0.0058})
+    >>> found = tricept.monte_carlo([0.0, 0.0, 700.0], tricept.PAPER, U, draws=20_000)
+    >>> bool(abs(found.covariance[2, 2] / found.linear_covariance[2, 2] - 1) < 0.05)
+    True
+    """
+    place = np.asarray(point, float)
+    if place.shape != (3,):
+        raise RodgenError(f"the point has the shape {place.shape}; expected three coordinates")
+    if not (isinstance(draws, int | np.integer) and draws >= 1000):
+        raise RodgenError(f"{draws} draws; expected a whole number from 1000 up")
+    if not 0 < probability < 1:
+        raise RodgenError(f"the probability is {probability}; expected a number between 0 and 1")
+    if digits not in (1, 2):
+        raise RodgenError(f"{digits} significant digits; expected 1 or 2")
+    matrix = _all_parameters(U)
+    uniform = _uniform(matrix, rectangular)
+    pose = inverse(place, geometry)[0][0]
+    S, status = parameter_sensitivity(pose, geometry)
+    if status != 0 or not np.isfinite(S).all():
+        raise RodgenError(
+            f"the point {place.tolist()} has no regular pose; expected one that the machine reaches"
+        )
+
+    places = _drawn(pose, geometry, matrix, uniform, int(draws), np.random.default_rng(seed))
+    good = places[np.isfinite(places).all(axis=1)]
+    if len(good) < 1000:
+        raise RodgenError(f"only {len(good)} of {draws} draws have a pose; expected smaller uncertainties")
+    linear_U = S @ matrix @ S.T
+    u = np.sqrt(np.diagonal(linear_U))
+    k = NormalDist().inv_cdf((1 + probability) / 2)
+    linear = place[:, None] + k * u[:, None] * [-1.0, 1.0]
+    symmetric, shortest = coverage_intervals(good, probability)
+    parts = good[: len(good) // _BATCHES * _BATCHES].reshape(_BATCHES, -1, 3)
+    ends = np.stack([coverage_intervals(part, probability)[0] for part in parts])
+    spread = ends.std(axis=0, ddof=1) / math.sqrt(_BATCHES)
+    U_y = np.cov(good.T)
+    delta = np.array([numerical_tolerance(float(x), digits) for x in np.sqrt(np.diagonal(U_y))])
+    difference = np.abs(linear - symmetric)
+    return MonteCarlo(
+        place,
+        int(draws),
+        int(draws) - len(good),
+        probability,
+        place + (good - place).mean(axis=0),
+        U_y,
+        linear_U,
+        symmetric,
+        shortest,
+        linear,
+        spread,
+        digits,
+        delta,
+        difference,
+        (difference <= delta[:, None]).all(axis=1),
+        (2 * spread <= delta[:, None] / 5).all(axis=1),
+    )
+
+
+def _all_parameters(U: ArrayLike) -> Floats:
+    size = np.asarray(U).shape[-1] if np.ndim(U) == 2 else 0
+    matrix = np.zeros((len(PARAMETERS),) * 2)
+    count = 5 if size == 5 else len(PARAMETERS)
+    matrix[:count, :count] = check_covariance(U, count)
+    return matrix
+
+
+def _uniform(matrix: Floats, names: Collection[str]) -> NDArray[np.bool_]:
+    chosen = np.zeros(len(PARAMETERS), bool)
+    for name in names:
+        if name not in PARAMETERS:
+            raise RodgenError(
+                f"{name!r} is no parameter of a Tricept; expected one of {', '.join(PARAMETERS)}"
+            )
+        n = PARAMETERS.index(name)
+        if np.delete(matrix[n], n).any():
+            raise RodgenError(
+                f"{name} is correlated and cannot be drawn from a rectangle; expected no correlation"
+            )
+        chosen[n] = True
+    return chosen
+
+
+def _drawn(
+    pose: Floats,
+    geometry: Geometry,
+    matrix: Floats,
+    uniform: NDArray[np.bool_],
+    draws: int,
+    random: np.random.Generator,
+) -> Floats:
+    """Draw places in blocks: a million draws of 43 parameters would fill the memory."""
+    sizes = np.sqrt(np.diagonal(matrix))
+    normal = np.where(uniform, 0.0, matrix)
+    normal = np.where(uniform[:, None], 0.0, normal)
+    scale = np.where(sizes > 0, sizes, 1.0)
+    values, vectors = np.linalg.eigh(normal / scale[:, None] / scale[None, :])
+    root = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    root = root[:, values > 1e-14]
+    parts = []
+    for start in range(0, draws, _BLOCK):
+        count = min(_BLOCK, draws - start)
+        errors = random.standard_normal((count, root.shape[1])) @ root.T
+        errors[:, uniform] = (
+            math.sqrt(3.0) * sizes[uniform] * random.uniform(-1, 1, (count, int(uniform.sum())))
+        )
+        parts.append(disturbed_point(pose, geometry, errors)[0])
+    return np.concatenate(parts)
+
+
+def coverage_intervals(values: ArrayLike, probability: float) -> tuple[Floats, Floats]:
+    """Return the coverage intervals of drawn values.
+
+    Parameters
+    ----------
+    values : array_like (n, m)
+        n draws of m quantities.
+    probability : float
+        Of the intervals.
+
+    Returns
+    -------
+    symmetric, shortest : ndarray, shape (m, 2)
+        As much probability on either side; and the shortest that holds it.
+
+    Notes
+    -----
+    JCGM 101:2008, clause 7.7.2: with q = [P n] the symmetric interval is from draw r = [(n − q)/2] on.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> symmetric, shortest = coverage_intervals(np.arange(1, 101.0)[:, None], 0.9)
+    >>> symmetric, shortest
+    (array([[ 5., 95.]]), array([[ 1., 91.]]))
+    """
+    ordered = np.sort(np.asarray(values, float), axis=0)
+    n = len(ordered)
+    inside = min(math.floor(probability * n + 0.5), n - 1)
+    first = max(math.floor((n - inside) / 2 + 0.5) - 1, 0)
+    symmetric = np.stack([ordered[first], ordered[first + inside]], axis=-1)
+    widths = ordered[inside:] - ordered[: n - inside]
+    least = widths.argmin(axis=0)
+    columns = np.arange(ordered.shape[1])
+    return symmetric, np.stack([ordered[least, columns], ordered[least + inside, columns]], axis=-1)
+
+
+def numerical_tolerance(u: float, digits: int = 2) -> float:
+    """Return the numerical tolerance of a standard uncertainty: half a unit of its last significant digit.
+
+    Parameters
+    ----------
+    u : float
+        Standard uncertainty, positive.
+    digits : int, optional
+        Significant digits that count.
+
+    Returns
+    -------
+    float
+
+    Notes
+    -----
+    JCGM 101:2008, clause 7.9.2.
+
+    Examples
+    --------
+    >>> numerical_tolerance(0.00996, 2), numerical_tolerance(0.35, 1)
+    (0.0005, 0.05)
+    """
+    if not u > 0:
+        return 0.0
+    exponent = math.floor(math.log10(u)) - digits + 1
+    if round(u / 10.0**exponent) >= 10**digits:
+        exponent += 1
+    return float(f"5e{exponent - 1}")

@@ -1,0 +1,351 @@
+"""The model of a closed chain: the platform's pose from the lengths of its legs, inside a kernel.
+
+Each leg joins a point a of the base and a point p of the platform at a length l: F = |p(y) - a|² - l² = 0 for the three
+unknowns y of the pose. Newton's method starts at the pose on the nominal machine, which comes with the row, and takes
+a few steps, written out. They double the right digits each, so the last one is exact to rounding; and the derivative
+of a step y - J⁻¹F at a solution, where F = 0, is that of the implicit function theorem, -J⁻¹ ∂F. This is proved in
+derivation/closed_chain.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
+
+import sympy as sp
+
+from rodgen.machines.closed_chain import FAMILIES, FROM_AFAR
+from rodgen.symbolic import select, skew
+
+if TYPE_CHECKING:
+    from rodgen.codegen.kernel import Kernel
+    from rodgen.machines.derivation import _Model
+    from rodgen.machines.structure import Term
+
+__all__ = ["closed_chain", "pose_from_afar", "pose_of"]
+
+Vector: TypeAlias = sp.Matrix
+
+STEPS = 3
+"""Newton's steps. From 3 % off the nominal pose, more than any machine that is to be calibrated, they leave 1e-12."""
+CLOSED = sp.Rational(1, 10**12)
+"""Square of the last step, in rad or radii of the base, above which the legs do not close: after a smaller one what is
+left is its square, which is below rounding."""
+
+
+@dataclass(frozen=True)
+class _Pose:
+    """A pose of the platform.
+
+    Attributes
+    ----------
+    turn : Matrix
+        Rotation matrix.
+    shift : Matrix
+        Where the middle of the platform is in base axes, shifted and not turned.
+    joints : list of Matrix
+        Where the platform's joints are.
+    by : list of Matrix
+        Derivative (3, 3) of each of them with respect to the unknowns.
+    """
+
+    turn: Vector
+    shift: Vector
+    joints: list[Vector]
+    by: list[Vector]
+
+
+class _Chain:
+    """What the families have in common."""
+
+    def __init__(self, model: _Model) -> None:
+        self.m = model
+        self.family = FAMILIES[model.structure.family]
+        self.number = {
+            name: model.known(name)
+            + sp.Matrix([model.freedom.get((f"geometry.{name}{x}", 0), sp.S.Zero) for x in components])
+            for name, components in self.family.numbers.items()
+        }
+        self.number = {name: model.let("number", value) for name, value in self.number.items()}
+        self.base = [self.centre("R", k, "base_joint") for k in range(3)]
+        self.own = [self.centre("r", k, "platform_joint") for k in range(3)]
+        self.start = [model.column["start", i] for i in range(self.family.start)]
+
+    def centre(self, radius: str, leg: int, component: str) -> Vector:
+        """Return a leg's joint on the base, or on the platform in platform axes."""
+        angle = sp.rad(list(self.family.legs.values())[leg])
+        value = self.number[radius][0] * sp.Matrix([sp.cos(angle), sp.sin(angle), 0])
+        for number in self.terms(leg, component):
+            value = value + self.m.term(number)
+        return self.m.let("centre", value)
+
+    def terms(self, leg: int, component: str) -> list[int]:
+        terms = self.m.structure.terms
+        return [n for n, term in enumerate(terms) if (term.joint, term.component) == (leg, component)]
+
+    # of each family ------------------------------------------------------------------------------------------
+
+    def first(self) -> _Pose:
+        raise NotImplementedError
+
+    def moved(self, step: Vector) -> _Pose:
+        raise NotImplementedError
+
+    def carry(self, pose: _Pose, x: Vector) -> Vector:
+        """Return where a target is."""
+        raise NotImplementedError
+
+    def carry_by(self, pose: _Pose, x: Vector) -> Vector:
+        """Return the derivative (3, 3) of where a target is with respect to the unknowns."""
+        raise NotImplementedError
+
+    # the legs ------------------------------------------------------------------------------------------------
+
+    def legs(self, pose: _Pose) -> list[Vector]:
+        return [self.m.let("leg", p - a) for p, a in zip(pose.joints, self.base, strict=True)]
+
+    def slopes(self, pose: _Pose, legs: Sequence[Vector]) -> Vector:
+        """Return the derivative (3, 3) of half the squared lengths with respect to the unknowns."""
+        rows = [leg.T * by for leg, by in zip(legs, pose.by, strict=True)]
+        return self.m.let("slopes", sp.Matrix.vstack(*rows))
+
+    def inverse(self, slopes: Vector) -> Vector:
+        adjugate = self.m.let("adjugate", slopes.adjugate())
+        determinant = self.m.let("determinant", (slopes.row(0) * adjugate.col(0))[0])
+        return self.m.let("inverse", adjugate / determinant)
+
+    def tensions(self, pose: _Pose, x: Vector, gravity: Vector) -> list[sp.Expr]:
+        """Return the force in each leg, tension positive, under a unit force along gravity at x.
+
+        By virtual work it is the way that x goes along gravity when the leg alone grows: t = l J⁻ᵀ (∂x/∂y)ᵀ g, where J
+        is the derivative of half the squared lengths.
+        """
+        legs = self.legs(pose)
+        inverse = self.inverse(self.slopes(pose, legs))
+        pull = self.m.let("pull", inverse.T * (self.carry_by(pose, x).T * gravity))
+        lengths = [self.m.let("length", sp.sqrt(leg.dot(leg))) for leg in legs]
+        return [self.m.let("tension", t * length) for t, length in zip(pull, lengths, strict=True)]
+
+    def solved(self, x: Vector) -> tuple[_Pose, sp.Expr]:
+        """Return the pose, and the square of the last step."""
+        m, terms = self.m, self.m.structure.terms
+        pose = self.first()
+        if any(term.uses_tension for term in terms):
+            # where the legs are without giving way: the forces there are the same. Not the pose that comes with the
+            # row, for the forces depend on the commands
+            pose, _ = self.nearer(pose, self.lengths(lambda term: not term.uses_tension))
+            m.tension = dict(enumerate(self.tensions(pose, x, m.known("gravity"))))
+        half = self.lengths(lambda term: True)
+        step = sp.zeros(3, 1)
+        for _ in range(STEPS):
+            pose, step = self.nearer(pose, half)
+        return pose, m.let("square", self.size(step))
+
+    def lengths(self, counts: Callable[[Term], bool]) -> list[sp.Expr]:
+        """Return the halves of the squares of the legs' lengths, with those effects that count."""
+        m, found = self.m, []
+        for k in range(3):
+            here = [n for n in self.terms(k, "reading") if counts(m.structure.terms[n])]
+            length = m.let("length", sp.Add(m.column["q", k], *(m.term(n) for n in here)))
+            found.append(m.let("half_square", length**2 / 2))
+        return found
+
+    def nearer(self, pose: _Pose, half: Sequence[sp.Expr]) -> tuple[_Pose, Vector]:
+        """Return the pose after one of Newton's steps towards legs with these halves of squares, and the step."""
+        legs = self.legs(pose)
+        gap = sp.Matrix([leg.dot(leg) / 2 - h for leg, h in zip(legs, half, strict=True)])
+        step = self.m.let("step", -self.inverse(self.slopes(pose, legs)) * self.m.let("gap", gap))
+        return self.moved(step), step
+
+    def numbers(self, pose: _Pose) -> list[sp.Expr]:
+        """Return a pose as the numbers that a solver starts from."""
+        raise NotImplementedError
+
+    def from_afar(self) -> _Pose:
+        """Return the pose with legs of the commanded lengths, from wherever the family begins."""
+        raise NotImplementedError
+
+    def size(self, step: Vector) -> sp.Expr:
+        return step.dot(step)
+
+
+class _Tricept(_Chain):
+    """Unknowns: alpha, beta, z. The platform is turned by P = Oy(beta) Ox(alpha) and slides along its own z."""
+
+    def first(self) -> _Pose:
+        self.unknowns = sp.Matrix(self.start)
+        return self.pose()
+
+    def from_afar(self) -> _Pose:
+        half = self.lengths(lambda term: True)
+        R, r = self.number["R"][0], self.number["r"][0]
+        square = self.m.let("height", (sum(half, sp.S.Zero) * 2 / 3) - (R - r) ** 2)
+        self.unknowns = sp.Matrix([0, 0, self.m.let("height", sp.sqrt(select(square > 0, square, R**2)))])
+        pose = self.pose()
+        for _ in range(FROM_AFAR):
+            pose, _step = self.nearer(pose, half)
+        return pose
+
+    def numbers(self, pose: _Pose) -> list[sp.Expr]:
+        return list(self.unknowns)
+
+    def moved(self, step: Vector) -> _Pose:
+        self.unknowns = self.m.let("pose", self.unknowns + step)
+        return self.pose()
+
+    def pose(self) -> _Pose:
+        alpha, beta, z = self.unknowns
+        (ca, sa), (cb, sb) = self.m.turn(alpha), self.m.turn(beta)
+        turn = self.m.let("turn", sp.Matrix([[cb, -sb * sa, sb * ca], [0, ca, sa], [-sb, -cb * sa, cb * ca]]))
+        shift = self.m.let("shift", turn.col(2) * z)
+        joints, by = [], []
+        for own in self.own:
+            arm = self.m.let("arm", turn * own)
+            joints.append(self.m.let("joint", arm + shift))
+            by.append(self.derivative(turn, cb, sb, joints[-1]))
+        self.cosine, self.sine = cb, sb
+        return _Pose(turn, shift, joints, by)
+
+    def derivative(self, turn: Vector, cb: sp.Expr, sb: sp.Expr, p: Vector) -> Vector:
+        """Return the derivative of a point of the platform: turned about -y-turned x, about y, and shifted."""
+        about = -sp.Matrix([cb, 0, -sb])  # the transposed Ox turns the other way
+        y = sp.Matrix([0, 1, 0])
+        return sp.Matrix.hstack(about.cross(p), y.cross(p), turn.col(2))
+
+    def carry(self, pose: _Pose, x: Vector) -> Vector:
+        if not self.m.structure.moving:
+            return pose.turn * x
+        return pose.turn * self.m.let("arm", x + self.number["q"]) + pose.shift
+
+    def carry_by(self, pose: _Pose, x: Vector) -> Vector:
+        return self.derivative(pose.turn, self.cosine, self.sine, self.m.let("seen", self.carry(pose, x)))
+
+    def size(self, step: Vector) -> sp.Expr:
+        R = self.number["R"][0]
+        return step[0] ** 2 + step[1] ** 2 + (step[2] / R) ** 2
+
+
+class _Pivot(_Chain):
+    """Unknowns: a small turn after the one before, as the Rodrigues vector of half of it (Cayley's map)."""
+
+    def first(self) -> _Pose:
+        return self.pose(sp.Matrix(3, 3, self.start))
+
+    def from_afar(self) -> _Pose:
+        half = self.lengths(lambda term: True)
+        pose = self.pose(self.nearest([self.m.column["q", k] for k in range(3)]))
+        for _ in range(FROM_AFAR):
+            pose, _step = self.nearer(pose, half)
+        return pose
+
+    def nearest(self, legs: Sequence[sp.Expr]) -> Vector:
+        """Return the rotation, of those to begin with, whose legs are the nearest: no branch, a select each."""
+        least, chosen = None, sp.zeros(4, 1)
+        for begin in self.m.begins:
+            apart = self.m.let(
+                "apart", sum(((a - b) ** 2 for a, b in zip(legs, begin[:3], strict=True)), sp.S.Zero)
+            )
+            quaternion = sp.Matrix(begin[3:])
+            if least is None:
+                least, chosen = apart, quaternion
+                continue
+            here = apart < least
+            chosen = self.m.let(
+                "chosen", sp.Matrix([select(here, a, b) for a, b in zip(quaternion, chosen, strict=True)])
+            )
+            least = self.m.let("least", select(here, apart, least))
+        w, v = chosen[0], sp.Matrix(chosen[1:])
+        return self.m.let("turn", sp.eye(3) + 2 * w * skew(v) + 2 * skew(v) ** 2)
+
+    def numbers(self, pose: _Pose) -> list[sp.Expr]:
+        return list(pose.turn)
+
+    def moved(self, step: Vector) -> _Pose:
+        half = self.m.let("half", step / 2)
+        factor = self.m.let("factor", 2 / (1 + half.dot(half)))
+        columns = []
+        for i in range(3):
+            across = self.m.let("across", half.cross(self.turn.col(i)))
+            columns.append(self.m.let("column", self.turn.col(i) + factor * (across + half.cross(across))))
+        return self.pose(sp.Matrix.hstack(*columns))
+
+    def pose(self, turn: Vector) -> _Pose:
+        self.turn = turn
+        shift = sp.Matrix([0, 0, self.number["h"][0]])
+        arms = [self.m.let("arm", turn * own) for own in self.own]
+        return _Pose(turn, shift, [arm + shift for arm in arms], [_turned(arm) for arm in arms])
+
+    def carry(self, pose: _Pose, x: Vector) -> Vector:
+        return pose.turn * x + (pose.shift if self.m.structure.moving else sp.zeros(3, 1))
+
+    def carry_by(self, pose: _Pose, x: Vector) -> Vector:
+        return _turned(self.m.let("seen", pose.turn * x))
+
+
+def _turned(x: Vector) -> Vector:
+    """Return the derivative (3, 3) of a vector with respect to a turn, w × x."""
+    return sp.Matrix([[0, x[2], -x[1]], [-x[2], 0, x[0]], [x[1], -x[0], 0]])
+
+
+CHAINS: dict[str, Callable[[_Model], _Chain]] = {"tricept": _Tricept, "3-sps-s": _Pivot}
+
+
+def closed_chain(model: _Model, x: Vector) -> Vector:
+    """Carry a target by the platform; NaN where the legs do not close.
+
+    Parameters
+    ----------
+    model : _Model
+        Whose kernel it is written into.
+    x : Matrix
+        The target, in platform axes.
+    """
+    chain = CHAINS[model.structure.family](model)
+    pose, square = chain.solved(x)
+    place = model.let("carried", chain.carry(pose, x))
+    return model.let("closed", _where_closed(place, square))
+
+
+def _where_closed(values: Vector, square: sp.Expr) -> Vector:
+    return sp.Matrix([select(square < CLOSED, value, sp.nan) for value in values])
+
+
+def pose_of(model: _Model) -> Kernel:
+    """Return the kernel that tells where the platform is, NaN where the legs do not close.
+
+    Parameters
+    ----------
+    model : _Model
+        With its terms and freedoms.
+    """
+    chain = CHAINS[model.structure.family](model)
+    pose, square = chain.solved(model.target())
+    found = _where_closed(sp.Matrix(chain.numbers(pose)), square)
+    model.builder.output("pose", found, unit="1", doc="numbers that a solver starts from")
+    return model.builder.build()
+
+
+def pose_from_afar(model: _Model, begins: int = 0) -> Kernel:
+    """Return the kernel that finds the pose on the nominal machine, all by itself.
+
+    It replaces what else comes with each row. Of a family that counts one assembly mode as the physical one it begins
+    in the middle; of others at that of some poses whose legs are the nearest.
+
+    Parameters
+    ----------
+    model : _Model
+        Without terms and freedoms.
+    begins : int
+        How many poses there are to begin with: the kernel has an input ``begin``, (begins, 7), of their legs and unit
+        quaternions, scalar part first.
+    """
+    if begins:
+        port = model.builder.input(
+            "begin", (begins, 7), unit="1", doc="legs and quaternions of poses to begin with"
+        )
+        model.begins = port.tolist()
+    chain = CHAINS[model.structure.family](model)
+    found = chain.numbers(chain.from_afar())
+    model.builder.output("start", sp.Matrix(found), unit="1", doc="pose on the nominal machine")
+    return model.builder.build()

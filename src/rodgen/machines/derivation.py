@@ -1,0 +1,459 @@
+"""From a machine's structure to its kernels: the model as SymPy, link by link.
+
+A target p is carried from the last joint to the first,
+
+    x <- D_j J_j x,   J_j x = P + R(n, q')(x - P)  or  x + n q',   D_j x = P + R(w)(x - P) + t,
+
+then by the moves of the frame, and compared with the reading. Each link is a named step of a straight-line program,
+so nothing swells, and the Jacobian is one sweep backwards through it. The geometry's freedoms (the tilt of an axis, the
+offset of a point) are inputs whose value is zero: they have been added to the geometry before, and only the derivative
+with respect to them is taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any, TypeAlias
+
+import sympy as sp
+
+from rodgen.codegen.kernel import Kernel, KernelBuilder
+from rodgen.errors import RodgenError
+from rodgen.machines.closed_chain_derivation import closed_chain, pose_of
+from rodgen.machines.effects.formula import Formula
+from rodgen.machines.structure import MOMENTS, TENSION, Structure, Term
+from rodgen.symbolic import select
+
+__all__ = ["derive_kernels"]
+
+Vector: TypeAlias = sp.Matrix
+SOURCE = "product of exponentials with error motions, derivation/machine_model.py"
+SERIES_BELOW = sp.Rational(1, 4)
+"""Squared angle below which sin(x)/x and (1 - cos x)/x² are series: eight terms leave 4e-20 there."""
+
+FUNCTIONS = {
+    "sin": sp.sin,
+    "cos": sp.cos,
+    "tan": sp.tan,
+    "exp": sp.exp,
+    "log": sp.log,
+    "sqrt": sp.sqrt,
+    "abs": sp.Abs,
+    # as selects: SymPy's derivative of sign is a delta function
+    "sign": lambda x: select(x > 0, sp.S.One, select(x < 0, -sp.S.One, sp.S.Zero)),
+}
+
+
+def derive_kernels(structure: Structure) -> list[Kernel]:
+    """Return the kernels of a machine: ``place``, ``residual`` and ``residual_and_jacobian``.
+
+    Parameters
+    ----------
+    structure : Structure
+        What the machine is made of.
+
+    Returns
+    -------
+    list of Kernel
+        With the inputs ``rows``, ``g``, ``e``; see :mod:`rodgen.machines.structure` for their layouts. ``place``
+        has the output ``place``: the predicted point or direction; ``residual`` measured less predicted, times the
+        weight; ``residual_and_jacobian`` that and ``residual_jacobian``, (components, slots). Of a closed chain also
+        ``pose``: where its platform is, as a start for other values.
+    """
+    place = _Model(structure, "place", with_residual=False).kernel()
+    residual = _Model(structure, "residual").kernel()
+    wrt = [name for name, wanted in (("freedom", structure.slots), ("e", structure.parameters)) if wanted]
+    kernels = [place, residual]
+    if wrt:
+        kernels.append(
+            residual.jacobian(wrt, ["residual"], name="residual_and_jacobian", values=True, mode="reverse")
+        )
+    if structure.family:
+        kernels.append(pose_of(_Model(structure, "pose")))
+    # the change of a freedom is in the geometry already
+    return [kernel.at({"freedom": 0}) if structure.slots else kernel for kernel in kernels]
+
+
+def cached(function: Any) -> Any:
+    """Keep what a method returned, for each argument, in the object: a step is written once."""
+
+    def kept(self: _Model, *arguments: int) -> Any:
+        key = (function.__name__, *arguments)
+        if key not in self.done:
+            self.done[key] = function(self, *arguments)
+        return self.done[key]
+
+    return kept
+
+
+class _Model:
+    """The steps of one kernel."""
+
+    def __init__(self, structure: Structure, name: str, *, with_residual: bool = True) -> None:
+        self.structure = structure
+        self.with_residual = with_residual
+        self.builder = KernelBuilder(
+            name, summary="A machine's model against its measurements.", source=SOURCE
+        )
+        self.count = 0
+        self.done: dict[tuple[Any, ...], Any] = {}
+        self.tension: dict[int, sp.Expr] = {}
+        self.begins: list[list[sp.Expr]] = []
+        self.inputs()
+
+    def inputs(self) -> None:
+        s, k = self.structure, self.builder
+        rows = k.input("rows", (len(s.columns),), unit="1", doc="what differs from row to row")
+        lengths = [length for _, _, length in s.geometry]
+        g = list(k.input("g", (sum(lengths),), unit="1", doc="geometry"))
+        self.column = dict(zip(s.columns, rows, strict=True))
+        self.g: dict[tuple[str, int], list[sp.Symbol]] = {}
+        for name, number, length in s.geometry:
+            self.g[name, number], g = g[:length], g[length:]
+        freedoms = (
+            k.input("freedom", (len(s.slots),), unit="1", doc="change of a freedom, zero") if s.slots else []
+        )
+        self.freedom = dict(zip(s.slots, freedoms, strict=True))
+        e = list(k.input("e", (max(1, len(s.parameters)),), unit="1", doc="parameters of the effects"))
+        self.e = dict(zip(s.parameters, e, strict=False))  # one is left over where there is none
+        n = 0 if s.family else len(s.joints)
+        self.axis = [self.varied("axis", j) for j in range(n)]
+        has_points = s.moving or s.weights
+        self.joint_point = [self.moved_point(j) if has_points else sp.zeros(3, 1) for j in range(n)]
+        self.point = (
+            self.joint_point if s.moving else [sp.zeros(3, 1)] * n
+        )  # a direction turns, and nothing else
+        revolute = [j for j in range(n) if s.joints[j].revolute]
+        self.ideal_turn = {j: self.turn(self.column["q", j]) for j in revolute}
+
+    # small things --------------------------------------------------------------------------------------------
+
+    def let(self, name: str, value: Any) -> Any:
+        """Name a step, unless it is a symbol or number already."""
+        if isinstance(value, sp.MatrixBase):
+            if all(x.is_Atom for x in value):
+                return value
+        elif value.is_Atom:
+            return value
+        self.count += 1
+        return self.builder.let(f"{name}{self.count}", value)
+
+    def known(self, name: str, number: int = 0) -> Vector:
+        """Return a vector of the geometry."""
+        return sp.Matrix(self.g[name, number])
+
+    def varied(self, name: str, number: int) -> Vector:
+        """Return a unit vector of the geometry that has two freedoms, where they are slots."""
+        value = self.known(name, number)
+        for x in "ab":
+            if (f"{name}.{x}", number) in self.freedom:
+                value = value + self.freedom[f"{name}.{x}", number] * self.known(f"{name}_by_{x}", number)
+        return self.let(name, value)
+
+    def moved_point(self, j: int) -> Vector:
+        value = self.known("point", j)
+        if self.structure.joints[j].point:
+            u, v = self.known("u", j), self.known("v", j)
+            value = value + self.freedom["point.a", j] * u + self.freedom["point.b", j] * v
+        return self.let("point", value)
+
+    def freedoms(self, name: str, components: Sequence[str]) -> Vector:
+        return sp.Matrix([self.freedom.get((f"{name}.{x}", 0), sp.S.Zero) for x in components])
+
+    def turn(self, angle: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
+        """Return cosine and sine of an angle as steps."""
+        return self.let("cosine", sp.cos(angle)), self.let("sine", sp.sin(angle))
+
+    # rotations -----------------------------------------------------------------------------------------------
+
+    def about_axis(self, x: Vector, n: Vector, turn: tuple[sp.Expr, sp.Expr]) -> Vector:
+        """Turn x about a unit vector: Rodrigues' formula."""
+        cosine, sine = turn
+        along = self.let("along", n.dot(x) * (1 - cosine))
+        return x * cosine + n.cross(x) * sine + n * along
+
+    def by_vector(self, x: Vector, w: Vector) -> Vector:
+        """Turn x by a rotation vector, exactly, and smoothly at the zero vector."""
+        w = self.let("turn", w)
+        square = self.let("square", w.dot(w))
+        is_small = square < SERIES_BELOW
+        safe = self.let("safe", select(is_small, sp.S.One, square))
+        angle = self.let("angle", sp.sqrt(safe))
+        by_sine = self.let("by_sine", select(is_small, _series(square, 1), sp.sin(angle) / angle))
+        by_cosine = self.let("by_cosine", select(is_small, _series(square, 2), (1 - sp.cos(angle)) / safe))
+        across = self.let("across", w.cross(x))
+        return x + by_sine * across + by_cosine * w.cross(across)
+
+    # the ideal pose ------------------------------------------------------------------------------------------
+
+    def ideally_carried(self, x: Vector, joints: range, points: Sequence[Vector]) -> Vector:
+        """Carry x by ideal joints, the last of them first; with `points` of zeros a direction is carried."""
+        for k in reversed(joints):
+            n, point = self.axis[k], points[k]
+            if self.structure.joints[k].revolute:
+                arm = self.let("arm", x - point)
+                x = self.let("carried", point + self.about_axis(arm, n, self.ideal_turn[k]))
+            elif points is self.joint_point:
+                x = self.let("carried", x + n * self.column["q", k])
+        return x
+
+    @cached
+    def gravity(self, j: int) -> Vector:
+        """Return the direction of gravity as joint j sees it at zero."""
+        if j == 0:
+            return self.known("gravity")
+        g = self.gravity(j - 1)
+        if self.structure.joints[j - 1].revolute:
+            cosine, sine = self.ideal_turn[j - 1]
+            g = self.let("gravity", self.about_axis(g, self.axis[j - 1], (cosine, -sine)))
+        return g
+
+    @cached
+    def centre(self) -> Vector:
+        """Return the mean of the targets."""
+        return self.let("centre", self.known("centre") + self.freedoms("centre", "xyz"))
+
+    def moment(self, arm: Vector, j: int) -> Vector:
+        """Return the moment of a unit force along gravity at the end of an arm, as joint j sees it."""
+        return self.let("moment", self.let("arm", arm).cross(self.gravity(j)))
+
+    @cached
+    def arm(self, j: int) -> Vector:
+        """Return the arm from joint j's point to the mean of the targets, in the ideal pose."""
+        carried = self.ideally_carried(self.centre(), range(j, len(self.axis)), self.point)
+        return self.let("arm", carried - self.point[j])
+
+    def moments(self, j: int, names: frozenset[str]) -> dict[str, Any]:
+        """Return those of the catalogue's moments that are asked for."""
+        if not names & MOMENTS:
+            return {}
+        n, arm = self.axis[j], self.arm(j)
+        whole = self.moment(arm, j)
+        about_axis = self.let("about_axis", n.dot(whole))
+        found: dict[str, Any] = {"M": about_axis, "M_across": whole - n * about_axis}
+        if "M_perp" in names:
+            turned = self.let("turned", n.cross(arm) + n * n.dot(arm))
+            found["M_perp"] = n.dot(self.moment(turned, j))
+        if "M_guide" in names:
+            guide = n * self.column["q", j] if self.structure.moving else sp.zeros(3, 1)
+            guided = self.moment(arm - guide, j)
+            found["M_guide"] = guided - n * n.dot(guided)
+        return found
+
+    # effects -------------------------------------------------------------------------------------------------
+
+    def value(self, number: int, formula: str, **more: Any) -> Any:
+        """Evaluate an effect's formula: a number, or a vector."""
+        component = self.structure.terms[number].component
+        value = Formula.parse(formula, file="effect", place=component).evaluate(
+            self.names(number) | more, FUNCTIONS, lambda x: sp.Rational(x.numerator, x.denominator)
+        )
+        if any(sp.sympify(x).has(sp.I, sp.zoo, sp.nan, sp.oo) for x in sp.flatten([value])):
+            raise RodgenError(f"the formula {formula!r} of an effect is no real number anywhere")
+        return value
+
+    def names(self, number: int) -> dict[str, Any]:
+        term = self.structure.terms[number]
+        names: dict[str, Any] = {"pi": sp.pi}
+        if not term.own:
+            names |= self.vocabulary(term)
+        names |= {name: self.column[column] for name, column in term.columns}
+        names |= {name: self.e[number, name] for name in term.parameters}
+        return names
+
+    def vocabulary(self, term: Term) -> dict[str, Any]:
+        unit = sp.eye(3)
+        names: dict[str, Any] = {f"E{x}": unit[:, i] for i, x in enumerate("XYZ")}
+        j = term.joint
+        if j is None:
+            return names
+        if self.structure.family:
+            return names | ({TENSION: self.tension[j]} if term.uses_tension else {})
+        names["N"] = self.axis[j]
+        if term.uses_directions:
+            names |= {"U": self.known("u", j), "V": self.known("v", j)}
+        if term.uses_travel:
+            length = self.g["length", j][0]
+            zeta = self.let("zeta", (self.column["q", j] - self.g["start", j][0]) / length)
+            names |= {"L": length, "zeta": zeta}
+            names |= {f"P{k}": self.let("legendre", sp.legendre(k, 2 * zeta - 1)) for k in range(1, 5)}
+        return names | self.moments(j, term.names)
+
+    def term(self, number: int) -> Any:
+        """Return the value of an effect, named."""
+        term = self.structure.terms[number]
+        value = self.value(number, term.formula)
+        j = term.joint
+        if j is not None:
+            points = self.joint_point
+            names = term.parameters[len(term.parameters) - len(term.later_joints) :]
+            for k, name in zip(term.later_joints, names, strict=True):
+                arm = self.ideally_carried(points[k], range(j, k), points) - points[j]
+                value = value + self.e[number, name] * self.let(
+                    "about_axis", self.axis[j].dot(self.moment(arm, j))
+                )
+        if term.target:
+            value = value * self.g["acts", number][0]
+        return self.let("effect", value)
+
+    def rigid(self, numbers: Sequence[int], pivot: Vector, j: int | None) -> tuple[Vector, Vector] | None:
+        """Add up the translations and the rotation vectors of several effects; None where there is none."""
+        t, w = sp.zeros(3, 1), sp.zeros(3, 1)
+        unit = sp.eye(3)
+        for number in numbers:
+            term = self.structure.terms[number]
+            if term.component == "sag":
+                assert j is not None
+                offset, turn = self.sag(number, pivot, j)
+                t, w = t + offset, w + turn
+                continue
+            value = self.term(number)
+            if term.component == "frame":
+                if self.structure.moving:
+                    t = t + value
+                else:
+                    w = w + value
+            elif term.component == "translation":
+                t = t + value
+            elif term.component == "rotation":
+                w = w + value
+            elif term.component in {"tx", "ty", "tz"}:
+                t = t + unit[:, "xyz".index(term.component[1])] * value
+            elif term.component in {"rx", "ry", "rz"}:
+                w = w + unit[:, "xyz".index(term.component[1])] * value
+        return (t, w) if numbers else None
+
+    def sag(self, number: int, pivot: Vector, j: int) -> tuple[Vector, Vector]:
+        """Return translation and rotation vector of a beam whose load drops along gravity and turns by the slope."""
+        term = self.structure.terms[number]
+        drop = self.let("drop", self.value(number, term.formula))
+        slope = self.let("slope", self.value(number, term.slope))
+        n, gravity = self.axis[j], self.gravity(j)
+        w = self.let("turn", n.cross(gravity) * slope)
+        if not self.structure.moving:
+            return sp.zeros(3, 1), w
+        arm = self.let("arm", self.centre() + n * self.column["q", j] - pivot)
+        return gravity * drop + arm - self.by_vector(arm, w), w
+
+    # the way of the target -----------------------------------------------------------------------------------
+
+    def target(self) -> Vector:
+        s = self.structure
+        free = self.known("target") + self.freedoms("target", "xyz") if s.moving else self.varied("target", 0)
+        value = self.let("target", free)
+        return self.displaced(
+            value, [n for n, term in enumerate(s.terms) if term.target], sp.zeros(3, 1), None
+        )
+
+    def displaced(self, x: Vector, numbers: Sequence[int], pivot: Vector, j: int | None) -> Vector:
+        """Move x by the sum of some effects: D x = P + R(w)(x - P) + t."""
+        motion = self.rigid(numbers, pivot, j)
+        if motion is None:
+            return x
+        t, w = motion
+        if w != sp.zeros(3, 1):
+            arm = self.let("arm", x - pivot)
+            x = self.by_vector(arm, w) + pivot
+        return self.let("moved", x + t if self.structure.moving else x)
+
+    def carried(self, x: Vector) -> Vector:
+        """Carry the target by all joints, with their errors."""
+        s = self.structure
+        for j in reversed(range(len(s.joints))):
+            here = [n for n, term in enumerate(s.terms) if term.joint == j]
+            readings = [n for n in here if s.terms[n].component == "reading"]
+            q = self.column["q", j]
+            if readings:
+                q = self.let("reading", sp.Add(q, *(self.term(n) for n in readings)))
+            if s.joints[j].revolute:
+                turn = self.turn(q) if readings else self.ideal_turn[j]
+                arm = self.let("arm", x - self.point[j])
+                x = self.let("carried", self.about_axis(arm, self.axis[j], turn) + self.point[j])
+            elif s.moving:
+                x = self.let("carried", x + self.axis[j] * q)
+            x = self.displaced(x, [n for n in here if n not in readings], self.point[j], j)
+        return x
+
+    def lifted(self, x: Vector) -> Vector:
+        """Lift a direction towards the zenith by f tan(zenith angle); the form has no singularity at the zenith."""
+        for n, term in enumerate(self.structure.terms):
+            if term.component != "lift":
+                continue
+            up = -self.known("gravity")
+            c = self.let("cos_zenith", up.dot(x))
+            f = self.let("lift", self.value(n, term.formula, tan_zenith=1 / c))
+            # angle f sin z, with f = a / cos z
+            square = self.let("square", f**2 * (1 - c**2))
+            is_small = square < SERIES_BELOW
+            safe = self.let("safe", select(is_small, sp.S.One, square))
+            angle = self.let("angle", sp.sqrt(safe))
+            by_sine = self.let("by_sine", select(is_small, _series(square, 1), sp.sin(angle) / angle))
+            cosine = self.let("cosine", select(is_small, 1 - square * _series(square, 2), sp.cos(angle)))
+            x = self.let("lifted", x * cosine + (up - x * c) * (f * by_sine))
+        return x
+
+    def framed(self, x: Vector) -> Vector:
+        """Move by the frame's own motions: those that differ from row to row, the shift, the free frame."""
+        s = self.structure
+        whole = [
+            n
+            for n, term in enumerate(s.terms)
+            if term.joint is None and not term.target and term.component not in {"lift", "factor"}
+        ]
+        x = self.displaced(x, whole, sp.zeros(3, 1), None)
+        if s.shift:
+            turned = sp.Matrix(3, 3, self.g["shift_rotation", 0]) * x
+            turns = sp.Matrix(3, 3, self.g["shift_turns", 0])
+            x = self.let("turned", turned)
+            x = x + (turns * self.freedoms("shift", ("rx", "ry", "rz"))).cross(x)
+            if s.moving:
+                x = x + self.known("shift") + self.freedoms("shift", "xyz")
+            x = self.let("shifted", x)
+        if s.frame:
+            x = self.let("inner", x + self.freedoms("frame", ("rx", "ry", "rz")).cross(x))
+            x = sp.Matrix(3, 3, self.g["frame_rotation", 0]) * x
+            if s.moving:
+                x = x + self.known("frame") + self.freedoms("frame", "xyz")
+            x = self.let("seen", x)
+        return x * self.factor() if s.kind == "point" else x
+
+    def factor(self) -> sp.Expr:
+        """Return what the instrument multiplies its readings by."""
+        terms = enumerate(self.structure.terms)
+        return self.let(
+            "factor", sp.Mul(*(1 + self.term(n) for n, term in terms if term.component == "factor"))
+        )
+
+    def kernel(self) -> Kernel:
+        s = self.structure
+        carry = self.carried if not s.family else partial(closed_chain, self)
+        place = self.framed(self.lifted(carry(self.target())))
+        if not self.with_residual:
+            self.builder.output("place", place, unit="1", doc="predicted point or direction")
+            return self.builder.build()
+        reading = [
+            self.column["reading", i] for i in range({"point": 3, "direction": 9, "distance": 1}[s.kind])
+        ]
+        if s.kind == "point":
+            residual = sp.Matrix(reading) - place
+        elif s.kind == "distance":
+            arm = self.let("arm", place - self.known("origin"))
+            distance = self.let("distance", sp.sqrt(arm.dot(arm)) * self.factor())
+            residual = sp.Matrix([reading[0] - distance])
+        else:
+            measured, first, second = (sp.Matrix(reading[i : i + 3]) for i in (0, 3, 6))
+            factor = self.let("stereographic", -2 / (1 + measured.dot(place)))
+            residual = sp.Matrix([first.dot(place) * factor, second.dot(place) * factor])
+        weights = [self.column["weight", i] for i in range(s.components)]
+        weighted = sp.Matrix([r * w for r, w in zip(residual, weights, strict=True)])
+        self.builder.output("residual", weighted, unit="1", doc="measured less predicted, times the weight")
+        return self.builder.build()
+
+
+def _series(square: sp.Expr, first: int) -> sp.Expr:
+    """Return the sum of (-1)^k square^k / (2k + first)! by Horner's rule: sin(x)/x for 1, (1 - cos x)/x² for 2."""
+    value = sp.S.Zero
+    for k in reversed(range(8)):
+        value = sp.Rational((-1) ** k, sp.factorial(2 * k + first)) + square * value
+    return value

@@ -1,0 +1,186 @@
+"""From what a user writes about an effect to its definition, with every check that needs no measurements."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping
+
+from rodgen.data.tables import UnitError
+from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, Dimension, parse_unit
+from rodgen.errors import InputFileError, shown
+from rodgen.machines.effects.definition import EffectDefinition, component_dimension
+from rodgen.machines.effects.formula import FUNCTION_NAMES, Formula, FormulaError
+
+__all__ = ["own_effect"]
+
+_MOST_PARAMETERS = 40
+_IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
+_OF_JOINT = frozenset({"q", "s", "v", "T"})
+_WORDS = _OF_JOINT | {"t", "F", "pi"} | FUNCTION_NAMES
+_MOTIONS = ("tx", "ty", "tz", "rx", "ry", "rz")
+
+
+def own_effect(
+    name: str,
+    component: str,
+    formula: str,
+    parameters: Mapping[str, str],
+    meaning: str = "",
+    *,
+    at: str,
+    joints: Mapping[str, str] | None = None,
+    columns: Mapping[str, Dimension | None] | None = None,
+    kind: str = "point",
+    file: str | os.PathLike[str],
+    place: str,
+) -> EffectDefinition:
+    """Make an effect of a user's formula.
+
+    Parameters
+    ----------
+    name : str
+        A name of its own.
+    component : str
+        ``"reading"`` (of a joint), or one of ``tx ty tz rx ry rz``.
+    formula : str
+        In the words of users' formulas: q s v T (of the joint), t, F, joints, columns, pi, functions, parameters.
+    parameters : mapping of str to str
+        Names with units; at most 40, each in the formula.
+    meaning : str
+    at : {"revolute", "prismatic", "leg", "machine", "target"}
+        Where it stands.
+    joints : mapping of str to str
+        Name and type of each joint of the machine.
+    columns : mapping of str to Dimension or None
+        Further columns of the measurements; None as a dimension is not known. Left out altogether: there are no
+        measurements yet, and every other name in the formula is taken for a column.
+    kind : {"point", "direction", "distance"}
+        What the machine measures.
+    file, place : str
+        Where it stands, for error messages.
+
+    Raises
+    ------
+    InputFileError
+        One sentence with the key that is wrong.
+
+    Examples
+    --------
+    >>> effect = own_effect(
+    ...     "coupling_windup", "reading", "a*sin(q) + k*F", {"a": "arcsec", "k": "arcsec/N"},
+    ...     at="revolute", file="machine.toml", place="effect 1",
+    ... )
+    >>> effect.equation
+    'reading += a*sin(q) + k*F'
+    """
+    checked = _Check(at, joints or {}, columns, kind, file, place)
+    checked.name(name)
+    checked.component(component)
+    checked.parameters(parameters)
+    parsed = Formula.parse(formula, file=file, place=f"{place}, formula")
+    checked.names(parsed, parameters)
+    checked.dimension(parsed, parameters, component)
+    searched = tuple(p for p in parameters if p in parsed.inner_names)
+    return EffectDefinition(
+        name, frozenset({at}), component, parsed, dict(parameters), meaning, searched=searched, own=True
+    )
+
+
+class _Check:
+    def __init__(
+        self,
+        at: str,
+        joints: Mapping[str, str],
+        columns: Mapping[str, Dimension | None] | None,
+        kind: str,
+        file: str | os.PathLike[str],
+        place: str,
+    ) -> None:
+        self.at = at
+        self.joints = joints
+        self.columns = columns
+        self.kind = kind
+        self.file = file
+        self.place = place
+
+    def error(self, key: str, found: str, expected: str) -> InputFileError:
+        return InputFileError(self.file, f"{self.place}, {key}", found, expected)
+
+    def name(self, name: str) -> None:
+        if not _IDENTIFIER.fullmatch(name):
+            raise self.error("name", shown(name), "letters, digits and '_', a letter first, 60 at most")
+
+    def component(self, component: str) -> None:
+        turns = self.kind == "direction"
+        # a direction is not moved, and a point is not turned about itself
+        fitting = {
+            "revolute": ("reading", *_MOTIONS),
+            "prismatic": ("reading", *_MOTIONS),
+            "leg": ("reading",),
+            "target": _MOTIONS[3:] if turns else _MOTIONS[:3],
+            "machine": _MOTIONS,
+        }[self.at]
+        if turns:
+            fitting = tuple(c for c in fitting if c not in _MOTIONS[:3])
+        if component not in fitting:
+            where = f"a {self.at}" + (" joint" if self.at in {"revolute", "prismatic"} else "")
+            raise self.error("component", f"{shown(component)} at {where}", f"one of {', '.join(fitting)}")
+
+    def parameters(self, parameters: Mapping[str, str]) -> None:
+        if len(parameters) > _MOST_PARAMETERS:
+            raise self.error("parameters", f"{len(parameters)} parameters", f"at most {_MOST_PARAMETERS}")
+        for name, unit in parameters.items():
+            key = f"parameters.{shown(name)[1:-1]}"
+            if not _IDENTIFIER.fullmatch(name):
+                raise self.error(key, shown(name), "letters, digits and '_', a letter first, 60 at most")
+            if name in _WORDS or name in self.joints:
+                what = "a joint" if name in self.joints else "a word of formulas"
+                raise self.error(key, f"{name!r}, the name of {what}", "another name")
+            try:
+                parse_unit(unit)
+            except UnitError as error:
+                raise self.error(key, error.found, error.expected) from None
+
+    def names(self, formula: Formula, parameters: Mapping[str, str]) -> None:
+        for name in parameters:
+            if name not in formula.names:
+                raise self.error(
+                    f"parameters.{name}", "a parameter that is not in the formula", "those that are"
+                )
+        for name in sorted(formula.names - parameters.keys() - self.joints.keys()):
+            if name in _OF_JOINT and self.at not in {"revolute", "prismatic", "leg"}:
+                raise self.error(
+                    "formula",
+                    f"{name!r}, which only a joint has",
+                    "a joint by its name, or an effect at a joint",
+                )
+            if name not in _WORDS and self.columns is not None and name not in self.columns:
+                columns = ", ".join(self.columns) or "none"
+                raise self.error(
+                    "formula", f"{name!r}, no parameter, joint or column", f"a column: {columns}"
+                )
+
+    def dimension(self, formula: Formula, parameters: Mapping[str, str], component: str) -> None:
+        wanted = component_dimension(component, self.at, self.kind)
+        known: dict[str, Dimension | None] = dict.fromkeys(formula.names)
+        known |= self.columns or {}
+        known |= {joint: _of_coordinate(kind) for joint, kind in self.joints.items()}
+        own = _of_coordinate(self.at)
+        known |= {"t": TIME, "F": FORCE, "q": own, "s": ONE, "v": own / TIME, "T": TEMPERATURE}
+        known |= {name: parse_unit(unit).dimension for name, unit in parameters.items()}
+        try:
+            found = formula.dimension(known)
+        except FormulaError as error:
+            raise self.error("formula", error.found, error.expected) from None
+        bare = formula.names <= {"pi"}
+        if found is not None and not bare and not found.fits(wanted):
+            raise self.error(
+                "formula",
+                f"a value in {found}",
+                f"{wanted} for component {component!r}; check the parameters' units",
+            )
+
+
+def _of_coordinate(joint_type: str) -> Dimension:
+    return ANGLE if joint_type == "revolute" else LENGTH

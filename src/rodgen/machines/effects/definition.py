@@ -1,0 +1,275 @@
+"""What an effect is: where it acts, what it changes by which formula, and the words for it."""
+
+from __future__ import annotations
+
+import itertools
+import re
+import textwrap
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from rodgen.data.units import ANGLE, LENGTH, ONE, Dimension
+from rodgen.machines.effects.formula import Formula
+
+__all__ = ["COMPONENTS", "EffectDefinition", "component_dimension"]
+
+COMPONENTS = {
+    "reading": "reading += {formula}",
+    "base_joint": "the leg's joint on the base moved by {formula}",
+    "platform_joint": "the leg's joint on the platform moved by {formula}, in platform axes",
+    "translation": "translation {formula}",
+    "rotation": "rotation vector {formula}",
+    "axis": "the axis turned by the rotation vector {formula}",
+    "point": "point moved by {formula}",
+    "target": "the target moved by {formula}",
+    "frame": "the frame moves by {formula}",
+    "frame_shift": "the frame moved by {formula} and turned by {slope}",
+    "factor": "reading × (1 + {formula})",
+    "lift": "direction lifted towards −g by {formula}",
+    "sag": "drop along g {formula}, turned about N × g by {slope}",
+    "tx": "translation along x {formula}",
+    "ty": "translation along y {formula}",
+    "tz": "translation along z {formula}",
+    "rx": "rotation about x {formula}",
+    "ry": "rotation about y {formula}",
+    "rz": "rotation about z {formula}",
+}
+"""What an effect may change, and how that is said."""
+
+_TURNED = {
+    "target": "the target turned by the rotation vector {formula}",
+    "frame_shift": "the frame turned by the rotation vector {formula}",
+}
+"""The same of directions, where their formula differs."""
+
+_PLACES = {
+    "revolute": "at a revolute joint",
+    "prismatic": "at a prismatic joint",
+    "leg": "at a leg of a closed chain",
+    "machine": "of the whole machine",
+    "target": "of a target",
+}
+_WIDTH = 100
+
+
+@dataclass(frozen=True)
+class EffectDefinition:
+    """An effect, of the catalogue or of a user.
+
+    Attributes
+    ----------
+    name : str
+    at : frozenset of str
+        Where it may stand: ``"revolute"``, ``"prismatic"``, ``"leg"``, ``"machine"``, ``"target"``.
+    component : str
+        What it changes, one of :data:`COMPONENTS`.
+    formula : Formula
+        By how much. In the catalogue a formula may be a vector, and may use, beside the words of users' formulas:
+        U V N (unit vectors that complete the axis, the axis), EX EY EZ (machine axes), M M_perp M_across M_guide
+        (moments of a unit force along gravity), zeta (place in the travel, 0 to 1), P1 to P4 (Legendre polynomials
+        of 2 zeta - 1), L (length of the travel), tan_zenith, leg_tension (force in the leg, tension positive, per unit
+        load along gravity at the target).
+    parameters : mapping of str to str
+        Names with units, in which ``{length}`` is the machine file's unit of length, ``{arm}`` that too, or 1 where
+        directions are measured, and ``{move}`` that too, or arcsec where directions are measured.
+    meaning, usual_size, remedy, source : str
+        What is physically there and how it shows; how large it usually is; what to do; who says so.
+    iso : str
+        Symbols of ISO 230, where there are any.
+    slope : Formula or None
+        A second formula: the slope of a sag, the rotation vector of a frame shift.
+    searched : tuple of str
+        Parameters that the readings do not depend on smoothly enough to start anywhere.
+    own : bool
+        Whether a user wrote it.
+    later_joints : bool
+        Whether each later joint adds a parameter ``k_NAME``, an angle over a length: its weight, at its point.
+    directions : EffectDefinition or None
+        The same effect where directions are measured, if its parameters differ there; see :meth:`for_kind`.
+    """
+
+    name: str
+    at: frozenset[str]
+    component: str
+    formula: Formula
+    parameters: Mapping[str, str] = field(hash=False)
+    meaning: str = ""
+    usual_size: str = ""
+    remedy: str = ""
+    source: str = ""
+    iso: str = ""
+    slope: Formula | None = None
+    searched: tuple[str, ...] = ()
+    own: bool = False
+    later_joints: bool = False
+    directions: EffectDefinition | None = None
+
+    def for_kind(self, kind: str) -> EffectDefinition:
+        """Return the effect as it is where `kind` is measured.
+
+        Parameters
+        ----------
+        kind : {"point", "direction", "distance"}
+            What the machine measures. Where it is directions, a frame shift has no translation, and a target has
+            two freedoms.
+        """
+        return self.directions if kind == "direction" and self.directions is not None else self
+
+    @property
+    def equation(self) -> str:
+        """What it does, in one line.
+
+        Examples
+        --------
+        >>> from rodgen.machines.effects.catalogue import definitions
+        >>> definitions("encoder_eccentricity")[0].equation
+        'reading += a*cos(q) + b*sin(q)'
+        """
+        formula = f"{self.formula.text} + k_NAME*M_NAME …" if self.later_joints else self.formula.text
+        slope = self.slope.text if self.slope is not None else ""
+        said = COMPONENTS[self.component]
+        if self.component in _TURNED and "{length}" not in self.parameters.values():
+            said = _TURNED[self.component]
+        if self.component == "reading" and re.fullmatch(r"-[^ ]+", formula):
+            said, formula = "reading -= {formula}", formula[1:]
+        return said.format(formula=formula, slope=slope)
+
+    def units(self, length: str = "length", kind: str = "point") -> dict[str, str]:
+        """Return the unit of each parameter.
+
+        Parameters
+        ----------
+        length : str
+            The machine file's unit of length; left out, the word itself.
+        kind : {"point", "direction", "distance"}
+            What the machine measures.
+
+        Examples
+        --------
+        >>> from rodgen.machines.effects.catalogue import definitions
+        >>> definitions("load_windup")[0].units("mm")
+        {'k': 'arcsec/N/mm'}
+        >>> definitions("load_windup")[0].units(kind="direction")
+        {'k': 'arcsec/N'}
+        """
+        turns = kind == "direction"
+        words = {
+            "{length}": length,
+            "{arm}": "1" if turns else length,
+            "{move}": "arcsec" if turns else length,
+        }
+        units = dict(self.parameters)
+        for placeholder, word in words.items():
+            units = {name: unit.replace(placeholder, word) for name, unit in units.items()}
+        return {name: unit.removesuffix("/1") for name, unit in units.items()}
+
+    def listed(self, kind: str = "point") -> str:
+        """Return the parameters with their units in one line.
+
+        Examples
+        --------
+        >>> from rodgen.machines.effects.catalogue import definitions
+        >>> definitions("warm_up_drift")[0].listed()
+        'x, y, z [length]; tau [s]'
+        """
+        units = self.units(kind=kind)
+        groups = itertools.groupby(units, key=lambda name: units[name])
+        return "; ".join(f"{', '.join(names)} [{unit}]" for unit, names in groups)
+
+    def describe(self) -> str:
+        """Return all that there is to say about it, as lines of plain text.
+
+        Examples
+        --------
+        >>> from rodgen.machines.effects.catalogue import definitions
+        >>> print(definitions("zero_offset", "revolute")[0].describe().partition("Meaning")[0].rstrip())
+        zero_offset   at a revolute joint   ISO 230: EC0C
+          reading += a
+          Parameters   a [arcsec]
+        """
+        places = " or ".join(text for place, text in _PLACES.items() if place in self.at)
+        head = f"{self.name}   {places}" + (f"   ISO 230: {self.iso}" if self.iso else "")
+        lines = [head, *_wrapped(self.equation, ""), *_wrapped(self.listed(), "Parameters")]
+        if self.later_joints:
+            lines += _wrapped(
+                "and one k_NAME [arcsec/length] for each joint beyond, where the data call for it", " "
+            )
+        if self.searched:
+            lines += _wrapped(f"{', '.join(self.searched)} is searched for, unless it is given", " ")
+        turned = self.for_kind("direction")
+        if turned.listed("direction") != self.listed():
+            lines += _wrapped(turned.listed("direction"), "Directions")
+        if turned.equation != self.equation:
+            lines += _wrapped(turned.equation, " ")
+        for title, text in (
+            ("Meaning", self.meaning),
+            ("Usual size", self.usual_size),
+            ("Remedy", self.remedy),
+            ("Source", self.source),
+        ):
+            lines += _wrapped(text, title)
+        return "\n".join(lines)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as plain data, for JSON; the units' lengths are the word itself."""
+        return {
+            "name": self.name,
+            "at": sorted(self.at),
+            "component": self.component,
+            "formula": self.formula.text,
+            "slope": self.slope.text if self.slope is not None else None,
+            "equation": self.equation,
+            "parameters": self.units(),
+            "parameters_of_directions": self.for_kind("direction").units(kind="direction"),
+            "later_joints": self.later_joints,
+            "searched": list(self.searched),
+            "iso": self.iso or None,
+            "meaning": self.meaning,
+            "usual_size": self.usual_size,
+            "remedy": self.remedy,
+            "source": self.source,
+        }
+
+    def with_directions(self, formula: Formula, parameters: Mapping[str, str]) -> EffectDefinition:
+        """Return it with its counterpart where directions are measured."""
+        return replace(self, directions=replace(self, formula=formula, parameters=parameters, slope=None))
+
+
+def component_dimension(component: str, at: str, kind: str = "point") -> Dimension:
+    """Return the dimension that an effect's formula has.
+
+    Parameters
+    ----------
+    component : str
+        One of :data:`COMPONENTS`.
+    at : str
+        The type of joint, ``"machine"`` or ``"target"``.
+    kind : {"point", "direction", "distance"}
+        What is measured: where it is directions, a frame moves by turning.
+
+    Examples
+    --------
+    >>> print(component_dimension("reading", "prismatic"))
+    length
+    """
+    if component == "reading":
+        return ANGLE if at == "revolute" else LENGTH
+    if component in {"frame", "frame_shift", "target"}:
+        return ANGLE if kind == "direction" else LENGTH
+    if component == "factor":
+        return ONE
+    return ANGLE if component in {"rotation", "axis", "lift", "rx", "ry", "rz"} else LENGTH
+
+
+def _wrapped(text: str, title: str) -> list[str]:
+    indent = "  " + (f"{title:<13}" if title else "")
+    further = " " * len(indent) if title else "    "
+    return textwrap.wrap(
+        text,
+        _WIDTH,
+        initial_indent=indent,
+        subsequent_indent=further,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )

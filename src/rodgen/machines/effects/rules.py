@@ -1,0 +1,279 @@
+"""Which effect may stand where in a machine, and why not."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from rodgen.data.units import unit_factor
+from rodgen.errors import RodgenError, shown
+from rodgen.machines.effects.catalogue import CATALOGUE, EffectDefinition
+from rodgen.machines.effects.formula import FUNCTION_NAMES
+from rodgen.machines.files.toml import listed, nearest
+from rodgen.machines.machine import Effect
+from rodgen.machines.structure import TENSION
+
+if TYPE_CHECKING:
+    from rodgen.machines.machine import Machine
+
+__all__ = [
+    "READINGS",
+    "UnfitEffectError",
+    "catalogue_effect",
+    "check_effect",
+    "check_estimate",
+    "held",
+    "is_in_catalogue",
+    "unknown_name",
+]
+
+READINGS = frozenset({"x", "y", "z", "ux", "uy", "uz", "d"})
+"""Columns of the measurements that are readings."""
+
+_JOINTS = frozenset({"revolute", "prismatic", "leg"})
+_WORDS = FUNCTION_NAMES | {"q", "s", "v", "T", "t", "F", "pi"}
+
+_KEY_WORDS = frozenset({"axis", "point", "target", "frame"})
+"""What stands in the keys of parameters where other effects have their name."""
+
+_SAME_FREEDOM = {"axis": "axis", "point": "point", "target": "target"}
+"""A component, and what [estimate] calls the same freedom."""
+
+_ON_A_LEG = {"thermal_expansion": "leg_thermal_expansion", "thermal_offset": "leg_thermal_expansion"}
+"""What effects of joints are called at a leg, where that is not the same name after ``leg_``."""
+
+_CHANGES_NOTHING = {
+    ("direction", "translation"): "no direction: it only moves",
+    ("direction", "point"): "no direction: it only moves",
+    ("direction", "factor"): "no direction: it has no length",
+    ("point", "lift"): "no point: it bends light",
+    ("distance", "lift"): "no distance: it bends light",
+}
+
+
+LARGEST = 1e100
+"""Numbers beyond it leave the range of a double when they are squared and summed up."""
+
+
+class UnfitEffectError(RodgenError):
+    """An effect that cannot stand where it should: the key of its block, what was found, what was expected."""
+
+    def __init__(self, key: str, found: str, expected: str) -> None:
+        self.key = key
+        self.found = found
+        self.expected = expected
+        super().__init__(key, found, expected)
+
+    def __str__(self) -> str:
+        return f"{self.key}: {self.found}; expected {self.expected}"
+
+
+def is_in_catalogue(name: str) -> bool:
+    """Tell whether the catalogue has an effect of this name."""
+    return any(definition.name == name for definition in CATALOGUE)
+
+
+def unknown_name(name: str) -> UnfitEffectError:
+    """Say that there is no such effect, and which one was meant, perhaps."""
+    near = nearest(name, [definition.name for definition in CATALOGUE])
+    hint = f"{near!r}, perhaps; " if near else ""
+    return UnfitEffectError(
+        "name",
+        f"no effect {shown(name)} in the catalogue",
+        f"{hint}a name that 'rodgen effects' lists, or component and formula of your own",
+    )
+
+
+def catalogue_effect(machine: Machine, name: str, place: str | None, hold: Mapping[str, float]) -> Effect:
+    """Return an effect of the catalogue in its place; `hold` in the units of the machine file.
+
+    Raises
+    ------
+    UnfitEffectError
+    """
+    same_name = [definition for definition in CATALOGUE if definition.name == name]
+    if not same_name:
+        raise unknown_name(name)
+    kind = _kind_of(machine, place)
+    definition = next((d for d in same_name if kind in d.at), None)
+    if definition is None:
+        raise _wrong_place(machine, same_name, kind, place)
+    effect = Effect(definition.for_kind(machine.measured.kind), place)
+    return replace(effect, hold=held(machine, effect, hold))
+
+
+def held(machine: Machine, effect: Effect, hold: Mapping[str, float]) -> dict[str, float]:
+    """Bring held parameters from the units of the machine file to internal ones."""
+    units = effect.units(machine)
+    found = {}
+    for name, value in hold.items():
+        if name not in units:
+            near = nearest(name, units)
+            some = (
+                f"{near!r}, perhaps" if near else listed(units) if units else "no hold: it has no parameters"
+            )
+            raise UnfitEffectError(f"hold.{name}", f"no parameter of {effect.name}", some)
+        _, dimension = unit_factor(units[name], machine.length_unit)
+        found[name] = float(value) * machine.file_factor(dimension)
+        if not abs(found[name]) < LARGEST:
+            raise UnfitEffectError(f"hold.{name}", f"{value:g}", "a number of a usual size")
+    return found
+
+
+def _kind_of(machine: Machine, place: str | None) -> str:
+    places = [joint.name for joint in machine.joints] + [target.name for target in machine.targets]
+    if place is not None and place not in places:
+        near = nearest(place, places)
+        raise UnfitEffectError(
+            "place", f"no joint or target {shown(place)}", f"{near!r}, perhaps" if near else listed(places)
+        )
+    return machine.kind_of(place)
+
+
+# a wrong place ---------------------------------------------------------------------------------------------------
+
+
+def _wrong_place(
+    machine: Machine, definitions: list[EffectDefinition], kind: str, place: str | None
+) -> UnfitEffectError:
+    """Say where the effect acts, and what there is at this machine."""
+    at = frozenset[str]().union(*(definition.at for definition in definitions))
+    name = definitions[0].name
+    if "machine" in at:
+        key = "target" if kind == "target" else "joint"
+        return UnfitEffectError(key, f"{shown(place)}, but {name} acts on the whole machine", f"no {key}")
+    if "target" in at:
+        names = [target.name for target in machine.targets]
+        if place is None:
+            return UnfitEffectError("target", "missing", f"the target that is off: {listed(names)}")
+        return UnfitEffectError(
+            "joint", f"{shown(place)}, but {name} acts on a target", f"target = {names[0]!r}"
+        )
+    types = " or ".join(sorted(at & _JOINTS))
+    names = [joint.name for joint in machine.joints if joint.type in at]
+    what = "a leg" if at & _JOINTS == {"leg"} else f"a {types} joint"
+    some = what + (f": {listed(names)}" if names else ", which this machine does not have")
+    if place is None:
+        return UnfitEffectError("joint", "missing", some)
+    if kind == "target":
+        return UnfitEffectError("target", f"{shown(place)}, but {name} acts on a joint", some)
+    # Where the catalogue has another name for the same on such a joint, that is what was meant.
+    twins = [d.name for d in CATALOGUE if kind in d.at and d.component == definitions[0].component == "axis"]
+    if kind == "leg":
+        twins = [d.name for d in CATALOGUE if kind in d.at and d.name == _ON_A_LEG.get(name, f"leg_{name}")]
+        some = some if twins == [] else ""
+    on = "a leg" if kind == "leg" else f"a {kind} joint"
+    other = f"{shown(twins[0])}, its name on {on}" + (", or " if some else "") if twins else ""
+    return UnfitEffectError("joint", f"{shown(place)}, {on}", f"{other}{some}")
+
+
+# rules -----------------------------------------------------------------------------------------------------------
+
+
+def check_effect(machine: Machine, effect: Effect) -> None:
+    """Check that an effect can be added to a machine.
+
+    Raises
+    ------
+    UnfitEffectError
+    """
+    for rule in (_check_place, _check_own, _check_acts, _check_once, _check_freedom, _check_hold):
+        rule(machine, effect)
+
+
+def _check_place(machine: Machine, effect: Effect) -> None:
+    kind = _kind_of(machine, effect.place)
+    if kind not in effect.definition.at:
+        raise _wrong_place(machine, [effect.definition], kind, effect.place)
+
+
+def _check_acts(machine: Machine, effect: Effect) -> None:
+    measured, component = machine.measured.kind, effect.definition.component
+    nothing = _CHANGES_NOTHING.get((measured, component))
+    if (
+        measured == "direction"
+        and machine.kind_of(effect.place) == "prismatic"
+        and component in {"reading", "axis"}
+    ):
+        nothing = "no direction: a prismatic joint only moves"
+    if measured == "direction" and TENSION in effect.definition.formula.names and not effect.definition.own:
+        nothing = "no direction: it takes a load at a point"
+    if nothing:
+        raise UnfitEffectError(
+            "name", f"{effect.name} where measured is {measured!r}, which changes {nothing}", "another effect"
+        )
+
+
+def _check_once(machine: Machine, effect: Effect) -> None:
+    if any((e.name, e.place) == (effect.name, effect.place) for e in machine.effects):
+        raise UnfitEffectError("name", f"{effect.title} twice", "it once")
+
+
+def _check_freedom(machine: Machine, effect: Effect) -> None:
+    """Two names for one freedom would share it in any proportion."""
+    freedom = _SAME_FREEDOM.get(effect.definition.component)
+    if freedom is None:
+        return
+    estimated = "target" if freedom == "target" else f"{effect.place}.{freedom}"
+    if estimated in machine.estimate:
+        raise UnfitEffectError(
+            "name", f"{effect.title}, the same freedom as {estimated!r} in [estimate]", "one of the two"
+        )
+
+
+def _check_hold(machine: Machine, effect: Effect) -> None:
+    units = effect.units(machine)
+    for name, value in effect.hold.items():
+        if name not in units:
+            raise UnfitEffectError(f"hold.{name}", f"no parameter of {effect.name}", listed(units))
+        if name in effect.definition.searched and not effect.definition.own and not value > 0:
+            raise UnfitEffectError(f"hold.{name}", f"{value:g}", "a positive number")
+    if effect.name == "periodic_drive_error" and "P" in effect.hold:
+        period = machine.joint(str(effect.place)).period
+        if period is not None:
+            raise UnfitEffectError("hold.P", f"given beside period of joint {effect.place}", "one of the two")
+
+
+# what a user wrote -----------------------------------------------------------------------------------------------
+
+
+def _check_own(machine: Machine, effect: Effect) -> None:
+    definition = effect.definition
+    if not definition.own:
+        return
+    joints = {joint.name for joint in machine.joints}
+    if effect.name in _KEY_WORDS | joints | {target.name for target in machine.targets}:
+        raise UnfitEffectError("name", f"{shown(effect.name)}, which names something else", "another name")
+    for name in sorted(definition.formula.names - definition.parameters.keys()):
+        if name in _WORDS & joints:
+            raise UnfitEffectError(
+                "formula",
+                f"{name!r}, a word of formulas and the name of a joint",
+                "another name for the joint",
+            )
+        if name in READINGS:
+            raise UnfitEffectError("formula", f"{name!r}, the reading itself", "what the reading depends on")
+
+
+# what a base fit adjusts -----------------------------------------------------------------------------------------
+
+
+def check_estimate(machine: Machine, entry: str) -> tuple[str, str] | None:
+    """Tell what is wrong with an entry of [estimate]: what was found and what was expected, or None."""
+    if entry == "target":
+        return None
+    freedoms = _freedoms(machine)
+    if entry in freedoms:
+        return None
+    near = nearest(entry, freedoms)
+    return shown(entry), f"{near!r}, perhaps" if near else listed(freedoms)
+
+
+def _freedoms(machine: Machine) -> list[str]:
+    """List all that [estimate] may name; what changes no reading of this machine, a fit says."""
+    if machine.geometry is not None:
+        return ["geometry", *machine.geometry.of.numbers, "target"]
+    return [f"{joint.name}.{freedom}" for joint in machine.joints for freedom in ("axis", "point")] + [
+        "target"
+    ]

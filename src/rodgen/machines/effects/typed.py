@@ -1,0 +1,139 @@
+"""An effect as one types it: ``encoder_eccentricity@C:a=12arcsec,b=3arcsec``.
+
+NAME, then ``@`` and its joint or target unless it is of the whole machine, then ``:`` and its parameters. A number may
+have a unit; without one it is in the units of the machine file. ``frame_shift[2]:x=0.1mm`` is that of the set-up 2.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rodgen.data.tables import UnitError
+from rodgen.data.units import parse_unit, unit_factor
+from rodgen.errors import shown
+from rodgen.machines.effects.rules import UnfitEffectError
+
+if TYPE_CHECKING:
+    from rodgen.machines.machine import Effect, Machine
+
+__all__ = ["TypedEffect", "assignments", "hold_of", "number_and_unit", "typed_effect"]
+
+_EFFECT = re.compile(r"\s*(\w+)\s*(?:\[([^\[\]]*)\])?\s*(?:@\s*([^:@]*?)\s*)?(?::(.*))?", re.DOTALL)
+_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class TypedEffect:
+    """What was typed.
+
+    Attributes
+    ----------
+    name : str
+    place, run : str or None
+    numbers : mapping of str to str
+        Parameters with their numbers, as text.
+    """
+
+    name: str
+    place: str | None
+    run: str | None
+    numbers: Mapping[str, str]
+
+
+def typed_effect(text: str) -> TypedEffect:
+    """Take apart what was typed.
+
+    Parameters
+    ----------
+    text : str
+
+    Raises
+    ------
+    UnfitEffectError
+        When it is no such text.
+
+    Examples
+    --------
+    >>> typed_effect("backlash@C: b = 20 arcsec")
+    TypedEffect(name='backlash', place='C', run=None, numbers={'b': '20 arcsec'})
+    """
+    found = _EFFECT.fullmatch(text)
+    if found is None:
+        raise UnfitEffectError("effect", shown(text), "NAME, NAME@JOINT or NAME@JOINT:a=12arcsec,b=3arcsec")
+    name, run, place, numbers = found.groups()
+    return TypedEffect(name, place or None, run, assignments(numbers.split(",") if numbers else ()))
+
+
+def assignments(texts: Sequence[str]) -> dict[str, str]:
+    """Take apart texts such as ``k2=0``.
+
+    Raises
+    ------
+    UnfitEffectError
+        When one is no such text, or a name stands twice.
+    """
+    found: dict[str, str] = {}
+    for text in texts:
+        name, equals, number = (part.strip() for part in text.partition("="))
+        if not (name and equals and number):
+            raise UnfitEffectError("hold", shown(text), "NAME=VALUE, such as k2=0 or b=12arcsec")
+        if name in found:
+            raise UnfitEffectError("hold", f"{shown(name)} twice", "it once")
+        found[name] = number
+    return found
+
+
+def hold_of(machine: Machine, effect: Effect, numbers: Mapping[str, str]) -> dict[str, float]:
+    """Bring typed numbers to the units of the machine file, as :meth:`Machine.effect` takes them.
+
+    Parameters
+    ----------
+    machine : Machine
+    effect : Effect
+        Whose parameters they are.
+    numbers : mapping of str to str
+
+    Raises
+    ------
+    UnfitEffectError
+        When one is no number, or its unit does not fit.
+    """
+    units = effect.units(machine)
+    found = {}
+    for name, text in numbers.items():
+        number = number_and_unit(text)
+        if number is None:
+            raise UnfitEffectError(f"hold.{name}", shown(text), "a number, such as 0 or 12arcsec")
+        found[name], unit = number
+        if unit and name in units:  # a name that is none is told by who knows the parameters
+            found[name] *= _in_file_units(machine, name, unit, units[name])
+    return found
+
+
+def number_and_unit(text: str) -> tuple[float, str] | None:
+    """Take apart a number with its unit, which may be empty; None where it is no finite number.
+
+    Examples
+    --------
+    >>> number_and_unit("-2.5e-3 um"), number_and_unit("12"), number_and_unit("um")
+    ((-0.0025, 'um'), (12.0, ''), None)
+    """
+    found = _NUMBER.fullmatch(text)
+    if found is None or not math.isfinite(float(found[1])):
+        return None
+    return float(found[1]), found[2]
+
+
+def _in_file_units(machine: Machine, name: str, text: str, own: str) -> float:
+    _, dimension = unit_factor(own, machine.length_unit)
+    try:
+        unit = parse_unit(text)
+    except UnitError as error:
+        raise UnfitEffectError(f"hold.{name}", error.found, error.expected) from None
+    if not unit.dimension.fits(dimension):
+        raise UnfitEffectError(f"hold.{name}", f"unit {shown(text)}", f"one such as {own}")
+    return unit.factor(machine.length_unit) / machine.file_factor(dimension)

@@ -1,0 +1,1 @@
+"""Machine files: read, written and edited."""

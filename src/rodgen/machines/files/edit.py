@@ -1,0 +1,213 @@
+"""Add effects to a user's machine file, or take one out, and leave every other byte as it is.
+
+The text is never written anew: blocks are put in, or cut out, between two statements. Where statements begin and end
+is all that is read of TOML here, from text that was parsed before; and what comes out must read as the machine
+that was meant.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import tomllib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from rodgen.errors import InputFileError
+from rodgen.files import write_file
+from rodgen.machines.files.read import machine_of
+from rodgen.machines.files.toml import decode, read_bytes
+from rodgen.machines.files.write import effect_text
+from rodgen.machines.machine import Effect, Machine
+
+__all__ = ["add_effects_to_file", "remove_effect_from_file"]
+
+
+def add_effects_to_file(
+    source: str | os.PathLike[str], effects: Sequence[Effect], out: str | os.PathLike[str]
+) -> Machine:
+    """Copy a machine file with further ``[[effect]]`` blocks, after those that it has.
+
+    Parameters
+    ----------
+    source : str or os.PathLike
+        A machine file.
+    effects : sequence of Effect
+        See :meth:`Machine.effect`.
+    out : str or os.PathLike
+        May be `source` itself. It is replaced when the new file is complete.
+
+    Returns
+    -------
+    Machine
+        As the new file reads.
+
+    Raises
+    ------
+    InputFileError
+        When `source` is no machine file, an effect cannot stand there, or `out` cannot be written.
+    """
+    text, changed = _read(source)
+    for effect in effects:
+        changed = changed.with_effect(effect)
+    new_line = "\r\n" if "\r\n" in text else "\n"
+    blocks = _effect_blocks(text)
+    end = max((part.stop for parts in blocks for part in parts), default=len(text))
+    before, after = text[:end], text[end:]
+    if before and not before.endswith("\n"):
+        before += new_line
+    added = "".join("\n" + effect_text(changed, effect) for effect in effects).replace("\n", new_line)
+    if after and not after.startswith(("\n", "\r")):
+        added += new_line
+    return _write(before + added + after, changed, source, out)
+
+
+def remove_effect_from_file(
+    source: str | os.PathLike[str], name: str, place: str | None, out: str | os.PathLike[str]
+) -> Machine:
+    """Copy a machine file without the block of an effect.
+
+    What stands inside the block goes with it, comments included; comments above it stay.
+
+    Parameters
+    ----------
+    source : str or os.PathLike
+        A machine file.
+    name : str
+        The effect.
+    place : str or None
+        Its joint or target; None for the whole machine.
+    out : str or os.PathLike
+        May be `source` itself. It is replaced when the new file is complete.
+
+    Returns
+    -------
+    Machine
+        As the new file reads.
+
+    Raises
+    ------
+    InputFileError
+        When `source` is no machine file, has no such effect, or `out` cannot be written.
+    """
+    text, machine = _read(source)
+    changed = machine.without_effect(name, place)
+    number = [(e.name, e.place) for e in machine.effects].index((name, place))
+    blocks = _effect_blocks(text)
+    for part in reversed(blocks[number] if number < len(blocks) else []):
+        before, after = text[: part.start], text[part.stop :]
+        blank = re.match(r"(?:[ \t]*\r?\n)*", after)
+        assert blank is not None
+        after = after[blank.end() :]
+        text = before + after if after else re.sub(r"(\n)(?:[ \t]*\r?\n)+\Z", r"\1", before)
+    return _write(text, changed, source, out)
+
+
+def _read(source: str | os.PathLike[str]) -> tuple[str, Machine]:
+    file = os.fspath(source)
+    text = decode(read_bytes(file), file)
+    return text, machine_of(text, file)
+
+
+def _write(text: str, meant: Machine, source: str | os.PathLike[str], out: str | os.PathLike[str]) -> Machine:
+    file = os.fspath(out)
+    try:
+        found: Machine | None = machine_of(text, file)
+    except InputFileError:
+        found = None
+    if found is None or _outline(found) != _outline(meant):
+        raise InputFileError(
+            source,
+            "effect",
+            "effects that are not blocks of their own",
+            "[[effect]] blocks, which can be edited",
+        )
+    write_file(file, text.encode())
+    return found
+
+
+def _outline(machine: Machine) -> tuple[Machine, list[tuple[str, str | None]]]:
+    """Return what must be as it was meant: all but the last bits of held numbers."""
+    return replace(machine, effects=(), values={}), [(e.name, e.place) for e in machine.effects]
+
+
+# where statements are ------------------------------------------------------------------------------------------------
+
+_TOKEN = re.compile(
+    r'"""(?:\\.|[^\\"]|"{1,2}(?!"))*"{3,5}'
+    r"|'''(?:[^']|'{1,2}(?!'))*'{3,5}"
+    r'|"(?:\\.|[^\\"\n])*"'
+    r"|'[^'\n]*'"
+    r"|#[^\n]*"
+    r"|(?P<open>[\[{])"
+    r"|(?P<close>[\]}])"
+    r"|(?P<end>\n)",
+    re.DOTALL,
+)
+_BLANK = re.compile(r"(?:[ \t]*(?:#[^\n]*)?\r?\n)*[ \t]*(?:#[^\n]*\Z)?")
+
+
+@dataclass(frozen=True)
+class _Statement:
+    """A header or a key with its value, from the start of its first line to the end of its last."""
+
+    start: int
+    stop: int
+    header: Any  # what it opens, as nested tables and lists; None for a key
+
+
+def _statements(text: str) -> Iterator[_Statement]:
+    position = 1 if text.startswith("\ufeff") else 0
+    while True:
+        blank = _BLANK.match(text, position)
+        assert blank is not None
+        position = blank.end()
+        if position >= len(text):
+            return
+        start = text.rfind("\n", 0, position) + 1
+        if text[position] == "[":  # a header ends on its line
+            stop = text.find("\n", position) + 1 or len(text)
+            yield _Statement(start, stop, tomllib.loads(text[position:stop].strip()))
+        else:
+            stop = _end_of_value(text, position)
+            yield _Statement(start, stop, None)
+        position = stop
+
+
+def _end_of_value(text: str, position: int) -> int:
+    depth = 0
+    for token in _TOKEN.finditer(text, position):
+        if token["open"]:
+            depth += 1
+        elif token["close"]:
+            depth -= 1
+        elif token["end"] and not depth:
+            return token.end()
+    return len(text)
+
+
+def _effect_blocks(text: str) -> list[list[slice]]:
+    """Return where each ``[[effect]]`` stands: its header, its keys and its own tables, wherever these are."""
+    blocks: list[list[slice]] = []
+    inside = False  # whether the statement before was of a block
+    for statement in _statements(text):
+        opens, continues = False, inside
+        if statement.header is not None:
+            inside = "effect" in statement.header
+            opens = inside and isinstance(statement.header["effect"], list)
+        if opens:
+            blocks.append([])
+        if inside and continues and not opens:
+            blocks[-1][-1] = slice(blocks[-1][-1].start, statement.stop)
+        elif inside:
+            blocks[-1].append(slice(statement.start, statement.stop))
+    return [[_with_comments(text, part) for part in parts] for parts in blocks]
+
+
+def _with_comments(text: str, part: slice) -> slice:
+    """Take in comments right below, unless they stand right above something else."""
+    below = re.compile(r"(?:[ \t]*#[^\n]*(?:\n|\Z))*").match(text, part.stop)
+    assert below is not None
+    rest = text[below.end() :]
+    return slice(part.start, below.end() if not rest or re.match(r"[ \t]*\r?\n", rest) else part.stop)

@@ -1,0 +1,421 @@
+"""From a machine file to a `Machine`: what may stand where, checked, and brought to internal units.
+
+A place in an error message is the block as its user calls it and the key: ``[units], length``, ``joint C, axis``,
+``target ball_1, point``, ``[[effect]] 2, hold.b``; blocks whose name is in doubt go by their number, ``[[joint]] 3``.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections import Counter
+from dataclasses import replace
+from typing import Any
+
+from rodgen.data.tables import UnitError
+from rodgen.data.units import ANGLE, LENGTH, Dimension, parse_unit
+from rodgen.errors import InputFileError, shown
+from rodgen.machines.closed_chain import FAMILIES, ClosedChain
+from rodgen.machines.effects.catalogue import own_effect
+from rodgen.machines.effects.rules import (
+    READINGS,
+    UnfitEffectError,
+    catalogue_effect,
+    check_effect,
+    check_estimate,
+    held,
+    is_in_catalogue,
+    unknown_name,
+)
+from rodgen.machines.files.toml import (
+    NUMBER,
+    TABLE,
+    TEXT,
+    VECTOR,
+    Kind,
+    Table,
+    UnfitError,
+    decode,
+    listed,
+    one_of,
+    parse,
+    read_bytes,
+)
+from rodgen.machines.machine import Effect, Joint, Machine, Measured, Target, Vector
+
+__all__ = ["machine_of", "read_machine"]
+
+MOST_JOINTS, MOST_TARGETS, MOST_EFFECTS = 64, 1000, 200
+PLATFORM = "platform"
+"""What the target is called where a closed chain's file names none: the middle of its platform."""
+
+_KEYS = {
+    "file": ("name", "units", "environment", "joint", "target", "measured", "estimate", "effect"),
+    "family": (
+        "name",
+        "family",
+        "units",
+        "environment",
+        "geometry",
+        "target",
+        "measured",
+        "estimate",
+        "effect",
+    ),
+    "tricept": ("R", "r", "q"),
+    "3-sps-s": ("R", "r", "h", "start"),
+    "units": ("length", "angle"),
+    "environment": ("gravity", "reference_temperature"),
+    "joint": ("name", "type", "axis", "point", "travel", "period"),
+    "target": ("name", "point"),
+    "measured": ("kind", "frame", "from", "noise"),
+    "estimate": ("parameters",),
+    "effect": ("name", "joint", "target", "hold", "component", "formula", "parameters", "meaning"),
+}
+_OWN = ("component", "formula", "parameters", "meaning")
+
+_MISSING = {
+    "units": 'length = "mm" and angle = "deg", or other units, in it',
+    "joint": "one block for each joint, the base's first",
+    "target": "one block or more, each with name and point",
+    "geometry": "R, r and what else the family needs in it",
+    "measured": 'kind = "point" (or "direction" or "distance") and frame = "machine" (or "free") in it',
+}
+
+
+def read_machine(path: str | os.PathLike[str]) -> Machine:
+    """Read a machine file; see :meth:`Machine.load`."""
+    file = os.fspath(path)
+    return machine_of(decode(read_bytes(file), file), file)
+
+
+def machine_of(text: str, file: str) -> Machine:
+    """Return the machine that the text of a file describes.
+
+    Parameters
+    ----------
+    text : str
+        TOML.
+    file : str
+        For error messages, and the machine's own `file`.
+
+    Raises
+    ------
+    InputFileError
+    """
+    content = parse(text, file)
+    if "family" in content and "joint" in content:
+        raise InputFileError(file, "[[joint]]", "given beside family", "a chain of joints, or a family")
+    if "geometry" in content and "family" not in content:
+        raise InputFileError(file, "[geometry]", "given without a family", f"family = {listed(FAMILIES)}")
+    top = Table(file, "", content, _KEYS["family" if "family" in content else "file"])
+    name = top.get("name", _TITLE)
+    units = top.sub("units", _KEYS["units"], missing=_MISSING["units"])
+    length, angle = units.get("length", _unit(LENGTH, "mm")), units.get("angle", _unit(ANGLE, "deg"))
+    per_radian = parse_unit(angle).factor()
+    environment = top.sub("environment", _KEYS["environment"])
+    measured = _measured(top, per_radian)
+    geometry = _closed_chain(top, per_radian) if "family" in top else None
+    machine = Machine(
+        name=name,
+        length_unit=length,
+        angle_unit=angle,
+        gravity=environment.get("gravity", _DIRECTION, (0.0, 0.0, -1.0)),
+        reference_temperature=environment.get("reference_temperature", NUMBER, 20.0),
+        joints=tuple(_joints(top, per_radian)) if geometry is None else _legs(geometry),
+        targets=_targets(top, measured.kind, closed=geometry is not None),
+        measured=measured,
+        file=file,
+        geometry=geometry,
+    )
+    _check_names(machine)
+    machine = replace(machine, estimate=_estimate(top, machine))
+    for number, block in enumerate(top.blocks("effect", MOST_EFFECTS), start=1):
+        table = Table(file, f"[[effect]] {number}", block, _KEYS["effect"])
+        machine = replace(machine, effects=(*machine.effects, _effect(table, machine)))
+    return machine
+
+
+# what a key may hold -------------------------------------------------------------------------------------------
+
+_COLUMNS = READINGS | {"t", "load", "run", "target"}
+_PREFIXES = ("u_", "dir_", "v_", "T_")
+_NAME_TEXT = re.compile(r"[^\W_](?:[\w+-]|(?<=[\w+-]) (?=[\w+-])){0,59}")
+
+
+def _title(text: str) -> str:
+    if not text.isprintable() or len(text) > 200:
+        raise UnfitError(
+            "a text of several lines" if "\n" in text else "a text that cannot be printed on a line"
+        )
+    return text
+
+
+def _name(text: str) -> str:
+    if not _NAME_TEXT.fullmatch(text):
+        raise UnfitError(shown(text))
+    if is_in_catalogue(text):
+        raise UnfitError(f"{shown(text)}, the name of an effect", "another name")
+    return text
+
+
+def _column_name(text: str) -> str:
+    if text in _COLUMNS or text.startswith(_PREFIXES):
+        raise UnfitError(f"{shown(text)}, which is a column of measurements of its own", "another name")
+    return _name(text)
+
+
+def _direction(vector: tuple[float, ...]) -> Vector:
+    """Bring a vector to unit length; one that is, to rounding, stays as it stands in the file."""
+    largest = max(map(abs, vector))
+    if largest == 0:
+        raise UnfitError("[0, 0, 0], which has no direction")
+    if abs(math.hypot(*vector) - 1.0) > 1e-15:
+        vector = tuple(x / largest for x in vector)
+        length = math.hypot(*vector)
+        vector = tuple(x / length for x in vector)
+    x, y, z = vector
+    return x, y, z
+
+
+def _positive(number: float) -> float:
+    if number <= 0:
+        raise UnfitError
+    return number
+
+
+def _noise(number: float) -> float:
+    """Take a noise whose square, and the inverse of it, are numbers."""
+    if not 1e-100 <= number <= 1e100:
+        raise UnfitError
+    return number
+
+
+def _pair(value: Any) -> tuple[float, float]:
+    if not isinstance(value, list) or len(value) != 2:
+        raise UnfitError
+    low, high = map(NUMBER.read, value)
+    return low, high
+
+
+def _rising(pair: tuple[float, float]) -> tuple[float, float]:
+    if not pair[0] < pair[1]:
+        raise UnfitError(None, "the lower number first, then a higher one")
+    return pair
+
+
+def _scaled(factor: float) -> Any:
+    """Return the step to internal units, of a number or of several."""
+
+    def step(value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple(map(step, value))
+        if not math.isfinite(value * factor):
+            raise UnfitError("a number beyond floating point")
+        return value * factor
+
+    return step
+
+
+def _unit(dimension: Dimension, example: str) -> Kind[str]:
+    wanted = f"a unit of {dimension}, such as {example}"
+
+    def check(text: str) -> str:
+        text = text.strip()
+        try:
+            unit = parse_unit(text)
+        except UnitError as error:
+            raise UnfitError(error.found, error.expected) from None
+        if unit.dimension != dimension:
+            raise UnfitError(f"{shown(text)}, which measures {unit.dimension}")
+        if re.search(r"[*/^]", text):
+            raise UnfitError(f"{shown(text)}, a product of units", f"one name, such as {example}")
+        return text
+
+    return Kind(wanted, lambda value: check(TEXT.read(value)))
+
+
+def _texts(value: Any) -> tuple[str, ...]:
+    if not isinstance(value, list):
+        raise UnfitError
+    return tuple(map(TEXT.read, value))
+
+
+_TITLE = TEXT.then(_title)
+_RULE = "a name of letters, digits, '_', '-' and '+', at most 60"
+_PLACE_NAME = TEXT.then(_name, _RULE)
+_JOINT_NAME = TEXT.then(_column_name, _RULE)
+_POINT: Kind[Vector] = VECTOR.then(lambda v: v)
+_DIRECTION: Kind[Vector] = VECTOR.then(_direction)
+_PARAMETER_UNIT = Kind('a unit in quotes, such as "arcsec"', TEXT.read)
+_TEXTS = Kind('a list of texts, such as ["target"]', _texts)
+
+
+# blocks ------------------------------------------------------------------------------------------------------------
+
+
+def _measured(top: Table, per_radian: float) -> Measured:
+    table = top.sub("measured", _KEYS["measured"], missing=_MISSING["measured"])
+    kind = table.get("kind", one_of(("point", "direction", "distance")))
+    frame = table.get("frame", one_of(("machine", "free")))
+    if kind != "distance" and "from" in table:
+        raise table.error("from", f"given beside kind = {kind!r}", "it with kind = 'distance' only")
+    origin = table.get("from", _POINT) if kind == "distance" else None
+    scale = _scaled(per_radian if kind == "direction" else 1.0)
+    noise = table.get("noise", NUMBER.then(scale).then(_noise, "a positive number"), None)
+    return Measured(kind, frame, origin, noise)
+
+
+def _joints(top: Table, per_radian: float) -> list[Joint]:
+    joints = []
+    for table in _named_blocks(top, "joint", MOST_JOINTS, _JOINT_NAME):
+        name = table.get("name", _JOINT_NAME)
+        kind = table.get("type", one_of(("prismatic", "revolute")))
+        scale = _scaled(per_radian if kind == "revolute" else 1.0)
+        travel = Kind("two numbers, such as [0, 360]", _pair).then(scale).then(_rising)
+        period = NUMBER.then(scale).then(_positive, "a positive number")
+        joints.append(
+            Joint(
+                name=name,
+                type=kind,
+                axis=table.get("axis", _DIRECTION),
+                point=table.get("point", _POINT, (0.0, 0.0, 0.0)),
+                travel=table.get("travel", travel, None),
+                period=table.get("period", period, None),
+            )
+        )
+    return joints
+
+
+def _closed_chain(top: Table, per_radian: float) -> ClosedChain:
+    family = top.get("family", one_of(tuple(FAMILIES)))
+    table = top.sub("geometry", _KEYS[family], missing=_MISSING["geometry"])
+    radius = NUMBER.then(_positive, "a positive number")
+    R, r = table.get("R", radius), table.get("r", radius)
+    if family == "tricept":
+        return ClosedChain(family, R, r, q=table.get("q", _POINT, (0.0, 0.0, 0.0)))
+    start = table.get("start", VECTOR.then(_scaled(per_radian)), None)
+    return ClosedChain(family, R, r, h=table.get("h", radius), start=start)
+
+
+def _legs(geometry: ClosedChain) -> tuple[Joint, ...]:
+    return tuple(Joint(name, "leg") for name in geometry.of.legs)
+
+
+def _targets(top: Table, kind: str, *, closed: bool) -> tuple[Target, ...]:
+    if closed and "target" not in top:
+        if kind == "direction":
+            raise InputFileError(
+                top.file, "[[target]]", "missing", "the direction on the platform that is seen"
+            )
+        return (Target(PLATFORM, (0.0, 0.0, 0.0)),)
+    point = _DIRECTION if kind == "direction" else _POINT
+    return tuple(
+        Target(table.get("name", _PLACE_NAME), table.get("point", point))
+        for table in _named_blocks(top, "target", MOST_TARGETS, _PLACE_NAME)
+    )
+
+
+def _named_blocks(top: Table, key: str, most: int, kind: Kind[str]) -> list[Table]:
+    """Return the blocks of one sort, each called by its name where it has one that can be used."""
+    tables = []
+    for number, block in enumerate(top.blocks(key, most, missing=_MISSING[key]), start=1):
+        try:
+            place = f"{key} {kind.read(block.get('name'))}"
+        except UnfitError:
+            place = f"[[{key}]] {number}"
+        tables.append(Table(top.file, place, block, _KEYS[key]))
+    return tables
+
+
+def _check_names(machine: Machine) -> None:
+    """Joints and targets share one space of names: an effect is told by its name and its place."""
+    joints = [joint.name for joint in machine.joints]
+    names = [*joints, *(target.name for target in machine.targets)]
+    twice = next((name for name, count in Counter(names).items() if count > 1), None)
+    if twice is None:
+        return
+    number = len(names) - names[::-1].index(twice)
+    if machine.geometry is not None and twice in joints:
+        place = f"[[target]] {number - len(joints)}, name"
+        raise InputFileError(str(machine.file), place, f"{shown(twice)}, the name of a leg", "another name")
+    place = f"[[joint]] {number}" if number <= len(joints) else f"[[target]] {number - len(joints)}"
+    other = "joint" if twice in joints else "target"
+    raise InputFileError(
+        str(machine.file), f"{place}, name", f"{shown(twice)}, as another {other}", "a name of its own"
+    )
+
+
+def _estimate(top: Table, machine: Machine) -> tuple[str, ...]:
+    if "estimate" not in top:
+        return ()
+    table = top.sub("estimate", _KEYS["estimate"])
+    entries = table.get("parameters", _TEXTS)
+    for entry in entries:
+        if fault := check_estimate(machine, entry):
+            raise table.error("parameters", *fault)
+        if entries.count(entry) > 1:
+            raise table.error("parameters", f"{shown(entry)} twice", "it once")
+        if machine.geometry is not None and "geometry" in entries and entry in machine.geometry.of.numbers:
+            raise table.error("parameters", f"{shown(entry)}, which is part of 'geometry'", "one of the two")
+    return entries
+
+
+# effects -----------------------------------------------------------------------------------------------------------
+
+
+def _effect(table: Table, machine: Machine) -> Effect:
+    name = table.get("name", TEXT)
+    place = _place(table, machine)
+    hold = {
+        key: table.convert(f"hold.{key}", value, NUMBER)
+        for key, value in table.get("hold", TABLE, {}).items()
+    }
+    own = next((key for key in _OWN if key in table), None)
+    try:
+        if is_in_catalogue(name):
+            if own is not None:
+                raise table.error(
+                    own, f"given for {shown(name)}, which the catalogue has", f"another name, or no {own}"
+                )
+            effect = catalogue_effect(machine, name, place, hold)
+        elif own is None:
+            raise unknown_name(name)
+        else:
+            effect = _own_effect(table, machine, place)
+            effect = replace(effect, hold=held(machine, effect, hold))
+        check_effect(machine, effect)
+    except UnfitEffectError as error:
+        raise table.error(error.key, error.found, error.expected) from None
+    return effect
+
+
+def _place(table: Table, machine: Machine) -> str | None:
+    if "joint" in table and "target" in table:
+        raise table.error("target", "given beside joint", "one place")
+    if "joint" in table:
+        return table.get("joint", one_of([joint.name for joint in machine.joints]))
+    if "target" in table:
+        return table.get("target", one_of([target.name for target in machine.targets]))
+    return None
+
+
+def _own_effect(table: Table, machine: Machine, place: str | None) -> Effect:
+    parameters = {
+        key: table.convert(f"parameters.{key}", value, _PARAMETER_UNIT)
+        for key, value in table.get("parameters", TABLE, {}).items()
+    }
+    definition = own_effect(
+        table.get("name", TEXT),
+        table.get("component", TEXT),
+        table.get("formula", TEXT),
+        parameters,
+        table.get("meaning", TEXT, ""),
+        at=machine.kind_of(place),
+        joints={joint.name: joint.type for joint in machine.joints},
+        kind=machine.measured.kind,
+        file=table.file,
+        place=table.place,
+    )
+    return Effect(definition, place)

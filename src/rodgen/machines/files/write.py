@@ -1,0 +1,353 @@
+"""From a `Machine` to the text of a machine file, and to a few lines for people."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from rodgen.data.units import ANGLE, unit_factor
+from rodgen.errors import InputFileError
+from rodgen.machines.closed_chain import ClosedChain
+from rodgen.machines.machine import Effect, Joint, Machine, Target, Vector
+from rodgen.machines.rigid import complete_basis, tilted
+from rodgen.machines.structure import BEAM
+
+__all__ = ["description", "effect_text", "fixed_machine", "machine_text"]
+
+
+# numbers and texts -------------------------------------------------------------------------------------------------
+
+
+def decimal(value: float, factor: float = 1.0) -> str:
+    """Write the shortest decimal that, read and multiplied by `factor`, is `value` to the last bit.
+
+    Where no such decimal is (a product of floats skips some), it is the nearest: within 2e-16 of the value.
+
+    Examples
+    --------
+    >>> import math
+    >>> decimal(math.pi, math.pi / 180), decimal(0.1 + 0.2), decimal(800.0)
+    ('180', '0.30000000000000004', '800')
+    """
+    quotient = value / factor
+    near = [quotient, math.nextafter(quotient, math.inf), math.nextafter(quotient, -math.inf)]
+    exact = next((x for x in near if x * factor == value), quotient)
+    short = (float(f"{exact:.{digits}g}") for digits in range(1, 17))
+    number = next((x for x in short if x * factor == exact * factor), exact)
+    return str(int(number)) if number.is_integer() and abs(number) < 1e15 else repr(number)
+
+
+def _vector(values: Sequence[float], factor: float = 1.0) -> str:
+    return f"[{', '.join(decimal(x, factor) for x in values)}]"
+
+
+def _text(text: str) -> str:
+    """Write a TOML string; JSON's escapes are all TOML's, which wants DEL escaped too."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _text(name)
+
+
+def _inline(items: Mapping[str, str]) -> str:
+    return f"{{ {', '.join(f'{_key(name)} = {value}' for name, value in items.items())} }}"
+
+
+# the file ----------------------------------------------------------------------------------------------------------
+
+
+def machine_text(machine: Machine) -> str:
+    """Return a complete machine file, without fitted numbers; it reads back as an equal machine."""
+    angle = machine.file_factor(ANGLE)
+    measured = machine.measured
+    blocks = [
+        [f"name = {_text(machine.name)}", *_family_lines(machine)],
+        ["[units]", f"length = {_text(machine.length_unit)}", f"angle = {_text(machine.angle_unit)}"],
+        [
+            "[environment]",
+            f"gravity = {_vector(machine.gravity)}",
+            f"reference_temperature = {decimal(machine.reference_temperature)}",
+        ],
+        *_chain_blocks(machine),
+        *(
+            ["[[target]]", f"name = {_text(target.name)}", f"point = {_vector(target.point)}"]
+            for target in machine.targets
+        ),
+        ["[measured]", f"kind = {_text(measured.kind)}", f"frame = {_text(measured.frame)}"],
+    ]
+    if measured.origin is not None:
+        blocks[-1].append(f"from = {_vector(measured.origin)}")
+    if measured.noise is not None:
+        noise = decimal(measured.noise, angle if measured.kind == "direction" else 1.0)
+        blocks[-1].append(f"noise = {noise}")
+    if machine.estimate:
+        blocks.append(["[estimate]", f"parameters = [{', '.join(map(_text, machine.estimate))}]"])
+    blocks += [_effect_lines(machine, effect) for effect in machine.effects]
+    return "\n\n".join("\n".join(block) for block in blocks) + "\n"
+
+
+def _family_lines(machine: Machine) -> list[str]:
+    return [] if machine.geometry is None else [f"family = {_text(machine.geometry.family)}"]
+
+
+def _chain_blocks(machine: Machine) -> list[list[str]]:
+    """Return the blocks of the joints, or that of a closed chain's geometry."""
+    angle = machine.file_factor(ANGLE)
+    geometry = machine.geometry
+    if geometry is None:
+        return [_joint_lines(joint, angle) for joint in machine.joints]
+    lines = ["[geometry]"]
+    for name, components in geometry.of.numbers.items():
+        value = geometry.number(name)
+        lines.append(f"{name} = {decimal(value[0]) if len(components) == 1 else _vector(value)}")
+    if geometry.start is not None:
+        lines.append(f"start = {_vector(geometry.start, angle)}")
+    return [lines]
+
+
+def _joint_lines(joint: Joint, angle: float) -> list[str]:
+    factor = angle if joint.type == "revolute" else 1.0
+    lines = [
+        "[[joint]]",
+        f"name = {_text(joint.name)}",
+        f"type = {_text(joint.type)}",
+        f"axis = {_vector(joint.axis)}",
+        f"point = {_vector(joint.point)}",
+    ]
+    if joint.travel is not None:
+        lines.append(f"travel = {_vector(joint.travel, factor)}")
+    if joint.period is not None:
+        lines.append(f"period = {decimal(joint.period, factor)}")
+    return lines
+
+
+def effect_text(machine: Machine, effect: Effect) -> str:
+    """Return the block of an effect, with a line break at its end."""
+    return "\n".join(_effect_lines(machine, effect)) + "\n"
+
+
+def _effect_lines(machine: Machine, effect: Effect) -> list[str]:
+    lines = ["[[effect]]", f"name = {_text(effect.name)}"]
+    if effect.place is not None:
+        key = "target" if machine.kind_of(effect.place) == "target" else "joint"
+        lines.append(f"{key} = {_text(effect.place)}")
+    definition = effect.definition
+    if definition.own:
+        lines += [f"component = {_text(definition.component)}", f"formula = {_text(definition.formula.text)}"]
+        if definition.parameters:
+            units = {name: _text(unit) for name, unit in definition.parameters.items()}
+            lines.append(f"parameters = {_inline(units)}")
+        if definition.meaning:
+            lines.append(f"meaning = {_text(definition.meaning)}")
+    if effect.hold:
+        factors = _factors(machine, effect)
+        held = {name: decimal(value, factors[name]) for name, value in effect.hold.items()}
+        lines.append(f"hold = {_inline(held)}")
+    return lines
+
+
+def _factors(machine: Machine, effect: Effect) -> dict[str, float]:
+    """Return what each parameter of an effect, as the file has it, is multiplied by."""
+    dimensions = {
+        name: unit_factor(unit, machine.length_unit)[1] for name, unit in effect.units(machine).items()
+    }
+    return {name: machine.file_factor(dimension) for name, dimension in dimensions.items()}
+
+
+# fitted numbers ----------------------------------------------------------------------------------------------------
+
+
+def fixed_machine(machine: Machine) -> Machine:
+    """Return the machine with its fitted numbers as given ones, and nothing left to estimate.
+
+    It predicts what the fitted machine predicts. Axes, points and targets move in place. Only where another effect of a
+    joint is written along u and v, which complete the axis *of the file*, the axis stays and its tilt becomes a
+    held effect: otherwise those two would turn under it.
+
+    Raises
+    ------
+    InputFileError
+        When an effect is measured over a travel that came from the data.
+    """
+    extra: list[Effect] = []
+    for effect in machine.effects:
+        _check_travel(machine, effect)
+    joints = []
+    for joint in machine.joints:
+        if joint.type == "leg":
+            joints.append(joint)
+            continue
+        basis = complete_basis(joint.axis)
+        point = _sum(joint.point, *_pair(machine, f"{joint.name}.point"), *basis)
+        a, b = _pair(machine, f"{joint.name}.axis")
+        axis = joint.axis
+        if (a or b) and _is_written_along_uv(machine, joint):
+            name = "axis_tilt" if joint.type == "revolute" else "squareness"
+            definition = machine.effect(name, joint.name).definition
+            extra.append(Effect(definition, joint.name, {"a": a, "b": b}))
+        elif a or b:
+            axis = _turned(axis, a, b)
+        joints.append(replace(joint, axis=axis, point=point))
+    return replace(
+        machine,
+        joints=tuple(joints),
+        geometry=_fixed_geometry(machine),
+        targets=tuple(_fixed_target(machine, target) for target in machine.targets),
+        estimate=(),
+        effects=(*extra, *(replace(effect, hold=_hold(machine, effect)) for effect in machine.effects)),
+        values={},
+    )
+
+
+def _pair(machine: Machine, prefix: str) -> tuple[float, float]:
+    return machine.values.get(f"{prefix}.a", 0.0), machine.values.get(f"{prefix}.b", 0.0)
+
+
+def _sum(point: Vector, a: float, b: float, u: np.ndarray, v: np.ndarray) -> Vector:
+    x, y, z = (float(p + a * s + b * t) for p, s, t in zip(point, u, v, strict=True))
+    return x, y, z
+
+
+def _turned(axis: Vector, a: float, b: float) -> Vector:
+    n = np.array(axis)
+    turned, _ = tilted(n, *complete_basis(n), np.array([a, b]))
+    x, y, z = (float(c) for c in turned / np.linalg.norm(turned))
+    return x, y, z
+
+
+def _fixed_geometry(machine: Machine) -> ClosedChain | None:
+    geometry = machine.geometry
+    if geometry is None:
+        return None
+    found: dict[str, Any] = {}
+    for name, components in geometry.of.numbers.items():
+        changes = [machine.values.get(f"geometry.{name}.{x}".rstrip("."), 0.0) for x in components]
+        value = tuple(float(a + b) for a, b in zip(geometry.number(name), changes, strict=True))
+        found[name] = value if len(components) > 1 else value[0]
+    return replace(geometry, **found)
+
+
+def _fixed_target(machine: Machine, target: Target) -> Target:
+    prefix = f"target.{target.name}"
+    if machine.measured.kind == "direction":
+        a, b = _pair(machine, prefix)
+        return replace(target, point=_turned(target.point, a, b)) if a or b else target
+    x, y, z = (p + machine.values.get(f"{prefix}.{c}", 0.0) for p, c in zip(target.point, "xyz", strict=True))
+    return replace(target, point=(x, y, z))
+
+
+def _names(effect: Effect) -> frozenset[str]:
+    """Return the words of the catalogue in an effect's formulas; a user's formula has none."""
+    definition = effect.definition
+    if definition.own:
+        return frozenset()
+    formulas = (definition.formula, definition.slope)
+    return frozenset().union(*(formula.names for formula in formulas if formula is not None))
+
+
+def _is_written_along_uv(machine: Machine, joint: Joint) -> bool:
+    here = (effect for effect in machine.effects if effect.place == joint.name)
+    return any(e.definition.component == "point" or _names(e) & {"U", "V"} for e in here)
+
+
+def _check_travel(machine: Machine, effect: Effect) -> None:
+    if _names(effect) & BEAM and machine.joint(str(effect.place)).travel is None:
+        raise InputFileError(
+            machine.file or machine.name,
+            f"joint {effect.place}, travel",
+            f"missing, while {effect.name} is measured over it",
+            "the travel that the fitted numbers belong to",
+        )
+
+
+def _hold(machine: Machine, effect: Effect) -> dict[str, float]:
+    """Return the values of an effect's parameters; a frame shift for each run has none, and is found again."""
+    if any(key.startswith(f"{effect.key('')}[") for key in machine.values):
+        return dict(effect.hold)
+    found = {}
+    for name in effect.units(machine):
+        value = effect.hold.get(name, machine.values.get(effect.key(name)))
+        if value is not None:
+            found[name] = value
+        elif name not in effect.definition.searched:
+            found[name] = 0.0
+    return found
+
+
+# for people ----------------------------------------------------------------------------------------------------------
+
+
+def description(machine: Machine) -> str:
+    """Return a short summary; see :meth:`Machine.describe`."""
+    return "\n".join(_described(machine))
+
+
+def _described(machine: Machine) -> Iterator[str]:
+    angle = machine.file_factor(ANGLE)
+    yield f"{machine.name} ({machine.length_unit}, {machine.angle_unit})"
+    if machine.geometry is not None:
+        yield from _described_legs(machine)
+    width = max(len(joint.name) for joint in machine.joints)
+    for joint in () if machine.geometry is not None else machine.joints:
+        turns = joint.type == "revolute"
+        way = f"revolute about {_rounded(joint.axis)}" if turns else f"prismatic along {_rounded(joint.axis)}"
+        placed = machine.measured.kind != "direction" and (turns or any(joint.point))
+        through = f" through {_rounded(joint.point)}" if placed else ""
+        factor, unit = (angle, machine.angle_unit) if turns else (1.0, machine.length_unit)
+        travel = ""
+        if joint.travel is not None:
+            low, high = (f"{x / factor:g}" for x in joint.travel)
+            travel = f", travel {low} to {high} {unit}"
+        yield f"  {joint.name:<{width}}  {way}{through}{travel}"
+    shown = [f"{target.name} {_rounded(target.point)}" for target in machine.targets[:4]]
+    more = f", and {len(machine.targets) - 4} more" if len(machine.targets) > 4 else ""
+    yield f"targets: {', '.join(shown)}{more}"
+    yield f"measured: {_measured(machine, angle)}"
+    yield f"estimated: {', '.join(machine.estimate) or 'nothing but the effects'}"
+    yield f"effects: {', '.join(_effect(machine, effect) for effect in machine.effects) or 'none'}"
+
+
+def _described_legs(machine: Machine) -> Iterator[str]:
+    geometry = machine.geometry
+    assert geometry is not None
+    numbers = []
+    for name in geometry.of.numbers:
+        value = geometry.number(name)
+        numbers.append(f"{name} = {_rounded(value) if len(value) > 1 else format(value[0], '.6g')}")
+    if geometry.start is not None:
+        degrees = [x / machine.file_factor(ANGLE) for x in geometry.start]
+        numbers.append(f"start = {_rounded(degrees)}")
+    yield f"  {geometry.of.words}; {', '.join(numbers)}"
+    yield f"  legs: {', '.join(joint.name for joint in machine.joints)}"
+
+
+def _rounded(vector: Sequence[float]) -> str:
+    return f"[{', '.join(f'{x + 0.0:.6g}' for x in vector)}]"
+
+
+def _measured(machine: Machine, angle: float) -> str:
+    measured = machine.measured
+    origin = f" from {_rounded(measured.origin)}" if measured.origin is not None else ""
+    frame = "in machine axes" if measured.frame == "machine" else "in a free frame"
+    noise = ""
+    if measured.noise is not None:
+        turns = measured.kind == "direction"
+        factor, unit = (angle, machine.angle_unit) if turns else (1.0, machine.length_unit)
+        noise = f", noise {measured.noise / factor:.6g} {unit}"
+    return f"{measured.kind}{origin} {frame}{noise}"
+
+
+def _effect(machine: Machine, effect: Effect) -> str:
+    units = effect.units(machine)
+    held = []
+    for name, value in effect.hold.items():
+        factor, _ = unit_factor(units[name], machine.length_unit)
+        held.append(f"{name} = {value / factor:.6g}{'' if units[name] == '1' else ' ' + units[name]}")
+    return effect.title + (f" ({', '.join(held)} held)" if held else "")

@@ -1,0 +1,437 @@
+"""A machine's model as numbers: its geometry with the current values of the parameters, and its compiled kernels."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.codegen.rows import row_kernels
+from rodgen.machines.machine import Machine
+from rodgen.machines.parameters import Parameter, parameters_of
+from rodgen.machines.rigid import complete_basis, left_jacobian, rotation_matrix, tilted
+from rodgen.machines.structure import Structure, row_effects, structure_of
+
+__all__ = ["Frame", "Model"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+NO_DECAY = 1e12
+"""Seconds, longer than any measurement: exp(-t/tau) is 1 with any origin of t."""
+
+
+_TURNS = ("rx", "ry", "rz")
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Where the measuring frame is: a reading is ``rotation @ x + position`` of a point x in machine axes.
+
+    Attributes
+    ----------
+    rotation : ndarray, shape (3, 3)
+    position : ndarray, shape (3,)
+        Length unit of the machine.
+    """
+
+    rotation: Array
+    position: Array
+
+    @classmethod
+    def identity(cls) -> Frame:
+        """Return the machine's own frame."""
+        return cls(np.eye(3), np.zeros(3))
+
+    @classmethod
+    def fitted(cls, values: Mapping[str, float]) -> Frame | None:
+        """Return the frame that a machine's fitted values tell of, None where they do not."""
+        if "frame.rx" not in values:
+            return None
+        turn, at = (np.array([values.get(f"frame.{x}", 0.0) for x in names]) for names in (_TURNS, "xyz"))
+        return cls(rotation_matrix(turn), at)
+
+    def moved(self, change: Mapping[str, float]) -> Frame:
+        """Return the frame after small changes of ``x y z rx ry rz``; the turn is about machine axes."""
+        turn = np.array([change.get(x, 0.0) for x in _TURNS])
+        shift = np.array([change.get(x, 0.0) for x in "xyz"])
+        return Frame(self.rotation @ rotation_matrix(turn), self.position + shift)
+
+
+@functools.lru_cache(maxsize=64)
+def _kernels(structure: Structure, compiled: bool) -> Mapping[str, Any]:
+    def make() -> Sequence[Any]:
+        from rodgen.machines.derivation import derive_kernels
+
+        return derive_kernels(structure)
+
+    kernels: Mapping[str, Any] = row_kernels(_key(structure), make, shared=("g", "e"), compiled=compiled)
+    return kernels
+
+
+def _key(structure: Structure) -> str:
+    return f"{structure!r} {_source_hash()}"
+
+
+@functools.cache
+def _source_hash() -> str:
+    """Return a hash of the text that turns a structure into kernels: a change of it makes them anew."""
+    import hashlib
+    from importlib.resources import files
+
+    folder = files("rodgen.machines")
+    names = (
+        "derivation.py",
+        "closed_chain_derivation.py",
+        "structure.py",
+        "closed_chain.py",
+        "effects/formula.py",
+    )
+    return hashlib.sha256(b"".join((folder / name).read_bytes() for name in names)).hexdigest()
+
+
+class Model:
+    """A machine with its parameters, its geometry and its kernels.
+
+    Parameters
+    ----------
+    machine : Machine
+    travel : array_like, shape (joints, 2), optional
+        Range of each joint, internal units; from the machine file where it is given there.
+    runs : sequence of str
+        Names of the set-ups in the data.
+    compiled : bool
+        Whether the kernels are compiled; a model that is evaluated a few times is quicker on NumPy.
+
+    Attributes
+    ----------
+    parameters : tuple of Parameter
+    structure : Structure
+    """
+
+    def __init__(
+        self, machine: Machine, travel: Any = None, runs: Sequence[str] = ("",), *, compiled: bool = True
+    ) -> None:
+        self.machine = machine
+        self.compiled = compiled
+        self.structure = structure_of(machine)
+        self.parameters: tuple[Parameter, ...] = parameters_of(machine, self.structure, runs)
+        self.index = {p.slot: i for i, p in enumerate(self.parameters)}
+        self.keys = {p.key: i for i, p in enumerate(self.parameters)}
+        self.travel = self._travel(travel)
+        self._row_effects = row_effects(machine)
+        self._bases = [
+            (np.zeros(3), np.zeros(3)) if joint.type == "leg" else complete_basis(np.array(joint.axis))
+            for joint in machine.joints
+        ]
+        directions = machine.targets if machine.measured.kind == "direction" else ()
+        self._target_bases = [complete_basis(np.array(t.point)) for t in directions]
+        self._of_effects = self._numbers(
+            [("e", n, name) for n, name in self.structure.parameters] or [("e",)]
+        )
+        self._constant: tuple[tuple[tuple[int, int], ...], Array] = ((), np.zeros((0, 0)))
+
+    def _travel(self, travel: Any) -> Array:
+        given = [joint.travel for joint in self.machine.joints]
+        found = np.zeros((len(given), 2)) if travel is None else np.asarray(travel, float)
+        return np.array([f if g is None else g for f, g in zip(found, given, strict=True)])
+
+    @functools.cached_property
+    def kernels(self) -> Mapping[str, Any]:
+        """The compiled kernels ``place``, ``residual``, ``residual_and_jacobian``; made when first asked for."""
+        return _kernels(self.structure, self.compiled)
+
+    def start(self) -> Array:
+        """Return the values that a fit starts from: what is held, what was fitted before, else zero.
+
+        The frame starts elsewhere: what is here of it is zero. A parameter that is searched has no meaning at zero;
+        until the search it has a value at which every formula is finite: 1, and for a time constant so much that
+        nothing decays.
+        """
+        given = self.machine.values
+        values = []
+        for p in self.parameters:
+            unsearched = NO_DECAY if p.slot[-1] == "tau" else 1.0
+            start = given.get(p.key, unsearched if p.searched else 0.0) if p.slot[0] != "frame" else 0.0
+            values.append(start if p.hold is None else p.hold)
+        return np.array(values, dtype=float)
+
+    # the geometry --------------------------------------------------------------------------------------------
+
+    def value(self, theta: Array, *slot: object) -> float:
+        """Return a parameter's value, zero where there is no such parameter."""
+        index = self.index.get(slot)
+        return 0.0 if index is None else float(theta[index])
+
+    def _numbers(self, slots: Sequence[tuple[object, ...]]) -> NDArray[np.intp]:
+        """Return the numbers of parameters; that of the zero after the last for those which are none."""
+        return np.array([self.index.get(slot, len(self.parameters)) for slot in slots], np.intp)
+
+    def _and_zero(self, theta: Array) -> Array:
+        """Return the values with a zero after the last: what `_numbers` counts. np.append takes three times as long."""
+        values = np.zeros(len(self.parameters) + 1)
+        values[:-1] = theta
+        return values
+
+    def parameters_of_effects(self, theta: Array) -> Array:
+        """Return the kernel's vector ``e``; one zero where there are no effects."""
+        return np.asarray(self._and_zero(theta)[self._of_effects])
+
+    def axis(self, theta: Array, j: int) -> tuple[Array, Array]:
+        """Return a joint's axis and its derivative (3, 2) with respect to its two freedoms."""
+        u, v = self._bases[j]
+        tilt = np.array([self.value(theta, "axis.a", j), self.value(theta, "axis.b", j)])
+        return tilted(np.array(self.machine.joints[j].axis), u, v, tilt)
+
+    def point(self, theta: Array, j: int) -> Array:
+        """Return the point of a joint, length unit."""
+        u, v = self._bases[j]
+        a, b = self.value(theta, "point.a", j), self.value(theta, "point.b", j)
+        return np.array(self.machine.joints[j].point) + a * u + b * v
+
+    def number(self, theta: Array, name: str) -> tuple[float, ...]:
+        """Return one of the numbers of a closed chain's geometry, as its components, length unit."""
+        assert self.machine.geometry is not None
+        components = self.machine.geometry.of.numbers[name]
+        nominal = self.machine.geometry.number(name)
+        changes = (self.value(theta, f"geometry.{name}{x}", 0) for x in components)
+        return tuple(float(a + b) for a, b in zip(nominal, changes, strict=True))
+
+    def target(self, theta: Array, k: int) -> tuple[Array, Array]:
+        """Return a target and its derivative (3, freedoms)."""
+        point = np.array(self.machine.targets[k].point)
+        if self.structure.moving:
+            return point + [self.value(theta, "target", k, x) for x in "xyz"], np.eye(3)
+        u, v = self._target_bases[k]
+        return tilted(point, u, v, np.array([self.value(theta, "target", k, x) for x in "ab"]))
+
+    # The parts of ``g`` that change are written into a copy of those that do not, for all joints, targets and set-ups
+    # at once: a small fit is little more than this.
+
+    def geometries(self, theta: Array, frame: Frame, groups: Sequence[tuple[int, int]]) -> Array:
+        """Return the kernel's vector ``g`` for several pairs of target and set-up, (groups, length).
+
+        Parameters
+        ----------
+        theta : ndarray, shape (parameters,)
+            Internal units.
+        frame : Frame
+            Of the measurements; used where it is free.
+        groups : sequence of (int, int)
+            Number of the target that is seen, and of the set-up.
+        """
+        s, at, values = self.structure, self._at, self._and_zero(theta)
+        g = self._constants(tuple(groups)).copy()
+        turned, by = self._tilted(values)
+        count = len(self._axes)
+        if count:
+            axes = np.empty((count, 3, 3))
+            axes[:, 0], axes[:, 1:] = turned[:count], by[:count].swapaxes(1, 2)
+            g[:, self._axes_at] = axes.ravel()
+        if len(self._points):
+            g[:, self._points_at] = self._moved_points(values).ravel()
+        if s.numbers:
+            g[:, self._geometry_at[0]] += values[self._geometry_at[1]]
+        targets = self._targets + values[self._target_numbers] if s.moving else turned[count:]
+        if s.centre:
+            g[:, at["centre", 0] : at["centre", 0] + 3] = targets.sum(axis=0) / len(targets)
+        if s.target:
+            of_target = np.array([target for target, _ in groups], np.intp)
+            start = at["target", 0]
+            g[:, start : start + 3] = targets[of_target]
+            if not s.moving:
+                g[:, start + 3 : start + 9] = by[count:].swapaxes(1, 2).reshape(-1, 6)[of_target]
+        if s.shift:
+            of_run = np.array([run for _, run in groups], np.intp)
+            shifts = values[self._shift_numbers(int(of_run.max(initial=0)) + 1)]
+            parts = {
+                "shift_rotation": rotation_matrix(shifts[:, 3:]),
+                "shift_turns": left_jacobian(shifts[:, 3:]),
+            }
+            for name, value in (parts | ({"shift": shifts[:, :3]} if s.moving else {})).items():
+                value = value.reshape(len(value), -1)
+                g[:, at[name, 0] : at[name, 0] + value.shape[1]] = value[of_run]
+        if s.frame:
+            g[:, at["frame_rotation", 0] : at["frame_rotation", 0] + 9] = frame.rotation.ravel()
+            if s.moving:
+                g[:, at["frame", 0] : at["frame", 0] + 3] = frame.position
+        return g
+
+    def geometry(self, theta: Array, frame: Frame, target: int, run: int = 0) -> Array:
+        """Return the kernel's vector ``g`` for one target and set-up; see :meth:`geometries`."""
+        return np.asarray(self.geometries(theta, frame, [(target, run)])[0])
+
+    @functools.cached_property
+    def _at(self) -> dict[tuple[str, int], int]:
+        """Where each part of ``g`` begins."""
+        lengths = [length for _, _, length in self.structure.geometry]
+        starts = np.cumsum([0, *lengths]).tolist()
+        return {
+            (name, j): start for (name, j, _), start in zip(self.structure.geometry, starts, strict=False)
+        }
+
+    def _constants(self, groups: tuple[tuple[int, int], ...]) -> Array:
+        """Return ``g`` with everything that no parameter changes, (groups, length)."""
+        if self._constant[0] != groups:
+            g = np.zeros((len(groups), sum(length for _, _, length in self.structure.geometry)))
+            for (name, j), start in self._at.items():
+                value = self._constant_part(name, j, groups)
+                g[:, start : start + value.shape[-1]] = value
+            self._constant = (groups, g)
+        return self._constant[1]
+
+    def _constant_part(self, name: str, j: int, groups: Sequence[tuple[int, int]]) -> Array:
+        machine = self.machine
+        if machine.geometry is not None and name in machine.geometry.of.numbers:
+            return np.array(machine.geometry.number(name))
+        if name == "axis":
+            return np.array(machine.joints[j].axis)
+        if name == "point":
+            return np.array(machine.joints[j].point)
+        if name in {"u", "v"}:
+            return self._bases[j]["uv".index(name)]
+        if name in {"start", "length"}:
+            first, last = self.travel[j]
+            return np.array([first if name == "start" else last - first])
+        if name == "target":
+            return np.array([machine.targets[target].point for target, _ in groups])
+        if name == "gravity":
+            return np.array(machine.gravity)
+        if name == "origin":
+            return np.array(machine.measured.origin)
+        if name == "acts":
+            place = self._row_effects[j].place
+            return np.array([[float(machine.targets[target].name == place)] for target, _ in groups])
+        return np.zeros(1)
+
+    @functools.cached_property
+    def _geometry_at(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Where the numbers of a closed chain's geometry that are adjusted stand in ``g``, and their parameters."""
+        slots = [slot for slot in self.structure.slots if str(slot[0]).startswith("geometry.")]
+        components = self.machine.geometry.of.numbers if self.machine.geometry is not None else {}
+        starts = [
+            self._at[name, 0] + i for name in self.structure.numbers for i in range(len(components[name]))
+        ]
+        return np.array(starts, np.intp), self._numbers(slots)
+
+    @functools.cached_property
+    def _axes(self) -> list[int]:
+        """The joints whose axes are tilted."""
+        return [j for j, joint in enumerate(self.structure.joints) if joint.axis]
+
+    @functools.cached_property
+    def _axes_at(self) -> NDArray[np.intp]:
+        """Where axes and their two derivatives are: one after the other."""
+        return np.concatenate([self._at["axis", j] + np.arange(9) for j in self._axes])
+
+    @functools.cached_property
+    def _tilts(self) -> tuple[Array, Array, Array, NDArray[np.intp]]:
+        """What is tilted, axes first, then the directions that are seen: n, u, v, numbers of the two angles."""
+        s, machine = self.structure, self.machine
+        vectors = [(machine.joints[j].axis, *self._bases[j]) for j in self._axes]
+        slots: list[tuple[object, ...]] = [(f"axis.{x}", j) for j in self._axes for x in "ab"]
+        if not s.moving:
+            seen = zip(machine.targets, self._target_bases, strict=True)
+            vectors += [(target.point, u, v) for target, (u, v) in seen]
+            slots += [("target", k, x) for k in range(len(machine.targets)) for x in "ab"]
+        n, u, v = np.array(vectors, float).reshape(-1, 3, 3).swapaxes(0, 1).copy()
+        return n, u, v, self._numbers(slots).reshape(-1, 2)
+
+    def _tilted(self, values: Array) -> tuple[Array, Array]:
+        n, u, v, numbers = self._tilts
+        return tilted(n, u, v, values[numbers]) if len(n) else (n, n[..., None])
+
+    @functools.cached_property
+    def _points(self) -> list[int]:
+        """The joints whose points are moved."""
+        s = self.structure
+        return [j for j, joint in enumerate(s.joints) if joint.point and ("point", j) in self._at]
+
+    @functools.cached_property
+    def _points_at(self) -> NDArray[np.intp]:
+        return np.concatenate([self._at["point", j] + np.arange(3) for j in self._points])
+
+    @functools.cached_property
+    def _moves(self) -> tuple[Array, Array, NDArray[np.intp]]:
+        """Points, the two directions in which each moves, and the numbers of its two freedoms."""
+        points = np.array([self.machine.joints[j].point for j in self._points], float)
+        numbers = self._numbers([(f"point.{x}", j) for j in self._points for x in "ab"])
+        return points, np.array([self._bases[j] for j in self._points]), numbers.reshape(-1, 1, 2)
+
+    def _moved_points(self, values: Array) -> Array:
+        points, directions, numbers = self._moves
+        return np.asarray(points + (values[numbers] @ directions)[:, 0])
+
+    @functools.cached_property
+    def _targets(self) -> Array:
+        return np.array([target.point for target in self.machine.targets], float)
+
+    @functools.cached_property
+    def _target_numbers(self) -> NDArray[np.intp]:
+        targets = range(len(self.machine.targets))
+        return self._numbers([("target", k, x) for k in targets for x in "xyz"]).reshape(-1, 3)
+
+    def _shift_numbers(self, runs: int) -> NDArray[np.intp]:
+        rigid = ("x", "y", "z", "rx", "ry", "rz")
+        return self._numbers([("shift", run, x) for run in range(runs) for x in rigid]).reshape(-1, 6)
+
+    # from the kernel's slots to parameters -------------------------------------------------------------------
+
+    def slots(self, theta: Array, groups: Sequence[tuple[int, int]]) -> Iterator[Array]:
+        """Yield, for pairs of target and set-up, the derivative of the slots by the parameters, (slots, parameters).
+
+        They are not to be written to.
+        """
+        common = self._common_slots
+        if self.structure.centre and not self.structure.moving and self.structure.target:
+            common = common.copy()
+            by = self._tilted(self._and_zero(theta))[1][len(self._axes) :]
+            rows, numbers, kept = self._centre_at
+            common[rows, numbers] += by.swapaxes(0, 1).reshape(3, -1)[:, kept] / len(by)
+        for target, run in groups:
+            matrix = common.copy() if self._group_rows else common
+            for row, kind, component in self._group_rows:
+                number = target if kind == "target" else run
+                if (index := self.index.get((kind, number, component))) is not None:
+                    matrix[row, index] = 1.0
+            yield matrix
+
+    @functools.cached_property
+    def _split_slots(self) -> list[tuple[int, str, str, int]]:
+        return [(row, *name.split("."), number) for row, (name, number) in enumerate(self.structure.slots)]  # type: ignore[misc]
+
+    @functools.cached_property
+    def _group_rows(self) -> list[tuple[int, str, str]]:
+        """The slots that are another parameter for each target or set-up."""
+        return [(row, kind, x) for row, kind, x, _ in self._split_slots if kind in {"target", "shift"}]
+
+    @functools.cached_property
+    def _centre_at(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
+        """The slots of the mean of the directions, the parameters of these, and which of their freedoms have one."""
+        rows = [row for row, kind, _, _ in self._split_slots if kind == "centre"]
+        numbers = self._numbers([("target", k, x) for k in range(len(self.machine.targets)) for x in "ab"])
+        kept = numbers < len(self.parameters)
+        return np.array(rows)[:, None], numbers[kept], kept
+
+    @functools.cached_property
+    def _common_slots(self) -> Array:
+        """The derivative of those slots that are the same parameter for all, and do not depend on values."""
+        s, targets = self.structure, range(len(self.machine.targets))
+        matrix = np.zeros((len(s.slots) + len(s.parameters), len(self.parameters)))
+        for row, kind, x, number in self._split_slots:
+            found: list[tuple[object, ...]] = [(f"{kind}.{x}", number)]
+            if kind in {"target", "shift"}:
+                continue
+            if kind == "centre":
+                found = [("target", k, x) for k in targets]  # of directions there is no such parameter
+            elif kind == "frame":
+                found = [("frame", x)]
+            for slot in found:
+                if slot in self.index:
+                    matrix[row, self.index[slot]] = 1.0 / len(found)
+        for row, (n, name) in enumerate(s.parameters, start=len(s.slots)):
+            matrix[row, self.index["e", n, name]] = 1.0
+        return matrix

@@ -1,0 +1,126 @@
+"""The parameters of a machine's model: what a fit adjusts, what it holds, and where each enters a kernel."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from rodgen.machines.closed_chain import FAMILIES
+from rodgen.machines.machine import Machine
+from rodgen.machines.structure import GEOMETRY, Structure, row_effects
+
+__all__ = ["Parameter", "parameters_of"]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of the model.
+
+    Attributes
+    ----------
+    key : str
+        Its name in every output, such as ``"C.encoder_eccentricity.a"``.
+    unit : str
+        What it is shown in; :attr:`factor` brings it from there to internal units.
+    factor : float
+        Internal value of one `unit`.
+    hold : float or None
+        Internal value when it is not estimated.
+    slot : tuple
+        Where it enters: (slot, joint number), ("target", target number, component), ("shift", run number, component),
+        ("frame", component) or ("e", term number, name).
+    place, effect : str or None
+        Joint or target, and the effect that it belongs to; no effect for what a base fit adjusts.
+    searched, optional : bool
+        Whether its start comes from a search; whether it is taken in only where the data call for it.
+    """
+
+    key: str
+    unit: str
+    factor: float
+    hold: float | None
+    slot: tuple[object, ...]
+    place: str | None = None
+    effect: str | None = None
+    searched: bool = False
+    optional: bool = False
+
+
+def parameters_of(machine: Machine, structure: Structure, runs: Sequence[str]) -> tuple[Parameter, ...]:
+    """List the parameters of a machine, geometry first, the frame before the effects.
+
+    Parameters
+    ----------
+    machine : Machine
+    structure : Structure
+        Of this machine.
+    runs : sequence of str
+        Names of the set-ups in the data; a frame shift has parameters for each when there are two or more.
+    """
+    return tuple(_parameters(machine, structure, runs))
+
+
+def _parameters(machine: Machine, structure: Structure, runs: Sequence[str]) -> Iterator[Parameter]:
+    from rodgen.data.units import unit_factor
+
+    moving = structure.moving
+    length, angle = machine.length_unit, "arcsec"
+
+    def made(key: str, unit: str, *slot: object, **more: object) -> Parameter:
+        factor, _ = unit_factor(unit, machine.length_unit)
+        return Parameter(key, unit, factor, slot=slot, **{"hold": None, **more})  # type: ignore[arg-type]
+
+    geometric = {
+        (e.definition.component, e.place): e for e in machine.effects if e.definition.component in GEOMETRY
+    }
+    for name in structure.numbers:
+        for x in FAMILIES[structure.family].numbers[name]:
+            key = f"geometry.{name}.{x}" if x else f"geometry.{name}"
+            yield made(key, length, f"geometry.{name}{x}", 0)
+    for j, joint in enumerate(machine.joints):
+        for component, unit in (("axis", angle), ("point", length)):
+            effect = geometric.get((component, joint.name))
+            if effect is not None or f"{joint.name}.{component}" in machine.estimate:
+                prefix = f"{joint.name}.{effect.name if effect else component}"
+                for x in "ab":
+                    more = _of_effect(effect, joint.name, x) if effect else {"place": joint.name}
+                    yield made(f"{prefix}.{x}", unit, f"{component}.{x}", j, **more)
+    for k, target in enumerate(machine.targets):
+        effect = geometric.get(("target", target.name))
+        for x in "xyz" if moving else "ab":
+            unit = length if moving else angle
+            if "target" in machine.estimate:
+                yield made(f"target.{target.name}.{x}", unit, "target", k, x, place=target.name)
+            elif effect is not None:
+                key = f"{target.name}.{effect.name}.{x}"
+                yield made(key, unit, "target", k, x, **_of_effect(effect, target.name, x))
+    if structure.frame:
+        if moving:
+            yield from (made(f"frame.{x}", length, "frame", x) for x in "xyz")
+        yield from (made(f"frame.{x}", machine.angle_unit, "frame", x) for x in ("rx", "ry", "rz"))
+    if structure.shift:
+        effect = geometric["frame_shift", None]
+        for r, run in enumerate(runs if len(runs) > 1 else [""]):
+            prefix = f"frame_shift[{run}]" if len(runs) > 1 else "frame_shift"
+            names = [(x, length, x) for x in "xyz"] + [(f"r{x}", angle, f"r{x}") for x in "xyz"]
+            for x, unit, component in names if moving else [(x, angle, f"r{x}") for x in "xyz"]:
+                yield made(f"{prefix}.{x}", unit, "shift", r, component, **_of_effect(effect, None, x))
+    for n, (effect, term) in enumerate(zip(row_effects(machine), structure.terms, strict=True)):
+        prefix = f"{effect.place}.{effect.name}" if effect.place else effect.name
+        units = effect.units(machine)
+        for position, name in enumerate(term.parameters):
+            optional = position >= len(term.parameters) - len(term.later_joints)
+            more = _of_effect(effect, effect.place, name) | {"optional": optional}
+            if name == "P" and effect.name == "periodic_drive_error" and more["hold"] is None:
+                period = machine.joint(str(effect.place)).period
+                more |= {"hold": period, "searched": period is None}
+            yield made(f"{prefix}.{name}", units[name], "e", n, name, **more)
+
+
+def _of_effect(effect, place: str | None, name: str) -> dict[str, object]:  # type: ignore[no-untyped-def]
+    return {
+        "effect": effect.name,
+        "place": place,
+        "hold": effect.hold.get(name),
+        "searched": name in effect.definition.searched and name not in effect.hold,
+    }

@@ -1,0 +1,103 @@
+"""Rotations of a few vectors, with their derivatives: the geometry that does not change from row to row.
+
+The formulas are proved in the derivation ``machine_model``, which the kernels are made from.
+"""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rodgen.kinematics.backend import kernels
+
+__all__ = ["complete_basis", "left_jacobian", "rotation_matrix", "rotation_vector", "tilted"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+def complete_basis(axis: ArrayLike) -> tuple[Array, Array]:
+    """Return the unit vectors u, v that complete an axis n: for n = z they are x and y, and cyclically.
+
+    Otherwise u is the next machine axis after n's largest component, made perpendicular to n, and v = n × u.
+
+    Examples
+    --------
+    >>> complete_basis([0, 0, 1])
+    (array([1., 0., 0.]), array([0., 1., 0.]))
+    """
+    n = np.asarray(axis, float) / np.linalg.norm(axis)
+    largest = int(np.argmax(np.abs(n)))
+    u = np.zeros(3)
+    u[(largest + 1) % 3] = 1.0
+    u = u - n * (n @ u)
+    u = u / np.linalg.norm(u)
+    (x, y, z), (a, b, c) = n.tolist(), u.tolist()
+    return u + 0.0, np.array(
+        [y * c - z * b, z * a - x * c, x * b - y * a]
+    ) + 0.0  # np.cross takes five times as long
+
+
+def rotation_matrix(w: ArrayLike) -> Array:
+    """Return the matrix of the rotation by a rotation vector in radians, (..., 3, 3).
+
+    Examples
+    --------
+    >>> rotation_matrix([0, 0, 1]).round(6)
+    array([[ 0.540302, -0.841471,  0.      ],
+           [ 0.841471,  0.540302,  0.      ],
+           [ 0.      ,  0.      ,  1.      ]])
+    """
+    matrix: Array = kernels.rotation_from_vector(w)[0]
+    return matrix
+
+
+def left_jacobian(w: ArrayLike) -> Array:
+    """Return L with R(w + dw) = R(L dw) R(w) to first order, (..., 3, 3).
+
+    Examples
+    --------
+    >>> left_jacobian([0, 0, 1]).round(6)
+    array([[ 0.841471, -0.459698,  0.      ],
+           [ 0.459698,  0.841471,  0.      ],
+           [ 0.      ,  0.      ,  1.      ]])
+    """
+    jacobian: Array = kernels.rotation_from_vector(w)[1]
+    return jacobian
+
+
+def rotation_vector(matrix: ArrayLike) -> Array:
+    """Return the rotation vector of a rotation matrix, in radians, at most π long."""
+    from rodgen.kinematics.rotation import axis_angle_from_matrix
+
+    axis, angle, _ = axis_angle_from_matrix(np.asarray(matrix, float))
+    return np.asarray(np.asarray(axis, float) * np.asarray(angle, float)[..., None])
+
+
+def tilted(axis: ArrayLike, u: ArrayLike, v: ArrayLike, tilt: ArrayLike) -> tuple[Array, Array]:
+    """Turn an axis by the rotation vector a u + b v.
+
+    Parameters
+    ----------
+    axis, u, v : array_like, shape (..., 3)
+        Orthonormal.
+    tilt : array_like, shape (..., 2)
+        a and b in radians.
+
+    Returns
+    -------
+    axis : ndarray, shape (..., 3)
+    derivative : ndarray, shape (..., 3, 2)
+        With respect to a and b.
+
+    Examples
+    --------
+    >>> axis, derivative = tilted([0, 0, 1], [1, 0, 0], [0, 1, 0], [0.5, 0])
+    >>> axis.round(6)
+    array([ 0.      , -0.479426,  0.877583])
+    >>> derivative[:, 0].round(6)
+    array([ 0.      , -0.877583, -0.479426])
+    """
+    turned, derivative = kernels.tilted_axis(axis, u, v, tilt)
+    return turned, derivative

@@ -1,0 +1,335 @@
+"""What the kernels of a machine depend on, and nothing else: its structure.
+
+Two machines with the same joints, estimated freedoms and effects share their kernels, whatever their numbers are; the
+numbers are inputs. A structure is plain data without SymPy, so that kernels that were compiled before are found in
+the cache by it.
+
+A kernel reads three vectors:
+
+- ``rows``: what differs from row to row (commanded coordinates, direction of approach, readings, weights),
+- ``g``: the geometry of the machine with the current values of the estimated freedoms,
+- ``e``: the parameters of the effects.
+
+It differentiates with respect to the *slots*: the freedoms of the geometry first, then all of ``e``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from rodgen.machines.closed_chain import FAMILIES
+
+if TYPE_CHECKING:
+    from rodgen.machines.machine import Effect, Machine
+
+__all__ = ["JointStructure", "Structure", "Term", "row_effects", "structure_of"]
+
+GEOMETRY = {"axis", "point", "target", "frame_shift"}
+"""Components that change a fixed part of the machine: they are slots of the geometry, not terms of a row."""
+
+CLOSED = {"base_joint", "platform_joint"}
+"""Components that move a joint centre of a leg."""
+
+BEAM = {"zeta", "L", "P1", "P2", "P3", "P4"}
+"""Names of the catalogue that need the joint's travel."""
+
+MOMENTS = {"M", "M_perp", "M_across", "M_guide"}
+"""Names of the catalogue that need the moment about the joint's axis."""
+
+TENSION = "leg_tension"
+"""Name of the catalogue for the force in a leg, tension positive, per unit load along gravity at the target."""
+
+
+@dataclass(frozen=True)
+class JointStructure:
+    """One joint.
+
+    Attributes
+    ----------
+    revolute : bool
+        Whether it turns; else it slides.
+    axis, point : bool
+        Whether the two freedoms of its axis, and of its point, are slots.
+    """
+
+    revolute: bool
+    axis: bool
+    point: bool
+
+
+@dataclass(frozen=True)
+class Term:
+    """An effect as a kernel sees it.
+
+    Attributes
+    ----------
+    joint : int or None
+        Where it acts; None for the whole machine, or for a target.
+    target : bool
+        Whether it acts on one target only.
+    component, formula, slope : str
+        As in the catalogue; `slope` is empty but for a beam.
+    parameters : tuple of str
+        In the order in which they stand in ``e``.
+    columns : tuple of (str, tuple)
+        What each name of the formula that is a column stands for, as in :attr:`Structure.columns`.
+    own : bool
+        Whether a user wrote it: then no name of the catalogue is meant.
+    later_joints : tuple of int
+        Joints whose weights it carries, one further parameter each.
+    """
+
+    joint: int | None
+    target: bool
+    component: str
+    formula: str
+    slope: str
+    parameters: tuple[str, ...]
+    columns: tuple[tuple[str, tuple[str, int | str]], ...]
+    own: bool
+    later_joints: tuple[int, ...] = ()
+
+    @cached_property
+    def names(self) -> frozenset[str]:
+        """Every name in the formulas."""
+        from rodgen.machines.effects.formula import Formula
+
+        texts = [text for text in (self.formula, self.slope) if text]
+        return frozenset().union(*(Formula.parse(t, file="catalogue", place="formula").names for t in texts))
+
+    def _uses(self, names: Iterable[str]) -> bool:
+        return not self.own and bool(self.names & set(names))
+
+    @property
+    def uses_travel(self) -> bool:
+        """Whether the joint's travel is needed."""
+        return self._uses(BEAM)
+
+    @property
+    def uses_moment(self) -> bool:
+        """Whether the ideal pose, gravity and the mean of the targets are needed."""
+        return self._uses(MOMENTS) or self.component == "sag"
+
+    @property
+    def uses_directions(self) -> bool:
+        """Whether the unit vectors that complete the axis are needed."""
+        return self._uses({"U", "V"})
+
+    @property
+    def uses_tension(self) -> bool:
+        """Whether the forces in the legs are needed."""
+        return self._uses({TENSION})
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What the kernels depend on.
+
+    Attributes
+    ----------
+    kind : str
+        ``"point"``, ``"direction"`` or ``"distance"``.
+    joints : tuple of JointStructure
+    target : bool
+        Whether the freedoms of the target are slots.
+    frame : bool
+        Whether the frame of the measurements is free.
+    shift : bool
+        Whether there is a frame shift.
+    terms : tuple of Term
+    family : str
+        Of a closed chain; empty for a chain of joints.
+    numbers : tuple of str
+        Those numbers of a closed chain's geometry that are slots.
+    """
+
+    kind: str
+    joints: tuple[JointStructure, ...]
+    target: bool
+    frame: bool
+    shift: bool
+    terms: tuple[Term, ...]
+    family: str = ""
+    numbers: tuple[str, ...] = ()
+
+    @property
+    def moving(self) -> bool:
+        """Whether points are carried, not directions."""
+        return self.kind != "direction"
+
+    @property
+    def components(self) -> int:
+        """Number of residuals of a row."""
+        return {"point": 3, "direction": 2, "distance": 1}[self.kind]
+
+    @cached_property
+    def slots(self) -> tuple[tuple[str, int | str], ...]:
+        """The geometry's freedoms, in the order of the Jacobian's columns: (``"axis"``, joint), ... a pair for each."""
+        return tuple(self._slots())
+
+    def _slots(self) -> Iterator[tuple[str, int | str]]:
+        for j, joint in enumerate(self.joints):
+            if joint.axis:
+                yield from (("axis.a", j), ("axis.b", j))
+            if joint.point:
+                yield from (("point.a", j), ("point.b", j))
+        if self.family:
+            components = FAMILIES[self.family].numbers
+            yield from ((f"geometry.{name}{x}", 0) for name in self.numbers for x in components[name])
+        if self.target:
+            yield from ((f"target.{x}", 0) for x in ("xyz" if self.moving else "ab"))
+        if self.centre and self.target:
+            yield from ((f"centre.{x}", 0) for x in "xyz")
+        rigid = ("x", "y", "z", "rx", "ry", "rz") if self.moving else ("rx", "ry", "rz")
+        if self.shift:
+            yield from ((f"shift.{x}", 0) for x in rigid)
+        if self.frame:
+            yield from ((f"frame.{x}", 0) for x in rigid)
+
+    @property
+    def centre(self) -> bool:
+        """Whether the mean of the targets is needed."""
+        return any(term.uses_moment for term in self.terms)
+
+    @property
+    def weights(self) -> bool:
+        """Whether weights at later joints count: they have lever arms even where only directions are seen."""
+        return any(term.later_joints for term in self.terms)
+
+    @cached_property
+    def parameters(self) -> tuple[tuple[int, str], ...]:
+        """The components of ``e``: number of the term, name."""
+        return tuple((n, name) for n, term in enumerate(self.terms) for name in term.parameters)
+
+    @cached_property
+    def geometry(self) -> tuple[tuple[str, int, int], ...]:
+        """The layout of ``g``: name, number (of a joint or term), length."""
+        return tuple(self._geometry())
+
+    def _geometry(self) -> Iterator[tuple[str, int, int]]:
+        if self.family:
+            yield from ((name, 0, len(x)) for name, x in FAMILIES[self.family].numbers.items())
+        for j, joint in enumerate(() if self.family else self.joints):
+            terms = [term for term in self.terms if term.joint == j]
+            yield "axis", j, 3
+            if joint.axis:
+                yield from (("axis_by_a", j, 3), ("axis_by_b", j, 3))
+            if self.moving or self.weights:
+                yield "point", j, 3
+            if joint.point or any(term.uses_directions for term in terms):
+                yield from (("u", j, 3), ("v", j, 3))
+            if any(term.uses_travel for term in terms):
+                yield from (("start", j, 1), ("length", j, 1))
+        yield "target", 0, 3
+        if self.target and not self.moving:
+            yield from (("target_by_a", 0, 3), ("target_by_b", 0, 3))
+        if self.centre:
+            yield "centre", 0, 3
+        if self.centre or any(term.component == "lift" or term.uses_tension for term in self.terms):
+            yield "gravity", 0, 3
+        if self.shift:
+            yield from (("shift_rotation", 0, 9), ("shift_turns", 0, 9))
+            if self.moving:
+                yield "shift", 0, 3
+        if self.frame:
+            yield "frame_rotation", 0, 9
+            if self.moving:
+                yield "frame", 0, 3
+        if self.kind == "distance":
+            yield "origin", 0, 3
+        yield from (("acts", n, 1) for n, term in enumerate(self.terms) if term.target)
+
+    @cached_property
+    def columns(self) -> tuple[tuple[str, int | str], ...]:
+        """The layout of ``rows``: ``("q", joint)``, ``("s", joint)``, ..., ``("x", column)``, readings, weights.
+
+        Of a closed chain also ``("start", i)``: the pose on the nominal machine, near which the model's own is.
+        """
+        used: dict[tuple[str, int | str], None] = {("q", j): None for j in range(len(self.joints))}
+        if self.family:
+            used |= {("start", i): None for i in range(FAMILIES[self.family].start)}
+        used |= {column: None for term in self.terms for _, column in term.columns}
+        reading = {"point": 3, "direction": 9, "distance": 1}[self.kind]
+        return (
+            *used,
+            *(("reading", i) for i in range(reading)),
+            *(("weight", i) for i in range(self.components)),
+        )
+
+
+def row_effects(machine: Machine) -> list[Effect]:
+    """Return the effects that are terms of a row, in the order of :attr:`Structure.terms`."""
+    return [effect for effect in machine.effects if effect.definition.component not in GEOMETRY]
+
+
+def structure_of(machine: Machine) -> Structure:
+    """Return the structure of a machine, with its effects.
+
+    Parameters
+    ----------
+    machine : Machine
+        As it was read; its numbers do not matter.
+    """
+    tilted = {e.place for e in machine.effects if e.definition.component == "axis"}
+    offset = {e.place for e in machine.effects if e.definition.component == "point"}
+    joints = tuple(
+        JointStructure(
+            revolute=joint.type == "revolute",
+            axis=joint.name in tilted or f"{joint.name}.axis" in machine.estimate,
+            point=joint.name in offset or f"{joint.name}.point" in machine.estimate,
+        )
+        for joint in machine.joints
+    )
+    components = {e.definition.component for e in machine.effects}
+    return Structure(
+        kind=machine.measured.kind,
+        joints=joints,
+        target="target" in machine.estimate or "target" in components,
+        frame=machine.measured.frame == "free",
+        shift="frame_shift" in components,
+        terms=tuple(_term(machine, effect) for effect in row_effects(machine)),
+        family="" if machine.geometry is None else machine.geometry.family,
+        numbers=_free_numbers(machine),
+    )
+
+
+def _free_numbers(machine: Machine) -> tuple[str, ...]:
+    """Return the numbers of a closed chain's geometry that a fit adjusts."""
+    if machine.geometry is None:
+        return ()
+    names = machine.geometry.of.numbers
+    return tuple(name for name in names if {"geometry", name} & set(machine.estimate))
+
+
+def _term(machine: Machine, effect: Effect) -> Term:
+    definition = effect.definition
+    names = [joint.name for joint in machine.joints]
+    joint = names.index(effect.place) if effect.place in names else None
+    texts = [f for f in (definition.formula, definition.slope) if f is not None]
+    columns: dict[str, tuple[str, int | str]] = {}
+    for name in sorted(frozenset().union(*(f.names for f in texts))):
+        if name in definition.parameters or name == "pi":
+            continue
+        if joint is not None and name in {"q", "s", "v", "T"}:
+            columns[name] = (name, joint)
+        elif name in {"t", "F"}:
+            columns[name] = (name, 0)
+        elif definition.own:
+            columns[name] = ("q", names.index(name)) if name in names else ("x", name)
+    if joint is not None and any(f.names & BEAM for f in texts) and not definition.own:
+        columns["q"] = ("q", joint)
+    later = tuple(range(joint + 1, len(names))) if joint is not None and definition.later_joints else ()
+    return Term(
+        joint=joint,
+        target=effect.place is not None and joint is None,
+        component=definition.component,
+        formula=definition.formula.text,
+        slope=definition.slope.text if definition.slope is not None else "",
+        parameters=(*definition.parameters, *(f"k_{names[k]}" for k in later)),
+        columns=tuple(columns.items()),
+        own=definition.own,
+        later_joints=later,
+    )

@@ -1,0 +1,5 @@
+"""One page that tells what a diagnosis found: `write_report`."""
+
+from rodgen.output.report.page import report_page, write_report
+
+__all__ = ["report_page", "write_report"]

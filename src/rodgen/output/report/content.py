@@ -1,0 +1,581 @@
+"""What a report says: every sentence and number of the page, gathered from a diagnosis and a plan."""
+
+from __future__ import annotations
+
+import math
+import os
+import shlex
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from rodgen.calibration.compare.sentences import figure, plain
+from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis, Unexplained
+from rodgen.calibration.fit import Estimate, Fit
+from rodgen.data.units import unit_factor
+from rodgen.machines.machine import Effect
+from rodgen.output.report.charts import LEVEL, MOST_RANKED, rungs
+from rodgen.output.report.hardware import eccentricity, in_hardware
+from rodgen.output.report.rows import coordinate
+from rodgen.output.report.units import Shown, chance, measured, percent, shown_unit
+
+if TYPE_CHECKING:
+    from rodgen.calibration.plan import Gain, Goal, Plan
+
+__all__ = ["content", "unit_of"]
+
+Content: TypeAlias = dict[str, Any]
+
+FEW = 2
+"""Effects that cannot be told apart are named in the first sentence up to so many."""
+AT_NOISE = 1.15
+"""Up to so many times the noise an error counts as the noise."""
+NAMED = 12
+"""Outliers, and targets, that are named; the rest is counted."""
+UNEQUAL = 1.5
+LONG = 300
+GAINS = 4
+"""Gains of a goal up to which they are not folded away."""
+
+_VERDICTS = {
+    "nothing_missing": "Nothing is missing",
+    "effects_missing": "{} missing",
+    "unknown_effect": "Something is missing that the catalogue does not have",
+    "cannot_tell": "These data cannot tell",
+}
+_READINGS = {"point": "points x, y, z", "direction": "directions", "distance": "distances"}
+
+
+def unit_of(diagnosis: Diagnosis) -> Shown:
+    """Return the unit in which the errors of a diagnosis are shown."""
+    rms = diagnosis.rms
+    values: list[float | None] = [rms.before, rms.after, rms.before_held_out, rms.after_held_out, rms.noise]
+    values += [step.rms for step in diagnosis.steps]
+    return shown_unit(rms.unit, values)
+
+
+def content(
+    diagnosis: Diagnosis, last: Fit, plan: Plan | None, shown: Shown, radii: Mapping[str, float]
+) -> Content:
+    """Return everything that the page says.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    last : Fit
+        With everything that was found.
+    plan : Plan or None
+    shown : Shown
+    radii : mapping of str to float
+        Radii of scales in millimetres, by joint.
+    """
+    fit = diagnosis.base
+    return {
+        "machine": plain(fit.machine.name, 120),
+        "data": plain(_file(fit.observations.data.file), 120),
+        "verdict": diagnosis.verdict,
+        "verdict_word": _VERDICTS[diagnosis.verdict].format(_counted(len(diagnosis.steps))),
+        "sentence": _sentence(diagnosis, shown),
+        "next": _next(diagnosis, plan),
+        "figures": list(_figures(diagnosis, shown)),
+        "unit": shown.unit,
+        "facts": list(_facts(diagnosis, shown)),
+        "joints": list(_joints(diagnosis)),
+        "rungs": list(_rungs(diagnosis, shown)),
+        "has_test": diagnosis.rms.before_test is not None or diagnosis.rms.after_test is not None,
+        "steps": [_step(diagnosis, step, i, shown, radii) for i, step in enumerate(diagnosis.steps, 1)],
+        "unexplained": [_unexplained(form, shown) for form in diagnosis.unexplained],
+        "ranking": list(_ranking(diagnosis)),
+        "top": MOST_RANKED,
+        "level": percent(LEVEL),
+        "model": list(_model(diagnosis)),
+        "plan": None if plan is None else _plan(plan),
+        "notes": [plain(note, LONG * 4) for note in _notes(diagnosis)],
+        "worst": list(_worst(diagnosis, last, shown)),
+        "two": last is not fit,
+        "version": _version(),
+    }
+
+
+def _file(name: str | None) -> str:
+    return os.path.basename(name) if name else ""
+
+
+def _version() -> str:
+    from rodgen import __version__
+
+    return str(__version__)
+
+
+# the verdict -------------------------------------------------------------------------------------------------------
+
+
+def _counted(effects: int) -> str:
+    words = ("No effect is", "One effect is", "Two effects are", "Three effects are")
+    return words[effects] if effects < len(words) else f"{effects} effects are"
+
+
+def _sentence(diagnosis: Diagnosis, shown: Shown) -> str:
+    rms, unit = diagnosis.rms, shown.unit
+    fell = f"the error falls from {shown(rms.before)} to {shown(rms.after)} {unit} a reading{_beside(diagnosis, shown)}"
+    forms = list(diagnosis.unexplained)
+    if diagnosis.verdict == "cannot_tell":
+        return plain(_sentence_of(diagnosis.reason or "there are too few readings"), LONG * 2)
+    if diagnosis.verdict == "nothing_missing":
+        of = f"of {len(diagnosis.ranking)} candidates none" if diagnosis.ranking else "no candidate"
+        return (
+            f"{of[0].upper()}{of[1:]} explains more than chance does. What is left, {shown(rms.after)} {unit} a "
+            f"reading, {_left(diagnosis, shown)}."
+        )
+    if diagnosis.steps:
+        what = f"With {_listed([_or_others(step) for step in diagnosis.steps])} {fell}."
+        if forms:
+            what += (
+                f" What then is left follows {_drivers(forms)}, as no effect of the catalogue does; with the form "
+                f"below it is {shown(forms[-1].rms)} {unit}."
+            )
+        return what
+    if forms:
+        beside = _beside(diagnosis, shown, forms[-1].rms)
+        return (
+            f"What is left follows {_drivers(forms)}, as no effect of the catalogue does; with the form below it "
+            f"falls from {shown(rms.before)} to {shown(forms[-1].rms)} {unit} a reading{beside}."
+        )
+    return f"What is left, {shown(rms.after)} {unit} a reading, is more than the noise, and no form was found for it."
+
+
+def _sentence_of(text: str) -> str:
+    text = text.strip()
+    text = text[:1].upper() + text[1:]
+    return text if text.endswith((".", "!", "?")) else text + "."
+
+
+def _drivers(forms: list[Unexplained]) -> str:
+    return _listed(list(dict.fromkeys(plain(form.driver) for form in forms)))
+
+
+def _listed(names: list[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}" if names else ""
+
+
+def _or_others(step: DiagnosedEffect) -> str:
+    """Name an effect, and what may stand for it."""
+    name, others = plain(step.effect.title, 60), step.indistinguishable_from
+    if not others:
+        return name
+    if len(others) <= FEW:
+        named = " or ".join(plain(alias.effect.title, 60) for alias in others)
+        return f"{name} (or {named}, which these data cannot tell from it)"
+    return f"{name} (or one of {len(others)} others, named below, that these data cannot tell from it)"
+
+
+def _beside(diagnosis: Diagnosis, shown: Shown, after: float | None = None) -> str:
+    rms = diagnosis.rms
+    after = rms.after if after is None else after
+    if not rms.noise:
+        return "; the noise is not known"
+    if after <= AT_NOISE * rms.noise:
+        return f", which is the noise ({shown(rms.noise)} {shown.unit})"
+    return f"; the noise is {shown(rms.noise)} {shown.unit}"
+
+
+def _left(diagnosis: Diagnosis, shown: Shown) -> str:
+    rms = diagnosis.rms
+    if not rms.noise:
+        return "cannot be held against the noise, which is not known"
+    if rms.after <= AT_NOISE * rms.noise:
+        return f"is the noise ({shown(rms.noise)} {shown.unit})"
+    return f"is {figure(rms.after / rms.noise)} times the noise ({shown(rms.noise)} {shown.unit})"
+
+
+def _next(diagnosis: Diagnosis, plan: Plan | None) -> list[Content]:
+    """Return what to do, in a line each."""
+    found = []
+    for step in diagnosis.steps[:2]:
+        if step.effect.definition.remedy and not step.indistinguishable_from:
+            found.append(
+                {
+                    "what": f"Remedy for {plain(step.effect.title, 60)}",
+                    "text": plain(step.effect.definition.remedy, LONG),
+                }
+            )
+    if diagnosis.verdict == "unknown_effect" and diagnosis.unexplained:
+        found.append(
+            {
+                "what": "Compensate",
+                "text": "Paste the block below into the machine file; the emitted model then has it.",
+            }
+        )
+    words = _words(plan)
+    asked = (
+        diagnosis.verdict == "cannot_tell" or any(g.kind != "sharpen" for g in plan.goals) if plan else False
+    )
+    if words and asked:
+        found.append({"what": "Measure next", "text": words[0]})
+    return found
+
+
+def _figures(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
+    """Yield the numbers that stand in large type."""
+    rms = diagnosis.rms
+    fit = diagnosis.final
+    if diagnosis.steps:
+        yield {"name": "error before", "value": shown(rms.before), "unit": shown.unit, "kind": "before"}
+        name = "with the effects" if diagnosis.unexplained else "error after"
+        yield {"name": name, "value": shown(rms.after), "unit": shown.unit, "kind": "after"}
+    else:
+        yield {"name": "error", "value": shown(rms.before), "unit": shown.unit, "kind": ""}
+    if diagnosis.unexplained:
+        last = diagnosis.unexplained[-1].rms
+        yield {"name": "with the form, too", "value": shown(last), "unit": shown.unit, "kind": "after"}
+    held = rms.after_held_out if diagnosis.steps else rms.before_held_out
+    if held is not None:
+        yield {
+            "name": "on poses held out" if not diagnosis.unexplained else "held out, without it",
+            "value": shown(held),
+            "unit": shown.unit,
+            "kind": "",
+        }
+    test = rms.after_test if rms.after_test is not None else rms.before_test
+    if test is not None:
+        yield {"name": "on the test file", "value": shown(test), "unit": shown.unit, "kind": ""}
+    source = {"replicates": "noise, by replicates", "stated": "noise, as stated"}.get(
+        str(fit.noise.source), "noise"
+    )
+    if rms.noise is not None:
+        yield {"name": source, "value": shown(rms.noise), "unit": shown.unit, "kind": "noise"}
+    else:
+        yield {"name": "noise", "value": "not known", "unit": "", "kind": "noise"}
+
+
+# what was measured -------------------------------------------------------------------------------------------------
+
+
+def _facts(diagnosis: Diagnosis, shown: Shown) -> Iterator[tuple[str, str]]:
+    fit = diagnosis.base
+    machine, o = fit.machine, fit.observations
+    file = plain(_file(machine.file), 80)
+    yield "Machine", plain(machine.name, 120) + (f" ({file})" if file else "")
+    frame = "in a frame that was fitted" if machine.measured.frame == "free" else "in machine axes"
+    yield "Readings", f"{_READINGS[machine.measured.kind]}, {frame}"
+    poses = int(np.sum(np.diff(o.pose) != 0)) + 1 if o.n else 0
+    runs = f" in {len(o.run_names)} runs" if len(o.run_names) > 1 else ""
+    yield (
+        "Data",
+        f"{plain(_file(o.data.file), 80)}: {o.n} row{'s' * (o.n != 1)}, {poses} pose{'s' * (poses != 1)}{runs}",
+    )
+    names = [plain(target.name, 24) for target in machine.targets]
+    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    yield ("Target" if len(names) == 1 else "Targets"), ", ".join(names[:NAMED]) + more
+    if o.t is not None:
+        yield "Time", f"{figure(float(np.ptp(o.t)) / 60)} min"
+    for name, values in o.temperature.items():
+        low, high = (float(f(values)) + machine.reference_temperature for f in (np.min, np.max))
+        yield f"Temperature of {plain(name)}", f"{low:.1f} to {high:.1f} °C"
+    if o.load is not None:
+        yield "Load", f"{figure(float(o.load.min()))} to {figure(float(o.load.max()))} N"
+    others = [plain(name, 24) for name in o.covariates if not name.startswith("T_")]
+    if others:
+        yield "Also noted", ", ".join(others[:NAMED]) + (" …" if len(others) > NAMED else "")
+    yield "Noise", _noise(diagnosis, shown)
+    if diagnosis.correlation is not None and diagnosis.correlation.text:
+        yield "Dependence", plain(diagnosis.correlation.text, LONG)
+    bad = diagnosis.outliers
+    if bad:
+        rows = ", ".join(str(row) for row in bad[:NAMED])
+        more = f" and {len(bad) - NAMED} more" if len(bad) > NAMED else ""
+        yield "Outliers, taken out", f"{len(bad)}: row{'s' * (len(bad) != 1)} {rows}{more}, counted from 0"
+    else:
+        yield "Outliers", "none"
+
+
+def _noise(diagnosis: Diagnosis, shown: Shown) -> str:
+    floor = diagnosis.final.noise
+    said = []
+    if floor.stated is not None:
+        said.append(f"{shown(floor.stated)} {shown.unit} stated")
+    if floor.replicates is not None:
+        e = floor.replicates
+        said.append(
+            f"{shown(e.value)} {shown.unit} found from {floor.replicated_poses} repeated poses "
+            f"({shown(e.low)} to {shown(e.high)} with 95 %)"
+        )
+    sigma = diagnosis.base.observations.sigma
+    if sigma is not None and float(sigma.max()) > UNEQUAL * float(sigma.min()):
+        said.append("readings count by their own uncertainties, which differ")
+    return "; ".join(said) if said else "not known: none is stated, and no pose was repeated"
+
+
+def _joints(diagnosis: Diagnosis) -> Iterator[Content]:
+    fit = diagnosis.base
+    o = fit.observations
+    for j, joint in enumerate(fit.machine.joints):
+        unit, factor = coordinate(fit.machine, j)
+        q = o.q[:, j] / factor
+        sides = np.unique(o.s[:, j])
+        both = {1, -1} <= set(sides.tolist())
+        one = "one way" if np.any(sides != 0) else "–"
+        moved = bool(np.ptp(q) > 0)
+        yield {
+            "name": plain(joint.name, 40),
+            "type": joint.type,
+            "low": _coordinate(float(q.min())),
+            "high": _coordinate(float(q.max())),
+            "unit": unit,
+            "places": len(np.unique(q)),
+            "approach": "both ways" if both else one if moved else "never moved",
+        }
+
+
+def _coordinate(value: float) -> str:
+    return f"{round(value, 3) + 0.0:g}".replace("-", "−")
+
+
+def _worst(diagnosis: Diagnosis, final: Fit, shown: Shown) -> Iterator[Content]:
+    """Yield the rows with the largest residuals after, with what they were before."""
+    base = diagnosis.base
+    size = np.sqrt(np.mean(final.residuals**2, axis=1))
+    size = np.where(np.isfinite(size), size, -1.0)
+    for row in np.argsort(-size, kind="stable")[:5]:
+        o = final.observations
+        where = ", ".join(
+            f"{plain(joint.name, 16)} {_coordinate(float(o.q[row, j] / coordinate(base.machine, j)[1]))}"
+            for j, joint in enumerate(base.machine.joints)
+        )
+        target = plain(base.machine.targets[int(o.target[row])].name, 24)
+        yield {
+            "row": int(row),
+            "target": target,
+            "where": where,
+            "before": shown(float(np.sqrt(np.mean(base.residuals[row] ** 2)))),
+            "after": shown(float(size[row])),
+            "outlier": bool(final.outliers[row] or row in diagnosis.outliers),
+        }
+
+
+def _notes(diagnosis: Diagnosis) -> list[str]:
+    """Return what else is to be said, but for what stands among the facts."""
+    known = diagnosis.correlation.text if diagnosis.correlation is not None else ""
+    return [note for note in diagnosis.notes if note != known]
+
+
+# the ladder, the model ---------------------------------------------------------------------------------------------
+
+
+def _rungs(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
+    found = rungs(diagnosis)
+    p: list[str] = ["", *(chance(step.log10_p) for step in diagnosis.steps)]
+    p += [_p(form.p_value) for form in diagnosis.unexplained]
+    for i, (title, fitted, held, test) in enumerate(found):
+        yield {
+            "title": title,
+            "fitted": shown(fitted),
+            "held": shown(held),
+            "test": shown(test),
+            "p": p[i] if i < len(p) else "",
+            "free": len(diagnosis.fits[i].free) if i < len(diagnosis.fits) else None,
+        }
+
+
+def _p(value: float) -> str:
+    return chance(math.log10(value) if value > 0 else -301.0)
+
+
+def _model(diagnosis: Diagnosis) -> Iterator[Content]:
+    """Yield the parameters of the model that are not of an effect that was found."""
+    found = {id(e) for step in diagnosis.steps for e in step.parameters.values()}
+    keys = {e.key for step in diagnosis.steps for e in step.parameters.values()}
+    for estimate in diagnosis.final.estimates.values():
+        if id(estimate) not in found and estimate.key not in keys and (not estimate.held or estimate.value):
+            yield _parameter(plain(estimate.key, 60), estimate)
+
+
+def _parameter(name: str, e: Estimate) -> Content:
+    value, std = measured(e.value, e.std)
+    if e.held:
+        std = "held"
+    elif not e.determined:
+        std = "not determined"
+    return {"name": name, "value": value.replace("-", "−"), "std": std, "unit": plain(_pretty(e.unit), 24)}
+
+
+def _pretty(unit: str) -> str:
+    return "" if unit == "1" else unit
+
+
+# the effects -------------------------------------------------------------------------------------------------------
+
+
+def _step(
+    diagnosis: Diagnosis, step: DiagnosedEffect, number: int, shown: Shown, radii: Mapping[str, float]
+) -> Content:
+    effect, definition = step.effect, step.effect.definition
+    before = rungs(diagnosis)[number - 1]
+    radius = radii.get(str(effect.place))
+    per_mm = None
+    if effect.name == "encoder_eccentricity" and not definition.own:
+        per_mm = eccentricity(step.parameters)
+    return {
+        "number": number,
+        "title": plain(effect.title, 80),
+        "name": plain(effect.name, 60),
+        "place": plain(effect.place, 60) if effect.place else "the whole machine",
+        "equation": plain(definition.equation, LONG),
+        "iso": definition.iso,
+        "meaning": plain(definition.meaning, LONG * 2),
+        "usual": plain(definition.usual_size, LONG),
+        "remedy": plain(definition.remedy, LONG * 2),
+        "source": plain(definition.source, LONG),
+        "p": chance(step.log10_p),
+        "from": shown(before[1]),
+        "to": shown(step.rms),
+        "held_from": shown(before[2]),
+        "held_to": shown(step.rms_held_out),
+        "parameters": [_parameter(plain(name, 40), e) for name, e in step.parameters.items()],
+        "hardware": in_hardware(effect, step.parameters, diagnosis.final, radius),
+        "per_mm": None if per_mm is None else f"{per_mm[0]:.6g}",
+        "radius": None if radius is None else f"{radius:g}",
+        "aliases": [_alias(alias) for alias in step.indistinguishable_from],
+        "command": _add(diagnosis, effect),
+    }
+
+
+def _alias(alias: Alias) -> Content:
+    title, why = plain(alias.effect.title, 80), plain(alias.why.strip(), LONG)
+    # What begins with its name is not headed by it once more.
+    why = why.removeprefix(title) if why.startswith(title) else f": {why}" if why else ""
+    return {
+        "title": title,
+        "why": f"{why.rstrip('.')}." if why else ".",
+        "meaning": plain(alias.effect.definition.meaning, LONG * 2),
+        "chi_square": f"{alias.chi_square:+.1f}".replace("-", "−"),
+    }
+
+
+def _add(diagnosis: Diagnosis, effect: Effect) -> str:
+    """Return the command that adds an effect; nothing for one of a user's own, or without files."""
+    machine, data = diagnosis.base.machine, diagnosis.base.observations.data.file
+    if effect.definition.own or not machine.file:
+        return ""
+    words = ["rodgen", "add", machine.file, effect.name, data]
+    if effect.place is not None:
+        words += ["--target" if machine.kind_of(effect.place) == "target" else "--joint", effect.place]
+    units = effect.units(machine)
+    for name, value in effect.hold.items():
+        unit = units.get(name, "1")
+        size = value / unit_factor(unit, machine.length_unit)[0] if value else 0
+        words += ["--hold", f"{name}={size:g}{'' if unit == '1' or not value else unit}"]
+    return shlex.join(words)
+
+
+def _unexplained(form: Unexplained, shown: Shown) -> Content:
+    what = {
+        "reading": "reading",
+        **{f"t{x}": f"translation along {x}" for x in "xyz"},
+        **{f"r{x}": f"rotation about {x}" for x in "xyz"},
+    }.get(form.component, form.component)
+    return {
+        "driver": plain(form.driver),
+        "what": f"{what} at {plain(form.joint)}" if form.joint else f"{what} of the whole machine",
+        "form": plain(form.form, LONG),
+        "p": _p(form.p_value),
+        "rms": shown(form.rms),
+        "parameters": [
+            {
+                "name": plain(name, 40),
+                "value": f"{value:.5g}".replace("-", "−"),
+                "unit": plain(_pretty(unit), 24),
+            }
+            for name, (value, unit) in form.parameters.items()
+        ],
+        "block": form.block.strip(),
+    }
+
+
+# the ranking -------------------------------------------------------------------------------------------------------
+
+
+def _ranking(diagnosis: Diagnosis) -> Iterator[Content]:
+    taken = {(s.effect.name, s.effect.place): i for i, s in enumerate(diagnosis.steps, 1)}
+    aliases: dict[tuple[str, str | None], list[str]] = {}
+    for i, step in enumerate(diagnosis.steps, 1):
+        for alias in step.indistinguishable_from:
+            aliases.setdefault((alias.effect.name, alias.effect.place), []).append(str(i))
+    for rank, r in enumerate(diagnosis.ranking, 1):
+        key = (r.effect.name, r.effect.place)
+        mark = ""
+        if key in taken:
+            mark = f"step {taken[key]}"
+        elif key in aliases:
+            mark = f"like step {' and '.join(aliases[key])}"
+        yield {
+            "rank": rank,
+            "name": plain(r.effect.name, 60),
+            "place": plain(r.effect.place, 40) if r.effect.place else "machine",
+            "mark": mark,
+            "taken": key in taken,
+            "p": chance(r.log10_p),
+            "log10_p": f"{r.log10_p:.6g}",
+            "passes": r.log10_p <= math.log10(LEVEL),
+            "explains": percent(r.explains),
+            "explains_number": f"{100 * min(max(r.explains, 0.0), 1.0):.1f}",
+            "visible": percent(r.visible),
+            "visible_number": f"{100 * min(max(r.visible, 0.0), 1.0):.1f}",
+            "f": figure(r.statistic),
+            "dof": f"{r.degrees_of_freedom[0]:.3g}, {r.degrees_of_freedom[1]:.4g}",
+        }
+
+
+# what to measure next ----------------------------------------------------------------------------------------------
+
+
+def _words(plan: Plan | None) -> list[str]:
+    return [] if plan is None else [plain(sentence, LONG * 2) for sentence in plan.words]
+
+
+def _plan(plan: Plan) -> Content:
+    rows = [[_cell(value) for value in row] for row in zip(*plan.rows.values(), strict=True)]
+    return {
+        "words": _words(plan),
+        "notes": [plain(note, LONG * 2) for note in plan.notes],
+        "goals": [_goal(goal) for goal in plan.goals],
+        "columns": [plain(name) for name in plan.rows],
+        "rows": rows,
+        "csv": plan.csv() if rows else "",
+        "targets": plan.target_blocks().strip(),
+    }
+
+
+def _cell(value: Any) -> str:
+    return f"{value:.6g}".replace("-", "−") if isinstance(value, float) else plain(str(value), 24)
+
+
+def _goal(goal: Goal) -> Content:
+    state = "not possible within the travel"
+    if goal.resolvable:
+        state = "expected to be reached" if goal.reached else "in part"
+    first, stop, more = goal.sentence.partition(". ")
+    return {
+        "sentence": plain(first + ("." if stop else ""), LONG),
+        "more": plain(more, LONG * 4),
+        "state": state,
+        "gains": [_gain(gain) for gain in goal.gains],
+        "open": len(goal.gains) <= GAINS,
+    }
+
+
+def _gain(gain: Gain) -> Content:
+    unit = f" {_pretty(gain.unit)}" if gain.unit else ""
+
+    def said(value: float | None) -> str:
+        return "not determined" if value is None else f"{figure(value)}{unit}".replace("-", "−")
+
+    return {
+        "what": "distance in χ²" if gain.what == "chi_square" else "standard deviation",
+        "of": plain(gain.of, 120),
+        "now": said(gain.now),
+        "after": said(gain.after),
+        "needed": "" if gain.needed is None else figure(gain.needed),
+        "probability": "" if gain.probability is None else percent(gain.probability),
+    }
