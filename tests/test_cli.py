@@ -94,7 +94,8 @@ def test_solving_never_imports_sympy_nor_what_other_commands_need(pairs, tmp_pat
     code = (
         "import sys, rodgen.cli.main\n"
         "assert rodgen.cli.main.main(['solve', sys.argv[1], '-o', sys.argv[2]]) == 0\n"
-        "other = {f'rodgen.kinematics.{name}' for name in ('tricept', 'instantaneous_euler', 'three_sps_s', 'spatial')}\n"
+        "subjects = ('tricept', 'instantaneous_euler', 'three_sps_s', 'spatial')\n"
+        "other = {f'rodgen.kinematics.{name}' for name in subjects}\n"
         "heavy = {'sympy', 'matplotlib', 'tqdm', 'rodgen.symbolic', *other} & set(sys.modules)\n"
         "assert not heavy, heavy\n"
     )
