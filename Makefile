@@ -15,7 +15,7 @@ BUILT_FROM := pyproject.toml CMakeLists.txt $(wildcard generated/c/*.[ch] genera
 help: ## list what there is to do
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | awk -F'|' '{printf "  make %-10s %s\n", $$1, $$2}'
 
-demo: .venv/installed ## a real telescope: fit, compare, diagnose, the fallen error, C, and a report
+demo: .venv/installed ## a real telescope: fit, compare, diagnose, correct, emit C, write a report
 	@$(BIN)/python examples/demo.py
 
 test: .venv/installed ## run the tests
