@@ -10,7 +10,7 @@ export PIP_ROOT_USER_ACTION := ignore
 BUILT_FROM := pyproject.toml CMakeLists.txt $(wildcard generated/c/*.[ch] generated/gufunc/*.[ch])
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow kernels check check-kernels check-style check-types check-c notebooks bench study docs clean
+.PHONY: help demo test test-slow kernels check check-kernels check-style check-types check-imports check-c notebooks bench study docs clean
 
 help: ## list what there is to do
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | awk -F'|' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -40,6 +40,10 @@ check-style: .venv/installed
 
 check-types: .venv/installed
 	$(BIN)/mypy
+
+# The floors, in pyproject.toml: no import upward and no cycle, imports inside functions included.
+check-imports: .venv/installed
+	$(BIN)/lint-imports --no-cache
 
 # Each compiler that is there: the C that users embed as strict C99, the NumPy extension as C11.
 # Clang tells of loops that it does not vectorise; that is no fault.
