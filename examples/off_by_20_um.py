@@ -31,8 +31,10 @@ print(machine.describe())
 # %%
 design = rodgen.Measurements.load(folder / "design.csv")
 hidden = "thermal_expansion@X:alpha=1.1e-5"
-data = machine.simulate(design, [hidden], seed=20).data
-another_day = machine.simulate(rodgen.Measurements.load(folder / "design_2.csv"), [hidden], seed=21).data
+data = rodgen.simulate(machine, design, [hidden], seed=20).data
+another_day = rodgen.simulate(
+    machine, rodgen.Measurements.load(folder / "design_2.csv"), [hidden], seed=21
+).data
 print(data)
 
 # %% [markdown]

@@ -12,6 +12,7 @@ from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagno
 from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.held_out import held_out
 from rodgen.calibration.ladder import ladder
+from rodgen.calibration.simulate import simulate
 from rodgen.data.measurements import Measurements
 from rodgen.machines.machine import Effect, Joint, Machine, Measured, Target
 
@@ -151,7 +152,7 @@ def table(
     )
     commands = np.linspace(0.0, 350.0, rows)
     design = Measurements.from_frame({"C [deg]": commands, column: np.cos(np.arange(rows))}, name=file)
-    data = machine.simulate(design, [h.format("C") for h in hidden], noise="2um", seed=1).data
+    data = simulate(machine, design, [h.format("C") for h in hidden], noise="2um", seed=1).data
     effects = [machine.effect("encoder_eccentricity", "C")] if hidden else []
     ranking = [
         machine.effect(n, "C") for n in ("backlash", "scale", "radial_error_motion", "tilt_error_motion")

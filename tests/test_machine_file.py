@@ -111,7 +111,7 @@ noise = 2
 
 
 def load(text: str) -> Machine:
-    return machine_of(text, "machine.toml")
+    return machine_of(text, "machine.toml", Machine)
 
 
 # what a file says --------------------------------------------------------------------------------------------------

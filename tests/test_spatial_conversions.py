@@ -15,7 +15,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from rodgen import Machine, Measurements
+from rodgen import Machine, Measurements, simulate
 from rodgen.errors import RodgenError
 from rodgen.kinematics import spatial
 from rodgen.kinematics.spatial import Mechanism, Placement, _product_of_exponentials
@@ -337,7 +337,7 @@ def seen(machine: Machine, q: np.ndarray) -> np.ndarray:
     found = []
     for target in machine.targets:
         named = {**columns, "target": [target.name] * len(q)}
-        made = machine.simulate(Measurements.from_frame(named), noise=0.0, seed=1).columns
+        made = simulate(machine, Measurements.from_frame(named), noise=0.0, seed=1).columns
         found.append(np.stack([made[f"{axis} [mm]"] for axis in "xyz"], axis=-1))
     return np.stack(found, axis=1)
 

@@ -1,7 +1,7 @@
 """rodgen: the equations of rotating machines, derived, proved, generated as fast code, and fitted to measurements.
 
-The functions here are numeric and need nothing but NumPy; SymPy is imported where something is derived. `Machine` and
-`Measurements`, which need more, are imported when they are first asked for.
+The functions here are numeric and need nothing but NumPy; SymPy is imported where something is derived. `Machine`,
+`Measurements` and `simulate`, which need more, are imported when they are first asked for.
 """
 
 from importlib import import_module as _import_module
@@ -38,6 +38,7 @@ from rodgen.kinematics.rotation import (
 )
 
 if _TYPE_CHECKING:
+    from rodgen.calibration.simulate import simulate as simulate
     from rodgen.data.measurements import Measurements as Measurements
     from rodgen.kinematics import instantaneous_euler as instantaneous_euler
     from rodgen.kinematics import screws as screws
@@ -49,7 +50,11 @@ if _TYPE_CHECKING:
 __version__ = _version("rodgen")
 
 # Not in __all__: "from rodgen import *" must do with NumPy alone.
-_LATER = {"Machine": "rodgen.machines.machine", "Measurements": "rodgen.data.measurements"}
+_LATER = {
+    "Machine": "rodgen.machines.machine",
+    "Measurements": "rodgen.data.measurements",
+    "simulate": "rodgen.calibration.simulate",
+}
 _SUBJECTS = ("instantaneous_euler", "screws", "spatial", "three_sps_s", "tricept")
 """Modules that are imported when they are first asked for."""
 

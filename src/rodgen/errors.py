@@ -7,9 +7,11 @@ was expected``, so that a person can act on it and an editor can jump to it.
 
 from __future__ import annotations
 
+import difflib
 import os
+from collections.abc import Collection
 
-__all__ = ["InputFileError", "RodgenError", "UnexpectedError", "shown"]
+__all__ = ["InputFileError", "RodgenError", "UnexpectedError", "listed", "nearest_name", "shown"]
 
 
 class RodgenError(ValueError):
@@ -88,6 +90,33 @@ def shown(text: object, limit: int = 60) -> str:
         text = text.decode("utf-8", "backslashreplace")
     line = _one_line(str(text))
     return f"'{line if len(line) <= limit else line[: limit - 1] + '…'}'"
+
+
+def listed(options: Collection[str]) -> str:
+    """Quote a few names for an error message; of more than eight the first ones.
+
+    Examples
+    --------
+    >>> listed(["x", "y", "z"])
+    "'x', 'y' or 'z'"
+    """
+    names = [shown(option) for option in options]
+    if len(names) > 8:
+        return f"one of {', '.join(names[:8])}, …"
+    return " or ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
+
+
+def nearest_name(name: str, options: Collection[str]) -> str | None:
+    """Return the option that `name` is probably a misspelling of, None where none is similar.
+
+    Examples
+    --------
+    >>> nearest_name("Axsi", ["axis", "point"])
+    'axis'
+    """
+    folded = {option.casefold(): option for option in options}
+    similar = difflib.get_close_matches(name.casefold()[:60], folded, n=1, cutoff=0.7)
+    return folded[similar[0]] if similar else None
 
 
 def _one_line(text: str) -> str:

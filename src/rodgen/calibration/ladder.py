@@ -247,6 +247,7 @@ def ladder(
 
     Examples
     --------
+    >>> from rodgen.calibration.simulate import simulate
     >>> from rodgen.data.measurements import Measurements
     >>> from rodgen.machines.machine import Joint, Machine, Measured, Target
     >>> table = Machine(
@@ -254,7 +255,7 @@ def ladder(
     ...     (Target("ball", (100.0, 0.0, 0.0)),), Measured("point", "machine"), estimate=("target",),
     ... )
     >>> design = Measurements.from_frame({"C [deg]": np.arange(0.0, 360.0, 10.0)})
-    >>> data = table.simulate(design, ["encoder_ellipticity@C:a=20arcsec"], noise="2um", seed=1).data
+    >>> data = simulate(table, design, ["encoder_ellipticity@C:a=20arcsec"], noise="2um", seed=1).data
     >>> found = ladder(table, data, [table.effect("encoder_ellipticity", "C")])
     >>> [(rung.title, round(rung.fit.rms, 3)) for rung in found.rungs]
     [('base', 0.004), ('+ encoder_ellipticity at C', 0.002)]

@@ -80,7 +80,7 @@ def _run(options: argparse.Namespace) -> int:
     if options.json and options.output in (None, "-"):
         raise _usage("--json, while standard output has the data", "-o DATA, too")
     from rodgen.calibration.annotated_copy import check_output, copied_with
-    from rodgen.calibration.simulate import sealed
+    from rodgen.calibration.simulate import sealed, simulate
     from rodgen.machines.machine import Machine
 
     with Outputs(options.machine, options.design) as outputs:
@@ -91,8 +91,8 @@ def _run(options: argparse.Namespace) -> int:
         check_output(options.design, options.output)
         machine = Machine.load(options.machine)
         design = load_data(options.design)
-        made = machine.simulate(
-            design, options.effect, hidden=options.hidden, noise=options.noise, seed=options.seed
+        made = simulate(
+            machine, design, options.effect, hidden=options.hidden, noise=options.noise, seed=options.seed
         )
         if options.truth:
             outputs.add(options.truth, sealed(made.truth).encode())

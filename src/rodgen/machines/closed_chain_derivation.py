@@ -20,7 +20,7 @@ from rodgen.symbolic import select, skew
 
 if TYPE_CHECKING:
     from rodgen.codegen.kernel import Kernel
-    from rodgen.machines.derivation import _Model
+    from rodgen.machines.derivation import ModelSteps
     from rodgen.machines.structure import Term
 
 __all__ = ["closed_chain", "pose_from_afar", "pose_of"]
@@ -59,7 +59,7 @@ class _Pose:
 class _Chain:
     """What the families have in common."""
 
-    def __init__(self, model: _Model) -> None:
+    def __init__(self, model: ModelSteps) -> None:
         self.m = model
         self.family = FAMILIES[model.structure.family]
         self.number = {
@@ -288,15 +288,15 @@ def _turned(x: Vector) -> Vector:
     return sp.Matrix([[0, x[2], -x[1]], [-x[2], 0, x[0]], [x[1], -x[0], 0]])
 
 
-CHAINS: dict[str, Callable[[_Model], _Chain]] = {"tricept": _Tricept, "3-sps-s": _Pivot}
+CHAINS: dict[str, Callable[[ModelSteps], _Chain]] = {"tricept": _Tricept, "3-sps-s": _Pivot}
 
 
-def closed_chain(model: _Model, x: Vector) -> Vector:
+def closed_chain(model: ModelSteps, x: Vector) -> Vector:
     """Carry a target by the platform; NaN where the legs do not close.
 
     Parameters
     ----------
-    model : _Model
+    model : ModelSteps
         Whose kernel it is written into.
     x : Matrix
         The target, in platform axes.
@@ -311,12 +311,12 @@ def _where_closed(values: Vector, square: sp.Expr) -> Vector:
     return sp.Matrix([select(square < CLOSED, value, sp.nan) for value in values])
 
 
-def pose_of(model: _Model) -> Kernel:
+def pose_of(model: ModelSteps) -> Kernel:
     """Return the kernel that tells where the platform is, NaN where the legs do not close.
 
     Parameters
     ----------
-    model : _Model
+    model : ModelSteps
         With its terms and freedoms.
     """
     chain = CHAINS[model.structure.family](model)
@@ -326,7 +326,7 @@ def pose_of(model: _Model) -> Kernel:
     return model.builder.build()
 
 
-def pose_from_afar(model: _Model, begins: int = 0) -> Kernel:
+def pose_from_afar(model: ModelSteps, begins: int = 0) -> Kernel:
     """Return the kernel that finds the pose on the nominal machine, all by itself.
 
     It replaces what else comes with each row. Of a family that counts one assembly mode as the physical one it begins
@@ -334,7 +334,7 @@ def pose_from_afar(model: _Model, begins: int = 0) -> Kernel:
 
     Parameters
     ----------
-    model : _Model
+    model : ModelSteps
         Without terms and freedoms.
     begins : int
         How many poses there are to begin with: the kernel has an input ``begin``, (begins, 7), of their legs and unit

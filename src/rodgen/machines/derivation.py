@@ -25,7 +25,7 @@ from rodgen.machines.effects.formula import Formula
 from rodgen.machines.structure import MOMENTS, TENSION, Structure, Term
 from rodgen.symbolic import select
 
-__all__ = ["derive_kernels"]
+__all__ = ["ModelSteps", "derive_kernels"]
 
 Vector: TypeAlias = sp.Matrix
 SOURCE = "product of exponentials with error motions, derivation/machine_model.py"
@@ -61,8 +61,8 @@ def derive_kernels(structure: Structure) -> list[Kernel]:
         weight; ``residual_and_jacobian`` that and ``residual_jacobian``, (components, slots). Of a closed chain also
         ``pose``: where its platform is, as a start for other values.
     """
-    place = _Model(structure, "place", with_residual=False).kernel()
-    residual = _Model(structure, "residual").kernel()
+    place = ModelSteps(structure, "place", with_residual=False).kernel()
+    residual = ModelSteps(structure, "residual").kernel()
     wrt = [name for name, wanted in (("freedom", structure.slots), ("e", structure.parameters)) if wanted]
     kernels = [place, residual]
     if wrt:
@@ -70,7 +70,7 @@ def derive_kernels(structure: Structure) -> list[Kernel]:
             residual.jacobian(wrt, ["residual"], name="residual_and_jacobian", values=True, mode="reverse")
         )
     if structure.family:
-        kernels.append(pose_of(_Model(structure, "pose")))
+        kernels.append(pose_of(ModelSteps(structure, "pose")))
     # the change of a freedom is in the geometry already
     return [kernel.at({"freedom": 0}) if structure.slots else kernel for kernel in kernels]
 
@@ -78,7 +78,7 @@ def derive_kernels(structure: Structure) -> list[Kernel]:
 def cached(function: Any) -> Any:
     """Keep what a method returned, for each argument, in the object: a step is written once."""
 
-    def kept(self: _Model, *arguments: int) -> Any:
+    def kept(self: ModelSteps, *arguments: int) -> Any:
         key = (function.__name__, *arguments)
         if key not in self.done:
             self.done[key] = function(self, *arguments)
@@ -87,8 +87,17 @@ def cached(function: Any) -> Any:
     return kept
 
 
-class _Model:
-    """The steps of one kernel."""
+class ModelSteps:
+    """The steps of one kernel of a machine's model.
+
+    Parameters
+    ----------
+    structure : Structure
+    name : str
+        Of the kernel.
+    with_residual : bool
+        Whether it ends in the weighted residual; else in the place.
+    """
 
     def __init__(self, structure: Structure, name: str, *, with_residual: bool = True) -> None:
         self.structure = structure
@@ -103,6 +112,7 @@ class _Model:
         self.inputs()
 
     def inputs(self) -> None:
+        """Declare the inputs of the kernel, and keep which symbol is what."""
         s, k = self.structure, self.builder
         rows = k.input("rows", (len(s.columns),), unit="1", doc="what differs from row to row")
         lengths = [length for _, _, length in s.geometry]
@@ -152,6 +162,7 @@ class _Model:
         return self.let(name, value)
 
     def moved_point(self, j: int) -> Vector:
+        """Return the point of a joint, moved by its two freedoms where they are slots."""
         value = self.known("point", j)
         if self.structure.joints[j].point:
             u, v = self.known("u", j), self.known("v", j)
@@ -159,6 +170,7 @@ class _Model:
         return self.let("point", value)
 
     def freedoms(self, name: str, components: Sequence[str]) -> Vector:
+        """Return the freedoms of a part of the geometry, zero where they are no slots."""
         return sp.Matrix([self.freedom.get((f"{name}.{x}", 0), sp.S.Zero) for x in components])
 
     def turn(self, angle: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
@@ -254,6 +266,7 @@ class _Model:
         return value
 
     def names(self, number: int) -> dict[str, Any]:
+        """Return what each name in the formula of an effect stands for."""
         term = self.structure.terms[number]
         names: dict[str, Any] = {"pi": sp.pi}
         if not term.own:
@@ -263,6 +276,7 @@ class _Model:
         return names
 
     def vocabulary(self, term: Term) -> dict[str, Any]:
+        """Return the names that only formulas of the catalogue may use."""
         unit = sp.eye(3)
         names: dict[str, Any] = {f"E{x}": unit[:, i] for i, x in enumerate("XYZ")}
         j = term.joint
@@ -339,6 +353,7 @@ class _Model:
     # the way of the target -----------------------------------------------------------------------------------
 
     def target(self) -> Vector:
+        """Return the target with all joints at zero, moved by the effects at it."""
         s = self.structure
         free = self.known("target") + self.freedoms("target", "xyz") if s.moving else self.varied("target", 0)
         value = self.let("target", free)
@@ -426,6 +441,7 @@ class _Model:
         )
 
     def kernel(self) -> Kernel:
+        """Return the kernel."""
         s = self.structure
         carry = self.carried if not s.family else partial(closed_chain, self)
         place = self.framed(self.lifted(carry(self.target())))

@@ -1,4 +1,4 @@
-"""What a machine is made of: joints, targets, what is measured, and the effects that its model has.
+"""A machine: its joints, targets, what is measured, the effects that its model has, and what is done with it.
 
 All numbers are in internal units: lengths in the unit of the machine file, angles in radians, times in seconds,
 temperatures in kelvins from the reference, forces in newtons. Nothing changes a machine; what seems to returns
@@ -9,156 +9,33 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
+from rodgen.data.units import Dimension, unit_factor
 from rodgen.errors import InputFileError, RodgenError, shown
+from rodgen.files import write_file
 from rodgen.machines.closed_chain import ClosedChain
+from rodgen.machines.effects.rules import UnfitEffectError, catalogue_effect, check_effect
+from rodgen.machines.files.read import read_machine
+from rodgen.machines.files.write import description, fixed_machine, machine_text
+from rodgen.machines.parts import Effect, Joint, Measured, Target, Vector
 
 if TYPE_CHECKING:
-    from rodgen.calibration.diagnose import DiagnosedEffect
     from rodgen.calibration.fit import Fit
-    from rodgen.calibration.simulate import Simulation
     from rodgen.data.measurements import Measurements
-    from rodgen.data.units import Dimension
-    from rodgen.machines.effects.catalogue import EffectDefinition
 
-__all__ = ["Effect", "Joint", "Machine", "Measured", "Target"]
-
-Vector: TypeAlias = tuple[float, float, float]
+__all__ = ["Effect", "EffectBearer", "Joint", "Machine", "Measured", "Target"]
 
 
-@dataclass(frozen=True)
-class Joint:
-    """A joint, given with all joints at zero, or a leg of a closed chain.
-
-    Attributes
-    ----------
-    name : str
-    type : {"prismatic", "revolute", "leg"}
-    axis : tuple of float, length 3
-        Unit vector of positive motion, in machine axes; zeros of a leg, which has none of its own.
-    point : tuple of float, length 3
-        A point on the axis; of a prismatic joint, where its error motion turns.
-    travel : tuple of (float, float), or None
-        Lowest and highest coordinate; None: the range of the data.
-    period : float or None
-        Of a periodic drive error, in the joint's own unit.
-    """
-
-    name: str
-    type: str
-    axis: Vector = (0.0, 0.0, 0.0)
-    point: Vector = (0.0, 0.0, 0.0)
-    travel: tuple[float, float] | None = None
-    period: float | None = None
-
-
-@dataclass(frozen=True)
-class Target:
-    """What is measured: a point of the last body, or a direction fixed to it, with all joints at zero.
-
-    Attributes
-    ----------
-    name : str
-    point : tuple of float, length 3
-        In machine axes; of length 1 where directions are measured.
-    """
-
-    name: str
-    point: Vector
-
-
-@dataclass(frozen=True)
-class Measured:
-    """What a reading is.
-
-    Attributes
-    ----------
-    kind : {"point", "direction", "distance"}
-    frame : {"machine", "free"}
-        Readings are in machine axes, or in a frame that is found with the rest.
-    origin : tuple of float, length 3, or None
-        Where a distance is measured from, in the measuring frame.
-    noise : float or None
-        Standard uncertainty of a scalar reading.
-    """
-
-    kind: str
-    frame: str
-    origin: Vector | None = None
-    noise: float | None = None
-
-
-@dataclass(frozen=True)
-class Effect:
-    """An effect in its place.
-
-    Attributes
-    ----------
-    definition : EffectDefinition
-        From the catalogue, or the user's own.
-    place : str or None
-        Name of a joint or of a target; None: the whole machine.
-    hold : mapping of str to float
-        Parameters that are not estimated, with their values.
-    """
-
-    definition: EffectDefinition
-    place: str | None = None
-    hold: Mapping[str, float] = field(default_factory=dict, hash=False)
+class EffectBearer(Protocol):
+    """Anything that has an effect, such as a step of a diagnosis."""
 
     @property
-    def name(self) -> str:
-        """Name of the effect."""
-        return self.definition.name
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """Names of its parameters, without those that depend on the other joints (see `units`)."""
-        return tuple(self.definition.parameters)
-
-    @property
-    def title(self) -> str:
-        """What a sentence calls it, such as ``backlash at C``."""
-        return f"{self.name} at {self.place}" if self.place else self.name
-
-    def key(self, parameter: str) -> str:
-        """Return what a parameter is called beside all others of the machine.
-
-        Parameters
-        ----------
-        parameter : str
-            One of `units`.
-        """
-        return ".".join(filter(None, (self.place, self.name, parameter)))
-
-    def owns(self, key: str) -> bool:
-        """Tell whether a parameter's key is of this effect; an indexed name is that of a set-up: frame_shift[2].x."""
-        prefix = self.key("")
-        return key.startswith((f"{prefix}.", f"{prefix}["))
-
-    def units(self, machine: Machine) -> dict[str, str]:
-        """Return every parameter with the unit in which it is shown.
-
-        Parameters
-        ----------
-        machine : Machine
-            Which this is, or may become, an effect of.
-
-        Returns
-        -------
-        dict of str to str
-            In the catalogue's order; then one ``k_NAME`` for each later joint, where the effect has these.
-        """
-        units = self.definition.units(machine.length_unit, machine.measured.kind)
-        if self.definition.later_joints:
-            names = [joint.name for joint in machine.joints]
-            later = names[names.index(str(self.place)) + 1 :]
-            units |= {f"k_{name}": f"arcsec/{machine.length_unit}" for name in later}
-        return units
+    def effect(self) -> Effect:
+        """The effect, in its place."""
 
 
 @dataclass(frozen=True)
@@ -239,9 +116,7 @@ class Machine:
         InputFileError
             One line with the place, what stands there and what should.
         """
-        from rodgen.machines.files.read import read_machine
-
-        return read_machine(path)
+        return read_machine(path, cls)
 
     def save(self, path: str | os.PathLike[str], *, fixed: bool = False) -> None:
         """Write a machine file.
@@ -262,9 +137,6 @@ class Machine:
             When it cannot be written; with `fixed`, also when an effect is measured over a travel that the
             machine does not say.
         """
-        from rodgen.files import write_file
-        from rodgen.machines.files.write import fixed_machine, machine_text
-
         write_file(path, machine_text(fixed_machine(self) if fixed else self).encode())
 
     def joint(self, name: str) -> Joint:
@@ -303,8 +175,6 @@ class Machine:
 
     def file_factor(self, dimension: Dimension) -> float:
         """Return what a number of this dimension in the machine file is multiplied by to be in internal units."""
-        from rodgen.data.units import unit_factor
-
         angle, _ = unit_factor(self.angle_unit)
         return math.pow(angle, dimension["angle"])
 
@@ -332,8 +202,6 @@ class Machine:
         InputFileError
             When it cannot stand there.
         """
-        from rodgen.machines.effects.rules import UnfitEffectError, catalogue_effect
-
         try:
             return catalogue_effect(self, name, place, hold or {})
         except UnfitEffectError as error:
@@ -352,8 +220,6 @@ class Machine:
         InputFileError
             When it is there already, cannot stand at its place, changes no reading, or has the freedoms of another.
         """
-        from rodgen.machines.effects.rules import UnfitEffectError, check_effect
-
         try:
             check_effect(self, effect)
         except UnfitEffectError as error:
@@ -418,13 +284,14 @@ class Machine:
         FitError
             When there is nothing to fit, or the model is not finite at the start.
         """
+        # The one import of a higher floor: a fit is what a machine is for, and is asked of the machine.
         from rodgen.calibration.fit import fit
 
         return fit(self, data, loss=loss, progress=progress)
 
     def add(
         self,
-        effect: str | Effect | DiagnosedEffect,
+        effect: str | Effect | EffectBearer,
         *,
         joint: str | None = None,
         target: str | None = None,
@@ -434,8 +301,9 @@ class Machine:
 
         Parameters
         ----------
-        effect : str, Effect or DiagnosedEffect
-            A name of the catalogue, as ``rodgen effects`` lists it, or a step of a diagnosis.
+        effect : str, Effect or EffectBearer
+            A name of the catalogue, as ``rodgen effects`` lists it; an effect in its place; or an object that has one
+            as its ``effect``, such as a step of a diagnosis.
         joint, target : str, optional
             Where it is; left out: the whole machine.
         hold : mapping of str to float, optional
@@ -498,36 +366,12 @@ class Machine:
         list of Path
             The files.
         """
-        from rodgen.machines.emit import emit
+        from rodgen.machines.emit import emit  # needs SymPy
 
         return emit(self, lang, folder, **options)
 
-    def simulate(
-        self, design: Measurements, effects: Sequence[str | Effect] = (), **options: Any
-    ) -> Simulation:
-        """Make up measurements of this machine; see :func:`rodgen.calibration.simulate.simulate`.
-
-        Parameters
-        ----------
-        design : Measurements
-            What is commanded; readings are not needed.
-        effects : sequence of str or Effect
-            What the data have in them beside what the machine has, such as ``"backlash@C:b=20arcsec"``.
-        **options
-            ``hidden``, ``noise``, ``seed``.
-
-        Returns
-        -------
-        Simulation
-        """
-        from rodgen.calibration.simulate import simulate
-
-        return simulate(self, design, effects, **options)
-
     def describe(self) -> str:
         """Return a short summary: joints, targets, what is measured and estimated, effects."""
-        from rodgen.machines.files.write import description
-
         return description(self)
 
 

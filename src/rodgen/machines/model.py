@@ -5,16 +5,18 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.codegen.rows import row_kernels
-from rodgen.machines.machine import Machine
 from rodgen.machines.parameters import Parameter, parameters_of
 from rodgen.machines.rigid import complete_basis, left_jacobian, rotation_matrix, tilted
 from rodgen.machines.structure import Structure, row_effects, structure_of
+
+if TYPE_CHECKING:
+    from rodgen.machines.machine import Machine
 
 __all__ = ["Frame", "Model"]
 

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
+from rodgen.data.units import unit_factor
 from rodgen.machines.closed_chain import FAMILIES
-from rodgen.machines.machine import Machine
 from rodgen.machines.structure import GEOMETRY, Structure, row_effects
+
+if TYPE_CHECKING:
+    from rodgen.machines.machine import Machine
+    from rodgen.machines.parts import Effect
 
 __all__ = ["Parameter", "parameters_of"]
 
@@ -61,8 +66,6 @@ def parameters_of(machine: Machine, structure: Structure, runs: Sequence[str]) -
 
 
 def _parameters(machine: Machine, structure: Structure, runs: Sequence[str]) -> Iterator[Parameter]:
-    from rodgen.data.units import unit_factor
-
     moving = structure.moving
     length, angle = machine.length_unit, "arcsec"
 
@@ -117,7 +120,7 @@ def _parameters(machine: Machine, structure: Structure, runs: Sequence[str]) -> 
             yield made(f"{prefix}.{name}", units[name], "e", n, name, **more)
 
 
-def _of_effect(effect, place: str | None, name: str) -> dict[str, object]:  # type: ignore[no-untyped-def]
+def _of_effect(effect: Effect, place: str | None, name: str) -> dict[str, object]:
     return {
         "effect": effect.name,
         "place": place,

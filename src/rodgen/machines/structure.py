@@ -23,7 +23,8 @@ from typing import TYPE_CHECKING
 from rodgen.machines.closed_chain import FAMILIES
 
 if TYPE_CHECKING:
-    from rodgen.machines.machine import Effect, Machine
+    from rodgen.machines.machine import Machine
+    from rodgen.machines.parts import Effect
 
 __all__ = ["JointStructure", "Structure", "Term", "row_effects", "structure_of"]
 

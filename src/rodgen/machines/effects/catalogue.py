@@ -6,11 +6,10 @@ the names in the formulas and the placeholders in the units mean is said at `Eff
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
 from typing import Any
 
-from rodgen.errors import UnexpectedError, shown
+from rodgen.errors import UnexpectedError, nearest_name, shown
 from rodgen.machines.effects.custom import own_effect
 from rodgen.machines.effects.definition import EffectDefinition
 from rodgen.machines.effects.formula import Formula
@@ -580,9 +579,8 @@ def definitions(name: str, at: str | None = None) -> tuple[EffectDefinition, ...
     """
     named = tuple(definition for definition in CATALOGUE if definition.name == name)
     if not named:
-        names = list(dict.fromkeys(definition.name for definition in CATALOGUE))
-        near = difflib.get_close_matches(name.casefold()[:60], names, n=1, cutoff=0.6)
-        hint = f"'{near[0]}', perhaps; " if near else "a name of the catalogue; "
+        near = nearest_name(name, [definition.name for definition in CATALOGUE])
+        hint = f"{near!r}, perhaps; " if near else "a name of the catalogue; "
         raise UnknownEffectError(f"no effect {shown(name)}", f"{hint}'rodgen effects' lists all")
     found = tuple(definition for definition in named if at is None or at in definition.at)
     if not found:

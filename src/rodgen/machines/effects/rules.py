@@ -7,11 +7,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from rodgen.data.units import unit_factor
-from rodgen.errors import RodgenError, shown
+from rodgen.errors import RodgenError, listed, nearest_name, shown
 from rodgen.machines.effects.catalogue import CATALOGUE, EffectDefinition
 from rodgen.machines.effects.formula import FUNCTION_NAMES
-from rodgen.machines.files.toml import listed, nearest
-from rodgen.machines.machine import Effect
+from rodgen.machines.parts import Effect
 from rodgen.machines.structure import TENSION
 
 if TYPE_CHECKING:
@@ -76,7 +75,7 @@ def is_in_catalogue(name: str) -> bool:
 
 def unknown_name(name: str) -> UnfitEffectError:
     """Say that there is no such effect, and which one was meant, perhaps."""
-    near = nearest(name, [definition.name for definition in CATALOGUE])
+    near = nearest_name(name, [definition.name for definition in CATALOGUE])
     hint = f"{near!r}, perhaps; " if near else ""
     return UnfitEffectError(
         "name",
@@ -109,7 +108,7 @@ def held(machine: Machine, effect: Effect, hold: Mapping[str, float]) -> dict[st
     found = {}
     for name, value in hold.items():
         if name not in units:
-            near = nearest(name, units)
+            near = nearest_name(name, units)
             some = (
                 f"{near!r}, perhaps" if near else listed(units) if units else "no hold: it has no parameters"
             )
@@ -124,7 +123,7 @@ def held(machine: Machine, effect: Effect, hold: Mapping[str, float]) -> dict[st
 def _kind_of(machine: Machine, place: str | None) -> str:
     places = [joint.name for joint in machine.joints] + [target.name for target in machine.targets]
     if place is not None and place not in places:
-        near = nearest(place, places)
+        near = nearest_name(place, places)
         raise UnfitEffectError(
             "place", f"no joint or target {shown(place)}", f"{near!r}, perhaps" if near else listed(places)
         )
@@ -266,7 +265,7 @@ def check_estimate(machine: Machine, entry: str) -> tuple[str, str] | None:
     freedoms = _freedoms(machine)
     if entry in freedoms:
         return None
-    near = nearest(entry, freedoms)
+    near = nearest_name(entry, freedoms)
     return shown(entry), f"{near!r}, perhaps" if near else listed(freedoms)
 
 

@@ -18,7 +18,8 @@ from rodgen.errors import shown
 from rodgen.machines.effects.rules import UnfitEffectError
 
 if TYPE_CHECKING:
-    from rodgen.machines.machine import Effect, Machine
+    from rodgen.machines.machine import Machine
+    from rodgen.machines.parts import Effect
 
 __all__ = ["TypedEffect", "assignments", "hold_of", "number_and_unit", "typed_effect"]
 

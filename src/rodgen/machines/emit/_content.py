@@ -6,8 +6,8 @@ import keyword
 import re
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any, TypeAlias
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +24,13 @@ from rodgen.machines.emit._kernels import (
     step_kernel,
 )
 from rodgen.machines.emit._scope import Scope, scope_of
-from rodgen.machines.machine import Effect, Machine
 from rodgen.machines.model import Model
 from rodgen.machines.platform_poses import holding, usual_leg
 from rodgen.machines.structure import row_effects
+
+if TYPE_CHECKING:
+    from rodgen.machines.machine import Machine
+    from rodgen.machines.parts import Effect
 
 __all__ = ["Content", "Field", "Sample", "content_of", "identifier"]
 
@@ -149,8 +152,6 @@ class Content:
 
 def content_of(machine: Machine, name: str | None = None, travel: Any = None) -> Content:
     """Derive what is emitted of a machine; see :func:`rodgen.machines.emit.emit`."""
-    from dataclasses import replace
-
     chosen = identifier(machine.name) if name is None else _checked(name)
     scope = scope_of(machine, travel)
     nominal = replace(scope.machine, effects=(), estimate=(), values={})

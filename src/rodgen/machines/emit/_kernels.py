@@ -26,7 +26,7 @@ from rodgen.codegen.kernel import Assignment, Kernel, KernelBuilder, Port, port_
 from rodgen.kinematics.rotation import quaternion_from_matrix
 from rodgen.machines.closed_chain import ClosedChain
 from rodgen.machines.closed_chain_derivation import pose_from_afar
-from rodgen.machines.derivation import _Model
+from rodgen.machines.derivation import ModelSteps
 from rodgen.machines.model import Frame, Model
 from rodgen.machines.platform_poses import legs_at
 from rodgen.machines.rigid import rotation_matrix
@@ -138,7 +138,7 @@ def machine_kernels(model: Model, name: str = "place", prefix: str = "") -> Mach
         target=False,
         numbers=(),
     )
-    general = _Model(structure, name, with_residual=False).kernel()
+    general = ModelSteps(structure, name, with_residual=False).kernel()
     numbers = _Numbers(model, structure, prefix)
     pose = _pose_kernel(model, structure, numbers) if structure.family else None
     rows, g, e = (list(general.port(port).symbols) for port in ("rows", "g", "e"))
@@ -184,7 +184,7 @@ def _pose_kernel(model: Model, structure: Structure, numbers: _Numbers) -> Kerne
     """Write the kernel that finds the pose of a closed chain on the nominal machine."""
     bare = replace(structure, terms=(), shift=False, frame=False)
     begins = poses_to_begin(model.machine.geometry)
-    general = pose_from_afar(_Model(bare, "pose", with_residual=False), len(begins))
+    general = pose_from_afar(ModelSteps(bare, "pose", with_residual=False), len(begins))
     q = _port("q", (len(structure.joints),), "commanded coordinates")
     stands_for: dict[sp.Symbol, sp.Expr] = {}
     for (kind, of), symbol in zip(bare.columns, general.port("rows").symbols, strict=True):

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rodgen.errors import InputFileError, shown
-from rodgen.machines.machine import Effect, Machine, Measured
 from rodgen.machines.model import Model
+from rodgen.machines.parts import Effect, Measured
 from rodgen.machines.structure import row_effects
+
+if TYPE_CHECKING:
+    from rodgen.machines.machine import Machine
 
 __all__ = ["Scope", "scope_of"]
 

@@ -19,7 +19,8 @@ from rodgen.files import write_file
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.files.toml import decode, read_bytes
 from rodgen.machines.files.write import effect_text
-from rodgen.machines.machine import Effect, Machine
+from rodgen.machines.machine import Machine
+from rodgen.machines.parts import Effect
 
 __all__ = ["add_effects_to_file", "remove_effect_from_file"]
 
@@ -107,13 +108,13 @@ def remove_effect_from_file(
 def _read(source: str | os.PathLike[str]) -> tuple[str, Machine]:
     file = os.fspath(source)
     text = decode(read_bytes(file), file)
-    return text, machine_of(text, file)
+    return text, machine_of(text, file, Machine)
 
 
 def _write(text: str, meant: Machine, source: str | os.PathLike[str], out: str | os.PathLike[str]) -> Machine:
     file = os.fspath(out)
     try:
-        found: Machine | None = machine_of(text, file)
+        found: Machine | None = machine_of(text, file, Machine)
     except InputFileError:
         found = None
     if found is None or _outline(found) != _outline(meant):

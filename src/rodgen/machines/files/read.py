@@ -11,11 +11,11 @@ import os
 import re
 from collections import Counter
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rodgen.data.tables import UnitError
 from rodgen.data.units import ANGLE, LENGTH, Dimension, parse_unit
-from rodgen.errors import InputFileError, shown
+from rodgen.errors import InputFileError, listed, shown
 from rodgen.machines.closed_chain import FAMILIES, ClosedChain
 from rodgen.machines.effects.catalogue import own_effect
 from rodgen.machines.effects.rules import (
@@ -37,12 +37,14 @@ from rodgen.machines.files.toml import (
     Table,
     UnfitError,
     decode,
-    listed,
     one_of,
     parse,
     read_bytes,
 )
-from rodgen.machines.machine import Effect, Joint, Machine, Measured, Target, Vector
+from rodgen.machines.parts import Effect, Joint, Measured, Target, Vector
+
+if TYPE_CHECKING:
+    from rodgen.machines.machine import Machine
 
 __all__ = ["machine_of", "read_machine"]
 
@@ -84,13 +86,13 @@ _MISSING = {
 }
 
 
-def read_machine(path: str | os.PathLike[str]) -> Machine:
-    """Read a machine file; see :meth:`Machine.load`."""
+def read_machine(path: str | os.PathLike[str], made: type[Machine]) -> Machine:
+    """Read a machine file into an object of the class `made`; see :meth:`Machine.load`."""
     file = os.fspath(path)
-    return machine_of(decode(read_bytes(file), file), file)
+    return machine_of(decode(read_bytes(file), file), file, made)
 
 
-def machine_of(text: str, file: str) -> Machine:
+def machine_of(text: str, file: str, made: type[Machine]) -> Machine:
     """Return the machine that the text of a file describes.
 
     Parameters
@@ -99,6 +101,8 @@ def machine_of(text: str, file: str) -> Machine:
         TOML.
     file : str
         For error messages, and the machine's own `file`.
+    made : type
+        The class of the object that is returned: `Machine`, which stands above this module.
 
     Raises
     ------
@@ -117,7 +121,7 @@ def machine_of(text: str, file: str) -> Machine:
     environment = top.sub("environment", _KEYS["environment"])
     measured = _measured(top, per_radian)
     geometry = _closed_chain(top, per_radian) if "family" in top else None
-    machine = Machine(
+    machine = made(
         name=name,
         length_unit=length,
         angle_unit=angle,

@@ -5,7 +5,6 @@ What a key may hold is a `Kind`: what an error message expects, and a function t
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 import tomllib
@@ -13,7 +12,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Generic, TypeGuard, TypeVar, overload
 
-from rodgen.errors import InputFileError, shown
+from rodgen.errors import InputFileError, listed, nearest_name, shown
 
 __all__ = [
     "NUMBER",
@@ -24,8 +23,6 @@ __all__ = [
     "Table",
     "UnfitError",
     "decode",
-    "listed",
-    "nearest",
     "one_of",
     "parse",
     "read_bytes",
@@ -195,21 +192,6 @@ def one_of(options: Collection[str]) -> Kind[str]:
     return Kind(listed(options), read)
 
 
-def listed(options: Collection[str]) -> str:
-    """Name a few things: ``'a', 'b' or 'c'``; of many the first."""
-    names = [shown(option) for option in options]
-    if len(names) > 8:
-        return f"one of {', '.join(names[:8])}, …"
-    return " or ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
-
-
-def nearest(name: str, options: Collection[str]) -> str | None:
-    """Return the name that was meant, perhaps."""
-    folded = {option.casefold(): option for option in options}
-    near = difflib.get_close_matches(name.casefold()[:60], folded, n=1, cutoff=0.7)
-    return folded[near[0]] if near else None
-
-
 def _described(value: Any) -> str:
     """Say what stands at a key."""
     if isinstance(value, bool):
@@ -254,7 +236,7 @@ class Table:
         self.content = content
         for key in content:
             if key not in keys:
-                near = nearest(key, keys)
+                near = nearest_name(key, keys)
                 expected = f"{near!r}, perhaps" if near else f"one of {', '.join(keys)}"
                 raise self.error(key, "unknown key", expected)
 

@@ -7,16 +7,19 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rodgen.data.units import ANGLE, unit_factor
 from rodgen.errors import InputFileError
 from rodgen.machines.closed_chain import ClosedChain
-from rodgen.machines.machine import Effect, Joint, Machine, Target, Vector
+from rodgen.machines.parts import Effect, Joint, Target, Vector
 from rodgen.machines.rigid import complete_basis, tilted
 from rodgen.machines.structure import BEAM
+
+if TYPE_CHECKING:
+    from rodgen.machines.machine import Machine
 
 __all__ = ["description", "effect_text", "fixed_machine", "machine_text"]
 

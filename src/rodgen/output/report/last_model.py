@@ -9,6 +9,7 @@ from rodgen.calibration.fit import Fit, fit
 from rodgen.errors import RodgenError
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.files.write import machine_text
+from rodgen.machines.machine import Machine
 
 __all__ = ["last_fit"]
 
@@ -31,7 +32,7 @@ def last_fit(diagnosis: Diagnosis) -> Fit:
         return final
     try:
         text = "\n".join([machine_text(final.machine), *blocks])
-        machine = machine_of(text, final.machine.file or final.machine.name)
+        machine = machine_of(text, final.machine.file or final.machine.name, Machine)
         machine = replace(machine, values=final.machine.values)
         found = fit(machine, final.observations, outliers=final.outliers)
     except RodgenError:

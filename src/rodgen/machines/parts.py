@@ -1,0 +1,146 @@
+"""What a machine is made of: joints, targets, what is measured, and the effects of its model, each in its place."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, TypeAlias
+
+if TYPE_CHECKING:
+    from rodgen.machines.effects.definition import EffectDefinition
+    from rodgen.machines.machine import Machine
+
+__all__ = ["Effect", "Joint", "Measured", "Target", "Vector"]
+
+Vector: TypeAlias = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint, given with all joints at zero, or a leg of a closed chain.
+
+    Attributes
+    ----------
+    name : str
+    type : {"prismatic", "revolute", "leg"}
+    axis : tuple of float, length 3
+        Unit vector of positive motion, in machine axes; zeros of a leg, which has none of its own.
+    point : tuple of float, length 3
+        A point on the axis; of a prismatic joint, where its error motion turns.
+    travel : tuple of (float, float), or None
+        Lowest and highest coordinate; None: the range of the data.
+    period : float or None
+        Of a periodic drive error, in the joint's own unit.
+    """
+
+    name: str
+    type: str
+    axis: Vector = (0.0, 0.0, 0.0)
+    point: Vector = (0.0, 0.0, 0.0)
+    travel: tuple[float, float] | None = None
+    period: float | None = None
+
+
+@dataclass(frozen=True)
+class Target:
+    """What is measured: a point of the last body, or a direction fixed to it, with all joints at zero.
+
+    Attributes
+    ----------
+    name : str
+    point : tuple of float, length 3
+        In machine axes; of length 1 where directions are measured.
+    """
+
+    name: str
+    point: Vector
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What a reading is.
+
+    Attributes
+    ----------
+    kind : {"point", "direction", "distance"}
+    frame : {"machine", "free"}
+        Readings are in machine axes, or in a frame that is found with the rest.
+    origin : tuple of float, length 3, or None
+        Where a distance is measured from, in the measuring frame.
+    noise : float or None
+        Standard uncertainty of a scalar reading.
+    """
+
+    kind: str
+    frame: str
+    origin: Vector | None = None
+    noise: float | None = None
+
+
+@dataclass(frozen=True)
+class Effect:
+    """An effect in its place.
+
+    Attributes
+    ----------
+    definition : EffectDefinition
+        From the catalogue, or the user's own.
+    place : str or None
+        Name of a joint or of a target; None: the whole machine.
+    hold : mapping of str to float
+        Parameters that are not estimated, with their values.
+    """
+
+    definition: EffectDefinition
+    place: str | None = None
+    hold: Mapping[str, float] = field(default_factory=dict, hash=False)
+
+    @property
+    def name(self) -> str:
+        """Name of the effect."""
+        return self.definition.name
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of its parameters, without those that depend on the other joints (see `units`)."""
+        return tuple(self.definition.parameters)
+
+    @property
+    def title(self) -> str:
+        """What a sentence calls it, such as ``backlash at C``."""
+        return f"{self.name} at {self.place}" if self.place else self.name
+
+    def key(self, parameter: str) -> str:
+        """Return what a parameter is called beside all others of the machine.
+
+        Parameters
+        ----------
+        parameter : str
+            One of `units`.
+        """
+        return ".".join(filter(None, (self.place, self.name, parameter)))
+
+    def owns(self, key: str) -> bool:
+        """Tell whether a parameter's key is of this effect; an indexed name is that of a set-up: frame_shift[2].x."""
+        prefix = self.key("")
+        return key.startswith((f"{prefix}.", f"{prefix}["))
+
+    def units(self, machine: Machine) -> dict[str, str]:
+        """Return every parameter with the unit in which it is shown.
+
+        Parameters
+        ----------
+        machine : Machine
+            Which this is, or may become, an effect of.
+
+        Returns
+        -------
+        dict of str to str
+            In the catalogue's order; then one ``k_NAME`` for each later joint, where the effect has these.
+        """
+        units = self.definition.units(machine.length_unit, machine.measured.kind)
+        if self.definition.later_joints:
+            names = [joint.name for joint in machine.joints]
+            later = names[names.index(str(self.place)) + 1 :]
+            units |= {f"k_{name}": f"arcsec/{machine.length_unit}" for name in later}
+        return units
