@@ -13,7 +13,7 @@ BUILT_FROM := pyproject.toml CMakeLists.txt $(wildcard generated/c/*.[ch] genera
 .PHONY: help demo test test-slow kernels check check-kernels check-style check-types check-imports check-c notebooks bench study docs clean
 
 help: ## list what there is to do
-	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | awk -F'|' '{printf "  make %-10s %s\n", $$1, $$2}'
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | awk -F'|' '{printf "  make %-13s %s\n", $$1, $$2}'
 
 demo: .venv/installed ## a real telescope: fit, compare, diagnose, correct, emit C, write a report
 	@$(BIN)/python examples/demo.py
@@ -42,7 +42,7 @@ check-types: .venv/installed
 	$(BIN)/mypy
 
 # The floors, in pyproject.toml: no import upward and no cycle, imports inside functions included.
-check-imports: .venv/installed
+check-imports: .venv/installed ## the floors: no import upward, no cycle
 	$(BIN)/lint-imports --no-cache
 
 # Each compiler that is there: the C that users embed as strict C99, the NumPy extension as C11.
