@@ -19,7 +19,7 @@ from scipy import stats
 
 from rodgen.calibration.diagnose import aliases as _aliases
 from rodgen.calibration.diagnose.candidates import Candidate, candidates
-from rodgen.calibration.diagnose.column_space import Space, log_p
+from rodgen.calibration.diagnose.column_space import Space
 from rodgen.calibration.diagnose.held_out_blocks import FOLDS, Blocks
 from rodgen.calibration.diagnose.outliers import gross_errors, together
 from rodgen.calibration.diagnose.sensitivities import (
@@ -37,6 +37,7 @@ from rodgen.data.measurements import Measurements
 from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Model
+from rodgen.statistics.f_tests import log_p_of_fall
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "machines"
 QUICK = ("mount", "rotary_table", "positioner", "ballbar_gantry")
@@ -452,7 +453,9 @@ def test_log_p_where_scipy_has_it(freedoms, spare):
         expected = stats.f.logsf(f, freedoms, spare)
         if expected > -600:
             # SciPy takes the logarithm of 1 - cdf where p is near 1
-            assert log_p(part * 7.3, 7.3, freedoms, spare) == pytest.approx(expected, rel=1e-8, abs=1e-9)
+            assert log_p_of_fall(part * 7.3, 7.3 - part * 7.3, freedoms, spare) == pytest.approx(
+                expected, rel=1e-8, abs=1e-9
+            )
 
 
 @pytest.mark.parametrize(
@@ -479,13 +482,13 @@ def test_log_p_where_it_underflows(freedoms, spare, part):
         integral = mpmath.log(mpmath.betainc(a, b, 0, x, regularized=True)) if spare <= 1000 else exact
     assert exact == pytest.approx(integral, rel=1e-20)
     assert exact < -645  # below 1e-280
-    assert log_p(part, 1.0, freedoms, spare) == pytest.approx(float(exact), rel=1e-9)
+    assert log_p_of_fall(part, 1.0 - part, freedoms, spare) == pytest.approx(float(exact), rel=1e-9)
 
 
 def test_log_p_at_the_ends():
-    assert log_p(0.0, 1.0, 2, 50) == 0.0
-    assert log_p(1.0, 1.0, 2, 50) == -np.inf
-    values = [log_p(part, 1.0, 2, 1300) for part in np.linspace(0.3, 0.8, 200)]
+    assert log_p_of_fall(0.0, 1.0, 2, 50) == 0.0
+    assert log_p_of_fall(1.0, 0.0, 2, 50) == -np.inf
+    values = [log_p_of_fall(part, 1.0 - part, 2, 1300) for part in np.linspace(0.3, 0.8, 200)]
     assert (np.diff(values) < 0).all()  # also where one way of computing it takes over from the other
 
 
@@ -538,7 +541,7 @@ def test_poses_stay_whole():
     o = observed(25, 4)
     fold = deal(o, FOLDS)
     blocks = Blocks(o, np.ones((o.n, 3, 1)), np.ones((o.n, 3)))
-    assert len(blocks.starts) == FOLDS
+    assert len(blocks.blocks) == FOLDS
     assert all(len(set(fold[o.pose == pose])) == 1 for pose in np.unique(o.pose))
 
 

@@ -15,7 +15,7 @@ from machine_simulator import Simulated
 
 from rodgen.calibration.diagnose.forms import Form, best_terms, find_forms, unnameable
 from rodgen.calibration.diagnose.forms.dictionary import dictionary, drivers_of
-from rodgen.calibration.diagnose.forms.leave_out import Unseen, folds_of
+from rodgen.calibration.diagnose.forms.leave_out import PosesLeftOut, folds_of
 from rodgen.calibration.diagnose.forms.level import Level
 from rodgen.calibration.diagnose.forms.screen import Functions, Screen
 from rodgen.calibration.diagnose.sensitivities import Carriers
@@ -26,7 +26,7 @@ from rodgen.data.measurements import Measurements
 from rodgen.machines.files.edit import add_effects_to_file
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
-from rodgen.statistics.f_distribution import log10_of_f
+from rodgen.statistics.f_tests import log10_p_of_fall
 
 ARCSEC = np.pi / 648000
 NOISE = {"point": 0.004, "distance": 0.004, "direction": 2 * ARCSEC}
@@ -426,8 +426,8 @@ def test_tail_of_f_far_beyond_a_double() -> None:
     ]:
         x = mpmath.mpf(left) / (mpmath.mpf(left) + mpmath.mpf(fall))
         exact = mpmath.log10(mpmath.betainc(mpmath.mpf(b) / 2, mpmath.mpf(a) / 2, 0, x, regularized=True))
-        assert log10_of_f(fall, left, a, b) == pytest.approx(float(exact), rel=1e-9)
-    assert log10_of_f(0.0, 1.0, 2, 10) == 0.0
+        assert log10_p_of_fall(fall, left, a, b) == pytest.approx(float(exact), rel=1e-9)
+    assert log10_p_of_fall(0.0, 1.0, 2, 10) == 0.0
 
 
 def _carriers() -> Carriers:
@@ -465,7 +465,7 @@ def test_error_on_unseen_poses_is_that_of_refits() -> None:
     drivers = drivers_of(carriers.observations)
     level = Level(C, [d.values for d in drivers], carriers.residual, lambda columns: columns, order=order)
     level.take_out(level.flat(carriers.model))
-    unseen = Unseen(level, np.repeat(pose, m)[order], np.repeat(fold, m)[order])
+    unseen = PosesLeftOut(level, np.repeat(pose, m)[order], np.repeat(fold, m)[order])
     term = dictionary(drivers)[-1]
     found = unseen.squares(level.flat(level.columns(term, 0)))
     whole = np.concatenate([carriers.model, level.columns(term, 0)], axis=2)

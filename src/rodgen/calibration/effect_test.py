@@ -15,16 +15,19 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.held_out import ALONE, NO_SAY
+from rodgen.calibration.held_out import NO_SAY
 from rodgen.calibration.lack_of_fit import SMALLEST
 from rodgen.calibration.least_squares import minimise
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.whitened_parameters import Whitened
+from rodgen.statistics.columns import unit_columns
+from rodgen.statistics.f_tests import f_tail
+from rodgen.statistics.leave_out import undo_leverage
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
-__all__ = ["Step", "given_back", "step"]
+__all__ = ["Step", "step"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -86,8 +89,6 @@ def step(smaller: Fit, larger: Fit) -> Step | None:
     Step or None
         None where the larger model has nothing more that the data determine, or no degree of freedom is left.
     """
-    from scipy.special import fdtrc
-
     further = larger.determinacy.rank - smaller.determinacy.rank
     spare = larger.degrees_of_freedom
     if further < 1 or spare < 1:
@@ -101,7 +102,7 @@ def step(smaller: Fit, larger: Fit) -> Step | None:
     freedoms = (float(further), max(spare * min(poses / readings, 1.0), 1.0))
     with np.errstate(divide="ignore", invalid="ignore"):
         statistic = float(np.divide(fall / further, left * effect)) if fall > 0 else 0.0
-    p = float(fdtrc(*freedoms, statistic)) * _tried(smaller, larger)
+    p = f_tail(statistic, *freedoms) * _tried(smaller, larger)
     return Step(min(max(p, SMALLEST), 1.0), statistic, freedoms, effect)
 
 
@@ -144,35 +145,13 @@ def _design_effect(smaller: Fit, larger: Fit, left: float) -> float:
         if shares is not None:
             np.add.at(shares, pose[rows], np.einsum("nmr,nms->nrs", jacobian, jacobian))
     if shares is not None:
-        pull = given_back(pull, shares)
+        pull = undo_leverage(shares, pull, 0.5)
     return float(max(np.sum((pull @ new) ** 2) / (new.shape[1] * left), 1.0))
-
-
-def given_back(pull: Array, shares: Array) -> Array:
-    """Make up for what each pose pulls the fit towards itself: (1 - H)^(-1/2), H its part of the projection.
-
-    Parameters
-    ----------
-    pull : ndarray, shape (poses, r)
-    shares : ndarray, shape (poses, r, r)
-        H of each.
-
-    Returns
-    -------
-    ndarray, shape (poses, r)
-    """
-    values, vectors = np.linalg.eigh(shares)
-    lost = values > 1 - ALONE  # it alone tells of this, and has no residual along it
-    factor = np.where(lost, 0.0, 1 / np.sqrt(np.where(lost, 1.0, 1 - values)))
-    along = np.einsum("grs,gr->gs", vectors, pull) * factor
-    return np.asarray(np.einsum("grs,gs->gr", vectors, along))
 
 
 def _further(smaller: Fit, larger: Fit, whitened: Whitened) -> Array:
     """Return unit vectors across all that the smaller model can do, (r, further)."""
     inside = {smaller.parameters[i].key for i in smaller.free}
     index = [i for i in larger.free if larger.parameters[i].key in inside]
-    columns = whitened.inverse[:, index]
-    size = np.linalg.norm(columns, axis=0)
-    basis, _, _ = np.linalg.svd(columns / np.where(size > 0, size, 1.0))
+    basis, _, _ = np.linalg.svd(unit_columns(whitened.inverse[:, index]))
     return np.asarray(basis[:, smaller.determinacy.rank :])

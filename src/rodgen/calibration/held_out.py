@@ -25,6 +25,8 @@ from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.whitened_parameters import Whitened
 from rodgen.data.poses import groups
 from rodgen.errors import RodgenError
+from rodgen.statistics.leave_out import ALONE, undo_leverage
+from rodgen.statistics.leave_out import deal as dealt_into
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
@@ -43,8 +45,6 @@ FOLDS, FOLDS_OF_MANY, MANY_ROWS = 10, 5, 50_000
 """Folds of more poses, and of so many rows that every fit takes seconds."""
 FEWEST_APART = 5
 """Replicates are kept together while so many places are left to tell apart."""
-ALONE = 1e-6
-"""A fold that leaves the others less than this part of what is known of something is alone in knowing it."""
 NO_SAY = 1e-100
 """Weight of a row that a fit does not see, instead of zero, so that its residual can be had from the weighted one."""
 NAMED = 3
@@ -142,7 +142,7 @@ def held_out(
     folds = min(folds, poses)
     if folds < 2:
         return HeldOut(None, fit.unit, 0, poses)
-    fold = _folds(poses, folds)[pose]
+    fold = dealt_into(poses, folds)[pose]
     problem = Problem(fit.problem.model, o)
     squares, converged = 0.0, True
     with one_thread_in_blas():
@@ -173,7 +173,7 @@ def held_out(
 def deal(observations: Observations, folds: int) -> Ints:
     """Return the fold of each row, (n,): whole poses, and replicates of a pose together."""
     pose, poses = _dealt(observations)
-    return np.asarray(_folds(poses, min(folds, poses))[pose])
+    return np.asarray(dealt_into(poses, min(folds, poses))[pose])
 
 
 def _told(progress: Callable[[str, int, float], object], what: str) -> Callable[[int, float], object]:
@@ -194,13 +194,6 @@ def _dealt(o: Observations) -> tuple[Ints, int]:
     rank = np.empty(len(seen), int)
     rank[np.argsort(seen)] = np.arange(len(seen))  # in the order in which they were taken
     return rank[number][pose], len(seen)
-
-
-def _folds(poses: int, folds: int) -> Ints:
-    """Deal poses so that every fold has one of each stretch; at random, because commands may repeat in any period."""
-    random = np.random.default_rng(0)
-    stretches = -(-poses // folds)
-    return np.concatenate([random.permutation(folds) for _ in range(stretches)])[:poses]
 
 
 class _Without:
@@ -230,9 +223,7 @@ class _Without:
 
     def start(self, k: int) -> tuple[Array, Frame]:
         """Return where the fit without a fold is, to first order."""
-        values, vectors = np.linalg.eigh(self.shares[k])
-        known = values <= 1 - ALONE
-        away = vectors[:, known] @ ((vectors[:, known].T @ self.pulls[k]) / (1 - values[known]))
+        away = undo_leverage(self.shares[k], self.pulls[k], 1.0)
         solution = self.fit.solution
         return moved(self.fit.problem, solution.theta, solution.frame, self.whitened.root @ away)
 

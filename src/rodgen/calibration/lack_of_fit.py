@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.deviations import FEW_POSES, independent_share
 from rodgen.calibration.noise import Replicates, figure, replicates
+from rodgen.statistics.f_tests import f_tail
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
@@ -98,14 +99,12 @@ def _against_replicates(fit: Fit, pure: Replicates) -> LackOfFit | None:
     spare = cells - error.count
     if error.count < 1 or spare < 1 or not error.variance > 0:
         return None
-    from scipy.special import fdtrc  # a quarter of a second, only where it is needed
-
     squares = max(pure.cell_squares - error.sum_of_squares, 0.0)
     share = error.share
     freedoms = (max(share * spare, 1.0), max(share * error.count, 1.0))
     statistic = squares / spare / error.variance
     ratio = float(np.sqrt(pure.cell_squares / cells / error.variance))
-    p = max(float(fdtrc(*freedoms, statistic)), SMALLEST)
+    p = max(f_tail(statistic, *freedoms), SMALLEST)
     return LackOfFit(p, ratio, "replicates", statistic, freedoms)
 
 

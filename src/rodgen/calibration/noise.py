@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.deviations import Deviations, Estimated, drivers
+from rodgen.statistics.f_tests import f_tail
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
@@ -373,16 +374,16 @@ def _known(value: float) -> Estimated:
 
 
 def _compared(one: Estimated, other: Estimated) -> int:
-    """Tell whether one figure is clearly larger (1) or smaller (-1) than the other, or agrees with it (0)."""
-    from scipy.special import fdtr, fdtrc
+    """Return 1 where one figure is clearly larger than the other, -1 where it is smaller, 0 where they agree."""
+    return 1 if _exceeds(one, other) else -1 if _exceeds(other, one) else 0
 
+
+def _exceeds(one: Estimated, other: Estimated) -> bool:
     # From a million on F is chi-square to six digits; infinity is not taken.
     freedoms = min(one.degrees_of_freedom, 1e6), min(other.degrees_of_freedom, 1e6)
     with np.errstate(divide="ignore"):
         ratio = float(np.divide(one.value, other.value))
-    if ratio > ALIKE and fdtrc(*freedoms, ratio**2) < CHANCE:
-        return 1
-    return -1 if ratio < 1 / ALIKE and fdtr(*freedoms, ratio**2) < CHANCE else 0
+    return ratio > ALIKE and f_tail(ratio**2, *freedoms) < CHANCE
 
 
 def _times(ratio: float) -> str:

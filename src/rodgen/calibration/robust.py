@@ -34,6 +34,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.least_squares import Solution, minimise
 from rodgen.calibration.problem import Problem
+from rodgen.statistics.f_tests import f_tail
 
 __all__ = ["Judgement", "gross_rows", "robust_fit"]
 
@@ -259,7 +260,7 @@ class _Judge:
         Of the rows of a small data set the best few may agree very well by chance. So the fall of the cost, with as
         many degrees of freedom as the outliers have, must be improbable over all ways to choose as many rows.
         """
-        from scipy.special import chdtrc, fdtrc, gammaln
+        from scipy.special import chdtrc, gammaln
 
         k = int(best.outliers.sum())
         gone, spare = self.m * k, self.m * (self.n - k) - self.p
@@ -270,7 +271,7 @@ class _Judge:
             p = float(chdtrc(gone, gone * fall / best.scale**2))
         else:
             variance = max(best.solution.cost / spare, self.rounding**2)
-            p = float(fdtrc(gone, spare, fall / variance))
+            p = f_tail(fall / variance, gone, spare)
         ways = gammaln(self.n + 1) - gammaln(k + 1) - gammaln(self.n - k + 1)
         return p > 0 and math.log(p) + ways > math.log(FALSE_ALARM)
 

@@ -23,6 +23,7 @@ from rodgen.calibration.fit import Fit
 from rodgen.calibration.least_squares import minimise
 from rodgen.calibration.problem import Problem
 from rodgen.machines.model import Model
+from rodgen.statistics.columns import project_out
 
 __all__ = ["aliases_of"]
 
@@ -94,7 +95,7 @@ def _rivals(
     freedoms = space.across(base, own)[0].shape[1] + len(own.searched)
     best = selection.left(residual, total, kept)
     without = selection.left(residual, total, others)
-    spare = max(space.readings - space.base(kept).shape[1], 1)
+    spare = max(space.readings - space.base(kept).rank, 1)
     variance = best / spare / _part(carriers)
     keys = {c.key for c in kept}
     found = []
@@ -178,12 +179,12 @@ def _why(
     residual, _ = space.residual(carriers.residual)
     base = space.base(others)
     columns = space.columns(own)
-    across = columns - base @ (base.T @ columns)
-    size = np.linalg.lstsq(across, -(residual - base @ (base.T @ residual)), rcond=1e-6)[0]
+    across = base.project_out(columns)
+    size = np.linalg.lstsq(across, -base.project_out(residual), rcond=1e-6)[0]
     effect = columns @ size
-    wanted = effect - base @ (base.T @ effect)
+    wanted = base.project_out(effect)
     directions, _ = space.across(base, rival)
-    left = wanted - directions @ (directions.T @ wanted)
+    left = project_out(directions, wanted)
     there = float(np.linalg.norm(wanted))
     part = float(np.linalg.norm(left)) / there if there > 0 else 0.0
     how = "exactly" if part < 1e-6 else f"to {part:.1%} of its size" if part < 0.5 else "in part"

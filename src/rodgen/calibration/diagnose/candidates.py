@@ -13,7 +13,7 @@ from rodgen.calibration.diagnose.sensitivities import MOMENTS, Carriers, is_dire
 from rodgen.calibration.starting_values import most_waves, wave_falls
 from rodgen.machines.machine import Effect
 from rodgen.machines.rigid import complete_basis
-from rodgen.statistics.orthonormal import orthonormal
+from rodgen.statistics.columns import orthonormal_basis, project_out
 
 __all__ = ["Candidate", "candidates"]
 
@@ -136,11 +136,11 @@ def promising_waves(
     some = np.unique(np.linspace(0, n - 1, min(n, WAVE_ROWS)).astype(int)) if n > WAVE_ROWS else np.arange(n)
     residual = carriers.residual[some].ravel()
     model = carriers.model[some].reshape(len(residual), -1)
-    bases = [orthonormal(model)]
+    bases = [orthonormal_basis(model)]
     once = {c.key: c for c in others}.values()
     whole = np.concatenate([model, *(c.columns[some].reshape(len(residual), -1) for c in once)], axis=1)
     if whole.shape[1] < len(residual) // 2:
-        bases.append(orthonormal(whole))
+        bases.append(orthonormal_basis(whole))
     for effect in effects:
         tried = list(_tried(carriers, effect))
         frequencies = 2 * np.pi / np.array([values["P"] for values in tried])
@@ -149,7 +149,7 @@ def promising_waves(
         q = carriers.observations.q[some, _number(carriers, effect)]
         chosen: dict[int, None] = {}
         for base in bases:
-            falls = wave_falls(base, residual - base @ (base.T @ residual), carrier[some], q, frequencies)
+            falls = wave_falls(base, project_out(base, residual), carrier[some], q, frequencies)
             padded = np.pad(falls, 1)
             peaks = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] >= padded[2:]))
             chosen |= dict.fromkeys(int(i) for i in peaks[np.argsort(-falls[peaks], kind="stable")][:PEAKS])

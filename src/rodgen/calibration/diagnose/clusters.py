@@ -14,10 +14,11 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.diagnose.column_space import VISIBLE, Whiten, log_p
+from rodgen.calibration.diagnose.column_space import VISIBLE
 from rodgen.calibration.diagnose.sensitivities import Carriers
-from rodgen.calibration.effect_test import given_back
-from rodgen.statistics.orthonormal import orthonormal
+from rodgen.statistics.columns import ColumnSpace, Whiten, directions_above, unit_columns
+from rodgen.statistics.f_tests import log_p_of_fall
+from rodgen.statistics.leave_out import undo_leverage
 
 __all__ = ["Clusters"]
 
@@ -60,17 +61,13 @@ class Clusters:
         parts = [self.model, *included, columns, self.residual[:, :, None]]
         k = columns.shape[2]
         white = self.whiten(np.concatenate(parts, axis=2)).reshape(len(self.pose), -1)
-        base, own, r = orthonormal(white[:, : -k - 1]), _unit(white[:, -k - 1 : -1]), white[:, -1]
-        for _ in range(2):
-            own, r = own - base @ (base.T @ own), r - base @ (base.T @ r)
-        u, s, _ = np.linalg.svd(own, full_matrices=False)
-        u = u[:, s > VISIBLE]
-        freedoms, spare = u.shape[1], len(r) - base.shape[1] - u.shape[1]
-        total = float(r @ r)
-        if not freedoms or spare < 1 or not total > 0:
+        base = ColumnSpace.of(white[:, : -k - 1])
+        r = base.project_out(white[:, -1])
+        u = directions_above(base.project_out(unit_columns(white[:, -k - 1 : -1])), VISIBLE)
+        test = base.score_test(r, u)
+        if test is None:
             return 0.0
-        along = u.T @ r
-        fall, left = float(along @ along), r - u @ along
+        freedoms, spare, left = test.freedoms, test.spare, r - u @ (u.T @ r)
         variance = float(left @ left) / spare
         if not variance > 0:
             return 0.0
@@ -78,14 +75,8 @@ class Clusters:
         np.add.at(pulls, self.pose, u * left[:, None])
         shares = np.zeros((self.poses, freedoms, freedoms))
         np.add.at(shares, self.pose, u[:, :, None] * u[:, None, :])
-        effect = float(np.sum(given_back(pulls, shares) ** 2)) / (freedoms * variance)
+        effect = float(np.sum(undo_leverage(shares, pulls, 0.5) ** 2)) / (freedoms * variance)
         if effect < NOTHING:
             return 0.0
-        statistic = fall / variance / effect
         few = min(spare, self.poses)
-        return log_p(statistic, statistic + few, freedoms, few) - log_p(fall, total, freedoms, spare)
-
-
-def _unit(columns: Array) -> Array:
-    size = np.linalg.norm(columns, axis=0)
-    return np.asarray(columns / np.where(size > 0, size, 1.0))
+        return log_p_of_fall(test.fall / variance / effect, few, freedoms, few) - test.log_p

@@ -11,7 +11,7 @@ are left out: to be seen there its parameters would have to be far beyond what i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -19,20 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.candidates import Candidate
-from rodgen.statistics.f_distribution import log10_of_f
-from rodgen.statistics.orthonormal import orthonormal
+from rodgen.statistics.columns import ColumnSpace, Whiten, directions_above, unit_columns
+from rodgen.statistics.multiple_testing import effective_tests
 
-__all__ = ["VISIBLE", "Score", "Space", "Whiten", "log_p"]
+__all__ = ["VISIBLE", "Score", "Space"]
 
 Array: TypeAlias = NDArray[np.float64]
-Whiten: TypeAlias = Callable[[Array], Array]
 
 VISIBLE = 0.02
 """Part of a candidate's column, or combination of columns, that must be left beside the model to be looked at: with
 less an effect would have to be fifty times as large as what it shows."""
-SIMULATIONS = 2000
-RATE = 0.01
-"""Rate of false alarms at which the number of independent candidates is counted."""
 
 
 @dataclass(frozen=True)
@@ -94,9 +90,7 @@ class Space:
         whole = np.where(np.isfinite(whole), whole, 0.0)
         self.readings = len(whole)
         self.length = np.linalg.norm(whole, axis=0)
-        whole = whole / np.where(self.length > 0, self.length, 1.0)
-        basis, self._triangle = _reduced(whole)
-        self._basis = basis
+        self._basis, self._triangle = np.linalg.qr(unit_columns(whole))
         ends = np.cumsum(sizes)
         self._model = slice(0, int(ends[0]))
         self._parts = {
@@ -123,22 +117,17 @@ class Space:
         """The model's columns in coordinates, of length 1, (K, p)."""
         return np.asarray(self._triangle[:, self._model])
 
-    def base(self, included: Sequence[Candidate] = ()) -> Array:
-        """Return an orthonormal basis of the model with some candidates, (K, rank)."""
-        columns = [self.model, *(self.columns(c) for c in included)]
-        return orthonormal(np.concatenate(columns, axis=1))
+    def base(self, included: Sequence[Candidate] = ()) -> ColumnSpace:
+        """Return the space of the model's columns with those of some candidates."""
+        return ColumnSpace.of([self.model, *(self.columns(c) for c in included)])
 
     # scores --------------------------------------------------------------------------------------------------
 
-    def across(self, base: Array, candidate: Candidate) -> tuple[Array, float]:
-        """Return an orthonormal basis of what a candidate does that a base does not, and how much that is."""
-        columns = self.columns(candidate)
-        rest = columns - base @ (base.T @ columns)
-        rest -= base @ (base.T @ rest)
-        u, s, _ = np.linalg.svd(rest, full_matrices=False)
-        seen = s > VISIBLE
+    def across(self, base: ColumnSpace, candidate: Candidate) -> tuple[Array, float]:
+        """Return an orthonormal basis of what a candidate does that a base cannot imitate, and how much that is."""
+        rest = base.project_out(self.columns(candidate))
         there = max(int((self.sizes(candidate) > 0).sum()), 1)
-        return u[:, seen], float(np.sqrt(np.sum(s**2) / there))
+        return directions_above(rest, VISIBLE), float(np.linalg.norm(rest) / np.sqrt(there))
 
     def scores(self, residual: Array, total: float, included: Sequence[Candidate] = ()) -> list[Score]:
         """Score every candidate that is not included, the best value of a searched parameter of each; best first.
@@ -150,67 +139,29 @@ class Space:
         included : sequence of Candidate
         """
         base = self.base(included)
-        residual = residual - base @ (base.T @ residual)
-        spare = self.readings - base.shape[1]
+        residual = base.project_out(residual)
+        spare = max(self.readings - base.rank, 0)
         gone = {c.key for c in included}
         best: dict[tuple[str, str | None], Score] = {}
         for candidate in self.candidates:
             if candidate.key in gone:
                 continue
             directions, visible = self.across(base, candidate)
-            k = directions.shape[1]
-            left = max(total, float(residual @ residual))
-            if k == 0 or spare - k < 1 or left <= 0:
-                score = Score(candidate, 0.0, 0, 0.0, 0.0, max(spare, 0), visible, left)
+            test = base.score_test(residual, directions, readings=self.readings, total=total)
+            if test is None:
+                left = max(total, float(residual @ residual))
+                score = Score(candidate, 0.0, 0, 0.0, 0.0, spare, visible, left)
             else:
-                fall = float(np.sum((directions.T @ residual) ** 2))
-                log = min(log_p(fall, left, k, spare - k) + float(np.log(candidate.tries)), 0.0)
-                f = fall / k / max((left - fall) / (spare - k), 1e-300)
-                score = Score(candidate, fall, k, log, f, spare - k, visible, left - fall)
+                log = min(test.log_p + float(np.log(candidate.tries)), 0.0)
+                score = Score(
+                    candidate, test.fall, test.freedoms, log, test.statistic, test.spare, visible, test.left
+                )
             if candidate.key not in best or score.log_p < best[candidate.key].log_p:
                 best[candidate.key] = score
         return sorted(best.values(), key=lambda score: (score.log_p, -score.visible))
 
     def tests(self, scores: Sequence[Score], included: Sequence[Candidate] = ()) -> float:
-        """Return as how many independent tests all of them count: by the least probability of simulated chance."""
+        """Return the number of independent tests that the scores amount to; see :func:`effective_tests`."""
         base = self.base(included)
-        parts = []
-        for score in scores:
-            if score.freedoms:
-                parts.append(self.across(base, score.candidate)[0])
-        if not parts:
-            return 1.0
-        spare = max(scores[0].spare, 1)
-        random = np.random.default_rng(0)
-        u, _, _ = np.linalg.svd(np.concatenate(parts, axis=1), full_matrices=False)
-        inside = random.normal(size=(u.shape[1], SIMULATIONS))
-        rest = max(spare - u.shape[1], 0)
-        total = np.sum(inside**2, axis=0) + (random.chisquare(rest, SIMULATIONS) if rest else 0.0)
-        from scipy.special import betainc
-
-        least = np.ones(SIMULATIONS)
-        for part in parts:
-            k = part.shape[1]
-            fall = np.sum(((u.T @ part).T @ inside) ** 2, axis=0)
-            x = np.clip(1 - fall / total, 0.0, 1.0)
-            least = np.minimum(least, betainc(max(spare - k, 1) / 2, k / 2, x))
-        quantile = float(np.quantile(least, RATE))
-        return max(-np.log1p(-RATE) / quantile, 1.0) if quantile > 0 else float(len(parts))
-
-
-def _reduced(whole: Array) -> tuple[Array, Array]:
-    basis, triangle = np.linalg.qr(whole)
-    return basis, triangle
-
-
-def log_p(fall: float, total: float, freedoms: int, spare: int) -> float:
-    """Return the logarithm of the probability of F by chance, also where it is too small for a double.
-
-    Parameters
-    ----------
-    fall, total : float
-        Sum of squares that is taken away, and before.
-    freedoms, spare : int
-        Degrees of freedom of F.
-    """
-    return log10_of_f(fall, total - fall, freedoms, spare) * float(np.log(10))
+        parts = [self.across(base, score.candidate)[0] for score in scores if score.freedoms]
+        return effective_tests(parts, max(scores[0].spare, 1) if scores else 1)

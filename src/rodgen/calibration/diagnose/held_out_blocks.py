@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.held_out import deal
 from rodgen.calibration.observations import Observations
+from rodgen.statistics.columns import orthonormal_basis, project_out
+from rodgen.statistics.leave_out import LeaveOut, group_slices
 
 __all__ = ["Blocks"]
 
 Array: TypeAlias = NDArray[np.float64]
 
 FOLDS = 10
-ALONE = 1e-6
-"""Part of a combination that is left without a block, below which the others know nothing of it: there it is zero."""
 
 
 class Blocks:
@@ -46,7 +46,7 @@ class Blocks:
         fold = _stretches(observations) if stretches else deal(observations, FOLDS)
         fold = np.repeat(fold, self.m)
         self.order = np.argsort(fold, kind="stable")
-        self.starts = np.flatnonzero(np.diff(fold[self.order], prepend=-1))
+        self.blocks = group_slices(fold[self.order])
         self.model = model.reshape(len(fold), -1)
         self.residual = residual.ravel()
 
@@ -62,24 +62,10 @@ class Blocks:
     def errors(self, further: Sequence[Array]) -> Array:
         """Return the weighted residuals with each block left out, in the order of blocks, (n m,)."""
         columns = [self.model, *(c.reshape(len(self.model), -1) for c in further)]
-        whole = np.concatenate(columns, axis=1)[self.order]
-        size = np.linalg.norm(whole, axis=0)
-        u, s, _ = np.linalg.svd(whole / np.where(size > 0, size, 1.0), full_matrices=False)
-        u = u[:, s > 1e-9 * max(s[0], 1e-300)] if len(s) else u
-        r = self.residual[self.order]
-        taken = u.T @ r
-        r = r - u @ taken
-        found = np.empty(len(r))
-        for start, end in zip(self.starts, [*self.starts[1:], len(r)], strict=True):
-            part = u[start:end]
-            values, vectors = np.linalg.eigh(part.T @ part)
-            known = values < 1 - ALONE
-            along = vectors[:, known] @ (
-                (vectors[:, known].T @ (part.T @ r[start:end])) / (1 - values[known])
-            )
-            alone = vectors[:, ~known]  # what this block alone tells: nothing predicts it
-            found[start:end] = r[start:end] + part @ (along + alone @ (alone.T @ taken))
-        return found
+        basis = orthonormal_basis(np.concatenate(columns, axis=1)[self.order])
+        residual = self.residual[self.order]
+        amount = basis.T @ residual
+        return LeaveOut(basis, self.blocks).residuals(project_out(basis, residual), amount=amount)
 
 
 def _stretches(observations: Observations) -> NDArray[np.int_]:

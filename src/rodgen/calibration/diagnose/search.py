@@ -17,7 +17,7 @@ from rodgen.calibration.assembly_modes import in_another_mode, weakest
 from rodgen.calibration.diagnose.aliases import aliases_of
 from rodgen.calibration.diagnose.candidates import Candidate, candidates
 from rodgen.calibration.diagnose.clusters import Clusters
-from rodgen.calibration.diagnose.column_space import Space, log_p
+from rodgen.calibration.diagnose.column_space import Space
 from rodgen.calibration.diagnose.diagnosis import (
     SMALLEST,
     DiagnosedEffect,
@@ -44,6 +44,7 @@ from rodgen.calibration.robust import gross_rows
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError
 from rodgen.machines.machine import Machine
+from rodgen.statistics.f_tests import log_p_of_fall
 
 __all__ = ["diagnose"]
 
@@ -331,7 +332,7 @@ class _Diagnosing:
         fall = without.chi_square - final.chi_square
         if further < 1 or not fall > 0:
             return True
-        log = log_p(fall, without.chi_square, further, max(final.degrees_of_freedom, 1))
+        log = log_p_of_fall(fall, final.chi_square, further, max(final.degrees_of_freedom, 1))
         return bool(log > np.log(RARE))
 
     def _judged(self, final: Fit, outliers: Mask) -> Mask:

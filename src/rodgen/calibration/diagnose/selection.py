@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.clusters import Clusters
-from rodgen.calibration.diagnose.column_space import Score, Space, log_p
+from rodgen.calibration.diagnose.column_space import Score, Space
 from rodgen.calibration.diagnose.held_out_blocks import Blocks
+from rodgen.statistics.f_tests import log_p_of_fall
 
 __all__ = ["FAMILY_WISE", "Selection", "a_parameter", "of_one_leg"]
 
@@ -163,7 +164,7 @@ class Selection:
     def left(self, residual: Array, total: float, included: Sequence[Candidate]) -> float:
         """Return the sum of squares that is left with some candidates."""
         base = self.space.base(included)
-        along = base.T @ residual
+        along = base.basis.T @ residual
         return max(total - float(along @ along), 1e-12 * total)
 
     # backward ------------------------------------------------------------------------------------------------
@@ -193,10 +194,11 @@ class Selection:
         base = self.space.base(others)
         directions, _ = self.space.across(base, candidate)
         left, k = self.left(residual, total, others), directions.shape[1]
-        spare = self.space.readings - base.shape[1] - k
+        spare = self.space.readings - base.rank - k
         if not k or spare < 1:
             return 0.0
-        log = log_p(float(np.sum((directions.T @ residual) ** 2)), left, k, spare)
+        fall = float(np.sum((directions.T @ residual) ** 2))
+        log = log_p_of_fall(fall, left - fall, k, spare)
         log += float(np.log(self.tests(others) * candidate.tries))
         return min(log + self.clusters.penalty([c.columns for c in others], candidate.columns), 0.0)
 
@@ -258,10 +260,10 @@ class Selection:
         self, residual: Array, total: float, included: Sequence[Candidate], best: Sequence[Candidate]
     ) -> float:
         """Return chi-square, in variances that the best set leaves, and so much for each parameter."""
-        rank = self.space.base(best).shape[1]
+        rank = self.space.base(best).rank
         bent = STRAIGHT**2 * self.left(residual, total, [])
         variance = max(self.left(residual, total, best), bent) / max(self.space.readings - rank, 1)
-        own = self.space.base(included).shape[1] + sum(len(c.searched) for c in included)
+        own = self.space.base(included).rank + sum(len(c.searched) for c in included)
         rare = sum(2 * RARER.get(c.effect.name, 0.0) for c in included)
         left = max(self.left(residual, total, included), bent)
         return float(left / variance + a_parameter(self.rows) * own + rare)

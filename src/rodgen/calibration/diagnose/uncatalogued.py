@@ -22,7 +22,7 @@ from rodgen.calibration.diagnose.held_out_blocks import Blocks
 from rodgen.calibration.diagnose.selection import IMPERFECT, Selection, a_parameter
 from rodgen.calibration.diagnose.sensitivities import Carriers
 from rodgen.calibration.diagnose.variance_components import Correlation
-from rodgen.statistics.orthonormal import orthonormal
+from rodgen.statistics.columns import ColumnSpace
 
 __all__ = ["Outside", "outside_of"]
 
@@ -164,17 +164,16 @@ class _Contest:
 
     # what it costs -------------------------------------------------------------------------------------------
 
-    def _basis(self, kept: Sequence[Candidate], forms: Sequence[Form]) -> tuple[Array, Array]:
+    def _space(self, kept: Sequence[Candidate], forms: Sequence[Form]) -> tuple[ColumnSpace, Array]:
         columns = [self.carriers.model, *(c.columns for c in kept), *(f.columns for f in forms)]
         every = np.concatenate([*columns, self.carriers.residual[:, :, None]], axis=2)
         white = self.how.whiten(every).reshape(-1, every.shape[2])
-        return orthonormal(white[:, :-1]), white[:, -1]
+        return ColumnSpace.of(white[:, :-1]), white[:, -1]
 
     def _left_and_rank(self, kept: Sequence[Candidate], forms: Sequence[Form]) -> tuple[float, int, int]:
         """Return the sum of squares that is left, the number of parameters, and that of readings."""
-        basis, residual = self._basis(kept, forms)
-        rest = residual - basis @ (basis.T @ residual)
-        return float(np.sum(rest**2)), basis.shape[1], len(residual)
+        space, residual = self._space(kept, forms)
+        return float(np.sum(space.project_out(residual) ** 2)), space.rank, len(residual)
 
     def _left(self, kept: Sequence[Candidate], forms: Sequence[Form]) -> float:
         return self._left_and_rank(kept, forms)[0]

@@ -11,21 +11,20 @@ known size is part of A too, by the identity of Woodbury. Further columns are ta
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.forms.dictionary import Term
+from rodgen.statistics.columns import DEPENDENT, Whiten, directions_above, project_out, unit_columns
+from rodgen.statistics.f_tests import fall_from_products
 
-__all__ = ["Level", "Whiten"]
+__all__ = ["Level"]
 
 Array: TypeAlias = NDArray[np.float64]
-Whiten: TypeAlias = Callable[[Array], Array]
 
-DETERMINED = 1e-9
-"""Directions of columns below this part of the largest, scaled alike, tell nothing (see `determinacy`)."""
 VISIBLE = 1e-6
 """Of a column's sum of squares this part, at least, must be left when the model has taken its own."""
 
@@ -122,12 +121,9 @@ class Level:
             values, vectors = np.linalg.eigh(flat.T @ across)
             kept = values > VISIBLE
             return np.asarray(across @ (vectors[:, kept] / np.sqrt(values[kept])))
-        for _ in range(2):
-            flat = flat - self.basis @ (self.basis.T @ flat)
-        _, values, vt = np.linalg.svd(np.linalg.qr(flat, mode="r"))
-        kept = values > (DETERMINED * max(values[0], 1e-300) if not self.basis.shape[1] else np.sqrt(VISIBLE))
-        across = flat @ (vt[: len(values)][kept].T / values[kept])
-        return np.linalg.qr(across)[0]
+        if not self.basis.shape[1]:
+            return directions_above(flat, 1e-300, relative=DEPENDENT)
+        return directions_above(project_out(self.basis, flat), np.sqrt(VISIBLE))
 
     def take_out(self, flat: Array) -> Array:
         """Let the model have further columns (N, K), and return what was added to A."""
@@ -155,9 +151,7 @@ class Level:
         return np.array(found)
 
     def _falls(self, blocks: Sequence[Array]) -> list[float]:
-        flat = self.flat(np.concatenate(blocks, axis=2))
-        size = np.linalg.norm(flat, axis=0)
-        flat = flat / np.where(size > 0, size, 1.0)
+        flat = unit_columns(self.flat(np.concatenate(blocks, axis=2)))
         across = self.basis.T @ flat
         pull = flat.T @ self.left
         gram = flat.T @ flat - across.T @ across
@@ -165,8 +159,5 @@ class Level:
         for block in blocks:
             of = slice(start, start + block.shape[2])
             start = of.stop
-            values, vectors = np.linalg.eigh(gram[of, of])
-            kept = values > VISIBLE
-            along = vectors[:, kept].T @ pull[of]
-            found.append(float(np.sum(along**2 / values[kept])))
+            found.append(fall_from_products(gram[of, of], pull[of], least=VISIBLE))
         return found

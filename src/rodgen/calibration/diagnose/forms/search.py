@@ -22,13 +22,14 @@ from rodgen.calibration.diagnose.forms.catalogued import is_catalogued
 from rodgen.calibration.diagnose.forms.dictionary import Driver, Term, dictionary, drivers_of
 from rodgen.calibration.diagnose.forms.form import Form
 from rodgen.calibration.diagnose.forms.formula import Piece, values_of, write
-from rodgen.calibration.diagnose.forms.leave_out import Unseen, folds_of
-from rodgen.calibration.diagnose.forms.level import Level, Whiten
+from rodgen.calibration.diagnose.forms.leave_out import PosesLeftOut, folds_of
+from rodgen.calibration.diagnose.forms.level import Level
 from rodgen.calibration.diagnose.forms.refine import refined, short
 from rodgen.calibration.diagnose.forms.screen import Functions, Screen
 from rodgen.calibration.observations import Observations
 from rodgen.calibration.problem import one_thread_in_blas
-from rodgen.statistics.f_distribution import log10_of_f
+from rodgen.statistics.columns import Whiten, unchanged
+from rodgen.statistics.f_tests import log10_p_of_fall
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose.sensitivities import Carriers
@@ -190,7 +191,7 @@ class _Search:
             C[:, rows],
             [x[rows] for x in values],
             carriers.residual[rows],
-            _unchanged,
+            unchanged,
             drift=None if self.drift is None else self.drift[rows].reshape(len(rows) * m, -1),
         )
 
@@ -218,12 +219,12 @@ class _Search:
             return None
         at = {name: [i for i, (place, _) in enumerate(search.places) if place == name] for name in joints}
         search.screen = Screen(search.rough, search.functions, at)
-        search.unseen = Unseen(search.exact, *search.in_order)
+        search.unseen = PosesLeftOut(search.exact, *search.in_order)
         search.start = search.exact.total
         return search
 
     screen: Screen
-    unseen: Unseen
+    unseen: PosesLeftOut
     start: float
 
     # one step ------------------------------------------------------------------------------------------------------
@@ -370,7 +371,7 @@ class _Search:
         k = piece.parameters
         left = max(self.exact.total - fall, 0.0)
         tried = np.log10(max(self.screen.tried, 1)) + np.log10(CHOICES) * len(piece.term.searched)
-        return min(log10_of_f(fall, left, k, self.exact.freedoms - k) + float(tried), 0.0)
+        return min(log10_p_of_fall(fall, left, k, self.exact.freedoms - k) + float(tried), 0.0)
 
     def _simplicity(self, piece: Piece) -> tuple[int, int, bool, int, int, int]:
         """Return what is compared: parameters, factors, whether it is new, orders, how far off its driver it stands.
@@ -551,13 +552,9 @@ def _some(count: int, most: int) -> NDArray[np.int_]:
 
 def _whiten(whitened: Any) -> Whiten:
     if whitened is None or getattr(whitened, "independent", False):
-        return _unchanged
+        return unchanged
     made: Whiten = getattr(whitened, "whiten", whitened)
     return made
-
-
-def _unchanged(columns: Array) -> Array:
-    return columns
 
 
 def _drift(carriers: Carriers, whiten: Callable[[Array], Array]) -> Array | None:
@@ -566,7 +563,7 @@ def _drift(carriers: Carriers, whiten: Callable[[Array], Array]) -> Array | None
     The frame's freedoms times cosines over the row are nearly what the covariance of a drift only stretches: by how
     much is seen from what whitening makes of them.
     """
-    if whiten is _unchanged:
+    if whiten is unchanged:
         return None
     n = carriers.observations.n
     waves = np.cos(np.pi * np.outer((np.arange(n) + 0.5) / n, np.arange(COSINES)))

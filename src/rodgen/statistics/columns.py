@@ -1,0 +1,217 @@
+"""The space that the columns of a linear model span: its orthonormal basis, projections, score tests, leverage.
+
+With Q, an orthonormal basis of the columns, a residual r is projected to r - QQᵀr, and further columns c are seen only
+as far as c - QQᵀc is not nearly zero. Columns of readings whose errors depend on each other are whitened first: a
+:data:`Whiten` brings columns (n, m, K) to where errors are independent and alike, as `whiten(x)` of statsmodels does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.statistics.f_tests import log_p_of_fall
+
+__all__ = [
+    "DEPENDENT",
+    "ColumnSpace",
+    "ScoreTest",
+    "Whiten",
+    "directions_above",
+    "orthonormal_basis",
+    "project_out",
+    "unchanged",
+    "unit_columns",
+    "visible_part",
+]
+
+Array: TypeAlias = NDArray[np.float64]
+Whiten: TypeAlias = Callable[[Array], Array]
+
+DEPENDENT = 1e-9
+"""Singular value, in parts of the largest, below which a direction of columns of length 1 is rounding: parameters that
+differ so little change the readings by less than a double can tell."""
+
+
+def unchanged(columns: Array) -> Array:
+    """Return columns as they are: the :data:`Whiten` of readings whose errors are independent and alike."""
+    return columns
+
+
+def unit_columns(columns: Array) -> Array:
+    """Return columns of length 1, (N, k); those that are zero stay zero."""
+    size = np.linalg.norm(columns, axis=0)
+    return np.asarray(columns / np.where(size > 0, size, 1.0))
+
+
+def orthonormal_basis(columns: Array, *, relative: float = DEPENDENT) -> Array:
+    """Return an orthonormal basis of the space that columns span, (N, rank).
+
+    Parameters
+    ----------
+    columns : ndarray, shape (N, k)
+        Of any length; a column of zeros spans nothing.
+    relative : float
+        Singular values of the columns, scaled to length 1, below this part of the largest are left out.
+    """
+    return directions_above(unit_columns(columns), 1e-300, relative=relative)
+
+
+def project_out(basis: Array, columns: Array) -> Array:
+    """Return columns less their projection onto a space: (1 - QQᵀ) X.
+
+    Parameters
+    ----------
+    basis : ndarray, shape (N, r)
+        Q, orthonormal.
+    columns : ndarray, shape (N,) or (N, k)
+
+    Notes
+    -----
+    Done twice: once leaves 1e-16 of the projection, which matters where little else remains (Parlett's "twice is
+    enough").
+    """
+    for _ in range(2):
+        columns = columns - basis @ (basis.T @ columns)
+    return columns
+
+
+def visible_part(basis: Array, columns: Array, least: float) -> Array:
+    """Return an orthonormal basis of what columns span outside of a space, (N, rank).
+
+    Parameters
+    ----------
+    basis : ndarray, shape (N, r)
+        Orthonormal.
+    columns : ndarray, shape (N, k)
+        Of length 1.
+    least : float
+        Singular value of the projected columns below which a direction counts as part of the space.
+    """
+    return project_out(basis, directions_above(project_out(basis, columns), least))
+
+
+def directions_above(columns: Array, least: float, *, relative: float = 0.0) -> Array:
+    """Return the left singular vectors of columns, (N, rank), that belong to large enough singular values.
+
+    Parameters
+    ----------
+    columns : ndarray, shape (N, k)
+    least, relative : float
+        Singular values must exceed the one, and the other times the largest of them.
+    """
+    if not columns.shape[1]:
+        return np.zeros((len(columns), 0))
+    basis, triangle = np.linalg.qr(columns)
+    u, values, _ = np.linalg.svd(triangle, full_matrices=False)
+    return np.asarray(basis @ u[:, values > max(least, relative * values[0])])
+
+
+@dataclass(frozen=True)
+class ScoreTest:
+    """What further columns would explain of a residual (Rao 1948): F of the fall of the sum of squares.
+
+    Attributes
+    ----------
+    fall : float
+        By how much the columns lower the sum of squares.
+    left : float
+        Sum of squares that remains.
+    freedoms, spare : int
+        Degrees of freedom of the two.
+    """
+
+    fall: float
+    left: float
+    freedoms: int
+    spare: int
+
+    @property
+    def statistic(self) -> float:
+        """F."""
+        return self.fall / self.freedoms / max(self.left / self.spare, 1e-300)
+
+    @property
+    def log_p(self) -> float:
+        """Natural logarithm of the probability that chance does as much."""
+        return log_p_of_fall(self.fall, self.left, self.freedoms, self.spare)
+
+
+@dataclass(frozen=True, eq=False)
+class ColumnSpace:
+    """The space that the columns of a model span.
+
+    Attributes
+    ----------
+    basis : ndarray, shape (N, r)
+        Orthonormal.
+    """
+
+    basis: Array
+
+    @classmethod
+    def of(cls, columns: Array | Sequence[Array]) -> ColumnSpace:
+        """Return the space of columns (N, k), or of several such blocks together."""
+        whole = columns if isinstance(columns, np.ndarray) else np.concatenate(columns, axis=1)
+        return cls(orthonormal_basis(whole))
+
+    @property
+    def rank(self) -> int:
+        """Number of dimensions."""
+        return int(self.basis.shape[1])
+
+    @property
+    def leverage(self) -> Array:
+        """Diagonal of the hat matrix QQᵀ, (N,)."""
+        return np.einsum("ij,ij->i", self.basis, self.basis)
+
+    def project_out(self, columns: Array) -> Array:
+        """Return columns less their projection onto the space; see :func:`project_out`."""
+        return project_out(self.basis, columns)
+
+    def visible_part(self, columns: Array, least: float) -> Array:
+        """Return a basis of what columns of length 1 span outside of the space; see :func:`visible_part`."""
+        return visible_part(self.basis, columns, least)
+
+    def joined(self, basis: Array) -> ColumnSpace:
+        """Return the space together with an orthonormal basis of directions outside of it."""
+        return ColumnSpace(np.concatenate([self.basis, basis], axis=1))
+
+    def score_test(
+        self,
+        residual: Array,
+        directions: Array,
+        *,
+        readings: int | None = None,
+        total: float | None = None,
+    ) -> ScoreTest | None:
+        """Return the score test of directions outside of the space.
+
+        Parameters
+        ----------
+        residual : ndarray, shape (N,)
+            With its projection onto the space taken out.
+        directions : ndarray, shape (N, k)
+            Orthonormal; see :meth:`visible_part`.
+        readings : int, optional
+            Number of readings, where rows are coordinates in a smaller space; left out: N.
+        total : float, optional
+            Sum of squares of the residuals, where the rows do not show all of it.
+
+        Returns
+        -------
+        ScoreTest or None
+            None where no direction is visible, no degree of freedom remains, or the residual is zero.
+        """
+        before = float(residual @ residual)
+        before = before if total is None else max(total, before)
+        k = directions.shape[1]
+        spare = (len(self.basis) if readings is None else readings) - self.rank - k
+        if k == 0 or spare < 1 or not before > 0:
+            return None
+        fall = float(np.sum((directions.T @ residual) ** 2))
+        return ScoreTest(fall, before - fall, k, spare)

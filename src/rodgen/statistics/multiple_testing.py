@@ -1,0 +1,56 @@
+"""How many independent tests several tests of one residual amount to, for a family-wise rate of false alarms."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["effective_tests"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+SIMULATIONS = 2000
+RATE = 0.01
+"""Rate of false alarms at which the effective number is counted: that at which it is used."""
+
+
+def effective_tests(bases: Sequence[Array], spare: int) -> float:
+    """Return the number of independent tests of which the least p-value is distributed like that of these.
+
+    Parameters
+    ----------
+    bases : sequence of ndarray, each of shape (N, k)
+        Orthonormal basis of what each test looks at.
+    spare : int
+        Degrees of freedom that a test with no columns of its own would leave.
+
+    Returns
+    -------
+    float
+        At least 1.
+
+    Notes
+    -----
+    The quantile of the least p-value at the rate α of false alarms is simulated with normal residuals, and the Šidák
+    correction 1 - (1 - p)ⁿ = α solved for n.
+    """
+    from scipy.special import betainc
+
+    if not bases:
+        return 1.0
+    random = np.random.default_rng(0)
+    u, _, _ = np.linalg.svd(np.concatenate(bases, axis=1), full_matrices=False)
+    inside = random.normal(size=(u.shape[1], SIMULATIONS))
+    rest = max(spare - u.shape[1], 0)
+    total = np.sum(inside**2, axis=0) + (random.chisquare(rest, SIMULATIONS) if rest else 0.0)
+    least = np.ones(SIMULATIONS)
+    for basis in bases:
+        k = basis.shape[1]
+        fall = np.sum(((u.T @ basis).T @ inside) ** 2, axis=0)
+        x = np.clip(1 - fall / total, 0.0, 1.0)
+        least = np.minimum(least, betainc(max(spare - k, 1) / 2, k / 2, x))
+    quantile = float(np.quantile(least, RATE))
+    return max(-np.log1p(-RATE) / quantile, 1.0) if quantile > 0 else float(len(bases))
