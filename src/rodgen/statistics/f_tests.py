@@ -1,4 +1,4 @@
-"""Tail probabilities of F, also where they are too small for a double, and the falls of sums of squares they belong to."""
+"""Tail probabilities of F, also where they are too small for a double, and falls of sums of squares."""
 
 from __future__ import annotations
 
