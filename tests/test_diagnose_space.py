@@ -30,7 +30,7 @@ from rodgen.calibration.diagnose.sensitivities import (
     sample_of,
 )
 from rodgen.calibration.fit import Fit, fit
-from rodgen.calibration.held_out import deal
+from rodgen.calibration.held_out import folds_of_rows
 from rodgen.calibration.observations import Observations, bind
 from rodgen.calibration.problem import Problem
 from rodgen.data.measurements import Measurements
@@ -511,7 +511,7 @@ def observed(n: int, rows: int = 1) -> Observations:
 
 def left_out(o: Observations, columns: np.ndarray, residual: np.ndarray) -> np.ndarray:
     """Return the errors (n, m) of fits to all other blocks."""
-    fold = deal(o, FOLDS)
+    fold = folds_of_rows(o, FOLDS)
     found = np.empty_like(residual)
     for block in np.unique(fold):
         out = fold == block
@@ -539,7 +539,7 @@ def test_errors_are_those_of_fits_without_each_block(rows):
 
 def test_poses_stay_whole():
     o = observed(25, 4)
-    fold = deal(o, FOLDS)
+    fold = folds_of_rows(o, FOLDS)
     blocks = Blocks(o, np.ones((o.n, 3, 1)), np.ones((o.n, 3)))
     assert len(blocks.blocks) == FOLDS
     assert all(len(set(fold[o.pose == pose])) == 1 for pose in np.unique(o.pose))

@@ -14,12 +14,13 @@ from scipy import stats
 import rodgen
 from rodgen.calibration.effect_test import step
 from rodgen.calibration.fit import Fit, fit
-from rodgen.calibration.held_out import _dealt, _folds, held_out
+from rodgen.calibration.held_out import _dealt, held_out
 from rodgen.calibration.ladder import ladder, ladder_of
 from rodgen.calibration.observations import bind
 from rodgen.calibration.problem import Problem
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.machine import Joint, Machine, Measured, Target
+from rodgen.statistics.leave_out import deal
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "machines"
 
@@ -80,7 +81,7 @@ def test_held_out_error_is_that_of_fits_from_scratch_one_pose_at_a_time():
 def test_a_free_frame_is_found_without_the_poses_that_are_held_out():
     full = fit(*example("positioner"))
     found = full.held_out(folds=4)
-    fold = _folds(found.poses, 4)[_dealt(full.observations)[0]]
+    fold = deal(found.poses, 4)[_dealt(full.observations)[0]]
     residuals = np.concatenate([predicted_alone(full, fold == k) for k in range(4)])
     assert found.rms == pytest.approx(np.sqrt(np.mean(residuals**2)), rel=1e-5)
 
@@ -101,8 +102,8 @@ def test_few_places_are_told_apart_pose_by_pose():
 
 @pytest.mark.parametrize(("poses", "folds"), [(23, 5), (1000, 10), (7, 7)])
 def test_every_fold_has_one_pose_of_each_stretch(poses, folds):
-    fold = _folds(poses, folds)
-    assert np.array_equal(fold, _folds(poses, folds))
+    fold = deal(poses, folds)
+    assert np.array_equal(fold, deal(poses, folds))
     for start in range(0, poses, folds):
         stretch = fold[start : start + folds]
         assert len(set(stretch)) == len(stretch)

@@ -25,15 +25,14 @@ from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.whitened_parameters import Whitened
 from rodgen.data.poses import groups
 from rodgen.errors import RodgenError
-from rodgen.statistics.leave_out import ALONE, undo_leverage
-from rodgen.statistics.leave_out import deal as dealt_into
+from rodgen.statistics.leave_out import ALONE, deal, undo_leverage
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
     from rodgen.calibration.observations import Observations
     from rodgen.machines.model import Frame
 
-__all__ = ["HeldOut", "deal", "held_out"]
+__all__ = ["HeldOut", "folds_of_rows", "held_out"]
 
 Array: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int_]
@@ -142,7 +141,7 @@ def held_out(
     folds = min(folds, poses)
     if folds < 2:
         return HeldOut(None, fit.unit, 0, poses)
-    fold = dealt_into(poses, folds)[pose]
+    fold = deal(poses, folds)[pose]
     problem = Problem(fit.problem.model, o)
     squares, converged = 0.0, True
     with one_thread_in_blas():
@@ -170,10 +169,10 @@ def held_out(
     )
 
 
-def deal(observations: Observations, folds: int) -> Ints:
+def folds_of_rows(observations: Observations, folds: int) -> Ints:
     """Return the fold of each row, (n,): whole poses, and replicates of a pose together."""
     pose, poses = _dealt(observations)
-    return np.asarray(dealt_into(poses, min(folds, poses))[pose])
+    return np.asarray(deal(poses, min(folds, poses))[pose])
 
 
 def _told(progress: Callable[[str, int, float], object], what: str) -> Callable[[int, float], object]:

@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.held_out import deal
+from rodgen.calibration.held_out import folds_of_rows
 from rodgen.calibration.observations import Observations
 from rodgen.statistics.columns import orthonormal_basis, project_out
 from rodgen.statistics.leave_out import LeaveOut, group_slices
@@ -43,7 +43,7 @@ class Blocks:
         self, observations: Observations, model: Array, residual: Array, *, stretches: bool = False
     ) -> None:
         self.m = residual.shape[1]
-        fold = _stretches(observations) if stretches else deal(observations, FOLDS)
+        fold = _stretches(observations) if stretches else folds_of_rows(observations, FOLDS)
         fold = np.repeat(fold, self.m)
         self.order = np.argsort(fold, kind="stable")
         self.blocks = group_slices(fold[self.order])
