@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from rodgen.data.tables import PAIR_COLUMNS, open_sink, read_pairs, solve_table
 from rodgen.data.tables import reader as source
-from rodgen.data.tables.columns import UnitError, conversion_factor
+from rodgen.data.units import UnitError, conversion_factor
 from rodgen.errors import InputFileError, RodgenError, shown
 
 HEADER = "rho_x [mm],rho_y [mm],rho_z [mm],rho_prime_x [mm],rho_prime_y [mm],rho_prime_z [mm],angle [deg]"

@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rodgen.data import units
-from rodgen.data.tables import UnitError
 from rodgen.data.units import (
     ANGLE,
     FORCE,
@@ -17,6 +16,7 @@ from rodgen.data.units import (
     TEMPERATURE,
     TIME,
     Dimension,
+    UnitError,
     display_unit,
     parse_unit,
     unit_factor,
@@ -98,11 +98,10 @@ def test_a_unit_that_is_the_files_own_is_not_rounded():
 )
 def test_a_temperature_with_its_own_zero_is_told_from_a_difference(text, zero):
     unit = parse_unit(text)
-    assert unit.is_temperature_offset
     assert float(unit.zero) == pytest.approx(zero, rel=1e-15)
-    assert not parse_unit(f"mm/{text}").is_temperature_offset
-    assert not parse_unit("K").is_temperature_offset
-    assert not parse_unit("delta_degC").is_temperature_offset
+    assert parse_unit(f"mm/{text}").zero is None
+    assert parse_unit("K").zero is None
+    assert parse_unit("delta_degC").zero is None
 
 
 BAD = {

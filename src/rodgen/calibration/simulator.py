@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from rodgen.calibration.assembly_modes import open_legs
 from rodgen.calibration.fit import fit
 from rodgen.calibration.problem import Problem
-from rodgen.data.tables import UnitError
-from rodgen.data.units import ANGLE, LENGTH, parse_unit, unit_factor
+from rodgen.data.units import ANGLE, LENGTH, UnitError, parse_unit, unit_factor
 from rodgen.errors import InputFileError, RodgenError, shown
 from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.effects.typed import number_and_unit

@@ -161,7 +161,7 @@ def _fit_axis(options: argparse.Namespace) -> int:
 
 
 def _in_unit(value: float, unit: str, target: str) -> float:
-    from rodgen.data.tables import UnitError, conversion_factor
+    from rodgen.data.units import UnitError, conversion_factor
 
     try:
         return value * conversion_factor(unit, "length", target)

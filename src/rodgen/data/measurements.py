@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from rodgen.calibration.observations import Observations, bind
 from rodgen.data.names import plain_name
 from rodgen.data.spool import GrowingArray
-from rodgen.data.tables import EveryColumn, UnitError, open_frame, open_table
+from rodgen.data.tables import EveryColumn, open_frame, open_table
+from rodgen.data.units import UnitError
 from rodgen.errors import InputFileError, shown
 
 if TYPE_CHECKING:

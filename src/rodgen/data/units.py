@@ -1,11 +1,11 @@
-"""What a unit text means: its dimension, and the factor to the numbers that are computed with.
+"""The meaning of a unit's text: its dimension, and its factor to internal units.
 
-Computed with are the machine file's unit of length, the radian, the second, the kelvin (a difference) and the
-newton. A mass is a force over an acceleration there, so that every unit of mechanics is made of these five; what is
-none of mechanics (ampere, candela, count) keeps Pint's name and size.
+Internal units are the machine file's unit of length, the radian, the second, the kelvin (for differences) and the
+newton. Mass is force over acceleration, so these five make up every unit of mechanics; other base units (ampere,
+candela, count) keep the name and size that Pint gives them.
 
-A unit text is unit names, products, quotients and exponents of one digit. The everyday names are in a table here;
-any other is looked up in Pint, which is imported only then: it takes longer to load than a model.
+A unit's text consists of unit names, products, quotients and exponents of one digit. A table here holds the everyday
+names; Pint knows all others and is imported only when one of them occurs, because it takes longer to load than a model.
 """
 
 from __future__ import annotations
@@ -17,10 +17,9 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
-from rodgen.data.tables import UnitError
-from rodgen.errors import shown
+from rodgen.errors import UnexpectedError, shown
 
 __all__ = [
     "ANGLE",
@@ -30,17 +29,28 @@ __all__ = [
     "TEMPERATURE",
     "TIME",
     "Dimension",
+    "Quantity",
     "Unit",
+    "UnitError",
+    "conversion_factor",
     "display_unit",
+    "is_unit",
     "parse_unit",
     "unit_factor",
 ]
 
+Quantity: TypeAlias = Literal["length", "angle", "rate"]
+"""What a table's column measures; a rate is an angle per time."""
+
 _BASES = ("angle", "length", "force", "temperature", "time")
-"""In the order in which a display unit names them: arcsec/mm, mm/K."""
+"""Order of the factors of a display unit: arcsec/mm, mm/K."""
 
 _BELOW = ("force", "length", "temperature", "time", "angle")
-"""The same below the line: arcsec/N/mm."""
+"""Order of its divisors: arcsec/N/mm."""
+
+
+class UnitError(UnexpectedError):
+    """A unit that cannot be used: what was found, and what was expected."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +74,7 @@ class Dimension:
 
     @classmethod
     def of(cls, powers: Iterable[tuple[str, int | Fraction]]) -> Dimension:
-        """Collect powers, of which some may be equal or zero."""
+        """Return the product of powers; names may repeat, exponents may be zero."""
         total: dict[str, Fraction] = {}
         for name, exponent in powers:
             total[name] = total.get(name, Fraction(0)) + exponent
@@ -86,7 +96,7 @@ class Dimension:
         return _product({name: name for name, _ in self.powers}, self) if self.powers else "a plain number"
 
     def fits(self, other: Dimension) -> bool:
-        """Tell whether the two may be added: an angle in radians is a plain number.
+        """Return whether quantities of the two dimensions may be added: an angle in radians is a plain number.
 
         Examples
         --------
@@ -108,7 +118,7 @@ LENGTH, ANGLE, TIME, TEMPERATURE, FORCE = (
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit, as read from a text.
+    """A unit of measurement.
 
     Attributes
     ----------
@@ -120,7 +130,8 @@ class Unit:
     turns : int
         The power of pi in its size: a degree is exactly pi/180.
     zero : Fraction or None
-        Of a scale with a zero of its own, what it reads as zero, in degrees Celsius; None for every other unit.
+        Zero of a temperature scale (degC, degF), in degrees Celsius; None for every other unit. The factor of such a
+        unit is that of a difference.
     """
 
     text: str
@@ -130,7 +141,7 @@ class Unit:
     zero: Fraction | None = None
 
     def factor(self, length_unit: str = "mm") -> float:
-        """Return what a number in this unit is multiplied by to be computed with.
+        """Return the factor from this unit to internal units.
 
         Parameters
         ----------
@@ -148,20 +159,9 @@ class Unit:
             return _size(self.scale / length**power.numerator, self.turns)
         return _size(self.scale, self.turns) / math.pow(length, power)
 
-    @property
-    def is_temperature_offset(self) -> bool:
-        """Whether it is a temperature with a zero of its own (degC, degF); :meth:`factor` is of a difference.
-
-        Examples
-        --------
-        >>> [parse_unit(u).is_temperature_offset for u in ("degC", "K", "mm/degC")]
-        [True, False, False]
-        """
-        return self.zero is not None
-
 
 def parse_unit(text: str) -> Unit:
-    """Read a unit.
+    """Return the unit that a text stands for.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def parse_unit(text: str) -> Unit:
     Raises
     ------
     UnitError
-        When it is no such unit; also for logarithmic units (dB), which no factor brings anywhere.
+        When it is no such unit; also for logarithmic units (dB), which have no factor.
 
     Examples
     --------
@@ -184,13 +184,16 @@ def parse_unit(text: str) -> Unit:
     angle/force/length
     >>> parse_unit("arcsec/(N*m)")
     Traceback (most recent call last):
-    rodgen.data.tables.columns.UnitError: unit 'arcsec/(N*m)' with parentheses; expected 'arcsec/N/m', without them
+    rodgen.data.units.UnitError: unit 'arcsec/(N*m)' with parentheses; expected 'arcsec/N/m', without them
     """
-    return _parsed(text.strip())
+    try:
+        return _read(text.strip())
+    except _UnknownUnitError as error:
+        raise _explained(error.text) from None
 
 
 def unit_factor(text: str, length_unit: str = "mm") -> tuple[float, Dimension]:
-    """Read a unit that a number has in a file: its factor to what is computed with, and its dimension.
+    """Return the factor from a unit to internal units, and its dimension.
 
     Parameters
     ----------
@@ -207,6 +210,46 @@ def unit_factor(text: str, length_unit: str = "mm") -> tuple[float, Dimension]:
     """
     unit = parse_unit(text)
     return unit.factor(length_unit), unit.dimension
+
+
+def is_unit(text: str) -> bool:
+    """Return whether :func:`parse_unit` accepts a text.
+
+    Examples
+    --------
+    >>> is_unit("mm/K"), is_unit("of 5")
+    (True, False)
+    """
+    try:
+        _read(text.strip())
+    except UnitError:
+        return False
+    return True
+
+
+def conversion_factor(unit: str, quantity: Quantity, target: str) -> float:
+    """Return the factor from one unit to another that measures the same quantity.
+
+    Parameters
+    ----------
+    unit, target : str
+        As for :func:`parse_unit`.
+    quantity : {"length", "angle", "rate"}
+        What both must measure. A length may hold angles (``mm/rad``), which are plain numbers; but an angle is not a
+        plain number: ``angle [%]`` is an error.
+
+    Raises
+    ------
+    UnitError
+        When one is no unit, or measures something else.
+
+    Examples
+    --------
+    >>> conversion_factor("inch", "length", "mm"), conversion_factor("deg", "angle", "arcmin")
+    (25.4, 60.0)
+    """
+    one, other = _unit_of(unit, quantity), _unit_of(target, quantity)
+    return _size(one.scale / other.scale, one.turns - other.turns)
 
 
 def display_unit(dimension: Dimension, length_unit: str = "mm", angle_unit: str = "arcsec") -> Unit:
@@ -292,13 +335,29 @@ _ZEROS = {
 }
 
 
+_QUANTITIES = {"length": LENGTH, "angle": ANGLE, "rate": ANGLE / TIME}
+_EXAMPLES = {
+    "length": "a unit of length, such as mm, um, m or inch",
+    "angle": "a unit of angle, such as deg, rad, arcsec or mrad",
+    "rate": "a unit of angle per time, such as deg/s, rad/s or deg/min",
+}
+
+
+class _UnknownUnitError(UnitError):
+    """A text, or one name in it, that is no unit."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(f"unknown unit {shown(text)}", "a unit such as mm, arcsec, N or mm/K")
+        self.text = text
+
+
 @functools.lru_cache(maxsize=1024)
-def _parsed(written: str) -> Unit:
+def _read(written: str) -> Unit:
     text = written.translate(_SPELLINGS)
     if not text:
         raise UnitError("no unit", "one such as mm, arcsec or 1/K, or 1 for a plain number")
     if len(text) > _LONGEST or not _TEXT.fullmatch(text):
-        raise _no_unit(text)
+        raise _UnknownUnitError(text)
     dimension, scale, turns = ONE, Fraction(1), 0
     for part in _EACH.finditer(text):
         exponent = int(part["exponent"] or 1) * (-1 if part["sign"] == "/" else 1)
@@ -352,10 +411,10 @@ def _by_pint(name: str) -> Unit:
         parsed = registry.parse_units(name.replace("°", "deg") if len(name) > 1 else name)
         size, root = registry.get_root_units(parsed)
     except Exception:  # Pint answers a bad unit with AssertionError, ValueError, tokenize errors and its own
-        raise _no_unit(name) from None
+        raise _UnknownUnitError(name) from None
     if not all(registry._units[n].is_multiplicative for n in parsed._units) and name not in _ZEROS:
         raise UnitError(f"logarithmic unit {shown(name)}", "a linear one")
-    dimension, scale = ONE, _meant(float(size))
+    dimension, scale = ONE, _shortest(float(size))
     for base, power in root._units.items():
         power = Fraction(power).limit_denominator(10)
         dimension *= _BY_PINT.get(base, Dimension.of([(base, 1)])) ** power
@@ -363,41 +422,55 @@ def _by_pint(name: str) -> Unit:
             scale *= (
                 Fraction(1, 1000) ** power.numerator
                 if power.denominator == 1
-                else _meant(1e-3 ** float(power))
+                else _shortest(1e-3 ** float(power))
             )
     return Unit(name, dimension, scale)
 
 
-def _meant(size: float) -> Fraction:
+def _shortest(size: float) -> Fraction:
     """Return the shortest decimal within rounding of a size: Pint's pound is 0.45359237000000005 kg."""
     short = float(f"{size:.14g}")
     return Fraction(repr(short if abs(short / size - 1.0) < 5e-16 else size))
 
 
-def _no_unit(text: str) -> UnitError:
-    plain = re.sub(r"[()\s]", "", re.sub(r"/\(([^()/]*)\)", lambda m: "/" + m[1].replace("*", "/"), text))
-    if plain != text and "(" in text and _is_unit(plain):
-        return UnitError(f"unit {shown(text)} with parentheses", f"{plain!r}, without them")
-    for other in (re.sub(r"\s+", "*", text), text.lower(), text.upper(), text.strip("\"'")):
-        if other != text and _is_unit(other):
-            return UnitError(f"unknown unit {shown(text)}", f"{other!r}, or another unit")
-    near = difflib.get_close_matches(text, _EVERYDAY | _PI_PARTS, n=1, cutoff=0.75)
-    hint = f"{near[0]!r}, or another unit" if near else "a unit such as mm, arcsec, N or mm/K"
-    return UnitError(f"unknown unit {shown(text)}", hint)
-
-
-def _is_unit(text: str) -> bool:
-    """Tell whether a mended text would be a unit; no hint on a hint, so that this ends."""
-    if not text or len(text) > _LONGEST or not _TEXT.fullmatch(text):
-        return False
-    names = [part["name"] for part in _EACH.finditer(text)]
-    unknown = [name for name in names if name not in _EVERYDAY and name not in _PI_PARTS]
-    if not unknown:
-        return True
+def _unit_of(text: str, quantity: Quantity) -> Unit:
+    """Return the unit that a text stands for, which must measure the quantity."""
     try:
-        return all(name in _registry() for name in unknown)
-    except Exception:  # as above
-        return False
+        unit = _read(text.strip())
+    except _UnknownUnitError:
+        raise _explained(text, quantity) from None
+    if _measures(unit, quantity):
+        return unit
+    lower = text.lower()
+    other = lower != text and _is_unit_of(lower, quantity)
+    raise UnitError(
+        f"unit {shown(text)}, which is no {quantity}",
+        f"{lower!r}, or another unit" if other else _EXAMPLES[quantity],
+    )
+
+
+def _measures(unit: Unit, quantity: Quantity) -> bool:
+    wanted = _QUANTITIES[quantity]
+    return unit.dimension.fits(wanted) if quantity == "length" else unit.dimension == wanted
+
+
+def _is_unit_of(text: str, quantity: Quantity | None) -> bool:
+    return is_unit(text) and (quantity is None or _measures(_read(text), quantity))
+
+
+def _explained(text: str, quantity: Quantity | None = None) -> UnitError:
+    """Return the error for a text that is no unit, with the nearest unit if there is one."""
+    plain = re.sub(r"[()\s]", "", re.sub(r"/\(([^()/]*)\)", lambda m: "/" + m[1].replace("*", "/"), text))
+    if plain != text and "(" in text and _is_unit_of(plain, quantity):
+        return UnitError(f"unit {shown(text)} with parentheses", f"{plain!r}, without them")
+    unknown = _UnknownUnitError(text)
+    for other in (re.sub(r"\s+", "*", text), text.lower(), text.upper(), text.strip("\"'")):
+        if other != text and _is_unit_of(other, quantity):
+            return UnitError(unknown.found, f"{other!r}, or another unit")
+    near = difflib.get_close_matches(text, _EVERYDAY | _PI_PARTS, n=1, cutoff=0.75)
+    if near and _is_unit_of(near[0], quantity):
+        return UnitError(unknown.found, f"{near[0]!r}, or another unit")
+    return UnitError(unknown.found, _EXAMPLES[quantity] if quantity else unknown.expected)
 
 
 def _size(scale: Fraction, turns: int) -> float:

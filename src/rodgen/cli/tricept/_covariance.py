@@ -137,7 +137,7 @@ def _told(error: RodgenError, file: str, place: str) -> InputFileError:
 
 
 def _factor(written: str, name: str, unit: str, file: str, place: str) -> float:
-    from rodgen.data.tables import UnitError, conversion_factor
+    from rodgen.data.units import UnitError, conversion_factor
     from rodgen.kinematics.tricept import ANGLES
 
     try:

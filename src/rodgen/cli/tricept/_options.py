@@ -28,7 +28,7 @@ class Lengths:
 
     def to(self, unit: str) -> tuple[float, ...]:
         """Return them in another unit."""
-        from rodgen.data.tables import UnitError, conversion_factor
+        from rodgen.data.units import UnitError, conversion_factor
 
         try:
             factor = conversion_factor(self.unit, "length", unit)

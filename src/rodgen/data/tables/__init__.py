@@ -19,7 +19,7 @@ line and column, what was found and what was expected.
 
 from typing import TYPE_CHECKING, Any
 
-from rodgen.data.tables.columns import Column, EveryColumn, UnitError, conversion_factor, nearest
+from rodgen.data.tables.columns import Column, EveryColumn, nearest
 
 if TYPE_CHECKING:
     from rodgen.data.tables.mapped import Answer, MapSummary, Result, map_table
@@ -37,8 +37,6 @@ __all__ = [
     "Result",
     "Rows",
     "SolveSummary",
-    "UnitError",
-    "conversion_factor",
     "map_table",
     "nearest",
     "open_frame",

@@ -8,44 +8,29 @@ is wanted (`EveryColumn`) each stays in its own unit.
 from __future__ import annotations
 
 import difflib
-import functools
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from typing import Literal
 
-from rodgen.errors import InputFileError, UnexpectedError, shown
+from rodgen.data.units import Quantity, UnitError, conversion_factor, is_unit
+from rodgen.errors import InputFileError, shown
 
 __all__ = [
     "Column",
     "EveryColumn",
     "Match",
-    "UnitError",
     "bare_name",
-    "conversion_factor",
     "match_columns",
     "nearest",
 ]
 
 _NAME_AND_UNIT = re.compile(r"(?P<name>[^\[\]]*?)\s*\[(?P<unit>[^\[\]]*)\]")
 
-# Pint evaluates what it parses: "9**9**9**9" would never return, and "10 mm" or "(mm" are slips of the pen.
-# A unit is unit names, products, quotients, and exponents of one digit.
-_FACTOR = r"(?:°?[^\W\d_]\w*|°|%)(?:\s*(?:\*\*|\^)\s*-?\d)?"
-_UNIT_TEXT = re.compile(rf"{_FACTOR}(?:\s*[*/]\s*{_FACTOR})*")
-_LONGEST_UNIT = 60
-
-_EXAMPLES = {
-    "length": "mm, um, m or inch",
-    "angle": "deg, rad, arcsec or mrad",
-    "rate": "deg/s, rad/s or deg/min",
-}
 _UNITS = {"length": " [mm]", "angle": " [deg]", "rate": " [deg/s]", "number": ""}
 """What stands behind a name in an example."""
 _TARGETS = {"angle": "rad", "rate": "rad/s"}
-
-Quantity: TypeAlias = Literal["length", "angle", "rate", "number"]
 
 
 @dataclass(frozen=True)
@@ -62,7 +47,7 @@ class Column:
     """
 
     name: str
-    quantity: Quantity
+    quantity: Quantity | Literal["number"]
 
 
 @dataclass(frozen=True)
@@ -97,89 +82,6 @@ class Match:
     unit: str
     factor: float
     holds_text: bool = False
-
-
-class UnitError(UnexpectedError):
-    """A unit that cannot be used: what was found, and what was expected."""
-
-
-def conversion_factor(unit: str, quantity: Quantity, target: str) -> float:
-    """Return what a number in `unit` is multiplied by to be a number in `target`.
-
-    Parameters
-    ----------
-    unit, target : str
-        Units as Pint writes them.
-    quantity : {"length", "angle", "rate"}
-        What both must measure; a rate is an angle per time. Pint calls degrees and per cent both dimensionless; here an
-        angle is what reduces to radians, so that ``angle [%]`` is an error.
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    UnitError
-        When `unit` is no unit, or measures something else.
-
-    Examples
-    --------
-    >>> conversion_factor("inch", "length", "mm")
-    25.4
-    """
-    if unit == target:
-        return 1.0
-    registry = _unit_registry()
-    parsed = _parsed(unit, quantity)
-    root, _ = registry.get_root_units(parsed)
-    target_root, _ = registry.get_root_units(_parsed(target, quantity))
-    factor = float(root) / float(target_root)
-    # 0.0254/0.001 is one rounding away from 25.4: the shortest decimal within that rounding is the meant one.
-    short = float(f"{factor:.14g}")
-    return short if quantity == "length" and abs(short / factor - 1.0) < 4e-16 else factor
-
-
-@functools.cache
-def _unit_registry() -> Any:
-    import pint
-
-    return pint.UnitRegistry()
-
-
-@functools.cache
-def _parsed(unit: str, quantity: Quantity) -> Any:
-    kind = f"a unit of {quantity}" if quantity != "rate" else "a unit of angle per time"
-    wanted = f"{kind}, such as {_EXAMPLES[quantity]}"
-    parsed = _parse(unit)
-    if parsed is None:
-        other = next((u for u in (unit.lower(), unit.strip("()")) if _measures(_parse(u), quantity)), None)
-        raise UnitError(f"unknown unit {shown(unit)}", f"{other!r}, or another unit" if other else wanted)
-    if not _measures(parsed, quantity):
-        other = next((u for u in (unit.lower(),) if _measures(_parse(u), quantity)), None)
-        raise UnitError(
-            f"unit {shown(unit)}, which is no {quantity}", f"{other!r}, or another unit" if other else wanted
-        )
-    return parsed
-
-
-def _parse(unit: str) -> Any:
-    if len(unit) > _LONGEST_UNIT or not _UNIT_TEXT.fullmatch(unit):
-        return None
-    try:
-        return _unit_registry().parse_units(unit)
-    except Exception:  # Pint answers a bad unit with AssertionError, ValueError, tokenize errors and its own
-        return None
-
-
-def _measures(unit: Any, quantity: str) -> bool:
-    if unit is None:
-        return False
-    registry = _unit_registry()
-    if quantity == "length":
-        return bool(unit.dimensionality == registry.meter.dimensionality)
-    wanted = registry.radian if quantity == "angle" else registry.radian / registry.second
-    return bool(registry.get_root_units(unit)[1] == wanted)
 
 
 def match_columns(
@@ -233,13 +135,11 @@ def match_columns(
         if not unit:
             raise InputFileError(file, where, "no unit", f"one in brackets, such as '{example}'")
         try:
-            if column.quantity in _TARGETS:
-                factor = conversion_factor(unit, column.quantity, _TARGETS[column.quantity])
+            if column.quantity == "length":
+                reference = target = reference or unit
             else:
-                if reference is None:
-                    _parsed(unit, "length")
-                    reference = unit
-                factor = conversion_factor(unit, "length", reference)
+                target = _TARGETS[column.quantity]
+            factor = conversion_factor(unit, column.quantity, target)
         except UnitError as error:
             raise InputFileError(file, where, error.found, error.expected) from None
         matches.append(Match(column.name, index, texts[index], unit, factor))
@@ -284,7 +184,11 @@ def _other_brackets(text: str) -> tuple[str, str] | None:
     if "[" in text or "]" in text:
         return "brackets that do not match", meant
     # "mean (of 5)" is a name: only what could be a unit is taken for one.
-    if bare.strip() and re.fullmatch(r".*[)}]\s*", text) and (not unit or _parse(unit) is not None):
+    if (
+        bare.strip()
+        and re.fullmatch(r".*[)}]\s*", text)
+        and (not unit or (not unit[0].isdigit() and is_unit(unit)))
+    ):
         return "parentheses" if "(" in text else "braces", meant
     return None
 

@@ -17,9 +17,10 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from rodgen.data.tables.columns import Column, bare_name, conversion_factor
+from rodgen.data.tables.columns import Column, bare_name
 from rodgen.data.tables.reader import Rows, open_table
 from rodgen.data.tables.writer import open_sink
+from rodgen.data.units import conversion_factor
 from rodgen.errors import InputFileError, shown
 
 __all__ = ["Answer", "MapSummary", "Result", "map_table"]

@@ -19,8 +19,6 @@ __all__ = ["read_link_table"]
 _EXAMPLE = "joint,type,S [mm],theta [deg],pitch [mm/rad],a [mm],alpha [deg]"
 _COLUMNS = {"joint": "", "type": "", "S": "mm", "theta": "deg", "pitch": "mm/rad", "a": "mm", "alpha": "deg"}
 _NEEDED = ("type", "a", "alpha")
-_ANGLES = {"rad": 1.0, "deg": math.pi / 180, "rev": 2 * math.pi}
-"""Without Pint, which calls a revolution "turn"."""
 _LONGEST_FILE = 1 << 20
 """Bytes: ten thousand joints. What is longer is no link table, and is not read to its end."""
 
@@ -144,14 +142,10 @@ def _pitch_field(file: str, place: str, field: _Field, unit: str) -> _Field:
 
 
 def _factor(file: str, where: str, unit: str, quantity: str, target: str) -> float:
-    from rodgen.data.tables import UnitError, conversion_factor
+    from rodgen.data.units import UnitError, conversion_factor
 
-    if quantity == "angle" and unit in _ANGLES:
-        return _ANGLES[unit]
     try:
-        # Also the unit that all are brought to must be one: a unit is not looked at where it is the target.
-        if quantity == "length" and unit == target and unit not in ("mm", "cm", "m", "in", "inch"):
-            conversion_factor(unit, "length", "mm")
+        unit = "turn" if unit == "rev" else unit  # Pint's name of a revolution
         return conversion_factor(unit, quantity, target)  # type: ignore[arg-type]
     except UnitError as error:
         raise InputFileError(file, where, error.found, error.expected) from None

@@ -189,7 +189,7 @@ class Mechanism:
         RodgenError
             When it, or the mechanism's, is none.
         """
-        from rodgen.data.tables import conversion_factor
+        from rodgen.data.units import conversion_factor
 
         return conversion_factor(self.unit, "length", unit)
 

@@ -6,8 +6,7 @@ import os
 import re
 from collections.abc import Mapping
 
-from rodgen.data.tables import UnitError
-from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, Dimension, parse_unit
+from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, Dimension, UnitError, parse_unit
 from rodgen.errors import InputFileError, shown
 from rodgen.machines.effects.definition import EffectDefinition, component_dimension
 from rodgen.machines.effects.formula import FUNCTION_NAMES, Formula, FormulaError

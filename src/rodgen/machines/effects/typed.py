@@ -12,8 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from rodgen.data.tables import UnitError
-from rodgen.data.units import parse_unit, unit_factor
+from rodgen.data.units import UnitError, parse_unit, unit_factor
 from rodgen.errors import shown
 from rodgen.machines.effects.rules import UnfitEffectError
 

@@ -13,8 +13,7 @@ from collections import Counter
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from rodgen.data.tables import UnitError
-from rodgen.data.units import ANGLE, LENGTH, Dimension, parse_unit
+from rodgen.data.units import ANGLE, LENGTH, Dimension, UnitError, parse_unit
 from rodgen.errors import InputFileError, listed, shown
 from rodgen.machines.closed_chain import FAMILIES, ClosedChain
 from rodgen.machines.effects.catalogue import own_effect

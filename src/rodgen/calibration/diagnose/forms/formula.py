@@ -10,8 +10,7 @@ import numpy as np
 
 from rodgen.calibration.diagnose.forms.dictionary import WORDS, Driver, Factor, Term, written
 from rodgen.calibration.observations import Observations
-from rodgen.data.tables import UnitError
-from rodgen.data.units import ANGLE, ONE, Dimension, display_unit, parse_unit, unit_factor
+from rodgen.data.units import ANGLE, ONE, Dimension, UnitError, display_unit, parse_unit, unit_factor
 from rodgen.machines.effects.definition import component_dimension
 from rodgen.machines.effects.formula import Formula
 from rodgen.machines.machine import Machine
