@@ -305,7 +305,13 @@ _EACH = re.compile(rf"(?P<sign>[*/]?)\s*(?P<name>{_NAME})(?:\s*(?:\*\*|\^)\s*(?P
 _LONGEST = 60
 _SPELLINGS = str.maketrans({"μ": "µ", "º": "°", "·": "*", "⋅": "*", "×": "*", "²": "^2", "³": "^3"})
 
-_PI_PARTS = {"deg": 180, "°": 180, "degree": 180, "arcmin": 10800, "arcsec": 648000, "mas": 648000000}
+_PI_PARTS = {
+    **dict.fromkeys(("turn", "revolution"), Fraction(2)),
+    **dict.fromkeys(("deg", "°", "degree"), Fraction(1, 180)),
+    "arcmin": Fraction(1, 10800),
+    "arcsec": Fraction(1, 648000),
+    "mas": Fraction(1, 648000000),
+}
 _EVERYDAY: dict[str, tuple[Dimension, Fraction]] = {
     **dict.fromkeys(("1", "dimensionless"), (ONE, Fraction(1))),
     **dict.fromkeys(("%", "percent"), (ONE, Fraction(1, 100))),
@@ -377,7 +383,7 @@ def _read(written: str) -> Unit:
 
 def _named(name: str) -> Unit:
     if name in _PI_PARTS:
-        return Unit(name, ANGLE, Fraction(1, _PI_PARTS[name]), 1)
+        return Unit(name, ANGLE, _PI_PARTS[name], 1)
     if name in _EVERYDAY:
         return Unit(name, *_EVERYDAY[name])
     return _by_pint(name)
