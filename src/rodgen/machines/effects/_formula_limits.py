@@ -9,23 +9,14 @@ in ``(2*x)**(10**9*a/a)``: hence the bound on what a part of a formula may come 
 
 from __future__ import annotations
 
+import ast
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from rodgen.errors import shown
-from rodgen.machines.effects._formula_tree import (
-    OPERATORS,
-    Call,
-    FormulaError,
-    Name,
-    Negation,
-    Node,
-    Number,
-    Operation,
-    write,
-)
+from rodgen.machines.effects._formula_tree import OPERATORS, FormulaError, write
 
 __all__ = ["FUNCTIONS", "check_limits"]
 
@@ -75,31 +66,32 @@ class _Size:
     logarithm: bool = False
 
 
-def check_limits(node: Node) -> None:
+def check_limits(node: ast.expr) -> None:
     """Raise FormulaError where a tree holds what is no number, or what is too costly to evaluate exactly."""
     _size(node)
 
 
-def _size(node: Node) -> _Size:
+def _size(node: ast.expr) -> _Size:
     match node:
-        case Number():
-            return _checked(node, _Size(node.value))
-        case Name("pi"):
+        case ast.Constant(value):
+            return _checked(node, _Size(value))
+        case ast.Name("pi"):
             return _Size(math.pi)
-        case Name():
+        case ast.Name():
             return _Size(None, degree=1.0)
-        case Negation(operand):
+        case ast.UnaryOp(_, operand):
             inner = _size(operand)
             return replace(inner, value=None if inner.value is None else -inner.value)
-        case Call(function, argument):
+        case ast.Call(ast.Name(function), [argument]):
             return _checked(node, _of_call(node, function, _size(argument)))
-        case Operation("**", left, right):
+        case ast.BinOp(left, ast.Pow(), right):
             return _checked(node, _of_power(node, _size(left), _size(right)))
-        case Operation(symbol, left, right):
-            return _checked(node, _of_operation(node, symbol, _size(left), _size(right)))
+        case ast.BinOp(left, _, right):
+            return _checked(node, _of_operation(node, _size(left), _size(right)))
+    raise TypeError(node)
 
 
-def _of_call(node: Call, function: str, inner: _Size) -> _Size:
+def _of_call(node: ast.expr, function: str, inner: _Size) -> _Size:
     size = replace(inner, logarithm=inner.logarithm or function == "log")
     if function == "exp" and inner.logarithm:
         size = replace(size, degree=max(1.0, inner.degree) * inner.reach, roots=inner.roots * inner.reach)
@@ -118,7 +110,7 @@ def _of_call(node: Call, function: str, inner: _Size) -> _Size:
     return replace(size, value=value)
 
 
-def _of_power(node: Operation, base: _Size, exponent: _Size) -> _Size:
+def _of_power(node: ast.BinOp, base: _Size, exponent: _Size) -> _Size:
     power = exponent.value
     if power is not None and not -_LARGEST_EXPONENT <= power <= _LARGEST_EXPONENT:
         raise FormulaError(
@@ -146,7 +138,7 @@ def _of_power(node: Operation, base: _Size, exponent: _Size) -> _Size:
     )
 
 
-def _power(node: Operation, base: Fraction | float, power: Fraction | float) -> Fraction | float:
+def _power(node: ast.BinOp, base: Fraction | float, power: Fraction | float) -> Fraction | float:
     whole = isinstance(power, Fraction) and power.denominator == 1
     if (base == 0 and power < 0) or (base < 0 and not whole):
         raise FormulaError(f"{_quoted(node)}, which is no real number", "a power that is one")
@@ -157,21 +149,21 @@ def _power(node: Operation, base: Fraction | float, power: Fraction | float) -> 
     return _float_power(float(base), float(power))
 
 
-def _of_operation(node: Operation, symbol: str, left: _Size, right: _Size) -> _Size:
-    if symbol == "/" and right.value == 0:
+def _of_operation(node: ast.BinOp, left: _Size, right: _Size) -> _Size:
+    if isinstance(node.op, ast.Div) and right.value == 0:
         raise FormulaError(f"{_quoted(node)}, a division by zero", "a divisor that is not zero")
     value = None
     if left.value is not None and right.value is not None:
-        value = OPERATORS[symbol](left.value, right.value)
+        value = OPERATORS[type(node.op)](left.value, right.value)
     logarithm = left.logarithm or right.logarithm
     reach = left.reach * right.reach
-    if symbol in "+-":
+    if isinstance(node.op, ast.Add | ast.Sub):
         degree, roots = max(left.degree, right.degree), max(left.roots, right.roots)
         return _Size(value, degree, 2 * reach, roots, logarithm)
     return _Size(value, left.degree + right.degree, reach, left.roots * right.roots, logarithm)
 
 
-def _checked(node: Node, size: _Size) -> _Size:
+def _checked(node: ast.expr, size: _Size) -> _Size:
     value = size.value
     if isinstance(value, float) and abs(value) < _ZERO:
         value = 0.0
@@ -204,11 +196,11 @@ def _bits(value: Fraction) -> int:
     return max(value.numerator.bit_length(), value.denominator.bit_length())
 
 
-def _beyond(node: Node) -> FormulaError:
+def _beyond(node: ast.expr) -> FormulaError:
     return FormulaError(
         f"{_quoted(node)}, a number beyond floating point", "one between 1e-300 and 1e300 in size"
     )
 
 
-def _quoted(node: Node) -> str:
+def _quoted(node: ast.expr) -> str:
     return shown(write(node), 40)

@@ -1,35 +1,27 @@
-"""From the text of a formula to its tree: a tokenizer, and a parser by binding strength (Pratt).
+"""From the text of a formula to its tree: what is no formula is refused token by token, the rest Python's `ast` parses.
 
-Nothing of the text is ever run as code. Each slip of the pen has a sentence of its own, with the character where
-it stands.
+Nothing of the text is ever run as code. Each slip of the pen has a sentence of its own, with the character where it is.
 """
 
 from __future__ import annotations
 
+import ast
 import difflib
 import keyword
 import re
 import unicodedata
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import cast
 
 from rodgen.errors import shown
 from rodgen.machines.effects._formula_limits import FUNCTIONS, check_limits
-from rodgen.machines.effects._formula_tree import (
-    Call,
-    FormulaError,
-    Name,
-    Negation,
-    Node,
-    Number,
-    Operation,
-    write,
-)
+from rodgen.machines.effects._formula_tree import MOST_DIGITS, OPERATORS, FormulaError, write
 
 __all__ = ["parse"]
 
 LONGEST, MOST_NODES, DEEPEST = 2000, 300, 40
-_LONGEST_NAME, _MOST_DIGITS, _LARGEST_POWER_OF_TEN = 60, 40, 300
+_LONGEST_NAME, _LARGEST_POWER_OF_TEN = 60, 300
 
 _TOKEN = re.compile(
     r"(?P<blank>[ \t\r\n]+)"
@@ -54,9 +46,8 @@ _MENDED = {
     "_": "names that begin with a letter",
 }
 
-_BINDING = {"+": 10, "-": 10, "*": 20, "/": 20, "**": 40}
-_SIGN = 30
 _VALUE = "a number, a name, a function or '('"
+_NODES = (ast.BinOp, ast.UnaryOp, ast.Call, ast.Name, ast.Constant, ast.USub, ast.Load, *OPERATORS)
 
 
 @dataclass(frozen=True)
@@ -74,19 +65,60 @@ class _Token:
         return f"at character {self.start + 1}"
 
 
-def parse(text: str) -> Node:
-    """Return the tree of a formula; FormulaError says what is wrong with it."""
+def parse(text: str) -> ast.expr:
+    """Return the tree of a formula.
+
+    Raises
+    ------
+    FormulaError
+        When it is none.
+    """
     if not text.strip():
         raise FormulaError("an empty formula", "one such as 'a*sin(q)'")
     if len(text) > LONGEST:
         raise FormulaError(f"a formula of {len(text)} characters", f"one of at most {LONGEST}")
-    tree = _Parser(_tokens(text)).whole()
-    if len(write(tree)) > LONGEST:  # a formula may be written back into a file
-        raise FormulaError(
-            f"a formula of {len(write(tree))} characters with its blanks", f"one of at most {LONGEST}"
-        )
+    tokens = _tokens(text)
+    _check(tokens)
+    tree = _tree(tokens)
+    written = len(write(tree))
+    if written > LONGEST:  # a formula may be written back into a file
+        raise FormulaError(f"a formula of {written} characters with its blanks", f"one of at most {LONGEST}")
     check_limits(tree)
     return tree
+
+
+def _tree(tokens: list[_Token]) -> ast.expr:
+    """Return Python's tree of tokens that make a formula.
+
+    Python sees neither the numbers, which it would round, nor the bare names: lambda, say, is a name in a formula.
+    """
+    numbers: list[Fraction] = []
+    words = []
+    for token in tokens:
+        if token.kind == "number":
+            words.append(str(len(numbers)))
+            numbers.append(_number(token))
+        else:
+            words.append(f"_{token.text}" if token.kind == "name" else token.text)
+    tree = ast.parse(" ".join(words).strip(), mode="eval").body
+    _Restore(numbers).visit(tree)
+    return tree
+
+
+class _Restore(ast.NodeVisitor):
+    """Put the numbers and names back; refuse every other kind of node than a formula's."""
+
+    def __init__(self, numbers: list[Fraction]) -> None:
+        self.numbers = numbers
+
+    def visit(self, node: ast.AST) -> None:
+        if not isinstance(node, _NODES):
+            raise AssertionError(f"{type(node).__name__} in a formula")
+        if isinstance(node, ast.Name):
+            node.id = node.id.removeprefix("_")
+        elif isinstance(node, ast.Constant):
+            node.value = self.numbers[cast("int", node.value)]  # type: ignore[assignment]
+        self.generic_visit(node)
 
 
 def _tokens(text: str) -> list[_Token]:
@@ -115,131 +147,93 @@ def _unknown_character(text: str, position: int) -> FormulaError:
     return FormulaError(found, "names, numbers, + - * / **, parentheses and functions")
 
 
-class _Parser:
-    def __init__(self, tokens: list[_Token]) -> None:
-        self.tokens = tokens
-        self.index = 0
-        self.nodes = 0
-
-    @property
-    def token(self) -> _Token:
-        return self.tokens[self.index]
-
-    def take(self) -> _Token:
-        token = self.token
-        self.index += 1
-        return token
-
-    def made(self, node: Node) -> Node:
-        self.nodes += 1
-        if self.nodes > MOST_NODES:
-            raise FormulaError(
-                f"a formula of more than {MOST_NODES} numbers, names and operators", "a shorter one"
-            )
-        return node
-
-    def whole(self) -> Node:
-        node = self.expression(0, 1)
-        if self.token.text == ")":
-            raise FormulaError(f"')' {self.token.at} that closes nothing", "as many '(' as ')'")
-        return node
-
-    def expression(self, binding: int, depth: int) -> Node:
-        """Parse as far as operators hold tighter than `binding`."""
-        if depth > DEEPEST:
-            raise FormulaError(f"a formula nested more than {DEEPEST} deep {self.token.at}", "a flatter one")
-        left = self.value(depth)
-        while True:
-            token = self.token
-            if token.kind in {"number", "name"} or token.text == "(":
-                raise self.side_by_side()
-            strength = _BINDING.get(token.text, 0)
-            if strength <= binding:
-                return left
-            self.take()
-            # a power is taken from the right, and its exponent may have a sign: a**-b**c = a**(-(b**c))
-            right = self.expression(_SIGN - 1 if token.text == "**" else strength, depth + 1)
-            left = self.made(Operation(token.text, left, right))
-
-    def value(self, depth: int) -> Node:
-        token = self.take()
-        if token.kind == "number":
-            return self.made(Number(_number(token)))
-        if token.kind == "name":
-            return self.named(token, depth)
-        if token.text == "-":
-            return self.made(Negation(self.expression(_SIGN, depth + 1)))
-        if token.text == "(":
-            return self.bracketed(token, depth)
-        if token.kind == "end":
-            last = self.tokens[self.index - 2]
-            raise FormulaError(f"nothing after {shown(last.text)} at the end", _VALUE)
-        raise FormulaError(f"{shown(token.text)} {token.at} where a value should be", _VALUE)
-
-    def named(self, token: _Token, depth: int) -> Node:
-        if len(token.text) > _LONGEST_NAME:
-            raise FormulaError(
-                f"a name of {len(token.text)} characters {token.at}", f"one of at most {_LONGEST_NAME}"
-            )
-        called = self.token.text == "("
-        if token.text in FUNCTIONS:
-            if not called:
-                raise FormulaError(f"function {token.text!r} {token.at} without '('", f"'{token.text}(...)'")
-            return self.made(Call(token.text, self.bracketed(self.take(), depth)))
-        if called:
-            near = difflib.get_close_matches(token.text.lower(), FUNCTIONS, n=1, cutoff=0.6)
-            product = f"'{token.text[:20]}*(' for a product"
-            raise FormulaError(
-                f"unknown function {shown(token.text, 20)} {token.at}",
-                f"'{near[0]}', or {product}" if near else f"one of {', '.join(FUNCTIONS)}, or {product}",
-            )
-        return self.made(Name(token.text))
-
-    def bracketed(self, opened: _Token, depth: int) -> Node:
-        if self.token.text == ")":
-            raise FormulaError(f"'()' {opened.at} with nothing inside", _VALUE)
-        node = self.expression(0, depth + 1)
-        if self.token.text != ")":
-            raise FormulaError(f"'(' {opened.at} that is never closed", "as many ')' as '('")
-        self.take()
-        return node
-
-    def side_by_side(self) -> FormulaError:
-        before, token = self.tokens[self.index - 1], self.token
-        if before.kind == token.kind == "number":
-            return FormulaError(
-                f"numbers {shown(before.text, 20)} and {shown(token.text, 20)} side by side {before.at}",
-                "one number, or an operator between them",
-            )
-        if keyword.iskeyword(before.text) or keyword.iskeyword(token.text):
-            word = before.text if keyword.iskeyword(before.text) else token.text
-            return FormulaError(
-                f"{word!r} {before.at}", "arithmetic alone: sign() tells one side from the other"
-            )
-        gap = "" if before.end == token.start else " "
-        return FormulaError(
-            f"{shown(before.text + gap + token.text, 40)} {before.at}, with no operator between",
-            shown(f"{before.text}*{token.text}", 40),
+def _check(tokens: list[_Token]) -> None:
+    """Refuse what is no formula: values and operators take turns, and every parenthesis is closed."""
+    if sum(token.text not in {"(", ")", ""} for token in tokens) > MOST_NODES:
+        raise FormulaError(
+            f"a formula of more than {MOST_NODES} numbers, names and operators", "a shorter one"
         )
+    opened: list[tuple[_Token, int, int]] = []
+    depth = outer = 1  # of parentheses, signs and powers; of the innermost parentheses alone
+    before, wants_value = tokens[-1], True
+    for token, after in zip(tokens, [*tokens[1:], tokens[-1]], strict=True):
+        if depth > DEEPEST:
+            raise FormulaError(f"a formula nested more than {DEEPEST} deep {token.at}", "a flatter one")
+        if token.text == "(" and (wants_value or before.text in FUNCTIONS):
+            if after.text == ")":
+                raise FormulaError(f"'()' {token.at} with nothing inside", _VALUE)
+            opened.append((token, depth, outer))
+            depth = outer = depth + 1
+            wants_value = True
+        elif wants_value and token.text == "-":
+            depth += 1
+        elif wants_value:
+            _check_value(token, before, after)
+            wants_value = False
+        elif token.kind in {"number", "name"} or token.text == "(":
+            raise _side_by_side(before, token)
+        elif token.text == ")":
+            if not opened:
+                raise FormulaError(f"')' {token.at} that closes nothing", "as many '(' as ')'")
+            _, depth, outer = opened.pop()
+        elif token.kind == "operator":
+            depth = depth + 1 if token.text == "**" else outer
+            wants_value = True
+        before = token
+    if opened:
+        raise FormulaError(f"'(' {opened[-1][0].at} that is never closed", "as many ')' as '('")
+
+
+def _check_value(token: _Token, before: _Token, after: _Token) -> None:
+    """Refuse what is no number, name or function."""
+    if token.kind == "end":
+        raise FormulaError(f"nothing after {shown(before.text)} at the end", _VALUE)
+    if token.kind == "operator":
+        raise FormulaError(f"{shown(token.text)} {token.at} where a value should be", _VALUE)
+    if token.kind == "number":
+        _number(token)
+    elif len(token.text) > _LONGEST_NAME:
+        raise FormulaError(
+            f"a name of {len(token.text)} characters {token.at}", f"one of at most {_LONGEST_NAME}"
+        )
+    elif token.text in FUNCTIONS:
+        if after.text != "(":
+            raise FormulaError(f"function {token.text!r} {token.at} without '('", f"'{token.text}(...)'")
+    elif after.text == "(":
+        near = difflib.get_close_matches(token.text.lower(), FUNCTIONS, n=1, cutoff=0.6)
+        product = f"'{token.text[:20]}*(' for a product"
+        raise FormulaError(
+            f"unknown function {shown(token.text, 20)} {token.at}",
+            f"'{near[0]}', or {product}" if near else f"one of {', '.join(FUNCTIONS)}, or {product}",
+        )
+
+
+def _side_by_side(before: _Token, token: _Token) -> FormulaError:
+    if before.kind == token.kind == "number":
+        return FormulaError(
+            f"numbers {shown(before.text, 20)} and {shown(token.text, 20)} side by side {before.at}",
+            "one number, or an operator between them",
+        )
+    if keyword.iskeyword(before.text) or keyword.iskeyword(token.text):
+        word = before.text if keyword.iskeyword(before.text) else token.text
+        return FormulaError(f"{word!r} {before.at}", "arithmetic alone: sign() tells one side from the other")
+    gap = "" if before.end == token.start else " "
+    return FormulaError(
+        f"{shown(before.text + gap + token.text, 40)} {before.at}, with no operator between",
+        shown(f"{before.text}*{token.text}", 40),
+    )
 
 
 def _number(token: _Token) -> Fraction:
     digits, _, exponent = token.text.lower().partition("e")
-    power = int(exponent or 0)
     significant = len(digits.replace(".", "").lstrip("0"))
-    if significant > _MOST_DIGITS:
-        raise FormulaError(f"a number of {significant} digits {token.at}", f"one of at most {_MOST_DIGITS}")
-    value = Fraction(digits)
-    size = abs(power) + len(digits)
-    if value and (abs(power) > 2 * _LARGEST_POWER_OF_TEN or not _in_range(value, power, size)):
-        raise FormulaError(
-            f"number {shown(token.text, 20)} {token.at}", "one between 1e-300 and 1e300 in size"
-        )
-    return value * Fraction(10) ** power if value else Fraction(0)
-
-
-def _in_range(value: Fraction, power: int, size: int) -> bool:
-    if size < _LARGEST_POWER_OF_TEN:
-        return True
-    exact = value * Fraction(10) ** power
-    return Fraction(10) ** -_LARGEST_POWER_OF_TEN <= exact <= Fraction(10) ** _LARGEST_POWER_OF_TEN
+    if significant > MOST_DIGITS:
+        raise FormulaError(f"a number of {significant} digits {token.at}", f"one of at most {MOST_DIGITS}")
+    value, power = Fraction(digits), int(exponent or 0)
+    if not value:
+        return value
+    if abs(power) <= 2 * _LARGEST_POWER_OF_TEN:
+        value *= Fraction(10) ** power
+        if Fraction(10) ** -_LARGEST_POWER_OF_TEN <= value <= Fraction(10) ** _LARGEST_POWER_OF_TEN:
+            return value
+    raise FormulaError(f"number {shown(token.text, 20)} {token.at}", "one between 1e-300 and 1e300 in size")

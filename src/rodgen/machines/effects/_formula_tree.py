@@ -1,184 +1,123 @@
-"""The tree of a formula: five kinds of node, what they are worth, and how they are written."""
+"""The tree of a formula: nodes of Python's `ast`, how they are evaluated, and how they are written.
+
+Five kinds occur: `ast.Constant` (whose value is a Fraction), `ast.Name`, `ast.Call` of one argument, `ast.UnaryOp` (the
+negation) and `ast.BinOp` with one of `OPERATORS`.
+"""
 
 from __future__ import annotations
 
+import ast
 import operator
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from decimal import Context, Decimal
 from fractions import Fraction
-from typing import Any, TypeAlias
+from typing import Any
 
 from rodgen.errors import UnexpectedError
 
-__all__ = [
-    "Call",
-    "FormulaError",
-    "Name",
-    "Negation",
-    "Node",
-    "Number",
-    "Operation",
-    "fold",
-    "names_in",
-    "names_within",
-    "write",
-]
+__all__ = ["MOST_DIGITS", "OPERATORS", "FormulaError", "fold", "nonlinear_parts", "write"]
 
 
 class FormulaError(UnexpectedError):
     """A formula that cannot be used: what was found, and what was expected."""
 
 
-@dataclass(frozen=True)
-class Number:
-    """A number as it was written, exactly."""
-
-    value: Fraction
-
-
-@dataclass(frozen=True)
-class Name:
-    """A joint's coordinate, a column, a parameter, a constant."""
-
-    name: str
-
-
-@dataclass(frozen=True)
-class Call:
-    """A function of one argument."""
-
-    function: str
-    argument: Node
-
-
-@dataclass(frozen=True)
-class Negation:
-    """The operand with the other sign."""
-
-    operand: Node
-
-
-@dataclass(frozen=True)
-class Operation:
-    """Two operands and what stands between them, one of ``+ - * / **``."""
-
-    operator: str
-    left: Node
-    right: Node
-
-
-Node: TypeAlias = Number | Name | Call | Negation | Operation
-
-OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
-    "+": operator.add,
-    "-": operator.sub,
-    "*": operator.mul,
-    "/": operator.truediv,
-    "**": operator.pow,
+OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
 }
 
 
 def fold(
-    node: Node,
+    node: ast.expr,
     names: Mapping[str, Any],
     functions: Mapping[str, Callable[[Any], Any]],
     number: Callable[[Fraction], Any],
 ) -> Any:
-    """Return what a tree is worth when its names, functions and numbers are these."""
+    """Return the value of a tree, given those of its names, functions and numbers."""
+
+    def value(node: ast.expr) -> Any:
+        match node:
+            case ast.Constant(constant):
+                return number(constant)
+            case ast.Name(name):
+                return names[name]
+            case ast.Call(ast.Name(function), [argument]):
+                return functions[function](value(argument))
+            case ast.UnaryOp(_, operand):
+                return -value(operand)
+            case ast.BinOp(left, symbol, right):
+                return OPERATORS[type(symbol)](value(left), value(right))
+        raise TypeError(node)
+
+    return value(node)
+
+
+def nonlinear_parts(node: ast.expr) -> list[ast.expr]:
+    """Return the parts of a tree on which its value does not depend linearly: arguments, divisors and powers."""
     match node:
-        case Number(value):
-            return number(value)
-        case Name(name):
-            return names[name]
-        case Call(function, argument):
-            return functions[function](fold(argument, names, functions, number))
-        case Negation(operand):
-            return -fold(operand, names, functions, number)
-        case Operation(symbol, left, right):
-            return OPERATORS[symbol](
-                fold(left, names, functions, number), fold(right, names, functions, number)
-            )
+        case ast.Call(_, [argument]):
+            return [argument]
+        case ast.UnaryOp(_, operand):
+            return nonlinear_parts(operand)
+        case ast.BinOp(_, ast.Pow(), _):
+            return [node]
+        case ast.BinOp(left, ast.Div(), right):
+            return [*nonlinear_parts(left), right]
+        case ast.BinOp(left, _, right):
+            return [*nonlinear_parts(left), *nonlinear_parts(right)]
+    return []
 
 
-def names_in(node: Node) -> Iterator[str]:
-    """List the names in a tree, one as often as it stands there."""
-    match node:
-        case Name(name):
-            yield name
-        case Call(_, inner) | Negation(inner):
-            yield from names_in(inner)
-        case Operation(_, left, right):
-            yield from names_in(left)
-            yield from names_in(right)
-
-
-def names_within(node: Node) -> Iterator[str]:
-    """List the names on which a tree does not depend linearly: in an argument, a divisor or a power."""
-    match node:
-        case Call(_, inner):
-            yield from names_in(inner)
-        case Negation(inner):
-            yield from names_within(inner)
-        case Operation("**", _, _):
-            yield from names_in(node)
-        case Operation("/", left, right):
-            yield from names_within(left)
-            yield from names_in(right)
-        case Operation(_, left, right):
-            yield from names_within(left)
-            yield from names_within(right)
-
-
-# how tightly a node holds together; a child that holds less than its place asks for is put in parentheses
+# how tightly a node holds together; a child that holds less tightly than its place demands gets parentheses
 _SUM, _PRODUCT, _SIGN, _POWER, _ATOM = range(5)
-_STRENGTH = {"+": _SUM, "-": _SUM, "*": _PRODUCT, "/": _PRODUCT, "**": _POWER}
+_WRITTEN: dict[type[ast.operator], tuple[str, int]] = {
+    ast.Add: (" + ", _SUM),
+    ast.Sub: (" - ", _SUM),
+    ast.Mult: ("*", _PRODUCT),
+    ast.Div: ("/", _PRODUCT),
+    ast.Pow: ("**", _POWER),
+}
 
 
-def write(node: Node) -> str:
-    """Write a tree, with the fewest parentheses that parse to the same tree."""
+MOST_DIGITS = 40
+"""Significant digits of a number in a formula."""
+_DECIMALS = Context(prec=MOST_DIGITS)
+
+
+def write(node: ast.expr) -> str:
+    """Return the text of a tree, with the fewest parentheses that parse to the same tree."""
+    return _write(node)[0]
+
+
+def _write(node: ast.expr) -> tuple[str, int]:
+    """Return the text of a tree, and how tightly it holds together."""
     match node:
-        case Number(value):
-            return _decimal(value)
-        case Name(name):
-            return name
-        case Call(function, argument):
-            return f"{function}({write(argument)})"
-        case Negation(operand):
-            return f"-{_inside(operand, _SIGN)}"
-        case Operation("**", left, right):
-            return f"{_inside(left, _ATOM)}**{_inside(right, _SIGN)}"
-        case Operation(symbol, left, right):
-            strength = _STRENGTH[symbol]
-            space = " " if strength == _SUM else ""
-            return f"{_inside(left, strength)}{space}{symbol}{space}{_inside(right, strength + 1)}"
+        case ast.Constant(value):
+            return _decimal(value), _ATOM
+        case ast.Name(name):
+            return name, _ATOM
+        case ast.Call(ast.Name(function), [argument]):
+            return f"{function}({write(argument)})", _ATOM
+        case ast.UnaryOp(_, operand):
+            return f"-{_inside(operand, _SIGN)}", _SIGN
+        case ast.BinOp(left, ast.Pow(), right):
+            return f"{_inside(left, _ATOM)}**{_inside(right, _SIGN)}", _POWER
+        case ast.BinOp(left, symbol, right):
+            text, strength = _WRITTEN[type(symbol)]
+            return f"{_inside(left, strength)}{text}{_inside(right, strength + 1)}", strength
+    raise TypeError(node)
 
 
-def _inside(node: Node, wanted: int) -> str:
-    match node:
-        case Operation(symbol, _, _):
-            strength = _STRENGTH[symbol]
-        case Negation():
-            strength = _SIGN
-        case _:
-            strength = _ATOM
-    return write(node) if strength >= wanted else f"({write(node)})"
+def _inside(node: ast.expr, wanted: int) -> str:
+    text, strength = _write(node)
+    return text if strength >= wanted else f"({text})"
 
 
 def _decimal(value: Fraction) -> str:
-    """Write a number that has finitely many decimals, exactly."""
-    twos = (value.denominator & -value.denominator).bit_length() - 1
-    fives, rest = 0, value.denominator >> twos
-    while rest > 1:
-        fives, rest = fives + 1, rest // 5
-    exponent = -max(twos, fives)
-    digits = str(value.numerator * 10**-exponent // value.denominator)
-    exponent += len(digits) - len(digits.rstrip("0") or digits)
-    digits = digits.rstrip("0") or digits
-    places = -exponent
-    if not -6 < len(digits) - 1 + exponent < 16:
-        point = "." if len(digits) > 1 else ""
-        return f"{digits[0]}{point}{digits[1:]}e{len(digits) - 1 + exponent}"
-    if places <= 0:
-        return digits + "0" * exponent
-    digits = digits.rjust(places + 1, "0")
-    return f"{digits[:-places]}.{digits[-places:]}"
+    """Return the decimal text of a number, which has finitely many decimals: no more than a formula may have."""
+    number = _DECIMALS.normalize(_DECIMALS.divide(Decimal(value.numerator), Decimal(value.denominator)))
+    return f"{number:f}" if -6 < number.adjusted() < 16 else f"{number:e}".replace("e+", "e")

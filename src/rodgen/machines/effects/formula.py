@@ -1,37 +1,25 @@
-"""Formulas that a user writes in a machine file: read safely, written back, checked for their units, evaluated.
+"""Formulas of machine files: parsed safely, written back, checked for their units, evaluated.
 
 A formula is one value made of numbers, names, ``+ - * / **`` (``^`` is ``**``), parentheses and the functions
 ``sin cos tan exp log sqrt abs sign``, such as ``a*sin(q) + k*F``. Its text is parsed into a tree and never run as
-code; the tree is evaluated with whatever its names, functions and numbers are taken to be: floats, arrays,
-SymPy expressions.
+code; the tree is evaluated with any kind of operands: floats, arrays, SymPy expressions.
 """
 
 from __future__ import annotations
 
+import ast
 import functools
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
+from typing import Any, cast
 
 from rodgen.data.units import ONE, Dimension
 from rodgen.errors import InputFileError, shown
 from rodgen.machines.effects._formula_limits import FUNCTIONS
 from rodgen.machines.effects._formula_parser import parse
-from rodgen.machines.effects._formula_tree import (
-    Call,
-    FormulaError,
-    Name,
-    Negation,
-    Node,
-    Number,
-    Operation,
-    fold,
-    names_in,
-    names_within,
-    write,
-)
+from rodgen.machines.effects._formula_tree import OPERATORS, FormulaError, fold, nonlinear_parts, write
 
 __all__ = ["FUNCTION_NAMES", "Formula", "FormulaError"]
 
@@ -40,12 +28,12 @@ FUNCTION_NAMES = frozenset(FUNCTIONS)
 
 @dataclass(frozen=True)
 class Formula:
-    """A formula, as a tree; two are equal when their trees are.
+    """A formula; two are equal when their trees are.
 
     Attributes
     ----------
-    tree : Node
-        Made by :meth:`parse`.
+    text : str
+        Written from its tree; it parses to an equal formula. Made by :meth:`parse`.
 
     Examples
     --------
@@ -57,11 +45,11 @@ class Formula:
     5.0
     """
 
-    tree: Node
+    text: str
 
     @classmethod
     def parse(cls, text: str, *, file: str | os.PathLike[str], place: str) -> Formula:
-        """Read a formula.
+        """Return the formula that a text stands for.
 
         Parameters
         ----------
@@ -83,19 +71,14 @@ class Formula:
 between; expected '2*q'
         """
         try:
-            return cls(_parsed(text))
+            return cls(write(_parsed(text)))
         except FormulaError as error:
             raise InputFileError(file, place, error.found, error.expected) from None
 
     @functools.cached_property
-    def text(self) -> str:
-        """The formula, written from its tree; it parses to an equal formula."""
-        return write(self.tree)
-
-    @functools.cached_property
     def names(self) -> frozenset[str]:
-        """Every name in it, ``pi`` included, functions not."""
-        return frozenset(names_in(self.tree))
+        """Every name in it, including ``pi``, but not the functions."""
+        return _names([_parsed(self.text)])
 
     @property
     def inner_names(self) -> frozenset[str]:
@@ -106,7 +89,7 @@ between; expected '2*q'
         >>> sorted(Formula.parse("a*exp(-t/tau) + b*q", file="machine.toml", place="formula").inner_names)
         ['t', 'tau']
         """
-        return frozenset(names_within(self.tree))
+        return _names(nonlinear_parts(_parsed(self.text)))
 
     def evaluate(
         self,
@@ -114,7 +97,7 @@ between; expected '2*q'
         functions: Mapping[str, Callable[[Any], Any]],
         number: Callable[[Fraction], Any],
     ) -> Any:
-        """Evaluate with Python's operators, whatever the operands are.
+        """Return the value of the formula, computed with Python's operators on operands of any kind.
 
         Parameters
         ----------
@@ -125,7 +108,7 @@ between; expected '2*q'
         number : callable
             What a number of the formula becomes, from the exact Fraction.
         """
-        return fold(self.tree, names, functions, number)
+        return fold(_parsed(self.text), names, functions, number)
 
     def dimension(self, dimensions: Mapping[str, Dimension | None]) -> Dimension | None:
         """Return the dimension of the formula's value.
@@ -159,12 +142,17 @@ between; expected '2*q'
         Traceback (most recent call last):
         rodgen.machines.effects._formula_tree.FormulaError: 'a + F' of length and force; expected two of one kind
         """
-        return _quantity(self.tree, dimensions).dimension
+        return _quantity(_parsed(self.text), dimensions).dimension
 
 
 @functools.lru_cache(maxsize=1024)
-def _parsed(text: str) -> Node:
+def _parsed(text: str) -> ast.expr:
     return parse(text)
+
+
+def _names(trees: Iterable[ast.expr]) -> frozenset[str]:
+    nodes = (node for tree in trees for node in ast.walk(tree))
+    return frozenset(node.id for node in nodes if isinstance(node, ast.Name)) - FUNCTION_NAMES
 
 
 @dataclass(frozen=True)
@@ -176,24 +164,25 @@ class _Quantity:
     value: Fraction | None = None
 
 
-def _quantity(node: Node, dimensions: Mapping[str, Dimension | None]) -> _Quantity:
+def _quantity(node: ast.expr, dimensions: Mapping[str, Dimension | None]) -> _Quantity:
     match node:
-        case Number(value):
-            return _Quantity(ONE, bare=True, value=value)
-        case Name("pi"):
+        case ast.Constant(value):
+            return _Quantity(ONE, bare=True, value=cast("Fraction", value))
+        case ast.Name("pi"):
             return _Quantity(ONE, bare=True)
-        case Name(name):
+        case ast.Name(name):
             return _Quantity(dimensions[name])
-        case Negation(operand):
+        case ast.UnaryOp(_, operand):
             inner = _quantity(operand, dimensions)
             return _Quantity(inner.dimension, inner.bare, None if inner.value is None else -inner.value)
-        case Call(function, argument):
+        case ast.Call(ast.Name(function), [argument]):
             return _of_call(node, function, _quantity(argument, dimensions))
-        case Operation(symbol, left, right):
-            return _of_operation(node, symbol, _quantity(left, dimensions), _quantity(right, dimensions))
+        case ast.BinOp(left, _, right):
+            return _of_operation(node, _quantity(left, dimensions), _quantity(right, dimensions))
+    raise TypeError(node)
 
 
-def _of_call(node: Call, function: str, inner: _Quantity) -> _Quantity:
+def _of_call(node: ast.expr, function: str, inner: _Quantity) -> _Quantity:
     if function == "sign":
         return _Quantity(ONE, inner.bare)
     if function in {"abs", "sqrt"}:
@@ -206,11 +195,11 @@ def _of_call(node: Call, function: str, inner: _Quantity) -> _Quantity:
     return _Quantity(ONE, inner.bare)
 
 
-def _of_operation(node: Operation, symbol: str, left: _Quantity, right: _Quantity) -> _Quantity:
+def _of_operation(node: ast.BinOp, left: _Quantity, right: _Quantity) -> _Quantity:
     bare = left.bare and right.bare
-    if symbol == "**":
+    if isinstance(node.op, ast.Pow):
         return _of_power(node, left, right)
-    if symbol in "+-":
+    if isinstance(node.op, ast.Add | ast.Sub):
         if left.bare or left.dimension is None:
             return _Quantity(right.dimension if not right.bare else left.dimension, bare)
         if right.bare or right.dimension is None:
@@ -222,14 +211,13 @@ def _of_operation(node: Operation, symbol: str, left: _Quantity, right: _Quantit
         return left
     value = None
     if left.value is not None and right.value is not None:
-        value = left.value * right.value if symbol == "*" else left.value / right.value
+        value = OPERATORS[type(node.op)](left.value, right.value)
     if left.dimension is None or right.dimension is None:
         return _Quantity(None)
-    product = left.dimension * right.dimension if symbol == "*" else left.dimension / right.dimension
-    return _Quantity(product, bare, value)
+    return _Quantity(OPERATORS[type(node.op)](left.dimension, right.dimension), bare, value)
 
 
-def _of_power(node: Operation, base: _Quantity, exponent: _Quantity) -> _Quantity:
+def _of_power(node: ast.BinOp, base: _Quantity, exponent: _Quantity) -> _Quantity:
     if exponent.dimension is not None and not exponent.dimension.fits(ONE):
         raise FormulaError(f"exponent {shown(write(node.right), 40)}, {_said(exponent)}", "a plain number")
     if base.dimension is None:
