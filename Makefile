@@ -19,7 +19,7 @@ demo: .venv/installed ## a real telescope: fit, compare, diagnose, correct, emit
 	@$(BIN)/python examples/demo.py
 
 test: .venv/installed ## run the tests
-	$(BIN)/python -m pytest -n $(JOBS) -m "not slow"
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup -m "not slow"
 
 test-slow: .venv/installed ## run the tests that take longer than a minute
 	$(BIN)/python -m pytest -m slow

@@ -24,6 +24,19 @@ C_WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror"]
 LEVELS = ("baseline", "avx2", "avx512")
 
 
+def group_of(derivation: str) -> str:
+    """The group of the tests that execute a derivation; the parts of the Euler angles execute the first of them."""
+    return "instantaneous_euler" if derivation.startswith("instantaneous_euler") else derivation
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Give a file to one of several test processes, so that its fixtures and derivations are made once."""
+    for item in items:
+        if item.get_closest_marker("xdist_group") is None:
+            item.add_marker(pytest.mark.xdist_group(item.path.stem))
+
+
 @pytest.fixture(scope="session")
 def compiler() -> str:
     """The C compiler; tests that need one are skipped where there is none."""
@@ -80,12 +93,6 @@ def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "shared"
     folder.mkdir(exist_ok=True)
     return folder
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _references_are_shared(shared_folder: Path) -> None:
-    """Let the references of the kernels find the folder; they are asked for outside of fixtures, too."""
-    os.environ["RODGEN_TEST_SHARED"] = str(shared_folder)
 
 
 @pytest.fixture(scope="session")

@@ -7,16 +7,19 @@ be off by `UNITS` times what that changes, and may take the other side of a case
 
 from __future__ import annotations
 
+import importlib
 import math
-import os
-import pickle
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 import mpmath
 import numpy as np
+import pytest
 from chi_inputs import chi_inputs
+from conftest import group_of
 from link_inputs import link_inputs
 from loop_inputs import loop_inputs
 from pair_inputs import pair_inputs, trig_inputs
@@ -27,65 +30,107 @@ from sps_inputs import sps_inputs
 from tricept_cases import inputs as tricept_inputs
 from tricept_parameter_inputs import parameter_inputs
 
+import rodgen.generated
 from rodgen.codegen import Kernel
-from rodgen.derivation import (
-    axis,
-    biquadratic_pair,
-    instantaneous_euler,
-    instantaneous_euler_arm,
-    instantaneous_euler_inverse,
-    instantaneous_euler_motion,
-    instantaneous_euler_ridges,
-    machine_model,
-    robots_6r,
-    rodrigues,
-    rotations,
-    spatial_links,
-    spatial_loops,
-    spherical_polygons,
-    three_sps_s,
-    tricept,
-    tricept_uncertainty,
-    trig_equation,
-)
+from rodgen.generated import numpy as generated_numpy
 
-CHI = (
-    instantaneous_euler,
-    instantaneous_euler_arm,
-    instantaneous_euler_inverse,
-    instantaneous_euler_motion,
-    instantaneous_euler_ridges,
-)
-SPATIAL = {
-    spatial_links: link_inputs,
-    spatial_loops: loop_inputs,
-    spherical_polygons: polygon_inputs,
-    biquadratic_pair: pair_inputs,
-    robots_6r: robot_inputs,
-    trig_equation: trig_inputs,
-}
-"""Derivations of spatial mechanisms, each with the function that gives a kernel's inputs by its name."""
-MODULES = {
-    d.name: d
-    for d in (
-        m.derivation
-        for m in (
-            axis,
-            *CHI,
-            machine_model,
-            rodrigues,
-            rotations,
-            *SPATIAL,
-            three_sps_s,
-            tricept,
-            tricept_uncertainty,
+
+@dataclass(frozen=True)
+class Port:
+    """An input or output of a kernel, as its generated docstring describes it."""
+
+    name: str
+    shape: tuple[int, ...]
+    is_status: bool
+
+    @property
+    def size(self) -> int:
+        return math.prod(self.shape)
+
+
+@dataclass(frozen=True)
+class Generated:
+    """What the generated files say of a kernel, so that no derivation is executed to name a test.
+
+    `vectorised`, `usual` and `trigonometric` are the branches that the template of the gufunc loops takes.
+    """
+
+    module: str
+    inputs: tuple[Port, ...]
+    outputs: tuple[Port, ...]
+    operations: int
+    vectorised: bool
+    usual: bool
+    trigonometric: bool
+    is_derivative: bool
+
+
+PORT = re.compile(r"^ *(\w+) : (int8 )?array \((?:\.\.\.)?,? ?([^)]*)\)", re.MULTILINE)
+
+
+def generated() -> dict[str, Generated]:
+    folder = Path(rodgen.generated.__file__).parent
+    loops = {file.stem: file.read_text() for file in (folder / "gufunc").glob("*_loops.c")}
+    found = {}
+    for name, function in vars(generated_numpy.ALL).items():
+        module = function.__module__.rpartition(".")[2]
+        ports = [
+            tuple(
+                Port(port, tuple(map(int, filter(None, shape.split(",")))), bool(codes))
+                for port, codes, shape in PORT.findall(part)
+            )
+            for part in function.__doc__.split("Returns\n")
+        ]
+        text = loops[f"{module}_loops"]
+        counts = re.search(rf"^/\* {name}: (.*) \*/$", text, re.MULTILINE)
+        found[name] = Generated(
+            module,
+            *ports,
+            operations=sum(map(int, re.findall(r"\d+(?= [a-z])", counts[1]))),
+            vectorised=f" {name}_block_" in text,
+            usual=f" {name}_usual_" in text,
+            trigonometric=f" {name}_beyond_" in text,
+            is_derivative="; last axis: " in function.__doc__,
         )
-    )
-}
-KERNELS: dict[str, Kernel] = {k.name: k for d in MODULES.values() for k in d.kernels.values()}
-MODULE_OF = {name: module for module, d in MODULES.items() for name in d.kernels}
+    return found
 
-SPATIAL_INPUTS = {name: inputs for m, inputs in SPATIAL.items() for name in m.derivation.kernels}
+
+GENERATED = generated()
+
+
+class Kernels(Mapping[str, Kernel]):
+    """Every kernel by its name; the derivation that it is from is executed when the kernel is first used."""
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(GENERATED)
+
+    def __len__(self) -> int:
+        return len(GENERATED)
+
+    def __getitem__(self, name: str) -> Kernel:
+        derivation = importlib.import_module(f"rodgen.derivation.{GENERATED[name].module}").derivation
+        return derivation.kernels[name]
+
+
+KERNELS = Kernels()
+MODULE_OF = {name: found.module for name, found in GENERATED.items()}
+
+
+def of_kernels(names: Iterable[str]) -> pytest.MarkDecorator:
+    """Repeat a test for kernels; one test process has all that execute the same derivation."""
+    marked = [pytest.param(n, marks=pytest.mark.xdist_group(group_of(MODULE_OF[n]))) for n in sorted(names)]
+    return pytest.mark.parametrize("name", marked)
+
+
+SPATIAL_INPUTS = {
+    "spatial_links": link_inputs,
+    "spatial_loops": loop_inputs,
+    "spherical_polygons": polygon_inputs,
+    "biquadratic_pair": pair_inputs,
+    "robots_6r": robot_inputs,
+    "trig_equation": trig_inputs,
+}
+"""For each derivation of spatial mechanisms the function that gives a kernel's inputs by its name."""
 
 UNITS = 16
 """Rounding units in each input that a result may be off by. The longest chain of dependent roundings in a kernel is
@@ -177,8 +222,8 @@ def inputs_of(kernel: Kernel) -> dict[str, np.ndarray]:
     """Arrays (n, ...) for every input."""
     names = {p.name for p in kernel.inputs}
     rng = np.random.default_rng(3)
-    if kernel.name in SPATIAL_INPUTS:
-        values = SPATIAL_INPUTS[kernel.name](kernel.name)
+    if MODULE_OF[kernel.name] in SPATIAL_INPUTS:
+        values = SPATIAL_INPUTS[MODULE_OF[kernel.name]](kernel.name)
     elif kernel.name.startswith("chi_"):
         values = chi_inputs(names)
     elif kernel.name.startswith("sps_"):
@@ -267,6 +312,7 @@ class Expected:
             results, self.values, self.tolerances, self.codes, self.cut, strict=True
         ):
             assert result.shape == rows.shape + value.shape[1:]
+            assert result.dtype == (np.int8 if value.dtype == np.int8 else self.inputs[0].dtype)
             if result.dtype == np.int8:
                 wrong = [
                     (int(r), found.tolist())
@@ -293,21 +339,7 @@ class Expected:
 
 @cache
 def expected(name: str, bits: int) -> Expected:
-    """Evaluate a kernel at its inputs, rounded to numbers of `bits` bits; one of all test processes does it."""
-    folder = os.environ.get("RODGEN_TEST_SHARED")
-    if folder is None:
-        return evaluated(name, bits)
-    file = Path(folder) / f"{name}_{bits}.pickle"
-    if file.exists():
-        return pickle.loads(file.read_bytes())
-    made = evaluated(name, bits)
-    unfinished = file.with_suffix(f".{os.getpid()}")
-    unfinished.write_bytes(pickle.dumps(made))
-    os.replace(unfinished, file)
-    return made
-
-
-def evaluated(name: str, bits: int) -> Expected:
+    """Evaluate a kernel at its inputs, rounded to numbers of `bits` bits."""
     kernel = KERNELS[name]
     real = np.dtype(f"f{bits // 8}")
     limits = np.finfo(real)

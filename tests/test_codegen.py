@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from conftest import compile_shared
-from kernel_reference import KERNELS, MODULE_OF, inputs_of, pairs
+from kernel_reference import GENERATED, KERNELS, inputs_of, of_kernels, pairs
 
 import rodgen
 import rodgen.generated
@@ -152,7 +152,7 @@ def test_expand_writes_an_output_in_the_inputs() -> None:
     assert kernel.expand("named") == x + y
 
 
-@pytest.mark.parametrize("name", sorted(KERNELS))
+@of_kernels(GENERATED)
 def test_every_kernel_is_in_order_and_assigns_once(name: str) -> None:
     kernel = KERNELS[name]
     seen = {s for p in kernel.inputs for s in p.symbols} | {EPS, LARGEST}
@@ -199,10 +199,10 @@ def test_exact_evaluation_means_what_floating_point_means() -> None:
 # The usual case ------------------------------------------------------------------------------------------
 
 
-WITH_USUAL_CASE = sorted(n for n, k in KERNELS.items() if k.usual is not None)
+WITH_USUAL_CASE = sorted(n for n, k in GENERATED.items() if k.usual)
 
 
-@pytest.mark.parametrize("name", [n for n in WITH_USUAL_CASE if MODULE_OF[n] == "axis"])
+@of_kernels(n for n in WITH_USUAL_CASE if GENERATED[n].module == "axis")
 def test_usual_case_of_the_axis_is_the_kernel_where_its_guard_holds(name: str) -> None:
     """With all digits the two differ by what the guard lets pass: less than a rounding unit times the condition."""
     kernel, usual = KERNELS[name], KERNELS[name].usual_case()
@@ -224,7 +224,7 @@ def test_usual_case_of_the_axis_is_the_kernel_where_its_guard_holds(name: str) -
     assert held >= 8  # the ordinary ones
 
 
-@pytest.mark.parametrize("name", [n for n in WITH_USUAL_CASE if MODULE_OF[n] != "axis"])
+@of_kernels(n for n in WITH_USUAL_CASE if GENERATED[n].module != "axis")
 def test_usual_case_is_the_kernel_where_its_guard_holds(name: str) -> None:
     """Cases are left out that are not taken, so that with all digits the values are the same."""
     kernel, usual = KERNELS[name], KERNELS[name].usual_case()

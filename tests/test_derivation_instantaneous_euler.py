@@ -6,33 +6,21 @@ The proofs are exact. Here the same statements are held against floating-point n
 from __future__ import annotations
 
 import re
+from functools import cache
 
 import mpmath
 import numpy as np
 import pytest
 import sympy as sp
+from lazy import LazyDerivation
 from scipy.spatial.transform import Rotation
 
-from rodgen.derivation import (
-    instantaneous_euler,
-    instantaneous_euler_arm,
-    instantaneous_euler_inverse,
-    instantaneous_euler_motion,
-    instantaneous_euler_ridges,
-)
-from rodgen.symbolic import errata
+from rodgen.symbolic import Derivation, Entry, errata
 
-DERIVATIONS = [
-    module.derivation
-    for module in (
-        instantaneous_euler,
-        instantaneous_euler_ridges,
-        instantaneous_euler_inverse,
-        instantaneous_euler_motion,
-        instantaneous_euler_arm,
-    )
-]
-ENTRIES = {(d.name.removeprefix("instantaneous_euler"), entry.id): entry for d in DERIVATIONS for entry in d}
+pytestmark = pytest.mark.xdist_group("instantaneous_euler")
+instantaneous_euler = LazyDerivation("instantaneous_euler")
+instantaneous_euler_arm = LazyDerivation("instantaneous_euler_arm")
+PARTS = ("", "_ridges", "_inverse", "_motion", "_arm")
 RNG = np.random.default_rng(8)
 
 EQUATIONS = {
@@ -59,8 +47,18 @@ EQUATIONS = {
 """Equation (2) are names; (19) is (6); (21) to (23) are those of the 3-SPS-S machine."""
 
 
-@pytest.mark.parametrize("derivation", DERIVATIONS, ids=lambda d: d.name)
-def test_nothing_is_open_and_kernels_are_handed_over(derivation) -> None:
+def derivation_of(part: str) -> Derivation:
+    return LazyDerivation(f"instantaneous_euler{part}").derivation
+
+
+@cache
+def entries() -> dict[tuple[str, str], Entry]:
+    return {(part, entry.id): entry for part in PARTS for entry in derivation_of(part)}
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_nothing_is_open_and_kernels_are_handed_over(part: str) -> None:
+    derivation = derivation_of(part)
     assert derivation.open == []
     assert derivation.kernels
     assert all(entry.place for entry in derivation if entry.origin != "own")
@@ -68,7 +66,7 @@ def test_nothing_is_open_and_kernels_are_handed_over(derivation) -> None:
 
 @pytest.mark.parametrize(("part", "number"), [(part, n) for part, ns in EQUATIONS.items() for n in ns])
 def test_every_printed_equation_is_an_entry(part: str, number: str) -> None:
-    entry = ENTRIES[part, f"eq-{number}"]
+    entry = entries()[part, f"eq-{number}"]
     assert entry.origin in ("printed", "said")
     assert f"({re.match('[0-9]+', number)[0]})" in entry.place
 
@@ -77,16 +75,16 @@ def test_every_row_of_the_tables_is_an_entry_with_its_remark_on_ridges() -> None
     for section, table in (("4.1", instantaneous_euler.TABLE_41), ("4.2", instantaneous_euler.TABLE_42)):
         assert len(table) == 6  # three of one rotation, three of two
         for name in (*table, "three"):
-            assert ("", f"table-{section}-{name}") in ENTRIES
+            assert ("", f"table-{section}-{name}") in entries()
         for name in table:
-            assert ("_ridges", f"ridges-{section}-{name}") in ENTRIES
+            assert ("_ridges", f"ridges-{section}-{name}") in entries()
 
 
 def test_errata_are_numbered_once_and_have_a_counterexample() -> None:
-    wrong = [entry for entry in ENTRIES.values() if entry.refutation]
+    wrong = [entry for entry in entries().values() if entry.refutation]
     numbers = sorted(int(entry.refutation.label.removeprefix("Z")) for entry in wrong)
     assert numbers == list(range(1, 48))
-    for derivation in DERIVATIONS:
+    for derivation in map(derivation_of, PARTS):
         text = errata(derivation)
         for entry in derivation:
             assert (f"{entry.refutation.label} " in text) if entry.refutation else True
@@ -108,7 +106,7 @@ def test_verdicts() -> None:
     }
     for section, rows in tables.items():
         for name, good in rows.items():
-            assert ENTRIES["", f"table-{section}-{name}"].verdict == ("proved" if good else "refuted")
+            assert entries()["", f"table-{section}-{name}"].verdict == ("proved" if good else "refuted")
     figures = {
         "figure-6-do-not-follow": 1,
         "figure-6-peaks": 1,
@@ -126,7 +124,7 @@ def test_verdicts() -> None:
         "state-quantity": 1,
     }
     for name, good in figures.items():
-        assert ENTRIES["_arm", name].verdict == ("proved" if good else "refuted")
+        assert entries()["_arm", name].verdict == ("proved" if good else "refuted")
 
 
 # the same in numbers -----------------------------------------------------------------------------------
@@ -155,14 +153,13 @@ def equations(claims: tuple[sp.Basic, ...]) -> list[sp.Basic]:
     return [claim for claim in claims if isinstance(claim, sp.Eq)]
 
 
-@pytest.mark.parametrize("key", ENTRIES, ids=lambda key: key[0] + ":" + key[1])
-def test_what_is_proved_holds_at_random_numbers(key: tuple[str, str]) -> None:
-    entry = ENTRIES[key]
-    refuted = entry.refutation
-    claims = refuted.correction if refuted else entry.claims
-    residuals = entry._residuals(equations(tuple(claims)), dict(entry.given))
-    for residual in residuals[:12]:
-        assert size_of(sp.sympify(residual)) < 1e-12
+def test_what_is_proved_holds_at_random_numbers() -> None:
+    for key, entry in entries().items():
+        refuted = entry.refutation
+        claims = refuted.correction if refuted else entry.claims
+        residuals = entry._residuals(equations(tuple(claims)), dict(entry.given))
+        for residual in residuals[:12]:
+            assert size_of(sp.sympify(residual)) < 1e-12, key
 
 
 def angles_of(matrix: np.ndarray) -> np.ndarray:
@@ -179,7 +176,7 @@ def test_rows_of_the_tables_against_scipy(section: str) -> None:
         numbers = [float(sp.sympify(a).subs(values)) for a in angles]
         true = np.diagonal(Rotation.from_euler(sequence, numbers).as_matrix())
         row = np.cos([float(sp.sympify(c).subs(values)) for c in printed])
-        right = ENTRIES["", f"table-{section}-{name}"].verdict == "proved"
+        right = entries()["", f"table-{section}-{name}"].verdict == "proved"
         assert np.allclose(row, true, atol=1e-14) == right, name
 
 

@@ -5,18 +5,20 @@ from __future__ import annotations
 from xml.etree import ElementTree
 
 import numpy as np
+import pytest
 import sympy as sp
+from lazy import LazyDerivation
 from scipy.spatial.transform import Rotation
 
-from rodgen.derivation import spatial_links as notes
 from rodgen.symbolic import errata
 
-derivation = notes.derivation
+pytestmark = pytest.mark.xdist_group("spatial_links")
+notes = LazyDerivation("spatial_links")
 
 
 def test_every_formula_is_decided():
-    assert derivation.open == []
-    assert [entry.id for entry in derivation if entry.verdict == "refuted"] == [
+    assert notes.derivation.open == []
+    assert [entry.id for entry in notes.derivation if entry.verdict == "refuted"] == [
         "rule-3",
         "trace-unit",
         "differences-rule",
@@ -28,7 +30,7 @@ def test_every_formula_is_decided():
 
 
 def test_the_errata_are_numbered_and_say_what_is_right():
-    text = errata(derivation)
+    text = errata(notes.derivation)
     assert [line.split()[0] for line in text.splitlines() if line[:1] == "L"] == [
         f"L{n}" for n in range(1, 8)
     ]

@@ -7,12 +7,14 @@ exact real-root counts and a Groebner basis, none of which the proofs use.
 import numpy as np
 import pytest
 import sympy as sp
+from lazy import LazyDerivation
 from scipy.spatial.transform import Rotation
 
-from rodgen.derivation import three_sps_s as paper
 from rodgen.symbolic import errata
 
-derivation = paper.derivation
+pytestmark = pytest.mark.xdist_group("three_sps_s")
+paper = LazyDerivation("three_sps_s")
+
 R, r, h = 2.0, 1.0, 1.5
 BASE = np.array([[np.cos(a), np.sin(a), 0] for a in np.radians([-30, 90, 210])])
 
@@ -40,15 +42,15 @@ def octic_at(squares, rho, dims=(R, r, h)):
 
 def test_every_equation_of_the_section_is_an_entry():
     assert {"21", "22", "23-expanded", "23-changes", "angles-from-legs", "home-is-regular"} <= set(
-        derivation.entries
+        paper.derivation.entries
     )
-    assert derivation.open == []
-    refuted = [entry.id for entry in derivation if entry.verdict == "refuted"]
+    assert paper.derivation.open == []
+    refuted = [entry.id for entry in paper.derivation if entry.verdict == "refuted"]
     assert refuted == ["23-changes", "angles-from-legs", "home-is-regular"]
 
 
 def test_the_errata_name_what_is_wrong():
-    text = errata(derivation)
+    text = errata(paper.derivation)
     assert "up to eight orientations" in text
     assert "there:    0 is not" in text or "this is false" in text
     assert text.count("wrong:") == 3
@@ -58,7 +60,7 @@ def test_legs_are_those_of_points_moved_in_space():
     for turn in Rotation.random(20, random_state=1):
         q = turn.as_quat(scalar_first=True)
         values = dict(zip(paper.q, map(float, q), strict=True)) | {paper.R: R, paper.r: r, paper.h: h}
-        squares = [float(derivation.value(s).subs(values)) for s in paper.length_squared]
+        squares = [float(paper.derivation.value(s).subs(values)) for s in paper.length_squared]
         assert np.allclose(squares, by_hand(turn.as_matrix()), rtol=0, atol=1e-13)
 
 
@@ -72,7 +74,7 @@ def test_every_rotation_is_on_the_octic_and_no_other_tilt_is():
 
 
 def test_the_kernel_s_coefficients_are_the_octic_s():
-    kernel = derivation.kernels["sps_octic"]
+    kernel = paper.derivation.kernels["sps_octic"]
     for turn in Rotation.random(5, random_state=3):
         squares = by_hand(turn.as_matrix())
         inputs = {"legs": np.sqrt(squares), "base_radius": R, "platform_radius": r, "height": h}

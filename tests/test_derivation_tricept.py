@@ -11,13 +11,15 @@ import mpmath
 import numpy as np
 import pytest
 import sympy as sp
+from lazy import LazyDerivation
 from scipy.spatial.transform import Rotation
 
-from rodgen.derivation import tricept as paper
 from rodgen.kinematics import tricept as public
 from rodgen.symbolic import errata
 
-derivation = paper.derivation
+pytestmark = pytest.mark.xdist_group("tricept")
+paper = LazyDerivation("tricept")
+
 DIGITS = 40
 
 PRINTED = [*(f"eq-{n}" for n in range(1, 24) if n not in (6, 11, 22)), "W33", "W35", "inverse", "table-1"]
@@ -27,36 +29,38 @@ TACIT = ["usual-Ox", "units"]
 
 @pytest.mark.parametrize("id", PRINTED)
 def test_every_printed_formula_is_an_entry_with_its_place(id):
-    entry = derivation.entries[id]
+    entry = paper.derivation.entries[id]
     assert (entry.origin, entry.words) == ("printed", "")
     assert entry.place
     assert entry.verdict == ("refuted" if id in ("eq-8", "table-1") else "proved")
 
 
 def test_equations_that_share_an_entry_are_named_in_its_place():
-    places = " ".join(entry.place for entry in derivation)
+    places = " ".join(entry.place for entry in paper.derivation)
     for number in range(1, 24):
         assert f"({number})" in places, number
 
 
 def test_what_is_said_or_taken_for_granted_is_marked_and_refuted():
     for ids, origin in ((SAID, "said"), (TACIT, "tacit")):
-        assert [e.id for e in derivation if e.origin == origin] == [e.id for e in derivation if e.id in ids]
+        assert [e.id for e in paper.derivation if e.origin == origin] == [
+            e.id for e in paper.derivation if e.id in ids
+        ]
         for id in ids:
-            assert derivation.entries[id].verdict == "refuted"
-            assert bool(derivation.entries[id].words) == (origin == "said")
+            assert paper.derivation.entries[id].verdict == "refuted"
+            assert bool(paper.derivation.entries[id].words) == (origin == "said")
 
 
 def test_nothing_is_open_and_all_kernels_carry_the_prefix():
-    assert derivation.open == []
-    assert len(derivation.kernels) == 9
-    assert all(name.startswith("tricept_") for name in derivation.kernels)
+    assert paper.derivation.open == []
+    assert len(paper.derivation.kernels) == 9
+    assert all(name.startswith("tricept_") for name in paper.derivation.kernels)
 
 
 def test_errata_list_every_slip_with_its_correction():
-    labels = {entry.refutation.label for entry in derivation if entry.refutation}
+    labels = {entry.refutation.label for entry in paper.derivation if entry.refutation}
     assert labels == {f"T{n}" for n in range(1, 11)}
-    text = errata(derivation)
+    text = errata(paper.derivation)
     for id in (*SAID, *TACIT, "eq-8", "table-1"):
         assert f" {id} (" in text
     assert text.count("right:") >= text.count("wrong:") == 10

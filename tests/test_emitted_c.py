@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import C_FOLDER, C_MODULES, C_WARNINGS
-from kernel_reference import KERNELS, MODULE_OF, expected
+from kernel_reference import GENERATED, expected, of_kernels
 
 # -O0 keeps every access that the source makes, and compiles in a fifth of the time of -O1. No pointer to a local leaves
 # its scope in straight-line code, and to guard each scope takes GCC minutes where a function has a thousand locals.
@@ -64,9 +64,9 @@ int main(int count, char **words) {{
 
 
 def function(name: str, bits: int, manner: str) -> str:
-    kernel = KERNELS[name]
+    kernel = GENERATED[name]
     real = "double" if bits == 64 else "float"
-    call = f"{MODULE_OF[name]}_{name}"
+    call = f"{GENERATED[name].module}_{name}"
     lines, frees, writes = [], [], []
     for port in kernel.inputs:
         lines.append(f"{real} *{port.name} = read_block(in, n * {port.size} * sizeof({real}));")
@@ -124,9 +124,10 @@ def compile_driver(compiler: str, folder: Path) -> Path:
         pytest.skip(f"{compiler} has no address and undefined-behaviour sanitizers")
     if subprocess.run([folder / "probe"], capture_output=True, check=False).returncode:
         pytest.skip("programs with the address sanitizer do not run here")
-    kinds = [(name, bits, manner) for name in sorted(KERNELS) for bits in (64, 32) for manner in MANNERS]
+    kinds = [(name, bits, manner) for name in sorted(GENERATED) for bits in (64, 32) for manner in MANNERS]
     declarations = [
-        f"void {MODULE_OF[name]}_{name}_loop_f{bits}_baseline(char **, const ptrdiff_t *, const ptrdiff_t *, void *);"
+        f"void {GENERATED[name].module}_{name}_loop_f{bits}_baseline("
+        "char **, const ptrdiff_t *, const ptrdiff_t *, void *);"
         for name, bits, manner in kinds
         if manner == "loop"
     ]
@@ -169,13 +170,15 @@ def compile_driver(compiler: str, folder: Path) -> Path:
     return folder / "driver"
 
 
-@pytest.mark.parametrize("manner", MANNERS)
-@pytest.mark.parametrize("bits", [64, 32])
-@pytest.mark.parametrize("name", sorted(KERNELS))
-def test_sanitizers_find_nothing_and_results_are_right(
-    driver: Path, name: str, bits: int, manner: str, tmp_path: Path
-) -> None:
-    kernel, reference = KERNELS[name], expected(name, bits)
+@of_kernels(GENERATED)
+def test_sanitizers_find_nothing_and_results_are_right(driver: Path, name: str, tmp_path: Path) -> None:
+    for bits in (64, 32):
+        for manner in MANNERS:
+            check_sanitized(driver, name, bits, manner, tmp_path)
+
+
+def check_sanitized(driver: Path, name: str, bits: int, manner: str, tmp_path: Path) -> None:
+    kernel, reference = GENERATED[name], expected(name, bits)
     rows = np.concatenate([np.arange(len(reference.inputs[0])), [0, 1, 2]])  # no multiple of a block
     with open(tmp_path / "in", "wb") as file:
         file.write(np.uint64(len(rows)).tobytes())
@@ -187,7 +190,7 @@ def test_sanitizers_find_nothing_and_results_are_right(
     if "LeakSanitizer has encountered a fatal error" in done.stderr:  # it cannot trace inside some containers
         environment["ASAN_OPTIONS"] = "detect_leaks=0"
         done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 0, (bits, manner, done.stderr)
     assert done.stderr == ""
     content, results = (tmp_path / "out").read_bytes(), []
     for port in kernel.outputs:

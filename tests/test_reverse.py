@@ -10,7 +10,7 @@ import mpmath
 import numpy as np
 import pytest
 import sympy as sp
-from kernel_reference import KERNELS, inputs_of
+from kernel_reference import GENERATED, KERNELS, inputs_of, of_kernels
 
 from rodgen.codegen import Kernel, KernelBuilder, KernelError
 from rodgen.symbolic import select
@@ -35,15 +35,23 @@ def slopes(kernel: Kernel, mode: str, **values: Any) -> np.ndarray:
     return np.asarray(made.evaluate(values)["f_jacobian"], dtype=float)
 
 
-DIFFERENTIATED = sorted(n for n, k in KERNELS.items() if "covariance" not in n and k.derivative is None)
+DIFFERENTIATED = sorted(n for n, k in GENERATED.items() if "covariance" not in n and not k.is_derivative)
 # SymPy takes a minute for the derivatives of a thousand operations, and the same rules make them as those of a few.
-LONG = {n for n in DIFFERENTIATED if sum(KERNELS[n].operations.values()) > 500}
+LONG = [n for n in DIFFERENTIATED if GENERATED[n].operations > 500]
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.slow) if n in LONG else n for n in DIFFERENTIATED]
-)
+@of_kernels(set(DIFFERENTIATED) - set(LONG))
 def test_both_modes_agree_on_every_kernel_and_at_every_hard_input(name: str) -> None:
+    check_both_modes(name)
+
+
+@pytest.mark.slow
+@of_kernels(LONG)
+def test_both_modes_agree_on_long_kernels_and_at_every_hard_input(name: str) -> None:
+    check_both_modes(name)
+
+
+def check_both_modes(name: str) -> None:
     """Zeros, infinities, NaN and case distinctions among the inputs; both modes with 50 digits."""
     kernel = KERNELS[name]
     inputs = inputs_of(kernel)

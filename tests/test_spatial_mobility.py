@@ -5,9 +5,9 @@ import xml.etree.ElementTree as ET
 import numeric_reverse
 import numpy as np
 import pytest
+from lazy import LazyDerivation
 from numeric_reverse import search
 
-from rodgen.derivation import spatial_loops
 from rodgen.errors import RodgenError
 from rodgen.kinematics import spatial
 from rodgen.kinematics.spatial import (
@@ -18,6 +18,9 @@ from rodgen.kinematics.spatial import (
     mobility_of,
     planar_svg,
 )
+
+pytestmark = pytest.mark.xdist_group("spatial_loops")
+spatial_loops = LazyDerivation("spatial_loops")
 
 
 def degrees(*values):

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from kernel_reference import KERNELS
 from numeric_reverse import search
 from robot_inputs import folded_arm, robot_inputs
 from test_reverse_robots import check_is_solution, check_misses_nothing
 
-from rodgen.derivation.robots_6r import derivation
 from rodgen.errors import RodgenError
 from rodgen.kinematics import spatial
 from rodgen.kinematics.spatial import ReverseStatus
 
+pytestmark = pytest.mark.xdist_group("robots_6r")
 EPS = float(np.finfo(float).eps)
 KINDS = {
     "wrist": ("closed form: axes 2, 3 are parallel and axes 4, 5, 6 meet", 8),
@@ -141,7 +142,7 @@ def test_kernels_solve_their_equations_to_40_digits(name: str) -> None:
                 return T
 
             T = forward(q)
-            found = derivation.kernels[name].evaluate(
+            found = KERNELS[name].evaluate(
                 {"pose": np.array(T.tolist()), "a": a, "cosine": cosine, "sine": sine, "offset": offset},
                 digits=50,
                 eps=mpmath.mpf(10) ** -45,

@@ -13,12 +13,15 @@ import mpmath
 import numpy as np
 import pytest
 from closed_polygons import exact, frames, many_digits, product, rotate_x, rotate_z, spatial
+from lazy import LazyDerivation
 
-from rodgen.derivation import spherical_polygons
 from rodgen.kinematics import spatial as sphere
 from rodgen.polygon_laws import FAMILIES, HalfTangent, Law, laws
 from rodgen.polygon_notation import Term
 from rodgen.symbolic import errata
+
+pytestmark = pytest.mark.xdist_group("spherical_polygons")
+spherical_polygons = LazyDerivation("spherical_polygons")
 
 EPS = float(np.finfo(float).eps)
 SIZES = pytest.mark.parametrize("n", range(3, 8))

@@ -7,12 +7,15 @@ rationals, by Sturm's theorem), and Newton's method by SciPy from many starts.
 import numpy as np
 import pytest
 import sympy as sp
+from lazy import LazyDerivation
 from scipy.optimize import fsolve
 
 from rodgen import RodgenError
-from rodgen.derivation import tricept as paper
 from rodgen.kinematics import tricept
 from rodgen.kinematics.tricept import PAPER, Geometry
+
+pytestmark = pytest.mark.xdist_group("tricept")
+paper = LazyDerivation("tricept")
 
 
 def parts(pose):
