@@ -266,9 +266,9 @@ def test_joints_that_are_called_like_words_of_formulas(tmp_path: Any) -> None:
     columns["z [mm]"] = columns["z [mm]"] + 0.004 * columns["flow"]
     base = fitted(machine_of(file), columns)
     assert {(d.kind, d.name) for d in drivers_of(base.observations)} & {
-        ("q", "T"),
-        ("q", "q"),
-        ("T", "T_T"),
+        ("joint", "T"),
+        ("joint", "q"),
+        ("temperature", "T_T"),
     } == set()
     carriers = Carriers.of(base)
     machine, forms = machine_of(file), find_forms(carriers, None, carriers.model)
@@ -444,7 +444,7 @@ def test_scores_of_all_terms_are_those_of_least_squares() -> None:
     C = np.stack([carriers.component(*place) for place in places])
     level = Level(C, [d.values for d in drivers], carriers.residual, lambda columns: columns)
     level.take_out(level.flat(carriers.model))
-    terms = dictionary(drivers)
+    terms = dictionary(drivers, carriers.observations.machine)
     at = {name: [i for i, (place, _) in enumerate(places) if place == name] for name in "XYBC"}
     screen = Screen(level, Functions.of(terms, level.drivers), at)
     found = list(screen.best(lambda part, parameters: part))
@@ -466,7 +466,7 @@ def test_error_on_unseen_poses_is_that_of_refits() -> None:
     level = Level(C, [d.values for d in drivers], carriers.residual, lambda columns: columns, order=order)
     level.take_out(level.flat(carriers.model))
     unseen = PosesLeftOut(level, np.repeat(pose, m)[order], np.repeat(fold, m)[order])
-    term = dictionary(drivers)[-1]
+    term = dictionary(drivers, carriers.observations.machine)[-1]
     found = unseen.squares(level.flat(level.columns(term, 0)))
     whole = np.concatenate([carriers.model, level.columns(term, 0)], axis=2)
     for k in range(10):

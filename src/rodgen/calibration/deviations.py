@@ -9,21 +9,22 @@ estimates are corrected for their own scatter (Bai and Saranadasa 1996).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from rodgen.calibration.observations import Observations
+from rodgen.calibration.drivers import Driver, Kind
 
-__all__ = ["Deviations", "Driver", "Estimated", "drivers", "independent_share"]
+__all__ = ["DRIFTS", "Deviations", "Estimated", "independent_share"]
 
 Array: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.integer[Any]]
 
+DRIFTS: tuple[Kind, ...] = ("run", "time", "order", "temperature", "column")
+"""Kinds of drivers that differ between poses with equal commands."""
 SURE = 1e-4
 """Probability by chance, over all that is tried, below which something drives the deviations."""
 DEGREE = 3
@@ -64,43 +65,6 @@ class Estimated:
             float(np.sqrt(degrees_of_freedom / chdtri(degrees_of_freedom, p))) for p in (0.025, 0.975)
         )
         return cls(value, degrees_of_freedom, value * low, value * high)
-
-
-@dataclass(frozen=True, eq=False)
-class Driver:
-    """What may change from one pose to the next that has equal commands.
-
-    Attributes
-    ----------
-    name : str
-        As a sentence calls it.
-    values : ndarray, shape (n,)
-        Of each row.
-    categories : int
-        How many there are, where values are numbers of categories; else 0.
-    """
-
-    name: str
-    values: NDArray[Any]
-    categories: int = 0
-
-    def columns(self, rows: Ints) -> Array:
-        """Return functions of it for some rows, (rows, k): each category, or powers."""
-        if self.categories:
-            return np.asarray(np.eye(self.categories)[self.values[rows]])
-        x = np.asarray(self.values[rows], float)
-        middle, half = (x.max() + x.min()) / 2, np.ptp(x) / 2
-        return np.asarray(np.polynomial.legendre.legvander((x - middle) / (half or 1.0), DEGREE)[:, 1:])
-
-
-def drivers(o: Observations) -> Iterator[Driver]:
-    """Yield run, time (or the order of the rows), temperatures and covariates."""
-    runs = len(o.run_names)
-    if runs > 1:
-        yield Driver("the run", o.run, runs if runs <= MOST_RUNS else 0)
-    yield Driver("time", o.t) if o.t is not None else Driver("the order of the rows", np.arange(o.n))
-    yield from (Driver(f"T_{joint}", temperature) for joint, temperature in o.temperature.items())
-    yield from (Driver(name, values) for name, values in o.covariates.items())
 
 
 @dataclass(frozen=True)
@@ -210,9 +174,9 @@ class Deviations:
         left, named = self, list[str]()
         if not len(self.group):
             return left, named
-        candidates = list(candidates)
+        candidates = [driver for driver in candidates if len(driver.categories) != 1]
         while True:
-            tried = [(*left._explained(d), d.name) for d in candidates if d.name not in named]
+            tried = [(*left._explained(d), d.text) for d in candidates if d.text not in named]
             best = min(tried, key=lambda t: t[0], default=None)
             if best is None or best[0] * len(tried) > SURE:
                 return left, named
@@ -221,7 +185,7 @@ class Deviations:
 
     def _explained(self, driver: Driver) -> tuple[float, Deviations]:
         """Return the probability that chance explains as much as a driver does, and what it leaves."""
-        by_row = driver.columns(self.row) * self.lever[:, None]
+        by_row = _curve(driver, self.row) * self.lever[:, None]
         mean_weight = self.weight.mean(axis=1, keepdims=True)
         starts = np.flatnonzero(np.diff(self.group, prepend=self.group[0] - 1))
         sizes = np.diff(starts, append=len(self.group))
@@ -244,6 +208,15 @@ class Deviations:
         with np.errstate(divide="ignore"):
             ratio = np.divide(gain / used, rest.variance)
         return float(fdtrc(max(share * used, 1.0), max(share * spare, 1.0), ratio)), rest
+
+
+def _curve(driver: Driver, rows: Ints) -> Array:
+    """Return functions of a driver for some rows, (rows, k): one for each category, or powers."""
+    if 0 < len(driver.categories) <= MOST_RUNS:
+        return np.asarray(np.eye(len(driver.categories))[driver.values[rows]])
+    x = np.asarray(driver.values[rows], float)
+    middle, half = (x.max() + x.min()) / 2, np.ptp(x) / 2
+    return np.asarray(np.polynomial.legendre.legvander((x - middle) / (half or 1.0), DEGREE)[:, 1:])
 
 
 def independent_share(value: Array, left: Array, pose: Ints, column: Ints) -> float:

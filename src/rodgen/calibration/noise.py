@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.deviations import Deviations, Estimated, drivers
+from rodgen.calibration.deviations import DRIFTS, Deviations, Estimated
 from rodgen.statistics.f_tests import f_tail
 
 if TYPE_CHECKING:
@@ -215,7 +215,7 @@ def replicates(fit: Fit, *, weighted: bool = False) -> Replicates:
     at = order[starts]
     before = Deviations.of(mean, total, group[starts], pose[starts], np.asarray(o.target[at]), at)
     before = replace(before, lost=_told_apart(fit))
-    deviations, drifts = before.without_drift(drivers(o))
+    deviations, drifts = before.without_drift(o.drivers(*DRIFTS))
     repeats = sizes[np.isin(group[starts], before.group)]
     return Replicates(
         deviations=deviations,
@@ -272,7 +272,7 @@ def _distances(fit: Fit) -> tuple[Estimated | None, tuple[str, ...]]:
     deviations = Deviations.of(distance[:, None], weight, group, o.pose[row], group, row, lever)
     if deviations.count < 1:
         return None, ()
-    left, drifts = deviations.without_drift(drivers(o))
+    left, drifts = deviations.without_drift(o.drivers(*DRIFTS))
     factor = 1 / fit.unit_factor
     if o.sigma is not None:
         factor *= float(np.sqrt(np.mean(o.sigma[row] ** 2)))

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.assembly_modes import closed
+from rodgen.calibration.drivers import Driver, Kind, drivers
 from rodgen.data.names import plain_name
 from rodgen.data.poses import approach, groups, poses
 from rodgen.data.spool import empty
@@ -154,6 +155,11 @@ class Observations:
         left /= np.sqrt(np.einsum("ij,ij->i", left, left))[:, None]
         above[:] = np.cross(self.reading, left)
         return left, above
+
+    def drivers(self, *kinds: Kind) -> list[Driver]:
+        """Return what errors may depend on; where kinds are given, only those, in the order of the kinds."""
+        every = list(drivers(self))
+        return [driver for kind in kinds for driver in every if driver.kind == kind] if kinds else every
 
     def take(self, rows: Any) -> Observations:
         """Return some of the rows; numbers of poses and runs stay what they were.

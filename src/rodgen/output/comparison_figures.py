@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.compare.covariates import Covariate
 from rodgen.calibration.compare.sentences import figure, plain
+from rodgen.calibration.drivers import Driver
 from rodgen.errors import InputFileError
 from rodgen.files import write_file
 
@@ -122,23 +122,23 @@ def _size(count: int) -> float:
 # against a covariate -----------------------------------------------------------------------------------------------
 
 
-def _against(comparison: Comparison, covariate: Covariate) -> Figure:
+def _against(comparison: Comparison, covariate: Driver) -> Figure:
     sample = comparison.sample
     values = [
         (f"{name} [{comparison.unit}]", r)
         for name, r in zip(comparison.components, sample.residual.T, strict=True)
     ]
-    if covariate.of is not None:
-        along, unit = _reading(comparison, covariate.of)
+    if covariate.number is not None:
+        along, unit = _reading(comparison, covariate.number)
         if np.isfinite(along).any():
-            joint = plain(comparison.fit.machine.joints[covariate.of].name)
+            joint = plain(comparison.fit.machine.joints[covariate.number].name)
             values.append((f"reading of {joint} [{unit}]", along))
     drawn, panels = _panels(len(values))
     x = covariate.values
     if covariate.turn is not None and np.ptp(x) > 1.01 * covariate.turn:
         x = x % covariate.turn
     chosen = _some(len(x), MOST_DOTS)
-    groups = bool(covariate.categories) or covariate.kind == "approach" or covariate.distinct <= 2
+    groups = bool(covariate.categories) or covariate.kind == "approach" or covariate.levels <= 2
     for panel, (name, y) in zip(panels, values, strict=True):
         panel.axhline(0, color="black", lw=0.8)
         if groups:
@@ -147,9 +147,7 @@ def _against(comparison: Comparison, covariate: Covariate) -> Figure:
             panel.plot(x[chosen], y[chosen], ms=_size(len(chosen)), **_DOT)
             _curve(panel, sample.pose, covariate, x, y)
         panel.set_ylabel(name)
-    panels[-1].set_xlabel(
-        plain(covariate.label) if covariate.unit != "row" else "row, in the order of the file (from 0)"
-    )
+    panels[-1].set_xlabel(plain(covariate.label))
     shown = _thinned(len(chosen), len(x), "readings") if not groups else ""
     band = "means" if groups else "curve"
     drawn.suptitle(
@@ -185,7 +183,7 @@ def _fitted(columns: Array, y: Array, pose: NDArray[np.intp], at: Array) -> tupl
     return at @ (inverse @ y), np.sqrt(np.sum((scores @ at.T) ** 2, axis=0))
 
 
-def _curve(panel: Any, pose: NDArray[np.intp], covariate: Covariate, x: Array, y: Array) -> None:
+def _curve(panel: Any, pose: NDArray[np.intp], covariate: Driver, x: Array, y: Array) -> None:
     grid = np.linspace(x.min(), x.max(), 201)
     columns = [np.column_stack([np.ones(len(v)), covariate.curve(v)]) for v in (x, grid)]
     if columns[0].shape[1] + 2 > len(np.unique(pose)):
@@ -198,7 +196,7 @@ def _curve(panel: Any, pose: NDArray[np.intp], covariate: Covariate, x: Array, y
     panel.set_ylim(-size or None, size or None)
 
 
-def _groups(panel: Any, pose: NDArray[np.intp], covariate: Covariate, y: Array) -> None:
+def _groups(panel: Any, pose: NDArray[np.intp], covariate: Driver, y: Array) -> None:
     codes = np.unique(covariate.values)
     shown = codes[:MOST_RUNS]
     random = np.random.default_rng(0)

@@ -10,12 +10,13 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.compare.covariates import Covariate, drivers
 from rodgen.calibration.compare.dependence import Dependence, Search, Trial, search
+from rodgen.calibration.compare.drivers import compared
 from rodgen.calibration.compare.regions import Worst, worst_regions
 from rodgen.calibration.compare.sample import Sample
 from rodgen.calibration.compare.scatter import Far, Tails, Uneven, far, tails, uneven
 from rodgen.calibration.compare.serial_correlation import Drift, drift
+from rodgen.calibration.drivers import Driver
 from rodgen.calibration.fit import Fit
 from rodgen.calibration.problem import one_thread_in_blas
 
@@ -80,9 +81,9 @@ class Comparison:
         return kinds[self.fit.machine.measured.kind]
 
     @property
-    def covariates(self) -> tuple[Covariate, ...]:
+    def covariates(self) -> tuple[Driver, ...]:
         """What varies in the data and was held against the residuals."""
-        return tuple(d.driver for d in self.search.table if isinstance(d.driver, Covariate))
+        return tuple(d.driver for d in self.search.table if isinstance(d.driver, Driver))
 
     @property
     def rms(self) -> NDArray[np.float64]:
@@ -342,10 +343,10 @@ def compare(fit: Fit) -> Comparison:
     """
     with one_thread_in_blas():
         sample = Sample.of(fit)
-        listed = drivers(sample)
+        listed = compared(sample)
         found = search(sample, listed)
-        covariates = [driver for driver in listed if isinstance(driver, Covariate)]
-        times = [c.values for c in covariates if c.kind == "time"]
+        covariates = [driver for driver in listed if isinstance(driver, Driver)]
+        times = [c.values for c in covariates if c.in_time]
         components = range(sample.components)
         trends = tuple(drift(found.first, times[0], c) if times else None for c in components)
         return Comparison(

@@ -23,15 +23,16 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.compare.covariates import Covariate, Pair
+from rodgen.calibration.compare.drivers import Pair
 from rodgen.calibration.compare.explained import Evidence, Space
 from rodgen.calibration.compare.sample import Sample
 from rodgen.calibration.compare.serial_correlation import Correlation, Wander, correlation, wander
+from rodgen.calibration.drivers import Driver
 
 __all__ = ["CLAIM", "Dependence", "Found", "Search", "Trial", "search"]
 
 Array: TypeAlias = NDArray[np.float64]
-Driver: TypeAlias = Covariate | Pair
+Candidate: TypeAlias = Driver | Pair
 
 CLAIM = 0.004
 """Probability of any claim of a dependence where there is none."""
@@ -55,14 +56,14 @@ class Trial:
 
     Attributes
     ----------
-    driver : Covariate or Pair
+    driver : Driver or Pair
     component : int or None
         The component.
     joint : int or None
         Else the joint along whose motion it acts.
     """
 
-    driver: Driver
+    driver: Candidate
     component: int | None = None
     joint: int | None = None
 
@@ -98,7 +99,7 @@ class Dependence:
 
     Attributes
     ----------
-    driver : Covariate or Pair
+    driver : Driver or Pair
     trials : tuple of Trial
     evidence : tuple of Evidence or None
         Of each; None where it cannot be tested.
@@ -106,7 +107,7 @@ class Dependence:
         Sum of the squares of the residuals.
     """
 
-    driver: Driver
+    driver: Candidate
     trials: tuple[Trial, ...]
     evidence: tuple[Evidence | None, ...]
     total: Array
@@ -162,7 +163,7 @@ class Found:
         Part of the variance of all components; of a pair, with what each of the two explains alone.
     falls : ndarray, shape (m,)
         The same by component, as the fall of the sum of squares.
-    along : tuple of Driver
+    along : tuple of Driver or Pair
         What would have been beyond chance, too, but not any more beside it.
     """
 
@@ -171,7 +172,7 @@ class Found:
     motions: tuple[int, ...]
     explained: float
     falls: Array
-    along: tuple[Driver, ...] = ()
+    along: tuple[Candidate, ...] = ()
 
     @property
     def described(self) -> tuple[Trial, ...]:
@@ -203,7 +204,7 @@ class Search:
         What the p-values of the table allowed for, by component.
     either : Found or None
         What explains about as much as all that was found, or more, but as well a wander in time does.
-    withheld : tuple of Driver
+    withheld : tuple of Driver or Pair
         What seems to matter beside all that was found, but may as well be a wander in time.
     """
 
@@ -216,7 +217,7 @@ class Search:
     correlations: tuple[Correlation | None, ...]
     walks: tuple[Wander | None, ...]
     either: Found | None
-    withheld: tuple[Driver, ...]
+    withheld: tuple[Candidate, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,13 +232,13 @@ class _Round:
     table: tuple[Dependence, ...] = ()
 
 
-def search(sample: Sample, drivers: Sequence[Driver]) -> Search:
+def search(sample: Sample, drivers: Sequence[Candidate]) -> Search:
     """Find what the residuals depend on.
 
     Parameters
     ----------
     sample : Sample
-    drivers : sequence of Covariate or Pair
+    drivers : sequence of Driver or Pair
         In the order of preference where several explain the same.
     """
     trials = [(driver, tuple(_trials(sample, driver))) for driver in drivers]
@@ -310,7 +311,7 @@ def _first(claims: Sequence[Found]) -> Found:
     most = max(claim.explained for claim in claims)
     best = next(claim for claim in claims if claim.explained >= NEARLY_AS_MUCH * most)
     driver = best.dependence.driver
-    if driver.kind == "time":  # a step between set-ups is no drift
+    if driver.in_time:  # a step between set-ups is no drift
         steps = [c for c in claims if c.dependence.driver.kind == "run" and c.explained >= best.explained]
         best = steps[0] if steps else best
     if isinstance(driver, Pair):
@@ -321,24 +322,26 @@ def _first(claims: Sequence[Found]) -> Found:
     return best
 
 
-def _trials(sample: Sample, driver: Driver) -> Iterator[Trial]:
+def _trials(sample: Sample, driver: Candidate) -> Iterator[Trial]:
     """Yield what is asked of a covariate."""
     for c in range(sample.components):
         yield Trial(driver, component=c)
     if isinstance(driver, Pair):
-        joints = [c.of for c in (driver.first, driver.second) if c.kind == "joint" and c.of is not None]
+        joints = [
+            d.number for d in (driver.first, driver.second) if d.kind == "joint" and d.number is not None
+        ]
         if driver.first.kind == "load":  # it winds up a joint by an arm that later joints swing about
             joints = list(range(joints[0] + 1))
         if driver.first.kind != "target":
             yield from (Trial(driver, joint=joint) for joint in joints)
-    elif driver.of is not None:
-        yield Trial(driver, joint=driver.of)
+    elif driver.number is not None:
+        yield Trial(driver, joint=driver.number)
 
 
 def _tested(
     sample: Sample,
     taken: Sequence[Array],
-    trials: Sequence[tuple[Driver, tuple[Trial, ...]]],
+    trials: Sequence[tuple[Candidate, tuple[Trial, ...]]],
     suspects: frozenset[int] = frozenset(),
 ) -> _Round:
     """Test everything; components that have been suspected of wandering stay so, for what is taken out hides it."""
@@ -357,10 +360,10 @@ def _tested(
     return replace(now, table=table)
 
 
-def _evidence(now: _Round, driver: Driver, trial: Trial) -> Evidence | None:
+def _evidence(now: _Round, driver: Candidate, trial: Trial) -> Evidence | None:
     columns, beside = trial.columns(now.space.sample), trial.beside(now.space.sample)
     plain = now.space.test(columns, beside)
-    if plain is None or driver.kind in {"time", "run"} or now.filtered is now.space:
+    if plain is None or driver.in_time or driver.kind == "run" or now.filtered is now.space:
         return plain
     if trial.component is not None and now.walks[trial.component] is None:
         return plain

@@ -14,8 +14,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.compare.covariates import Covariate
 from rodgen.calibration.compare.sample import Sample
+from rodgen.calibration.drivers import Driver
 
 __all__ = ["REGION_CLAIM", "Region", "Worst", "quarters", "round_between", "worst_regions"]
 
@@ -41,13 +41,13 @@ class Region:
 
     Attributes
     ----------
-    covariate : Covariate
+    covariate : Driver
     low, high : float or None
         In the covariate's unit; None: open. Of what goes round, `low` may be above `high`.
     category : str or None
     """
 
-    covariate: Covariate
+    covariate: Driver
     low: float | None = None
     high: float | None = None
     category: str | None = None
@@ -56,7 +56,7 @@ class Region:
     def text(self) -> str:
         """Such as ``"EL is above 70 deg"``."""
         name, unit = self.covariate.text, f" {self.covariate.unit}".rstrip()
-        if self.covariate.unit == "row":
+        if self.covariate.kind == "order":
             name, unit = "the row (from 0)", ""
         if self.category is not None:
             return f"{name} is {self.category}"
@@ -91,7 +91,7 @@ class Worst:
     t: float
 
 
-def worst_regions(sample: Sample, covariates: Sequence[Covariate]) -> list[Worst]:
+def worst_regions(sample: Sample, covariates: Sequence[Driver]) -> list[Worst]:
     """Return for each covariate, except targets, its worst region; the clearest first."""
     from scipy.special import stdtr
 
@@ -119,7 +119,7 @@ def worst_regions(sample: Sample, covariates: Sequence[Covariate]) -> list[Worst
     return sorted(done, key=lambda w: -w.t * (AS_BAD if w.region.covariate.kind == "place" else 1.0))
 
 
-def _worst(covariate: Covariate, values: Array, by_pose: Array) -> tuple[Worst | None, int]:
+def _worst(covariate: Driver, values: Array, by_pose: Array) -> tuple[Worst | None, int]:
     """Return the worst region of a covariate, and how many were compared.
 
     Regions hold at most half of the poses. All are sums over neighbouring pieces, of what is summed up by piece.
@@ -195,7 +195,7 @@ def round_between(a: float, b: float) -> float:
     return b
 
 
-def quarters(covariate: Covariate) -> Iterator[tuple[Region, Mask]]:
+def quarters(covariate: Driver) -> Iterator[tuple[Region, Mask]]:
     """Yield four ranges of a covariate with as many cells each, or its categories."""
     values = covariate.values
     if covariate.categories:

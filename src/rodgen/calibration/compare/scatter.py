@@ -15,11 +15,11 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.compare.covariates import Covariate
 from rodgen.calibration.compare.dependence import Search
 from rodgen.calibration.compare.explained import Space
 from rodgen.calibration.compare.regions import Region, quarters
 from rodgen.calibration.compare.sample import Sample
+from rodgen.calibration.drivers import Driver
 
 __all__ = ["Far", "Tails", "Uneven", "far", "tails", "uneven"]
 
@@ -39,14 +39,14 @@ class Uneven:
 
     Attributes
     ----------
-    covariate : Covariate
+    covariate : Driver
     log10_p : float
         Not yet times the number of covariates.
     low, high : tuple of (Region, float)
         The quarter, or category, with the least and the largest scatter, and its rms in the fit's unit.
     """
 
-    covariate: Covariate
+    covariate: Driver
     log10_p: float
     low: tuple[Region, float]
     high: tuple[Region, float]
@@ -93,7 +93,7 @@ def _errors(sample: Sample, search: Search) -> Array:
     return found
 
 
-def uneven(sample: Sample, search: Search, covariates: Sequence[Covariate]) -> list[Uneven]:
+def uneven(sample: Sample, search: Search, covariates: Sequence[Driver]) -> list[Uneven]:
     """Test the scatter against every covariate."""
     errors = _errors(sample, search)
     rows = np.isfinite(errors[:, 0])
@@ -108,7 +108,7 @@ def uneven(sample: Sample, search: Search, covariates: Sequence[Covariate]) -> l
     left = np.where(rows[:, None], errors, np.nan) * unit * _left(sample, search)
     found = []
     for covariate in covariates:
-        columns = covariate.values[:, None] if covariate.kind == "approach" else covariate.low
+        columns = covariate.values[:, None] if covariate.kind == "approach" else covariate.low_columns
         evidence = space.test(columns[:, None, :])
         parts = [
             (region, float(np.sqrt(np.nanmean(left[inside] ** 2))))

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rodgen.calibration.compare.covariates import Covariate, Pair
 from rodgen.calibration.compare.dependence import Dependence, Found
+from rodgen.calibration.compare.drivers import Pair
 from rodgen.calibration.compare.regions import REGION_CLAIM
 from rodgen.calibration.compare.scatter import TAILS_CLAIM, UNEVEN_CLAIM
+from rodgen.calibration.drivers import Driver
 
 if TYPE_CHECKING:
     from rodgen.calibration.compare.comparison import Comparison
@@ -93,7 +94,7 @@ def _found(comparison: Comparison) -> Iterator[str]:
         said = f"{start} {_explained(comparison, found)}"
         said += f" ({_p(found.dependence.log10_p, comparison.search.tests)})"
         yield f"{said}{_change(comparison, found)}."
-        along = [other for other in found.along if isinstance(other, Covariate) and id(other) not in members]
+        along = [other for other in found.along if isinstance(other, Driver) and id(other) not in members]
         if along:
             said_of = _names(comparison, along)
             names = _listed(said_of)
@@ -141,7 +142,7 @@ def _where(comparison: Comparison, c: int) -> str:
 
 def _change(comparison: Comparison, found: Found) -> str:
     """Say by how much a component changes from the first to the last, where time is what it depends on."""
-    if found.dependence.driver.kind != "time":
+    if not found.dependence.driver.in_time:
         return ""
     drifts = _drifts(comparison)
     return f"; it drifts {drifts} from first to last" if drifts else ""
@@ -162,7 +163,7 @@ def _time(comparison: Comparison) -> Iterator[str]:
     s, m = comparison.search, len(comparison.components)
     told = [driver for f in s.found for driver in (f.dependence.driver, *f.along)]
     drifts = _drifts(comparison)
-    if drifts and not any(driver.kind == "time" for driver in told):
+    if drifts and not any(driver.in_time for driver in told):
         p = min(drift.log10_p for drift in comparison.drifts if drift)
         yield f"It drifts {drifts} from first to last ({_p(p, m)})."
     alike = [(c, k) for c, k in enumerate(s.correlations) if k and k.log10_p < np.log10(TIME_CLAIM / m)]
@@ -177,7 +178,7 @@ def _time(comparison: Comparison) -> Iterator[str]:
 
 def _withheld(comparison: Comparison) -> Iterator[str]:
     either = comparison.search.either
-    names = [driver for driver in comparison.search.withheld if isinstance(driver, Covariate)]
+    names = [driver for driver in comparison.search.withheld if isinstance(driver, Driver)]
     names = [driver for driver in names if not either or driver is not either.dependence.driver]
     if names:
         yield (
@@ -200,7 +201,7 @@ def _clear(comparison: Comparison) -> Iterator[str]:
     tested = {d.driver.name for d in s.table if any(d.evidence)}
     clear = [c for c in comparison.covariates if c.name in tested and c.name not in told]
     if _drifts(comparison):
-        clear = [c for c in clear if c.kind != "time"]
+        clear = [c for c in clear if not c.in_time]
     names = _names(comparison, clear)
     if not names:
         return
@@ -210,7 +211,7 @@ def _clear(comparison: Comparison) -> Iterator[str]:
         yield f"What is left depends on nothing that was noted: not on {_listed(names, 'or')}."
 
 
-def _names(comparison: Comparison, named: Sequence[Covariate]) -> list[str]:
+def _names(comparison: Comparison, named: Sequence[Driver]) -> list[str]:
     """Name covariates; all directions of approach, velocities or places at once, where all are meant."""
     at_once = {
         "approach": ("any direction of approach", "the direction of approach of"),
@@ -226,7 +227,7 @@ def _names(comparison: Comparison, named: Sequence[Covariate]) -> list[str]:
         if len(have) > 1 and len(have) == sum(c.kind == kind for c in comparison.covariates):
             names.append(all_of_them)
         elif have and start:
-            names.append(f"{start} {_listed([plain(c.joint.name) for c in have if c.joint], 'or')}")
+            names.append(f"{start} {_listed([plain(c.joint) for c in have if c.joint], 'or')}")
         else:
             names += [c.text for c in have]
     return names + [plain(c.text) for c in named if c.kind not in {"joint", "period", *at_once}]
@@ -269,7 +270,7 @@ def _untold(comparison: Comparison) -> Iterator[str]:
         some = f"{len(comparison.sample.rows)} of {rows} rows"
         yield f"Dependences were looked for in {some}, in stretches all over the data."
     silent = [d.driver for d in comparison.search.table if not any(d.evidence)]
-    names = [plain(driver.name) for driver in silent if isinstance(driver, Covariate)]
+    names = [plain(driver.name) for driver in silent if isinstance(driver, Driver)]
     poses = comparison.sample.poses
     if not comparison.search.table:
         yield "All readings are of one pose and one target: there is nothing to hold them against."
@@ -295,7 +296,7 @@ def _table(comparison: Comparison) -> Iterator[str]:
         if isinstance(d.driver, Pair) and p > SHOWN_P:
             continue
         name = plain(d.driver.name)
-        if isinstance(d.driver, Covariate) and d.driver.unit not in {"", "row"}:
+        if isinstance(d.driver, Driver) and d.driver.unit not in {"", "row"}:
             name += f" [{plain(d.driver.unit)}]"
         shown = f"{_number_of_p(p)}" if p < 0 else "1"
         rows.append((name, comparison.component(number), _percent(d.share(best)), shown))
@@ -345,9 +346,9 @@ def _largest(comparison: Comparison) -> Iterator[str]:
 # words -------------------------------------------------------------------------------------------------------------
 
 
-def _text(driver: Covariate | Pair) -> str:
+def _text(driver: Driver | Pair) -> str:
     said = plain(driver.text, 90)
-    if isinstance(driver, Covariate) and driver.same:
+    if isinstance(driver, Driver) and driver.same:
         said += f" ({', '.join(plain(name) for name in driver.same)})"
     return said
 

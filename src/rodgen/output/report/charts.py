@@ -14,7 +14,7 @@ from rodgen.calibration.diagnose.diagnosis import Diagnosis
 from rodgen.calibration.fit import Fit
 from rodgen.data.units import parse_unit
 from rodgen.output.report.chart import Arrows, Bars, Chart, Line, Marks, Panel, Rule, View
-from rodgen.output.report.rows import Driver, Rows, coordinate
+from rodgen.output.report.rows import Against, Rows, coordinate
 from rodgen.output.report.units import Shown, chance
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def charts(diagnosis: Diagnosis, last: Fit, shown: Shown, plan: Plan | None = No
     """
     rows = Rows(diagnosis, last, shown)
     made = [_ladder(diagnosis, shown)]
-    made += [_against(rows, driver) for driver in rows.drivers()]
+    made += [_against(rows, against) for against in rows.drivers()]
     made.append(_sky(rows) if rows.base.machine.measured.kind == "direction" else _space(rows))
     if diagnosis.ranking:
         made.append(_ranking(diagnosis))
@@ -143,9 +143,10 @@ def _ladder(diagnosis: Diagnosis, shown: Shown) -> Chart:
 # against what drives it --------------------------------------------------------------------------------------------
 
 
-def _against(rows: Rows, driver: Driver) -> Chart:
-    fits = _fits(rows)
-    sides = [_curves(rows, fit, driver) for fit in fits]
+def _against(rows: Rows, against: Against) -> Chart:
+    fits, driver = _fits(rows), against.driver
+    categories = tuple(plain(name, 10) for name in driver.categories)
+    sides = [_curves(rows, fit, against) for fit in fits]
     # The same scale before and after, or nothing could be compared.
     limits = [_limit(np.concatenate([side[k][1][~rows.bad] for side in sides])) for k in range(len(sides[0]))]
     views = []
@@ -154,26 +155,26 @@ def _against(rows: Rows, driver: Driver) -> Chart:
         for (label, y), limit in zip(curves, limits, strict=True):
             panels.append(
                 Panel(
-                    driver.label,
+                    plain(driver.label),
                     label,
-                    (-0.6, len(driver.names) - 0.4) if driver.names else _range(driver.values),
+                    (-0.6, len(categories) - 0.4) if categories else _range(driver.noted),
                     (-limit, limit),
-                    marks=tuple(_dots(rows, driver, y, limit, bool(after))),
+                    marks=tuple(_dots(rows, against, y, limit, bool(after))),
                     rules=(Rule(0.0, "y", "zero"),),
-                    degrees=driver.degrees,
-                    xnames=driver.names,
+                    degrees=driver.unit == "deg",
+                    xnames=categories,
                 )
             )
         views.append(View(_said(rows, fit, after), tuple(panels), ("before", "after")[after]))
-    looks = _looks(rows, driver)
+    looks = _looks(rows, against)
     name = "".join(c if c.isascii() and c.isalnum() else "_" for c in driver.name)[:40].strip("_") or "column"
     sizes = ", ".join(f"{view.key or 'left'} {view.title.rpartition('rms ')[2]}" for view in views)
     return Chart(
         f"residuals_by_{name}",
-        f"What is left, over {plain(driver.name)}",
-        f"Measured less predicted over {plain(driver.name)}; rms {sizes}.",
+        f"What is left, over {plain(driver.text)}",
+        f"Measured less predicted over {plain(driver.text)}; rms {sizes}.",
         tuple(views),
-        note=" ".join(filter(None, [_scaled(rows), *_remarks(rows, driver)])),
+        note=" ".join(filter(None, [_scaled(rows), *_remarks(rows, against)])),
         legend=tuple(looks),
         tips=rows.tips,
     )
@@ -183,9 +184,9 @@ def _scaled(rows: Rows) -> str:
     return "Measured less predicted" + (", on the same scale before and after." if rows.two else ".")
 
 
-def _remarks(rows: Rows, driver: Driver) -> Iterator[str]:
-    if driver.joint is not None:
-        name = plain(rows.base.machine.joints[driver.joint].name)
+def _remarks(rows: Rows, against: Against) -> Iterator[str]:
+    if against.joint is not None:
+        name = plain(rows.base.machine.joints[against.joint].name)
         yield f"Above: by how much the reading of {name} would have to be off to explain each residual best."
     yield rows.thinned
     if rows.bad.any():
@@ -209,12 +210,12 @@ def _said(rows: Rows, fit: Fit, after: int) -> str:
     )
 
 
-def _curves(rows: Rows, fit: Fit, driver: Driver) -> list[tuple[str, Array]]:
+def _curves(rows: Rows, fit: Fit, against: Against) -> list[tuple[str, Array]]:
     found = []
-    if driver.joint is not None:
-        along, unit = rows.along_reading(fit, driver.joint)
+    if against.joint is not None:
+        along, unit = rows.along_reading(fit, against.joint)
         if np.isfinite(along[~rows.bad]).any():
-            name = plain(fit.machine.joints[driver.joint].name, 12)
+            name = plain(fit.machine.joints[against.joint].name, 12)
             found.append((f"reading of {name} [{unit}]", along))
     residuals = rows.residuals(fit)
     for name, r in zip(rows.names, residuals.T, strict=True):
@@ -222,28 +223,28 @@ def _curves(rows: Rows, fit: Fit, driver: Driver) -> list[tuple[str, Array]]:
     return found
 
 
-def _dots(rows: Rows, driver: Driver, y: Array, limit: float, after: bool) -> Iterator[Marks]:
+def _dots(rows: Rows, against: Against, y: Array, limit: float, after: bool) -> Iterator[Marks]:
     good = ~rows.bad & np.isfinite(y)
     tail = "-after" if after else ""
-    x = driver.values
+    x = np.asarray(against.driver.noted, float)
     size = float(np.clip(1.5 - 0.11 * math.sqrt(max(len(x), 1) / 10), 0.55, 1.15))
 
     def some(mask: NDArray[np.bool_], look: str) -> Marks:
         at = np.flatnonzero(mask)
         return Marks(x[at], y[at], look, at, np.full(len(at), size))
 
-    if driver.approach is None:
+    if against.approach is None:
         yield some(good, "after" if after else "before")
     else:
-        yield some(good & (driver.approach >= 0), f"forward{tail}")
-        yield some(good & (driver.approach < 0), f"backward{tail}")
+        yield some(good & (against.approach >= 0), f"forward{tail}")
+        yield some(good & (against.approach < 0), f"backward{tail}")
     bad = np.flatnonzero(rows.bad & np.isfinite(y))
     if len(bad):
         yield Marks(x[bad], np.clip(y[bad], -0.95 * limit, 0.95 * limit), "outlier", bad)
 
 
-def _looks(rows: Rows, driver: Driver) -> Iterator[tuple[str, str]]:
-    if driver.approach is not None:
+def _looks(rows: Rows, against: Against) -> Iterator[tuple[str, str]]:
+    if against.approach is not None:
         yield "forward", "reached forwards"
         yield "backward", "reached backwards"
     else:

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.compare.sentences import figure, plain
 from rodgen.calibration.diagnose.diagnosis import Diagnosis
+from rodgen.calibration.drivers import Driver
 from rodgen.calibration.fit import Fit
 from rodgen.calibration.observations import Observations
 from rodgen.calibration.problem import Problem
 from rodgen.output.report.units import Shown
 
-__all__ = ["Driver", "Rows"]
+__all__ = ["Against", "Rows", "coordinate"]
 
 Array: TypeAlias = NDArray[np.float64]
 Index: TypeAlias = NDArray[np.intp]
@@ -36,31 +37,22 @@ SAME = 0.999
 
 
 @dataclass(frozen=True)
-class Driver:
-    """What residuals are held against.
+class Against:
+    """A driver that residuals are drawn against.
 
     Attributes
     ----------
-    name, label : str
-        Alone and with its unit.
-    values : ndarray, shape (n,)
+    driver : Driver
         Of the rows that are drawn.
-    degrees : bool
     joint : int or None
-        Whose reading is wrong, where an effect says so.
+        The joint whose reading is wrong, where an effect says so.
     approach : ndarray of int, shape (n,), or None
         Direction of approach, where the effect depends on it.
-    names : tuple of str
-        Of categories.
     """
 
-    name: str
-    label: str
-    values: Array
-    degrees: bool = False
+    driver: Driver
     joint: int | None = None
     approach: NDArray[np.int8] | None = None
-    names: tuple[str, ...] = ()
 
 
 class Rows:
@@ -188,89 +180,55 @@ class Rows:
 
     # against what -------------------------------------------------------------------------------------------------
 
-    def drivers(self, most: int = 2) -> list[Driver]:
+    def drivers(self, most: int = 2) -> list[Against]:
         """Return what the effects that were found follow, the first first; else the joints that moved."""
-        found: list[Driver] = []
-        for driver in self._candidates():
+        found: list[Against] = []
+        for one in self._candidates():
             if len(found) == most:
                 break
-            if np.ptp(driver.values) > 0 and not any(_same(driver, other) for other in found):
-                found.append(driver)
+            varies = np.ptp(one.driver.noted) > 0
+            if varies and not any(_same(one.driver, other.driver) for other in found):
+                found.append(one)
         return found
 
-    def _candidates(self) -> Iterator[Driver]:
+    def _candidates(self) -> Iterator[Against]:
         machine = self.base.machine
-        joints = {joint.name: j for j, joint in enumerate(machine.joints)}
+        known = {driver.name: driver for driver in self.o.drivers()}
+        joints = self.o.drivers("joint")
+        order = Driver("order", "row", self.chosen, self.chosen.astype(float), text="rows")
         for step in self.diagnosis.steps:
             place, definition = step.effect.place, step.effect.definition
             names = definition.formula.names
-            own = joints.get(str(place)) if place is not None else None
-            reading = own if definition.component == "reading" else None
+            own = next((joint for joint in joints if joint.name == place), None)
+            reading = own.number if own and definition.component == "reading" else None
             if own is not None:
-                by = {"T": self._temperature(own), "F": self._load(), "v": self._speed(own)}
-                for name, driver in by.items():
-                    if name in names and driver is not None:
-                        yield replace(driver, joint=reading)
-                approach = self.o.s[:, own] if "s" in names else None
-                yield replace(self._joint(own), joint=reading, approach=approach)
+                by = {"T": f"T_{place}", "F": "load", "v": f"v_{place}"}
+                for name, column in by.items():
+                    if name in names and column in known:
+                        yield Against(known[column], reading)
+                approach = self.o.s[:, own.number] if "s" in names else None
+                yield Against(own, reading, approach)
             elif definition.component == "lift":
-                yield self._altitude()
-            elif definition.component in {"frame", "frame_shift"} and self.o.t is not None:
-                yield Driver("time", "t [s]", self.o.t)
+                yield Against(self._altitude())
+            elif definition.component in {"frame", "frame_shift"} and "t" in known:
+                yield Against(known["t"])
             elif definition.component == "target" and len(machine.targets) > 1:
-                names_of = tuple(plain(t.name, 10) for t in machine.targets)
-                yield Driver("target", "target", self.o.target.astype(float), names=names_of)
+                yield Against(known["target"])
             else:
-                yield self._order()
+                yield Against(order)
         for form in self.diagnosis.unexplained:
-            if form.driver in joints:
-                j = joints[form.driver]
-                yield replace(self._joint(j), joint=j if form.component == "reading" else None)
-            elif form.driver in self.o.covariates:
-                yield Driver(form.driver, plain(form.driver), self.o.covariates[form.driver])
-            elif form.driver in {"t", "time"} and self.o.t is not None:
-                yield Driver("time", "t [s]", self.o.t)
-            elif form.driver in {"load", "F"} and (load := self._load()) is not None:
-                yield load
-            elif form.driver.startswith("T_") and form.driver[2:] in joints:
-                by_heat = self._temperature(joints[form.driver[2:]])
-                if by_heat is not None:
-                    yield by_heat
-        moved = sorted(range(len(joints)), key=lambda j: -len(np.unique(self.o.q[:, j])))
-        for j in moved[:1] if self.diagnosis.steps else moved[:2]:
-            yield self._joint(j)
+            driver = known.get(form.driver)
+            if driver is not None:
+                yield Against(driver, driver.number if form.component == "reading" else None)
+        moved = sorted(joints, key=lambda driver: -len(driver.distinct))
+        for driver in moved[:1] if self.diagnosis.steps else moved[:2]:
+            yield Against(driver)
         if not self.diagnosis.steps:
-            yield self._order()
-
-    def _joint(self, j: int) -> Driver:
-        joint = self.base.machine.joints[j]
-        unit, _ = coordinate(self.base.machine, j)
-        return Driver(joint.name, f"{plain(joint.name)} [{unit}]", self._commanded(j), degrees=unit == "deg")
-
-    def _temperature(self, j: int) -> Driver | None:
-        name = self.base.machine.joints[j].name
-        if name not in self.o.temperature:
-            return None
-        about = f"{self.base.machine.reference_temperature:g} degC"
-        label = f"temperature of {plain(name)} above {about} [K]"
-        return Driver(f"temperature of {name}", label, self.o.temperature[name])
-
-    def _load(self) -> Driver | None:
-        return None if self.o.load is None else Driver("load", "load [N]", self.o.load)
-
-    def _speed(self, j: int) -> Driver:
-        machine = self.base.machine
-        unit, factor = coordinate(machine, j)
-        return Driver(
-            f"velocity of {machine.joints[j].name}",
-            f"velocity of {plain(machine.joints[j].name)} [{unit}/s]",
-            self.o.v[:, j] / factor,
-        )
+            yield Against(order)
 
     def _altitude(self) -> Driver:
-        up = self.up
-        altitude = np.degrees(np.arcsin(np.clip(self.o.reading @ up, -1, 1)))
-        return Driver("altitude", "altitude [deg]", altitude, degrees=True)
+        altitude = np.degrees(np.arcsin(np.clip(self.o.reading @ self.up, -1, 1)))
+        return Driver("place", "altitude", altitude, altitude, "deg", "the altitude")
 
     @property
     def up(self) -> Array:
@@ -279,9 +237,6 @@ class Rows:
         if self.base.machine.measured.frame == "free":
             up = self.base.solution.frame.rotation @ up
         return np.asarray(up)
-
-    def _order(self) -> Driver:
-        return Driver("row", "row, in the order of the file", self.chosen.astype(float))
 
 
 def coordinate(machine: object, joint: int) -> tuple[str, float]:
@@ -298,7 +253,7 @@ def coordinate(machine: object, joint: int) -> tuple[str, float]:
 def _same(one: Driver, other: Driver) -> bool:
     if one.name == other.name:
         return True
-    a, b = one.values - one.values.mean(), other.values - other.values.mean()
+    a, b = one.noted - one.noted.mean(), other.noted - other.noted.mean()
     size = float(np.linalg.norm(a) * np.linalg.norm(b))
     return size > 0 and abs(float(a @ b)) > SAME * size
 

@@ -6,22 +6,28 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rodgen.calibration.diagnose.forms.dictionary import Driver, Factor, Term
+from rodgen.calibration.diagnose.forms.dictionary import Factor, Term
+from rodgen.calibration.drivers import Driver
 from rodgen.machines.machine import Machine
 
 __all__ = ["is_catalogued"]
 
 _OF_ANY_READING = {
-    (("q", "power", 1),),
-    (("s", "power", 1),),
-    (("q", "power", 1), ("s", "power", 1)),
-    (("v", "power", 1),),
-    (("T", "power", 1),),
+    (("joint", "power", 1),),
+    (("approach", "power", 1),),
+    (("approach", "power", 1), ("joint", "power", 1)),
+    (("velocity", "power", 1),),
+    (("temperature", "power", 1),),
 }
-_EXPANSION = (("T", "power", 1), ("q", "power", 1))
-_OF_A_LEG = {(("q", "power", 1),), (("s", "power", 1),), (("T", "power", 1),), _EXPANSION}
+_EXPANSION = (("joint", "power", 1), ("temperature", "power", 1))
+_OF_A_LEG = {
+    (("joint", "power", 1),),
+    (("approach", "power", 1),),
+    (("temperature", "power", 1),),
+    _EXPANSION,
+}
 """A leg's length changes by a small part of itself, so that what grows by T alone is what grows by T q."""
-_OF_FRAME = {(("t", "power", 1),), (("t", "decay", 1),)}
+_OF_FRAME = {(("time", "power", 1),), (("time", "decay", 1),)}
 _HARMONICS = 2
 """Of an encoder, and of error motions."""
 _STRAIGHTNESS, _ANGULAR = 4, 3
@@ -44,14 +50,14 @@ def is_catalogued(
     if machine.kind_of(place) == "leg":
         return parts in _OF_A_LEG
     turns = machine.kind_of(place) == "revolute"
-    waves = len(parts) == 1 and parts[0][:2] in {("q", "harmonic"), ("q", "wave")}
+    waves = len(parts) == 1 and parts[0][:2] in {("joint", "harmonic"), ("joint", "wave")}
     if component == "reading":
         if waves:
             return _is_wave_of_reading(term.factors[0], place, turns, machine)
         return parts in _OF_ANY_READING or (parts == _EXPANSION and not turns)
-    if parts == (("T", "power", 1),):
+    if parts == (("temperature", "power", 1),):
         return turns and component[0] == "t"
-    if len(parts) != 1 or parts[0][0] != "q":
+    if len(parts) != 1 or parts[0][0] != "joint":
         return False
     _, kind, order = parts[0]
     if turns:

@@ -1,28 +1,27 @@
-"""What an error may follow, and along which curves: the terms that are tried.
+"""The terms that a form may consist of: functions of drivers that a formula can write.
 
-A driver is a number that was noted for every row: a joint's coordinate, its direction of approach, its velocity, its
-temperature, the time, the load, any other column. A factor is a family of one or a few functions of one driver, such as
-a sine with its cosine; some have values that are searched for: a period, a place. A term is a product of factors.
+A factor is a family of one or a few functions of one driver, such as a sine with its cosine; some have values that are
+searched for: a period, a place. A term is a product of factors.
 """
 
 from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Any, TypeAlias
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.calibration.drivers import Driver, Kind
 from rodgen.calibration.observations import READINGS, Observations
 from rodgen.calibration.starting_values import most_waves
-from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, Dimension, parse_unit
 from rodgen.machines.effects.formula import FUNCTION_NAMES
+from rodgen.machines.machine import Machine
 
-__all__ = ["WORDS", "Driver", "Factor", "Term", "dictionary", "drivers_of", "unnameable", "written"]
+__all__ = ["WORDS", "Factor", "Term", "dictionary", "drivers_of", "leader", "unnameable", "word", "written"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -43,74 +42,17 @@ MOST_DRIVERS = 24
 """Products are formed of so many at most: fewer than all where there are many columns."""
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
-WORDS = frozenset({"q", "s", "v", "T", "t", "F", "pi"}).union(FUNCTION_NAMES, *READINGS.values())
+LETTERS: dict[Kind, str] = {
+    "joint": "q",
+    "approach": "s",
+    "velocity": "v",
+    "temperature": "T",
+    "time": "t",
+    "load": "F",
+}
+"""What a formula calls a driver; those of a joint at their own joint only."""
+WORDS = frozenset({*LETTERS.values(), "pi"}).union(FUNCTION_NAMES, *READINGS.values())
 """What names in formulas cannot be."""
-
-
-@dataclass(frozen=True, eq=False)
-class Driver:
-    """A number that was noted for every row.
-
-    Attributes
-    ----------
-    kind : {"q", "s", "v", "T", "t", "F", "x"}
-        Coordinate, direction of approach, velocity and temperature of a joint; time, load, another column.
-    name : str
-        What people call it: the joint, or the column.
-    joint : str or None
-        Which it belongs to.
-    word : str or None
-        What a formula calls it at any place; None where it has a word at its own joint only.
-    own : str or None
-        And at its own joint.
-    values : ndarray, shape (n,)
-        Internal units.
-    dimension : Dimension
-    unit : str or None
-        In the data, of another column.
-    revolute : bool
-        Whether it is the coordinate of a revolute joint.
-    """
-
-    kind: str
-    name: str
-    joint: str | None
-    word: str | None
-    own: str | None
-    values: Array = field(repr=False)
-    dimension: Dimension
-    unit: str | None = None
-    revolute: bool = False
-
-    def said(self, place: str | None) -> str | None:
-        """Return what a formula at a place calls it; None where it cannot."""
-        return self.own if self.joint is not None and place == self.joint else self.word
-
-    @cached_property
-    def distinct(self) -> Array:
-        """The different values."""
-        return np.unique(self.values)
-
-    @cached_property
-    def low(self) -> float:
-        """The lowest value."""
-        return float(self.distinct[0])
-
-    @cached_property
-    def span(self) -> float:
-        """The length of the range."""
-        return float(self.distinct[-1] - self.distinct[0])
-
-    @cached_property
-    def far(self) -> bool:
-        """Whether the values are all far from zero: beside them their range is small."""
-        return bool(min(abs(self.distinct[0]), abs(self.distinct[-1])) > self.span)
-
-    @cached_property
-    def middle(self) -> float:
-        """About the middle of the range, in few digits."""
-        decimals = 1 - int(np.floor(np.log10(self.span)))
-        return round(self.low + self.span / 2, decimals)
 
 
 def _nameable(name: str) -> bool:
@@ -123,39 +65,47 @@ def unnameable(o: Observations) -> tuple[str, ...]:
 
 
 def drivers_of(o: Observations) -> list[Driver]:
-    """Return everything that changes from row to row and that a formula can name."""
-    return [driver for driver in _drivers(o) if len(driver.distinct) > 1 and np.isfinite(driver.span)]
+    """Return the drivers that vary and that a formula can name: joint by joint, then those of the whole machine."""
+    of_joints = sorted(o.drivers("joint", "approach", "velocity", "temperature"), key=lambda d: d.number or 0)
+    every = [
+        replace(driver, values=np.asarray(driver.values, float))
+        for driver in (*of_joints, *o.drivers("time", "load", "column"))
+        if word(driver, driver.joint, o.machine)
+    ]
+    return [driver for driver in every if len(driver.distinct) > 1 and np.isfinite(driver.span)]
 
 
-def _drivers(o: Observations) -> Iterator[Driver]:
-    # a word that is the name of a joint, too, stands in no formula
-    words = {"q", "s", "v", "T", "t", "F"} - {joint.name for joint in o.machine.joints}
-    for j, joint in enumerate(o.machine.joints):
-        turns = joint.type == "revolute"
-        of = ANGLE if turns else LENGTH
-        word = joint.name if _nameable(joint.name) else None
-        if word or "q" in words:
-            own = "q" if "q" in words else word
-            yield Driver("q", joint.name, joint.name, word, own, o.q[:, j], of, revolute=turns)
-        more: list[tuple[str, str, NDArray[Any] | None, Dimension]] = [
-            ("s", joint.name, o.s[:, j], ONE),
-            ("v", f"v_{joint.name}", o.v[:, j], of / TIME),
-            ("T", f"T_{joint.name}", o.temperature.get(joint.name), TEMPERATURE),
-        ]
-        for kind, name, values, dimension in more:
-            if values is not None and kind in words:
-                yield Driver(kind, name, joint.name, None, kind, np.asarray(values, float), dimension)
-    if o.t is not None and "t" in words:
-        yield Driver("t", "t", None, "t", "t", o.t, TIME)
-    if o.load is not None and "F" in words:
-        yield Driver("F", "load", None, "F", "F", o.load, FORCE)
-    columns = o.data.columns
-    for name, values in o.covariates.items():
-        if _nameable(name):
-            unit = getattr(columns.get(name), "unit", None)
-            warm = name.startswith("T_")
-            dimension = parse_unit(unit).dimension if unit else TEMPERATURE if warm else ONE
-            yield Driver("x", name, None, name, name, values, dimension, unit)
+def word(driver: Driver, place: str | None, machine: Machine) -> str | None:
+    """Return what a formula at a place calls a driver; None where it has no word for it.
+
+    A letter that is also the name of a joint stands in no formula.
+    """
+    if driver.kind == "column":
+        return driver.name if _nameable(driver.name) else None
+    letter: str | None = LETTERS[driver.kind]
+    if letter in {joint.name for joint in machine.joints}:
+        letter = None
+    if driver.joint is None or (place == driver.joint and letter):
+        return letter
+    return driver.name if driver.kind == "joint" and _nameable(driver.name) else None
+
+
+def leader(driver: Driver) -> str:
+    """Return what a form driven by it is said to follow: the joint for its direction of approach, too."""
+    return driver.joint if driver.kind == "approach" and driver.joint else driver.name
+
+
+def _far(driver: Driver) -> bool:
+    """Whether the values are all farther from zero than their range is wide."""
+    return bool(min(abs(driver.distinct[0]), abs(driver.distinct[-1])) > driver.span)
+
+
+def _origin(driver: Driver) -> float:
+    """Return where powers are zero: about the middle of the range, in few digits, where zero is far from it."""
+    if not _far(driver):
+        return 0.0
+    decimals = 1 - int(np.floor(np.log10(driver.span)))
+    return round(driver.low + driver.span / 2, decimals)
 
 
 # factors -------------------------------------------------------------------------------------------------------------
@@ -342,12 +292,14 @@ class Term:
 class _Writer:
     """Collects the terms that the drivers allow."""
 
-    def __init__(self, drivers: Sequence[Driver]) -> None:
+    def __init__(self, drivers: Sequence[Driver], machine: Machine) -> None:
         self.drivers = drivers
+        self.machine = machine
         self.terms: dict[Term, None] = {}
 
     def add(self, *factors: Factor) -> None:
-        own = {self.drivers[f.driver].joint for f in factors if self.drivers[f.driver].word is None}
+        drivers = [self.drivers[f.driver] for f in factors]
+        own = {driver.joint for driver in drivers if word(driver, None, self.machine) is None}
         if len(own) < 2:
             self.terms[Term(factors, own.pop() if own else None)] = None
 
@@ -356,16 +308,20 @@ class _Writer:
             self.add(*pair)
 
 
-def dictionary(drivers: Sequence[Driver]) -> list[Term]:
+def dictionary(drivers: Sequence[Driver], machine: Machine) -> list[Term]:
     """Return the terms that are tried, searched values on a coarse grid."""
-    writer = _Writer(drivers)
+    writer = _Writer(drivers, machine)
     for i, driver in enumerate(drivers):
         for factor in _ALONE[driver.kind](i, driver):
             writer.add(factor)
     some = list(range(len(drivers)))[:MOST_DRIVERS]
     for i, k in itertools.combinations(some, 2):
         first, second = drivers[i], drivers[k]
-        if first.joint is not None and first.joint == second.joint and "q" not in {first.kind, second.kind}:
+        if (
+            first.joint is not None
+            and first.joint == second.joint
+            and "joint" not in {first.kind, second.kind}
+        ):
             continue  # direction, velocity and temperature of one joint among themselves
         writer.add_products(_low(i, first), _low(k, second))
     return list(writer.terms)
@@ -373,13 +329,13 @@ def dictionary(drivers: Sequence[Driver]) -> list[Term]:
 
 def _low(i: int, driver: Driver) -> list[Factor]:
     """Return what takes part in products."""
-    origin = driver.middle if driver.far else 0.0
-    if driver.kind == "q":
+    origin = _origin(driver)
+    if driver.kind == "joint":
         powers = [Factor(i, "power", d, origin=origin) for d in (1, 2) if len(driver.distinct) > d]
         return [*powers, *(_harmonics(i, driver, 2) if driver.revolute else [])]
-    if driver.kind == "t":
+    if driver.kind == "time":
         return [Factor(i, "power", origin=origin), *_decays(i, driver)[1::3]]
-    if driver.kind == "F":
+    if driver.kind == "load":
         return [Factor(i, "power", d, origin=origin) for d in (1, 2) if len(driver.distinct) > d]
     return [Factor(i, "power", origin=origin)]
 
@@ -415,20 +371,20 @@ def _of_direction(i: int, driver: Driver) -> list[Factor]:
     return [Factor(i, "power")]
 
 
-_ALONE: dict[str, Callable[[int, Driver], list[Factor]]] = {
-    "q": _of_joint,
-    "s": _of_direction,
-    "v": _of_velocity,
-    "T": _of_column,
-    "t": _of_time,
-    "F": _of_column,
-    "x": _of_column,
+_ALONE: dict[Kind, Callable[[int, Driver], list[Factor]]] = {
+    "joint": _of_joint,
+    "approach": _of_direction,
+    "velocity": _of_velocity,
+    "temperature": _of_column,
+    "time": _of_time,
+    "load": _of_column,
+    "column": _of_column,
 }
 
 
 def _powers(i: int, driver: Driver, degree: int) -> list[Factor]:
     highest = min(degree, len(driver.distinct) - 1)
-    origin = driver.middle if driver.far else 0.0
+    origin = _origin(driver)
     powers = [Factor(i, "power", d, origin=origin) for d in range(1, highest + 1)]
     return [*powers, *(Factor(i, "series", d, origin=origin) for d in range(2, highest + 1))]
 
@@ -460,6 +416,6 @@ def _local(i: int, driver: Driver, places: int, widths: Sequence[float] = WIDTHS
 
 def _decays(i: int, driver: Driver) -> list[Factor]:
     # a time is counted from its zero, unless the measurements began long after
-    origin = driver.low if driver.far else 0.0
+    origin = driver.low if _far(driver) else 0.0
     times = np.geomspace(driver.span / 30, driver.span * 3, DECAYS)
     return [Factor(i, "decay", 1, (float(tau),), origin) for tau in times]

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rodgen.calibration.diagnose.forms.dictionary import WORDS, Driver, Factor, Term, written
+from rodgen.calibration.diagnose.forms.dictionary import WORDS, Factor, Term, leader, word, written
+from rodgen.calibration.drivers import Driver
 from rodgen.calibration.observations import Observations
 from rodgen.data.units import ANGLE, ONE, Dimension, UnitError, display_unit, parse_unit, unit_factor
 from rodgen.machines.effects.definition import component_dimension
@@ -89,11 +90,11 @@ def write(
 
 def _driver(used: Sequence[Driver]) -> str:
     """Name what drives a form: columns before joints, each once."""
-    joints = {d.joint for d in used if d.kind == "q"}
-    names = [d.name for d in used if d.kind not in {"q", "s"}]
-    names += [d.name for d in used if d.kind == "s" and d.joint not in joints]
-    names += [d.name for d in used if d.kind == "q"]
-    return " and ".join(dict.fromkeys(names))
+    joints = {d.joint for d in used if d.kind == "joint"}
+    ways = [d for d in used if d.kind == "approach" and d.joint not in joints]
+    others = [d for d in used if d.kind not in {"joint", "approach"}]
+    ordered = [*others, *ways, *(d for d in used if d.kind == "joint")]
+    return " and ".join(dict.fromkeys(leader(d) for d in ordered))
 
 
 def _names(taken: frozenset[str] | set[str]) -> Iterator[str]:
@@ -111,8 +112,8 @@ def _factor(
     hold: dict[str, float],
 ) -> tuple[list[str], list[Dimension]]:
     """Return a factor's functions and their dimensions; searched values with a unit become parameters that are held."""
-    word = driver.said(place)
-    assert word is not None
+    called = word(driver, place, machine)
+    assert called is not None
     plain = driver.dimension.fits(ONE)
     of_unit = display_unit(driver.dimension, machine.length_unit).text
 
@@ -134,7 +135,7 @@ def _factor(
     of = driver.dimension
     powers = {"power": [factor.order], "series": list(range(1, factor.order + 1)), "kink": [1], "abs": [1]}
     powers["signed"] = [2]
-    return factor.texts(word, numbers), [of**p for p in powers.get(factor.kind, [0] * factor.count)]
+    return factor.texts(called, numbers), [of**p for p in powers.get(factor.kind, [0] * factor.count)]
 
 
 def _products(parts: Sequence[Sequence[str]]) -> list[str]:
@@ -158,7 +159,7 @@ def _unit(wanted: Dimension, function: Dimension, drivers: Sequence[Driver], mac
     if function == ONE:
         return own
     for driver in drivers:
-        if driver.unit and parse_unit(driver.unit).dimension == function:
+        if driver.kind == "column" and driver.unit and parse_unit(driver.unit).dimension == function:
             try:
                 if parse_unit(f"{own}/{driver.unit}").dimension == wanted / function:
                     return f"{own}/{driver.unit}"

@@ -20,10 +20,10 @@ from rodgen.calibration.diagnose.forms.dictionary import (
     LEAST_WAVES,
     PLACES,
     WIDTHS,
-    Driver,
     Term,
 )
 from rodgen.calibration.diagnose.forms.level import Level
+from rodgen.calibration.drivers import Driver
 
 __all__ = ["refined", "short"]
 

@@ -19,13 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.forms.catalogued import is_catalogued
-from rodgen.calibration.diagnose.forms.dictionary import Driver, Term, dictionary, drivers_of
+from rodgen.calibration.diagnose.forms.dictionary import Term, dictionary, drivers_of, leader
 from rodgen.calibration.diagnose.forms.form import Form
 from rodgen.calibration.diagnose.forms.formula import Piece, values_of, write
 from rodgen.calibration.diagnose.forms.leave_out import PosesLeftOut, folds_of
 from rodgen.calibration.diagnose.forms.level import Level
 from rodgen.calibration.diagnose.forms.refine import refined, short
 from rodgen.calibration.diagnose.forms.screen import Functions, Screen
+from rodgen.calibration.drivers import Driver
 from rodgen.calibration.observations import Observations
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.statistics.columns import Whiten, unchanged
@@ -175,7 +176,9 @@ class _Search:
         self.places = places
         if o not in _PREPARED:
             drivers, rows = drivers_of(o), _some(o.n, ROUGH_ROWS)
-            functions = Functions.of(dictionary(drivers), [driver.values[rows] for driver in drivers])
+            functions = Functions.of(
+                dictionary(drivers, o.machine), [driver.values[rows] for driver in drivers]
+            )
             _PREPARED[o] = drivers, rows, functions
         self.drivers, self.rows, self.functions = _PREPARED[o]
         rows = self.rows
@@ -380,12 +383,14 @@ class _Search:
         """
         term = piece.term
         place, component = self.places[piece.carrier]
-        driven = {self.drivers[f.driver].joint for f in term.factors if self.drivers[f.driver].kind == "q"}
+        driven = {
+            self.drivers[f.driver].joint for f in term.factors if self.drivers[f.driver].kind == "joint"
+        }
         own = place in driven if driven else place is not None
         rank = {"e": 0, "t": 1, "r": 2}["e" if component == "reading" else component[0]] + 3 * (not own)
         drivers = {self.drivers[f.driver].joint or self.drivers[f.driver].name for f in term.factors}
         new = not is_catalogued(term, place, component, self.drivers, self.o.machine)
-        noted = sum(self.drivers[f.driver].kind == "x" for f in term.factors)
+        noted = sum(self.drivers[f.driver].kind == "column" for f in term.factors)
         return piece.parameters + 2 * (len(drivers) - 1), len(term.factors), new, term.order, noted, rank
 
     # all steps -----------------------------------------------------------------------------------------------------
@@ -458,7 +463,7 @@ class _Search:
         return sorted(forms, key=lambda form: -form.explains)
 
     def _drives(self, piece: Piece) -> frozenset[str]:
-        return frozenset(self.drivers[factor.driver].name for factor in piece.term.factors)
+        return frozenset(leader(self.drivers[factor.driver]) for factor in piece.term.factors)
 
     def _coefficients(self, pieces: Sequence[Piece]) -> Array:
         flat = np.concatenate([self._flat(piece) for piece in pieces], axis=1)

@@ -1,0 +1,313 @@
+"""What an error may depend on: everything that is known of each row besides its reading.
+
+A driver is a joint's coordinate, its direction of approach, its velocity or its temperature, the load, the time, the
+run, the target, or any other column; `Observations.drivers` lists those of a data set. Curves over a driver are of low
+order, so that they say that an error depends on it, not how: harmonics where a coordinate goes all the way round, else
+polynomials on a scale halfway between the values and their ranks, so that no single value far from the others decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, Dimension, parse_unit, unit_factor
+
+if TYPE_CHECKING:
+    from rodgen.calibration.observations import Observations
+
+__all__ = ["Driver", "Kind", "drivers", "goes_round", "products"]
+
+Array: TypeAlias = NDArray[np.float64]
+Kind: TypeAlias = Literal[
+    "joint",
+    "period",
+    "approach",
+    "velocity",
+    "load",
+    "temperature",
+    "column",
+    "time",
+    "order",
+    "target",
+    "run",
+    "place",
+]
+
+HARMONICS, DEGREE = 4, 5
+"""Of the curve over one driver."""
+LOW_HARMONICS, LOW_DEGREE = 2, 3
+"""Of each factor of a product of two."""
+NODES = 9
+"""Number of quantiles that the curve from values to ranks passes through."""
+WIDEST_GAP = np.pi / 2
+"""A revolute joint goes all the way round when no gap between its coordinates is wider."""
+
+
+@dataclass(frozen=True, eq=False)
+class Driver:
+    """Something that an error may depend on.
+
+    Attributes
+    ----------
+    kind : Kind
+    name : str
+        The joint or the column; ``"dir_C"``, ``"order"``, ``"run"`` also where there is no such column.
+    values : ndarray, shape (n,)
+        Of each row, in internal units; temperatures in kelvins from the machine's reference; or the number of a
+        category.
+    noted : ndarray, shape (n,)
+        The same as the table states it, in `unit`.
+    unit : str
+        Unit of the table; empty where there is none.
+    scale : float
+        Internal value of one unit of a coordinate.
+    text : str
+        What a sentence calls it.
+    dimension : Dimension
+    joint : str or None
+        The joint that it belongs to, and in `number` the number of that joint.
+    coordinate : Driver or None
+        That joint's coordinate, except for a coordinate itself: lost motion of a table shows in x at one angle and in y
+        at another.
+    period : float or None
+        What a whole turn is, internal units, of what may close on itself.
+    categories : tuple of str
+        Names of the categories; empty for numbers.
+    same : tuple of str
+        Other names of drivers with the same values.
+    """
+
+    kind: Kind
+    name: str
+    values: NDArray[Any] = field(repr=False)
+    noted: NDArray[Any] = field(repr=False)
+    unit: str = ""
+    text: str = ""
+    scale: float = 1.0
+    dimension: Dimension = ONE
+    joint: str | None = None
+    number: int | None = None
+    coordinate: Driver | None = field(default=None, repr=False)
+    period: float | None = None
+    categories: tuple[str, ...] = ()
+    same: tuple[str, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """The name with its unit; of the order, what its numbers are."""
+        if self.kind == "order":
+            return "row, in the order of the file (from 0)"
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
+    @property
+    def revolute(self) -> bool:
+        """Whether it is the coordinate of a revolute joint."""
+        return self.kind == "joint" and self.dimension == ANGLE
+
+    @property
+    def in_time(self) -> bool:
+        """Whether it is the time, or the order of the rows in its place."""
+        return self.kind in {"time", "order"}
+
+    def as_noted(self, mean: Callable[[NDArray[Any]], Array], first: NDArray[np.intp]) -> Driver:
+        """Return the driver in the units of the table, averaged over groups of rows.
+
+        Parameters
+        ----------
+        mean : callable
+            Takes a number of each row, (n,), to its means over the groups, (N,).
+        first : ndarray of int, shape (N,)
+            A row of each group. Its category and its direction of approach are those of the group.
+        """
+        whole = bool(self.categories) or self.kind in {"approach", "run"}
+        values = self.noted[first].astype(float) if whole else mean(self.noted)
+        coordinate = self.coordinate and self.coordinate.as_noted(mean, first)
+        period = None if self.period is None else self.period / self.scale
+        return replace(self, values=values, noted=values, coordinate=coordinate, period=period, scale=1.0)
+
+    # values ----------------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def distinct(self) -> Array:
+        """The different values, sorted."""
+        return np.unique(self.values)
+
+    @property
+    def low(self) -> float:
+        """The lowest value."""
+        return float(self.distinct[0])
+
+    @property
+    def span(self) -> float:
+        """The length of the range."""
+        return float(self.distinct[-1] - self.distinct[0])
+
+    @cached_property
+    def levels(self) -> int:
+        """Number of different values; those closer than 1e-9 of the range count as one."""
+        values = self.distinct
+        if not len(values) or self.span <= 1e-12 * np.abs(values).max():
+            return min(len(values), 1)
+        return int(np.sum(np.diff(values) > 1e-9 * self.span)) + 1
+
+    @cached_property
+    def turn(self) -> float | None:
+        """What a whole turn is, where the values go all the way round; else None."""
+        closes = self.period is not None and (
+            self.kind == "period" or goes_round(self.values * (2 * np.pi / self.period))
+        )
+        return self.period if closes else None
+
+    # curves ----------------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def columns(self) -> Array:
+        """Columns of the curve, (n, k): what the driver may do to one component of a residual."""
+        own = self.curve(self.values)
+        if self.coordinate is None:
+            return own
+        own = own if self.kind == "temperature" else own[:, :2]
+        return np.column_stack([own, products(own[:, :1], self.coordinate.low_columns)])
+
+    @cached_property
+    def low_columns(self) -> Array:
+        """Columns of low order, for products."""
+        return self.curve(self.values, low=True)
+
+    def curve(self, x: Array, *, low: bool = False) -> Array:
+        """Return the columns of the curve at values x, (len(x), k), without a constant."""
+        if self.categories:
+            codes = np.arange(1, len(self.categories))
+            shares = np.mean(self.values[:, None] == codes, axis=0)
+            return np.asarray((x[:, None] == codes) - shares)
+        if self.turn is not None:
+            order = min(LOW_HARMONICS if low else HARMONICS, (self.levels - 1) // 2)
+            angle = 2 * np.pi / self.turn * np.outer(x, np.arange(1, order + 1))
+            columns = [np.cos(angle), np.sin(angle)]
+            if self.kind == "joint" and not low:  # a scale error does not close
+                columns.append(((x - self.values.mean()) / self.turn)[:, None])
+            return np.column_stack(columns)
+        degree = min(LOW_DEGREE if low else DEGREE, self.levels - 1)
+        return np.asarray(np.polynomial.legendre.legvander(self._stretched(x), degree)[:, 1:], float)
+
+    def _stretched(self, x: Array) -> Array:
+        """Bring values to -1 … 1, halfway between their own scale and that of their ranks."""
+        low, high, shares = self._ranks
+        if high == low:
+            return np.zeros(len(x))
+        return np.asarray((x - low) / (high - low) + shares(np.clip(x, low, high)) - 1)
+
+    @cached_property
+    def _ranks(self) -> tuple[float, float, Callable[[Array], Array]]:
+        """Lowest and highest value, and the share of values that are below a value, as a smooth curve."""
+        from scipy.interpolate import PchipInterpolator
+
+        known, count = np.unique(self.values, return_counts=True)
+        middle = np.cumsum(count) - count / 2
+        share = (middle - middle[0]) / max(middle[-1] - middle[0], 1.0)
+        nodes = np.unique(np.searchsorted(share, np.linspace(0, 1, NODES)))
+        if len(nodes) < 2:
+            return float(known[0]), float(known[-1]), np.zeros_like
+        return float(known[0]), float(known[-1]), PchipInterpolator(known[nodes], share[nodes])
+
+
+def goes_round(angles: Array) -> bool:
+    """Tell whether angles in radians lie all around the circle, without a gap wider than a quarter of a turn."""
+    angle = np.unique(np.round(angles % (2 * np.pi), 9))
+    if len(angle) < 5:
+        return False
+    return bool(np.max(np.diff(angle, append=angle[0] + 2 * np.pi)) < WIDEST_GAP)
+
+
+def products(a: Array, b: Array) -> Array:
+    """Return every column of a times every column of b, (n, k l)."""
+    return np.asarray((a[:, :, None] * b[:, None, :]).reshape(len(a), -1))
+
+
+def drivers(o: Observations) -> Iterator[Driver]:
+    """Yield the drivers of observations, the machine's own first; also those that do not vary."""
+    machine, columns = o.machine, o.data.columns
+    joints = [_coordinate(o, j) for j in range(len(machine.joints))]
+    yield from joints
+    for joint, driver in zip(machine.joints, joints, strict=True):
+        if joint.period is not None:
+            yield replace(
+                driver,
+                kind="period",
+                name=f"{joint.name} within its period",
+                text=f"{joint.name} within its period",
+                values=driver.values % joint.period,
+                noted=driver.noted % (joint.period / driver.scale),
+                period=joint.period,
+            )
+
+    def of_joint(j: int, kind: Kind, name: str, values: Any, text: str, dimension: Dimension = ONE) -> Driver:
+        column = columns.get(name) if kind != "approach" else None
+        unit, noted = (column.unit or "", column.values) if column is not None else ("", values)
+        return Driver(
+            kind,
+            name,
+            values,
+            noted,
+            unit,
+            text,
+            dimension=dimension,
+            joint=machine.joints[j].name,
+            number=j,
+            coordinate=joints[j],
+        )
+
+    for j, joint in enumerate(machine.joints):
+        # also without a column: the order of the rows says where a joint came from
+        text = f"the direction of approach of {joint.name}"
+        yield of_joint(j, "approach", f"dir_{joint.name}", o.s[:, j], text)
+    for j, joint in enumerate(machine.joints):
+        if (name := f"v_{joint.name}") in columns:
+            text, dimension = f"the velocity of {joint.name}", joints[j].dimension / TIME
+            yield of_joint(j, "velocity", name, o.v[:, j], text, dimension)
+    if o.load is not None:
+        load = columns["load"]
+        yield Driver("load", "load", o.load, load.values, load.unit or "", "the load", dimension=FORCE)
+    for j, joint in enumerate(machine.joints):
+        if joint.name in o.temperature:
+            name, values = f"T_{joint.name}", o.temperature[joint.name]
+            yield of_joint(j, "temperature", name, values, name, TEMPERATURE)
+    for name, values in o.covariates.items():
+        unit = columns[name].unit or ""
+        warm = TEMPERATURE if name.startswith("T_") else ONE
+        dimension = parse_unit(unit).dimension if unit else warm
+        yield Driver("column", name, values, columns[name].values, unit, name, dimension=dimension)
+    if o.t is not None:
+        t = columns["t"]
+        yield Driver("time", "t", o.t, t.values, t.unit or "", "time", dimension=TIME)
+    else:
+        order = np.arange(o.n, dtype=float)
+        yield Driver("order", "order", order, order, "row", "the order of measurement")
+    targets = tuple(target.name for target in machine.targets)
+    yield Driver("target", "target", o.target, o.target, text="the target", categories=targets)
+    yield Driver("run", "run", o.run, o.run, text="the run", categories=o.run_names)
+
+
+def _coordinate(o: Observations, j: int) -> Driver:
+    """Return the coordinate of a joint."""
+    joint = o.machine.joints[j]
+    column, turns = o.data.columns[joint.name], joint.type == "revolute"
+    return Driver(
+        "joint",
+        joint.name,
+        o.q[:, j],
+        column.values,
+        column.unit or "",
+        joint.name,
+        unit_factor(column.unit, o.machine.length_unit)[0] if column.unit else 1.0,
+        ANGLE if turns else LENGTH,
+        joint.name,
+        j,
+        period=2 * np.pi if turns else None,
+    )
