@@ -15,6 +15,7 @@ from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.effects.catalogue import CATALOGUE, as_table, definitions, describe, own_effect
 from rodgen.machines.effects.definition import component_dimension
 from rodgen.machines.effects.formula import FUNCTION_NAMES
+from rodgen.machines.measured import DIRECTION, DISTANCE, MEASURANDS, POINT
 
 NUMPY = {name: getattr(np, name) for name in ("sin", "cos", "tan", "exp", "log", "sqrt", "sign", "abs")}
 RNG = np.random.default_rng(20)
@@ -179,12 +180,16 @@ VOCABULARY = {
 @pytest.mark.parametrize("kind", ["point", "direction"])
 @pytest.mark.parametrize(("at", "name"), EXPECTED)
 def test_an_effects_units_make_what_its_component_takes(at, name, kind):
-    definition = row(at, name).for_kind(kind)
+    definition = row(at, name).for_measurand(MEASURANDS[kind])
     coordinate = ANGLE if at == "revolute" else LENGTH
     names = VOCABULARY | {"q": coordinate, "v": coordinate / TIME}
     names |= dict.fromkeys(("M", "M_perp", "M_across", "M_guide"), ONE if kind == "direction" else LENGTH)
-    names |= {name: parse_unit(unit).dimension for name, unit in definition.units("mm", kind).items()}
-    assert definition.formula.dimension(names).fits(component_dimension(definition.component, at, kind))
+    names |= {
+        name: parse_unit(unit).dimension for name, unit in definition.units("mm", MEASURANDS[kind]).items()
+    }
+    assert definition.formula.dimension(names).fits(
+        component_dimension(definition.component, at, MEASURANDS[kind])
+    )
     if definition.slope is not None:
         assert definition.slope.dimension(names).fits(ANGLE)
 
@@ -218,26 +223,26 @@ def test_a_bridge_turns_by_the_slope_of_its_sag():
 
 def test_where_directions_are_measured_a_frame_turns_and_a_target_has_two_freedoms():
     shift = row("machine", "frame_shift")
-    turned = shift.for_kind("direction")
-    assert (turned.component, turned.units(kind="direction"), turned.slope) == (
+    turned = shift.for_measurand(DIRECTION)
+    assert (turned.component, turned.units(measurand=DIRECTION), turned.slope) == (
         "frame_shift", dict.fromkeys("xyz", AS), None,
     )  # fmt: skip
-    assert shift.for_kind("point") is shift.for_kind("distance") is shift
+    assert shift.for_measurand(POINT) is shift.for_measurand(DISTANCE) is shift
     rotation = {f"r{x}": value for x, value in zip("xyz", (0.1, 0.2, 0.3), strict=True)}
     np.testing.assert_allclose(
         evaluated(shift.slope, rotation),
         sum(rotation[f"r{x}"] * VECTORS[f"E{x.upper()}"] for x in "xyz"),
         rtol=1e-15,
     )
-    target = row("target", "target_offset").for_kind("direction")
-    assert target.units(kind="direction") == {"a": AS, "b": AS}
+    target = row("target", "target_offset").for_measurand(DIRECTION)
+    assert target.units(measurand=DIRECTION) == {"a": AS, "b": AS}
     np.testing.assert_allclose(
         evaluated(target.formula, {"a": 2.0, "b": 3.0}), 2 * VECTORS["U"] + 3 * VECTORS["V"], rtol=1e-15
     )
-    assert row("machine", "warm_up_drift").units("mm", "direction") == {"x": AS, "y": AS, "z": AS, "tau": "s"}
-    assert row("machine", "linear_drift").units("mm", "direction") == dict.fromkeys("xyz", "arcsec/s")
-    assert row("revolute", "gravity_windup").units("mm", "direction") == {"k": AS, "k2": AS}
-    assert row("revolute", "load_windup").units("mm", "direction") == {"k": "arcsec/N"}
+    assert row("machine", "warm_up_drift").units("mm", DIRECTION) == {"x": AS, "y": AS, "z": AS, "tau": "s"}
+    assert row("machine", "linear_drift").units("mm", DIRECTION) == dict.fromkeys("xyz", "arcsec/s")
+    assert row("revolute", "gravity_windup").units("mm", DIRECTION) == {"k": AS, "k2": AS}
+    assert row("revolute", "load_windup").units("mm", DIRECTION) == {"k": "arcsec/N"}
 
 
 def test_what_is_searched_and_what_later_joints_add():
@@ -358,7 +363,7 @@ def test_an_effect_of_a_user_is_taken():
         ("tx", "0.001", {}, {}),
         ("reading", "0.001*q", {}, {}),
         ("ty", "a", {"a": "inch"}, {"at": "target"}),
-        ("rz", "a", {"a": "deg"}, {"at": "target", "kind": "direction"}),
+        ("rz", "a", {"a": "deg"}, {"at": "target", "measurand": DIRECTION}),
         ("rz", "a*b*c*d/pi", {"a": "kg", "b": "m/s**2", "c": "1/N", "d": "rad"}, {}),
     ],
 )
@@ -373,7 +378,7 @@ BAD = {
     "name with a blank": ({"name": "a b"}, "name: 'a b'; expected letters"),
     "component": ({"component": "sag"}, "component: 'sag' at a revolute joint; expected one of reading, tx, ty"),
     "reading of a machine": ({"at": "machine", "formula": "t*a"}, "'reading' at a machine; expected one of tx"),
-    "translation of a direction": ({"component": "tx", "kind": "direction"}, "'tx' at a revolute joint; expected"),
+    "translation of a direction": ({"component": "tx", "measurand": DIRECTION}, "'tx' at a revolute joint; expected"),
     "rotation of a point": ({"component": "rx", "at": "target"}, "'rx' at a target; expected one of tx, ty, tz"),
     "formula": ({"formula": "2q"}, "formula: '2q' at character 1, with no operator between; expected '2*q'"),
     "unused parameter": ({"formula": "a*q/q"}, "parameters.k: a parameter that is not in the formula; expected those"),

@@ -234,7 +234,7 @@ def test_components_are_what_own_effects_are_made_of():
     for component, unit in (("tz", "mm"), ("rx", "rad"), ("reading", "rad")):
         definition = own_effect(
             "mine", component, "a*sin(5*q)", {"a": unit}, at="revolute", joints={"C": "revolute"},
-            kind="point", file="test", place="effect",
+            file="test", place="effect",
         )  # fmt: skip
         problem = problem_with(base, base.machine.with_effect(Effect(definition, "C")))
         expected = jacobian_at(base, problem, {})["C.mine.a"]

@@ -118,13 +118,12 @@ def residual_columns(fit: Fit) -> dict[str, NDArray[Any]]:
         ``predicted_x`` … and ``residual_x`` … in the unit of the column ``x``. Of directions the prediction, and the
         angle between both, split into a horizontal part (to the left) and one towards the zenith. ``outlier``, 1 or 0.
     """
-    from rodgen.calibration.observations import READINGS
     from rodgen.data.units import parse_unit
 
-    kind = fit.machine.measured.kind
-    names = READINGS[kind]
+    measurand = fit.machine.measurand
+    names = measurand.columns
     found: dict[str, NDArray[Any]] = {}
-    if kind == "direction":
+    if not measurand.moving:
         places = fit.problem.places(fit.solution.theta, fit.solution.frame)
         found |= {f"predicted_{name}": values for name, values in zip(names, places.T, strict=True)}
         parts = zip(("horizontal", "vertical"), fit.residuals.T, strict=True)

@@ -255,16 +255,17 @@ def _chosen(o: Observations, geometry: ClosedChain, modes: Array) -> NDArray[np.
             "a rotation vector near which the platform is, such as [0, 0, 10]",
         )
     targets = np.array([target.point for target in o.machine.targets])[o.target]
-    if o.machine.measured.kind == "direction":
-        seen = np.einsum("nmij,nj->nmi", modes, targets)
-    else:
+    measurand = o.machine.measurand
+    if measurand.moving:
         seen = placed_at(geometry, modes, targets[:, None])
-    if o.machine.measured.kind == "distance":
+    else:
+        seen = np.einsum("nmij,nj->nmi", modes, targets)
+    if not measurand.is_place:
         distance = np.linalg.norm(seen - np.array(o.machine.measured.origin), axis=2)
         return _nearest((distance - o.reading) ** 2, o.pose)
     if o.machine.measured.frame == "machine":
         return _nearest(_apart(seen, o.reading), o.pose)
-    return _in_a_free_frame(seen, o.reading, o.machine.measured.kind == "point", o.pose)
+    return _in_a_free_frame(seen, o.reading, measurand.moving, o.pose)
 
 
 def _least(distance: Array) -> NDArray[np.intp]:

@@ -100,7 +100,7 @@ class Fit:
     @property
     def unit(self) -> str:
         """What residuals and their rms are shown in."""
-        return "arcsec" if self.problem.model.structure.kind == "direction" else self.machine.length_unit
+        return self.machine.measurand.unit(self.machine.length_unit)
 
     @property
     def unit_factor(self) -> float:
@@ -114,11 +114,7 @@ class Fit:
         Of directions: the angle on the sphere, split into a horizontal part and one towards the zenith.
         """
         r = self.problem.residuals(self.solution.theta, self.solution.frame)
-        if self.problem.model.structure.kind == "direction":
-            size = np.linalg.norm(r, axis=1, keepdims=True)  # 2 tan(angle/2)
-            with np.errstate(invalid="ignore", divide="ignore"):
-                r = np.where(size > 0, r * (2 * np.arctan(size / 2) / size), r)
-        return np.asarray(r / self.unit_factor)
+        return np.asarray(self.machine.measurand.error(r) / self.unit_factor)
 
     @cached_property
     def rms(self) -> float:
@@ -408,7 +404,7 @@ def _not_finite(problem: Problem, solution: Solution) -> str:
     file = problem.observations.data.file
     own = [effect.title for effect in problem.model.machine.effects if effect.definition.own]
     which = f" (check the formula of {', '.join(own)})" if own else ""
-    if problem.model.structure.kind == "direction" and not own:
+    if not problem.model.structure.moving and not own:
         which = " (a prediction right opposite to its reading? check the signs of axes and targets)"
     if problem.model.machine.geometry is not None and not own:
         which = " (is the pose near a singular one, or the geometry far off?)"

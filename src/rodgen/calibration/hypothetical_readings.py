@@ -85,7 +85,7 @@ class _Imagination:
         elif q is not None:
             observations = replace(observations, q=q)
         made = Problem(model, observations)
-        if model.structure.kind == "direction":  # a direction is told from the one that is read
+        if not model.structure.moving:  # a direction is told from the one that is read
             reading = made.places(self.theta, self.frame)
             made = Problem(model, replace(made.observations, reading=reading))
         return made
@@ -131,7 +131,7 @@ class _Imagination:
 
     def elsewhere_on_the_body(self) -> Machine:
         """Return the machine with its targets at other places."""
-        directions = self.machine.measured.kind == "direction"
+        directions = not self.machine.measurand.moving
         places = [np.array(self.place()) for _ in self.machine.targets]
         if directions:
             places = [place / np.linalg.norm(place) for place in places]

@@ -231,7 +231,7 @@ def replicates(fit: Fit, *, weighted: bool = False) -> Replicates:
 def _in_one_basis(fit: Fit, order: NDArray[np.int_], group: NDArray[np.int_]) -> Array:
     """Return residuals; those of directions along the basis of their group's first row, for near the pole it turns."""
     residuals = fit.residuals[order]
-    if fit.problem.model.structure.kind != "direction":
+    if fit.problem.model.structure.moving:
         return residuals
     left, above = (e[order] for e in fit.observations.basis)
     across = residuals[:, :1] * left + residuals[:, 1:] * above
@@ -259,8 +259,8 @@ def _told_apart(fit: Fit) -> float:
 
 def _distances(fit: Fit) -> tuple[Estimated | None, tuple[str, ...]]:
     """Return the noise by distances between targets in one pose, and what their scale follows."""
-    o, kind = fit.observations, fit.machine.measured.kind
-    if kind == "distance" or len(fit.machine.targets) < 2:
+    o, measurand = fit.observations, fit.machine.measurand
+    if not measurand.is_place or len(fit.machine.targets) < 2:
         return None, ()
     made = list(_pairs(fit))
     if not made:
@@ -285,7 +285,7 @@ def _pairs(fit: Fit) -> Iterator[tuple[NDArray[np.int_], Array, Array]]:
     Of a target that is read several times in a pose the first reading is taken: how the others depend on it is unknown.
     The noise enters along the line between the two; of directions along the great circle.
     """
-    o, targets = fit.observations, len(fit.machine.targets)
+    o, measurand, targets = fit.observations, fit.machine.measurand, len(fit.machine.targets)
     rows = np.flatnonzero(~fit.outliers)
     cell = o.pose[rows].astype(np.int64) * targets + o.target[rows]
     cell, first = np.unique(cell, return_index=True)
@@ -301,14 +301,11 @@ def _pairs(fit: Fit) -> Iterator[tuple[NDArray[np.int_], Array, Array]]:
             continue
         x, y = o.reading[i], o.reading[j]
         distance, longest = np.linalg.norm(y - x, axis=1), np.inf
-        if fit.machine.measured.kind == "direction":
+        if not measurand.moving:
             distance, longest = 2 * np.arcsin(np.minimum(distance / 2, 1.0)), np.pi
         if min(distance.mean(), longest - distance.mean()) <= CLOSE * distance.std():
             continue
-        if fit.machine.measured.kind == "direction":
-            along = [_tangent(x, y), _tangent(y, x)]
-        else:
-            along = [(y - x) / distance[:, None]] * 2
+        along = [(y - x) / distance[:, None]] * 2 if measurand.moving else [_tangent(x, y), _tangent(y, x)]
         variance = np.full(len(i), 2.0)
         if o.sigma is not None:
             variance = sum(np.sum((e * o.sigma[k]) ** 2, axis=1) for e, k in zip(along, (i, j), strict=True))

@@ -22,15 +22,13 @@ from rodgen.data.spool import empty
 from rodgen.data.tables import nearest
 from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, Dimension, parse_unit
 from rodgen.errors import InputFileError, shown
+from rodgen.machines.measured import MEASURANDS
 
 if TYPE_CHECKING:
     from rodgen.data.measurements import Column, Measurements, Names
     from rodgen.machines.machine import Machine
 
-__all__ = ["READINGS", "Observations", "bind"]
-
-READINGS = {"point": ("x", "y", "z"), "direction": ("ux", "uy", "uz"), "distance": ("d",)}
-"""The columns of a reading, by what a machine measures."""
+__all__ = ["Observations", "bind"]
 
 SMALLEST, LARGEST = 1e-100, 1e100
 """Readings and uncertainties beyond leave the range of a double when they are squared and summed up."""
@@ -287,7 +285,7 @@ class _Binder:
         self.data = data
         self.columns: Mapping[str, Any] = data.columns  # a Column, or Names of a target or run
         self.joints = [joint.name for joint in machine.joints]
-        self.readings = READINGS[machine.measured.kind]
+        self.readings = machine.measurand.columns
         self.own = {"target", "run", "t", "load", *self.joints, *self.readings}
         self.own |= {f"{prefix}{name}" for prefix in ("dir_", "v_", "T_") for name in self.joints}
         self.own |= {f"u_{name}" for name in self.readings}
@@ -464,19 +462,19 @@ class _Binder:
 
     def reading(self, *, may_be_missing: bool) -> NDArray[np.float64]:
         """Return the readings, (n, 3) or (n, 1)."""
-        columns, kind = self.columns, self.machine.measured.kind
+        columns, measurand = self.columns, self.machine.measurand
         shape = (self.data.rows, len(self.readings))
         missing = [name for name in self.readings if name not in columns]
         if len(missing) == len(self.readings):
             if may_be_missing:
                 return np.broadcast_to(np.nan, shape)
-            other = next((k for k, names in READINGS.items() if all(n in columns for n in names)), None)
+            other = next((m for m in MEASURANDS.values() if all(n in columns for n in m.columns)), None)
             if other:
-                found = f"the readings {_listed(READINGS[other])}, of the kind {other!r}"
-                expected = f'{_listed(self.readings)}: the machine file says kind = "{kind}"'
+                found = f"the readings {_listed(other.columns)}, of the kind {other.kind!r}"
+                expected = f'{_listed(self.readings)}: the machine file says kind = "{measurand.kind}"'
                 raise InputFileError(self.data.file, self.data.header_place, found, expected)
         reading = empty(shape)
-        if kind == "direction":
+        if not measurand.moving:
             for i, name in enumerate(self.readings):
                 column = columns.get(name)
                 if column is None:
@@ -485,7 +483,7 @@ class _Binder:
             return self._normalized(reading)
         for i, name in enumerate(self.readings):
             self._scaled(self.column(name, LENGTH), reading[:, i])
-        if kind == "distance" and reading.min(initial=0.0) < 0.0:
+        if measurand.has_origin and reading.min(initial=0.0) < 0.0:
             column, row = columns["d"], int(np.argmax(reading < 0.0))
             expected = "the whole distance, which is positive, not a deviation from a nominal one"
             raise self._wrong_cell(column, row, _number(column, row), expected)
@@ -518,7 +516,7 @@ class _Binder:
                     raise self._missing(f"u_{name}", expected)
                 sigma[:, i] = noise
                 continue
-            if self.machine.measured.kind != "direction":
+            if self.machine.measurand.moving:
                 self._checked(column, LENGTH)
             elif column.unit is not None:
                 self._checked(column, ANGLE)

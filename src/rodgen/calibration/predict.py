@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.assembly_modes import open_legs
-from rodgen.calibration.observations import READINGS, Observations, bind
+from rodgen.calibration.observations import Observations, bind
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.errors import InputFileError, shown
 
@@ -112,23 +112,22 @@ def predict(fit: Fit, design: Measurements) -> Prediction:
     model = fit.problem.model
     o = bind(fit.machine, design, allow_missing_readings=True)
     o = _in_known_runs(fit, o)
-    kind = model.structure.kind
-    reading = np.ones((o.n, 1 if kind == "distance" else 3))
+    measurand = model.structure.measurand
+    reading = np.ones((o.n, len(measurand.columns)))
     problem = Problem(model, replace(o, sigma=None, reading=reading))
     theta, frame = fit.solution.theta, fit.solution.frame
     with one_thread_in_blas():
-        whole = kind == "distance"
-        place = reading - problem.residuals(theta, frame) if whole else problem.places(theta, frame)
+        place = problem.predicted(theta, frame)
         if problem.is_closed_chain and not np.isfinite(place).all():
             row = int(np.argmin(np.isfinite(place).all(axis=1)))
             raise open_legs(o, row, "the fitted machine")
-        if kind == "direction":  # whose residuals are angles beside the direction that is read
+        if not measurand.moving:  # whose residuals are angles beside the direction that is read
             problem = Problem(model, replace(problem.observations, reading=place))
         jacobian = problem.jacobian(theta, frame)
         covariance = np.einsum("nip,pq,njq->nij", jacobian, fit.covariance, jacobian, optimize=True)
         determined = _determined(jacobian, fit.determinacy.null) & np.isfinite(place).all(axis=1)
     covariance[~determined] = np.nan
-    return Prediction(place, covariance, determined, READINGS[kind], fit.unit, fit.unit_factor)
+    return Prediction(place, covariance, determined, measurand.columns, fit.unit, fit.unit_factor)
 
 
 def _in_known_runs(fit: Fit, o: Observations) -> Observations:

@@ -97,9 +97,7 @@ class Problem:
     def scale(self) -> float:
         """Sum of squares of the weighted readings: what rounding is measured against."""
         o = self.observations
-        size = (
-            1.0 if self.model.structure.kind == "direction" else float(np.max(np.abs(o.reading), initial=0.0))
-        )
+        size = self.model.structure.measurand.size(o.reading)
         return size**2 * float(np.vdot(self.weight, self.weight))
 
     @property
@@ -138,11 +136,8 @@ class Problem:
         o = self.observations
         if o.sigma is None:
             return np.broadcast_to(1.0, (self.rows, self.components))
-        if self.model.structure.kind != "direction":
-            return np.asarray(1.0 / o.sigma)
-        first, second = o.basis
-        variance = o.sigma**2
-        return np.asarray(1.0 / np.sqrt(np.stack([np.sum(e**2 * variance, -1) for e in (first, second)], -1)))
+        measurand = self.model.structure.measurand
+        return np.asarray(1.0 / measurand.component_sigma(o.sigma, None if measurand.moving else o.basis))
 
     def _groups(self) -> Iterator[_Group]:
         o = self.observations
@@ -375,6 +370,12 @@ class Problem:
                 self._block(number, group, start, stop), geometries[number], e
             )
         return found
+
+    def predicted(self, theta: Array, frame: Frame) -> Array:
+        """Return the predicted readings, (n, 3) or (n, 1)."""
+        if self.model.structure.measurand.is_place:
+            return self.places(theta, frame)
+        return np.asarray(self.observations.reading - self.residuals(theta, frame))
 
     def jacobian(self, theta: Array, frame: Frame) -> Array:
         """Return the derivative of the weighted residuals, (n, m, parameters); as large as it sounds."""

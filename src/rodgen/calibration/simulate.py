@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.hidden_truth import opened, sealed
-from rodgen.calibration.observations import READINGS, bind
+from rodgen.calibration.observations import bind
 from rodgen.calibration.simulator import Lab, with_reading
 from rodgen.data.measurements import Column, Measurements
 from rodgen.data.units import parse_unit
@@ -125,9 +125,7 @@ def simulate(
         known.append(lab.drawn_of_catalogue(known))
     exact = lab.read(known)
     columns = _columns(design, machine, lab.noisy(exact), lab.sigma)
-    given = {
-        name: column for name, column in design.columns.items() if name not in READINGS[machine.measured.kind]
-    }
+    given = {name: column for name, column in design.columns.items() if name not in machine.measurand.columns}
     ordered = {name: columns.get(name) or given[name] for name in design.columns}
     truth = {
         "machine": machine.file or machine.name,
@@ -166,10 +164,10 @@ def _columns(
 ) -> dict[str, Column]:
     """Return the columns of readings, in the units that the design has for them, to a thousandth of the noise."""
     found = {}
-    for name, values in zip(READINGS[machine.measured.kind], reading.T, strict=True):
+    for name, values in zip(machine.measurand.columns, reading.T, strict=True):
         unit = None
         factor = 1.0
-        if machine.measured.kind != "direction":
+        if machine.measurand.moving:
             unit = getattr(design.columns.get(name), "unit", None) or machine.length_unit
             factor = parse_unit(unit).factor(machine.length_unit)
         noise = 0.0 if sigma is None else float(np.min(sigma)) / factor

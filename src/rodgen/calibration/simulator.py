@@ -79,8 +79,7 @@ class Lab:
         self.machine = machine
         self.observations = observations
         self.random = np.random.default_rng(seed)
-        turns = machine.measured.kind == "direction"
-        self.unit = "arcsec" if turns else machine.length_unit
+        self.unit = machine.measurand.unit(machine.length_unit)
         self.unit_factor, _ = unit_factor(self.unit, machine.length_unit)
         self.sigma = observations.sigma if noise is None else np.broadcast_to(self._noise(noise), (1, 1))
         step = -(-observations.n // LOOKED_AT)
@@ -118,10 +117,7 @@ class Lab:
         model = Model(machine, o.travel, o.run_names)
         problem = Problem(model, o)
         theta, frame = model.start(), Frame.identity()
-        if machine.measured.kind == "distance":
-            found = o.reading - problem.residuals(theta, frame)
-        else:
-            found = problem.places(theta, frame)
+        found = problem.predicted(theta, frame)
         bad = ~np.isfinite(found).all(axis=1)
         if bad.any():
             row = int(np.argmax(bad))
@@ -135,7 +131,7 @@ class Lab:
         """Return readings with noise."""
         if self.sigma is None:
             return exact
-        if self.machine.measured.kind != "direction":
+        if self.machine.measurand.moving:
             return exact + self.sigma * self.random.normal(size=exact.shape)
         variance = np.broadcast_to(self.sigma**2, exact.shape)
         read = exact.copy()
@@ -146,7 +142,7 @@ class Lab:
 
     def _rms(self, change: Array) -> float:
         """Return the root mean square of a change, per scalar reading, internal units."""
-        scalars = {"point": 3, "direction": 2, "distance": 1}[self.machine.measured.kind]
+        scalars = len(self.machine.measurand.components)
         return float(np.sqrt(np.sum(change**2) / max(len(change) * scalars, 1)))
 
     def _left(self, reading: Array) -> float:

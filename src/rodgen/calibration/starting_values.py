@@ -84,7 +84,7 @@ def _in_closed_form(problem: Problem, theta: Array) -> list[Frame]:
     places = problem.places(theta, Frame.identity())
     if not np.isfinite(places).all():  # as the fit will tell
         return [Frame.identity()]
-    if problem.model.structure.kind == "distance":
+    if not problem.model.structure.measurand.is_place:
         return [_standing(problem, at) for at in trilaterated(places, readings[:, 0])]
     moving = problem.model.structure.moving
     return [nearest_frame(places, readings, problem.weight[:, 0] ** 2, moving=moving)]
@@ -94,7 +94,7 @@ def _others(problem: Problem, theta: Array) -> Iterator[Frame]:
     """Yield frames all around: for distances from all sides, else with the rotations of a cube; the means agree."""
     mean_reading = problem.observations.reading.mean(axis=0)
     mean_place = problem.places(theta, Frame.identity()).mean(axis=0)
-    if problem.model.structure.kind == "distance":  # how the frame is turned changes nothing
+    if not problem.model.structure.measurand.is_place:  # how the frame is turned changes nothing
         for side in np.array([s for s in np.ndindex(3, 3, 3) if s != (1, 1, 1)]) - 1.0:
             yield _standing(problem, mean_place + mean_reading * side / np.linalg.norm(side))
         return
@@ -102,7 +102,7 @@ def _others(problem: Problem, theta: Array) -> Iterator[Frame]:
         for signs in np.ndindex(2, 2, 2):
             rotation = np.diag(1.0 - 2.0 * np.array(signs))[:, order]
             if np.linalg.det(rotation) > 0:
-                if problem.model.structure.kind == "point":
+                if problem.model.structure.moving:
                     yield Frame(rotation, mean_reading - rotation @ mean_place)
                 else:
                     yield Frame(rotation, np.zeros(3))

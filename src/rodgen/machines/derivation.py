@@ -177,6 +177,10 @@ class ModelSteps:
         """Return cosine and sine of an angle as steps."""
         return self.let("cosine", sp.cos(angle)), self.let("sine", sp.sin(angle))
 
+    def length(self, x: Vector) -> sp.Expr:
+        """Return the length of a vector."""
+        return sp.sqrt(x.dot(x))
+
     # rotations -----------------------------------------------------------------------------------------------
 
     def about_axis(self, x: Vector, n: Vector, turn: tuple[sp.Expr, sp.Expr]) -> Vector:
@@ -431,7 +435,7 @@ class ModelSteps:
             if s.moving:
                 x = x + self.known("frame") + self.freedoms("frame", "xyz")
             x = self.let("seen", x)
-        return x * self.factor() if s.kind == "point" else x
+        return s.measurand.seen(self, x)
 
     def factor(self) -> sp.Expr:
         """Return what the instrument multiplies its readings by."""
@@ -448,19 +452,8 @@ class ModelSteps:
         if not self.with_residual:
             self.builder.output("place", place, unit="1", doc="predicted point or direction")
             return self.builder.build()
-        reading = [
-            self.column["reading", i] for i in range({"point": 3, "direction": 9, "distance": 1}[s.kind])
-        ]
-        if s.kind == "point":
-            residual = sp.Matrix(reading) - place
-        elif s.kind == "distance":
-            arm = self.let("arm", place - self.known("origin"))
-            distance = self.let("distance", sp.sqrt(arm.dot(arm)) * self.factor())
-            residual = sp.Matrix([reading[0] - distance])
-        else:
-            measured, first, second = (sp.Matrix(reading[i : i + 3]) for i in (0, 3, 6))
-            factor = self.let("stereographic", -2 / (1 + measured.dot(place)))
-            residual = sp.Matrix([first.dot(place) * factor, second.dot(place) * factor])
+        reading = sp.Matrix([self.column["reading", i] for i in range(s.measurand.inputs)])
+        residual = s.measurand.residual(self, reading, place)
         weights = [self.column["weight", i] for i in range(s.components)]
         weighted = sp.Matrix([r * w for r, w in zip(residual, weights, strict=True)])
         self.builder.output("residual", weighted, unit="1", doc="measured less predicted, times the weight")

@@ -21,7 +21,8 @@ from rodgen.machines.closed_chain import ClosedChain
 from rodgen.machines.effects.rules import UnfitEffectError, catalogue_effect, check_effect
 from rodgen.machines.files.read import read_machine
 from rodgen.machines.files.write import description, fixed_machine, machine_text
-from rodgen.machines.parts import Effect, Joint, Measured, Target, Vector
+from rodgen.machines.measured import Measurand, Measured
+from rodgen.machines.parts import Effect, Joint, Target, Vector
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
@@ -138,6 +139,11 @@ class Machine:
             machine does not say.
         """
         write_file(path, machine_text(fixed_machine(self) if fixed else self).encode())
+
+    @property
+    def measurand(self) -> Measurand:
+        """What is measured, with all that depends on it."""
+        return self.measured.measurand
 
     def joint(self, name: str) -> Joint:
         """Return a joint by its name.

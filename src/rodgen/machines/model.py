@@ -90,6 +90,7 @@ def _source_hash() -> str:
         "closed_chain_derivation.py",
         "structure.py",
         "closed_chain.py",
+        "measured.py",
         "effects/formula.py",
     )
     return hashlib.sha256(b"".join((folder / name).read_bytes() for name in names)).hexdigest()
@@ -129,7 +130,7 @@ class Model:
             (np.zeros(3), np.zeros(3)) if joint.type == "leg" else complete_basis(np.array(joint.axis))
             for joint in machine.joints
         ]
-        directions = machine.targets if machine.measured.kind == "direction" else ()
+        directions = () if machine.measurand.moving else machine.targets
         self._target_bases = [complete_basis(np.array(t.point)) for t in directions]
         self._of_effects = self._numbers(
             [("e", n, name) for n, name in self.structure.parameters] or [("e",)]

@@ -90,8 +90,8 @@ def _parameters(machine: Machine, structure: Structure, runs: Sequence[str]) -> 
                     yield made(f"{prefix}.{x}", unit, f"{component}.{x}", j, **more)
     for k, target in enumerate(machine.targets):
         effect = geometric.get(("target", target.name))
-        for x in "xyz" if moving else "ab":
-            unit = length if moving else angle
+        for x in machine.measurand.freedoms:
+            unit = machine.measurand.unit(length)
             if "target" in machine.estimate:
                 yield made(f"target.{target.name}.{x}", unit, "target", k, x, place=target.name)
             elif effect is not None:

@@ -1,4 +1,4 @@
-"""What a machine is made of: joints, targets, what is measured, and the effects of its model, each in its place."""
+"""What a machine is made of: joints, targets, and the effects of its model, each in its place."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from rodgen.machines.effects.definition import EffectDefinition
     from rodgen.machines.machine import Machine
 
-__all__ = ["Effect", "Joint", "Measured", "Target", "Vector"]
+__all__ = ["Effect", "Joint", "Target", "Vector"]
 
 Vector: TypeAlias = tuple[float, float, float]
 
@@ -54,27 +54,6 @@ class Target:
 
     name: str
     point: Vector
-
-
-@dataclass(frozen=True)
-class Measured:
-    """What a reading is.
-
-    Attributes
-    ----------
-    kind : {"point", "direction", "distance"}
-    frame : {"machine", "free"}
-        Readings are in machine axes, or in a frame that is found with the rest.
-    origin : tuple of float, length 3, or None
-        Where a distance is measured from, in the measuring frame.
-    noise : float or None
-        Standard uncertainty of a scalar reading.
-    """
-
-    kind: str
-    frame: str
-    origin: Vector | None = None
-    noise: float | None = None
 
 
 @dataclass(frozen=True)
@@ -138,7 +117,7 @@ class Effect:
         dict of str to str
             In the catalogue's order; then one ``k_NAME`` for each later joint, where the effect has these.
         """
-        units = self.definition.units(machine.length_unit, machine.measured.kind)
+        units = self.definition.units(machine.length_unit, machine.measurand)
         if self.definition.later_joints:
             names = [joint.name for joint in machine.joints]
             later = names[names.index(str(self.place)) + 1 :]

@@ -21,6 +21,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from rodgen.machines.closed_chain import FAMILIES
+from rodgen.machines.measured import Measurand
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
@@ -131,8 +132,7 @@ class Structure:
 
     Attributes
     ----------
-    kind : str
-        ``"point"``, ``"direction"`` or ``"distance"``.
+    measurand : Measurand
     joints : tuple of JointStructure
     target : bool
         Whether the freedoms of the target are slots.
@@ -147,7 +147,7 @@ class Structure:
         Those numbers of a closed chain's geometry that are slots.
     """
 
-    kind: str
+    measurand: Measurand
     joints: tuple[JointStructure, ...]
     target: bool
     frame: bool
@@ -159,12 +159,12 @@ class Structure:
     @property
     def moving(self) -> bool:
         """Whether points are carried, not directions."""
-        return self.kind != "direction"
+        return self.measurand.moving
 
     @property
     def components(self) -> int:
         """Number of residuals of a row."""
-        return {"point": 3, "direction": 2, "distance": 1}[self.kind]
+        return len(self.measurand.components)
 
     @cached_property
     def slots(self) -> tuple[tuple[str, int | str], ...]:
@@ -181,10 +181,10 @@ class Structure:
             components = FAMILIES[self.family].numbers
             yield from ((f"geometry.{name}{x}", 0) for name in self.numbers for x in components[name])
         if self.target:
-            yield from ((f"target.{x}", 0) for x in ("xyz" if self.moving else "ab"))
+            yield from ((f"target.{x}", 0) for x in self.measurand.freedoms)
         if self.centre and self.target:
             yield from ((f"centre.{x}", 0) for x in "xyz")
-        rigid = ("x", "y", "z", "rx", "ry", "rz") if self.moving else ("rx", "ry", "rz")
+        rigid = self.measurand.rigid
         if self.shift:
             yield from ((f"shift.{x}", 0) for x in rigid)
         if self.frame:
@@ -239,7 +239,7 @@ class Structure:
             yield "frame_rotation", 0, 9
             if self.moving:
                 yield "frame", 0, 3
-        if self.kind == "distance":
+        if self.measurand.has_origin:
             yield "origin", 0, 3
         yield from (("acts", n, 1) for n, term in enumerate(self.terms) if term.target)
 
@@ -253,10 +253,9 @@ class Structure:
         if self.family:
             used |= {("start", i): None for i in range(FAMILIES[self.family].start)}
         used |= {column: None for term in self.terms for _, column in term.columns}
-        reading = {"point": 3, "direction": 9, "distance": 1}[self.kind]
         return (
             *used,
-            *(("reading", i) for i in range(reading)),
+            *(("reading", i) for i in range(self.measurand.inputs)),
             *(("weight", i) for i in range(self.components)),
         )
 
@@ -286,7 +285,7 @@ def structure_of(machine: Machine) -> Structure:
     )
     components = {e.definition.component for e in machine.effects}
     return Structure(
-        kind=machine.measured.kind,
+        measurand=machine.measurand,
         joints=joints,
         target="target" in machine.estimate or "target" in components,
         frame=machine.measured.frame == "free",

@@ -77,8 +77,7 @@ class Comparison:
     @property
     def components(self) -> tuple[str, ...]:
         """Names of the components of a residual."""
-        kinds = {"point": ("x", "y", "z"), "direction": ("horizontal", "zenith"), "distance": ("d",)}
-        return kinds[self.fit.machine.measured.kind]
+        return self.fit.machine.measurand.components
 
     @property
     def covariates(self) -> tuple[Driver, ...]:

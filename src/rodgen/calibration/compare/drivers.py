@@ -89,7 +89,7 @@ def _places(sample: Sample) -> Iterator[Driver]:
     def of(name: str, unit: str, values: Array, text: str, period: float | None = None) -> Driver:
         return Driver("place", name, values, values, unit, text, period=period)
 
-    if machine.measured.kind == "direction":
+    if not machine.measurand.moving:
         altitude = np.degrees(np.arctan2(height, np.linalg.norm(level, axis=1)))
         yield of("altitude", "deg", altitude, "the altitude")
         # Azimuth counts from the first machine axis that is level enough, to the right as seen along gravity.

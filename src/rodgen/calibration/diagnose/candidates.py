@@ -99,7 +99,7 @@ def _weightless(carriers: Carriers, effect: Effect) -> bool:
     components = ["reading"] if definition.component == "reading" else ["rx", "ry", "rz"]
     whole = [c for x in components if (c := carriers.component(effect.place, x)) is not None]
     arm = 1.0
-    if machine.measured.kind != "direction":
+    if machine.measurand.moving:
         point = np.array(machine.joint(str(effect.place)).point)
         arm = max(float(np.linalg.norm(np.array(target.point) - point)) for target in machine.targets)
     scale = arm * np.sqrt(sum(float(np.sum(c**2)) for c in whole))
@@ -204,7 +204,7 @@ def _column(
         carrier = carriers.component(effect.place, "reading")
         assert carrier is not None
         return np.asarray(carrier * np.broadcast_to(change, n)[:, None])
-    turns = carriers.fit.machine.measured.kind == "direction"
+    turns = not carriers.fit.machine.measurand.moving
     letter = "r" if definition.component == "rotation" or (definition.component == "frame" and turns) else "t"
     change = np.broadcast_to(change, (3, n))
     found = np.zeros(carriers.residual.shape)

@@ -189,7 +189,7 @@ class Carriers:
         machine's.
         """
         turns = self._bare_motion(TURNS)
-        if self.fit.machine.measured.kind == "direction":
+        if not self.fit.machine.measurand.moving:
             return turns
         shifts = self._bare_motion(("tx", "ty", "tz"))
         with one_thread_in_blas():
@@ -240,13 +240,18 @@ def _without_weights(effect: Effect) -> Effect:
 
 
 def _bare(machine: Machine) -> Iterator[Effect]:
-    kind = machine.measured.kind
-    motions = TURNS if kind == "direction" else MOTIONS
+    measurand = machine.measurand
+    motions = MOTIONS if measurand.moving else TURNS
     joints = {joint.name: joint.type for joint in machine.joints}
 
     def bare(place: Place, at: str, component: str) -> Effect:
         angle = component in TURNS or (component == "reading" and at == "revolute")
-        more: dict[str, Any] = {"joints": joints, "kind": kind, "file": machine.name, "place": "component"}
+        more: dict[str, Any] = {
+            "joints": joints,
+            "measurand": measurand,
+            "file": machine.name,
+            "place": "component",
+        }
         units = {"a": "rad" if angle else machine.length_unit}
         return Effect(own_effect(f"{BARE}{component}", component, "a", units, at=at, **more), place)
 
@@ -254,5 +259,5 @@ def _bare(machine: Machine) -> Iterator[Effect]:
         yield bare(None, "machine", component)
     for name, at in joints.items():
         for component in ("reading", *(() if at == "leg" else motions)):
-            if at == "leg" or kind != "direction" or component != "reading" or at == "revolute":
+            if at == "leg" or measurand.moving or component != "reading" or at == "revolute":
                 yield bare(name, at, component)

@@ -334,7 +334,7 @@ class _Planning:
 
     def _within_reach(self, pool: Rows, units: Array) -> Rows:
         """Leave out readings beyond an instrument that measures deviations only: a probe on a ball, a ball bar."""
-        if self.machine.measured.kind == "direction":
+        if not self.machine.measurand.moving:
             return pool
         fit = self.models[0].fit
         seen = self.surroundings.observations(pool, None if self.o.t is None else self.surroundings.begin)

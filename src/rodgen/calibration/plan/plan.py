@@ -749,7 +749,7 @@ class _Planner:
 
     def _further(self, best: Attempt, joints: Sequence[int]) -> str:
         """Say what readings beyond the data would bring."""
-        directions = self.question.machine.measured.kind == "direction"
+        directions = not self.question.machine.measurand.moving
         for part in A_LITTLE_WIDER if directions else WIDER:
             travel = np.array(best.travel)
             for j in joints:

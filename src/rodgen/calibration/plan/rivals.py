@@ -180,11 +180,7 @@ class Rivals:
         first = rivals[0].fit
         problem = Problem(first.problem.model, imagined)
         at = first.solution.theta, first.solution.frame
-        if first.problem.model.structure.kind == "direction":
-            imagined = replace(imagined, reading=problem.places(*at))
-        else:
-            # a reading enters its residual as it is
-            imagined = replace(imagined, reading=imagined.reading - problem.residuals(*at))
+        imagined = replace(imagined, reading=problem.predicted(*at))
         found = []
         for rival in rivals:
             solution = rival.fit.solution

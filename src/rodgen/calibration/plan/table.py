@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rodgen.calibration.observations import READINGS
 from rodgen.data.units import parse_unit
 
 if TYPE_CHECKING:
@@ -36,7 +35,7 @@ def table(machine: Machine, surroundings: Surroundings, rows: Rows) -> dict[str,
     o = surroundings.o
     columns = o.data.columns
     names = [joint.name for joint in machine.joints]
-    readings = READINGS[machine.measured.kind]
+    readings = machine.measurand.columns
     targets = [target.name for target in machine.targets]
     found: dict[str, list[Any]] = {}
 

@@ -116,7 +116,7 @@ def differences(
 def _targets(machine: Machine, o: Observations, rows: Rows) -> Iterator[str]:
     measured, planned = set(np.unique(o.target).tolist()), np.unique(rows.target).tolist()
     fresh = [k for k in planned if k not in measured]
-    if machine.measured.kind == "direction" or not fresh:
+    if not machine.measurand.moving or not fresh:
         if fresh:
             yield f"Measure {listed([machine.targets[k].name for k in fresh])}, too, which is in no row of the data."
         return

@@ -10,6 +10,7 @@ from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, Dime
 from rodgen.errors import InputFileError, shown
 from rodgen.machines.effects.definition import EffectDefinition, component_dimension
 from rodgen.machines.effects.formula import FUNCTION_NAMES, Formula, FormulaError
+from rodgen.machines.measured import POINT, Measurand
 
 __all__ = ["own_effect"]
 
@@ -30,7 +31,7 @@ def own_effect(
     at: str,
     joints: Mapping[str, str] | None = None,
     columns: Mapping[str, Dimension | None] | None = None,
-    kind: str = "point",
+    measurand: Measurand = POINT,
     file: str | os.PathLike[str],
     place: str,
 ) -> EffectDefinition:
@@ -54,7 +55,7 @@ def own_effect(
     columns : mapping of str to Dimension or None
         Further columns of the measurements; None as a dimension is not known. Left out altogether: there are no
         measurements yet, and every other name in the formula is taken for a column.
-    kind : {"point", "direction", "distance"}
+    measurand : Measurand
         What the machine measures.
     file, place : str
         Where it stands, for error messages.
@@ -73,7 +74,7 @@ def own_effect(
     >>> effect.equation
     'reading += a*sin(q) + k*F'
     """
-    checked = _Check(at, joints or {}, columns, kind, file, place)
+    checked = _Check(at, joints or {}, columns, measurand, file, place)
     checked.name(name)
     checked.component(component)
     checked.parameters(parameters)
@@ -92,14 +93,14 @@ class _Check:
         at: str,
         joints: Mapping[str, str],
         columns: Mapping[str, Dimension | None] | None,
-        kind: str,
+        measurand: Measurand,
         file: str | os.PathLike[str],
         place: str,
     ) -> None:
         self.at = at
         self.joints = joints
         self.columns = columns
-        self.kind = kind
+        self.measurand = measurand
         self.file = file
         self.place = place
 
@@ -111,7 +112,7 @@ class _Check:
             raise self.error("name", shown(name), "letters, digits and '_', a letter first, 60 at most")
 
     def component(self, component: str) -> None:
-        turns = self.kind == "direction"
+        turns = not self.measurand.moving
         # a direction is not moved, and a point is not turned about itself
         fitting = {
             "revolute": ("reading", *_MOTIONS),
@@ -161,7 +162,7 @@ class _Check:
                 )
 
     def dimension(self, formula: Formula, parameters: Mapping[str, str], component: str) -> None:
-        wanted = component_dimension(component, self.at, self.kind)
+        wanted = component_dimension(component, self.at, self.measurand)
         known: dict[str, Dimension | None] = dict.fromkeys(formula.names)
         known |= self.columns or {}
         known |= {joint: _of_coordinate(kind) for joint, kind in self.joints.items()}

@@ -11,6 +11,7 @@ from typing import Any
 
 from rodgen.data.units import ANGLE, LENGTH, ONE, Dimension
 from rodgen.machines.effects.formula import Formula
+from rodgen.machines.measured import DIRECTION, POINT, Measurand
 
 __all__ = ["COMPONENTS", "EffectDefinition", "component_dimension"]
 
@@ -86,7 +87,7 @@ class EffectDefinition:
     later_joints : bool
         Whether each later joint adds a parameter ``k_NAME``, an angle over a length: its weight, at its point.
     directions : EffectDefinition or None
-        The same effect where directions are measured, if its parameters differ there; see :meth:`for_kind`.
+        The same effect where directions are measured, if its parameters differ there; see :meth:`for_measurand`.
     """
 
     name: str
@@ -105,16 +106,12 @@ class EffectDefinition:
     later_joints: bool = False
     directions: EffectDefinition | None = None
 
-    def for_kind(self, kind: str) -> EffectDefinition:
-        """Return the effect as it is where `kind` is measured.
+    def for_measurand(self, measurand: Measurand) -> EffectDefinition:
+        """Return the effect as it is where this is measured.
 
-        Parameters
-        ----------
-        kind : {"point", "direction", "distance"}
-            What the machine measures. Where it is directions, a frame shift has no translation, and a target has
-            two freedoms.
+        Where it is directions, a frame shift has no translation, and a target has two freedoms.
         """
-        return self.directions if kind == "direction" and self.directions is not None else self
+        return self if measurand.moving or self.directions is None else self.directions
 
     @property
     def equation(self) -> str:
@@ -135,36 +132,32 @@ class EffectDefinition:
             said, formula = "reading -= {formula}", formula[1:]
         return said.format(formula=formula, slope=slope)
 
-    def units(self, length: str = "length", kind: str = "point") -> dict[str, str]:
+    def units(self, length: str = "length", measurand: Measurand = POINT) -> dict[str, str]:
         """Return the unit of each parameter.
 
         Parameters
         ----------
         length : str
             The machine file's unit of length; left out, the word itself.
-        kind : {"point", "direction", "distance"}
-            What the machine measures.
+        measurand : Measurand
+            What is measured.
 
         Examples
         --------
         >>> from rodgen.machines.effects.catalogue import definitions
+        >>> from rodgen.machines.measured import DIRECTION
         >>> definitions("load_windup")[0].units("mm")
         {'k': 'arcsec/N/mm'}
-        >>> definitions("load_windup")[0].units(kind="direction")
+        >>> definitions("load_windup")[0].units(measurand=DIRECTION)
         {'k': 'arcsec/N'}
         """
-        turns = kind == "direction"
-        words = {
-            "{length}": length,
-            "{arm}": "1" if turns else length,
-            "{move}": "arcsec" if turns else length,
-        }
+        words = {"{length}": length, "{arm}": measurand.arm(length), "{move}": measurand.unit(length)}
         units = dict(self.parameters)
         for placeholder, word in words.items():
             units = {name: unit.replace(placeholder, word) for name, unit in units.items()}
         return {name: unit.removesuffix("/1") for name, unit in units.items()}
 
-    def listed(self, kind: str = "point") -> str:
+    def listed(self, measurand: Measurand = POINT) -> str:
         """Return the parameters with their units in one line.
 
         Examples
@@ -173,7 +166,7 @@ class EffectDefinition:
         >>> definitions("warm_up_drift")[0].listed()
         'x, y, z [length]; tau [s]'
         """
-        units = self.units(kind=kind)
+        units = self.units(measurand=measurand)
         groups = itertools.groupby(units, key=lambda name: units[name])
         return "; ".join(f"{', '.join(names)} [{unit}]" for unit, names in groups)
 
@@ -197,9 +190,9 @@ class EffectDefinition:
             )
         if self.searched:
             lines += _wrapped(f"{', '.join(self.searched)} is searched for, unless it is given", " ")
-        turned = self.for_kind("direction")
-        if turned.listed("direction") != self.listed():
-            lines += _wrapped(turned.listed("direction"), "Directions")
+        turned = self.for_measurand(DIRECTION)
+        if turned.listed(DIRECTION) != self.listed():
+            lines += _wrapped(turned.listed(DIRECTION), "Directions")
         if turned.equation != self.equation:
             lines += _wrapped(turned.equation, " ")
         for title, text in (
@@ -221,7 +214,7 @@ class EffectDefinition:
             "slope": self.slope.text if self.slope is not None else None,
             "equation": self.equation,
             "parameters": self.units(),
-            "parameters_of_directions": self.for_kind("direction").units(kind="direction"),
+            "parameters_of_directions": self.for_measurand(DIRECTION).units(measurand=DIRECTION),
             "later_joints": self.later_joints,
             "searched": list(self.searched),
             "iso": self.iso or None,
@@ -236,7 +229,7 @@ class EffectDefinition:
         return replace(self, directions=replace(self, formula=formula, parameters=parameters, slope=None))
 
 
-def component_dimension(component: str, at: str, kind: str = "point") -> Dimension:
+def component_dimension(component: str, at: str, measurand: Measurand = POINT) -> Dimension:
     """Return the dimension that an effect's formula has.
 
     Parameters
@@ -245,7 +238,7 @@ def component_dimension(component: str, at: str, kind: str = "point") -> Dimensi
         One of :data:`COMPONENTS`.
     at : str
         The type of joint, ``"machine"`` or ``"target"``.
-    kind : {"point", "direction", "distance"}
+    measurand : Measurand
         What is measured: where it is directions, a frame moves by turning.
 
     Examples
@@ -256,7 +249,7 @@ def component_dimension(component: str, at: str, kind: str = "point") -> Dimensi
     if component == "reading":
         return ANGLE if at == "revolute" else LENGTH
     if component in {"frame", "frame_shift", "target"}:
-        return ANGLE if kind == "direction" else LENGTH
+        return measurand.dimension
     if component == "factor":
         return ONE
     return ANGLE if component in {"rotation", "axis", "lift", "rx", "ry", "rz"} else LENGTH

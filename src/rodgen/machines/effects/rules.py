@@ -10,6 +10,7 @@ from rodgen.data.units import unit_factor
 from rodgen.errors import RodgenError, listed, nearest_name, shown
 from rodgen.machines.effects.catalogue import CATALOGUE, EffectDefinition
 from rodgen.machines.effects.formula import FUNCTION_NAMES
+from rodgen.machines.measured import READING_COLUMNS
 from rodgen.machines.parts import Effect
 from rodgen.machines.structure import TENSION
 
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
 __all__ = [
-    "READINGS",
     "UnfitEffectError",
     "catalogue_effect",
     "check_effect",
@@ -26,9 +26,6 @@ __all__ = [
     "is_in_catalogue",
     "unknown_name",
 ]
-
-READINGS = frozenset({"x", "y", "z", "ux", "uy", "uz", "d"})
-"""Columns of the measurements that are readings."""
 
 _JOINTS = frozenset({"revolute", "prismatic", "leg"})
 _WORDS = FUNCTION_NAMES | {"q", "s", "v", "T", "t", "F", "pi"}
@@ -41,14 +38,6 @@ _SAME_FREEDOM = {"axis": "axis", "point": "point", "target": "target"}
 
 _ON_A_LEG = {"thermal_expansion": "leg_thermal_expansion", "thermal_offset": "leg_thermal_expansion"}
 """What effects of joints are called at a leg, where that is not the same name after ``leg_``."""
-
-_CHANGES_NOTHING = {
-    ("direction", "translation"): "no direction: it only moves",
-    ("direction", "point"): "no direction: it only moves",
-    ("direction", "factor"): "no direction: it has no length",
-    ("point", "lift"): "no point: it bends light",
-    ("distance", "lift"): "no distance: it bends light",
-}
 
 
 LARGEST = 1e100
@@ -98,7 +87,7 @@ def catalogue_effect(machine: Machine, name: str, place: str | None, hold: Mappi
     definition = next((d for d in same_name if kind in d.at), None)
     if definition is None:
         raise _wrong_place(machine, same_name, kind, place)
-    effect = Effect(definition.for_kind(machine.measured.kind), place)
+    effect = Effect(definition.for_measurand(machine.measurand), place)
     return replace(effect, hold=held(machine, effect, hold))
 
 
@@ -188,20 +177,17 @@ def _check_place(machine: Machine, effect: Effect) -> None:
 
 
 def _check_acts(machine: Machine, effect: Effect) -> None:
-    measured, component = machine.measured.kind, effect.definition.component
-    nothing = _CHANGES_NOTHING.get((measured, component))
-    if (
-        measured == "direction"
-        and machine.kind_of(effect.place) == "prismatic"
-        and component in {"reading", "axis"}
-    ):
-        nothing = "no direction: a prismatic joint only moves"
-    if measured == "direction" and TENSION in effect.definition.formula.names and not effect.definition.own:
-        nothing = "no direction: it takes a load at a point"
+    measurand, definition = machine.measurand, effect.definition
+    nothing = measurand.unchanged_by.get(definition.component)
+    if not measurand.moving:
+        slides = machine.kind_of(effect.place) == "prismatic"
+        if slides and definition.component in {"reading", "axis"}:
+            nothing = "no direction: a prismatic joint only moves"
+        if TENSION in definition.formula.names and not definition.own:
+            nothing = "no direction: it takes a load at a point"
     if nothing:
-        raise UnfitEffectError(
-            "name", f"{effect.name} where measured is {measured!r}, which changes {nothing}", "another effect"
-        )
+        found = f"{effect.name} where measured is {measurand.kind!r}, which changes {nothing}"
+        raise UnfitEffectError("name", found, "another effect")
 
 
 def _check_once(machine: Machine, effect: Effect) -> None:
@@ -251,7 +237,7 @@ def _check_own(machine: Machine, effect: Effect) -> None:
                 f"{name!r}, a word of formulas and the name of a joint",
                 "another name for the joint",
             )
-        if name in READINGS:
+        if name in READING_COLUMNS:
             raise UnfitEffectError("formula", f"{name!r}, the reading itself", "what the reading depends on")
 
 

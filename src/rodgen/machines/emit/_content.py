@@ -143,7 +143,7 @@ class Content:
     @property
     def directions(self) -> bool:
         """Whether a place is a direction."""
-        return self.scope.machine.measured.kind == "direction"
+        return not self.scope.machine.measurand.moving
 
     def says(self, constant: Constant) -> str:
         """Say in a few words what a constant is."""
@@ -157,7 +157,7 @@ def content_of(machine: Machine, name: str | None = None, travel: Any = None) ->
     nominal = replace(scope.machine, effects=(), estimate=(), values={})
     fitted = machine_kernels(scope.model)
     ideal = machine_kernels(Model(nominal), "ideal", "ideal_")
-    kind, joints = scope.machine.measured.kind, machine.joints
+    measurand, joints = scope.machine.measurand, machine.joints
     size = _size(scope)
     limits = [joint.travel or (-np.inf, np.inf) for joint in joints]
     weight = [
@@ -174,8 +174,8 @@ def content_of(machine: Machine, name: str | None = None, travel: Any = None) ->
         scope=scope,
         fitted=fitted,
         ideal=ideal,
-        aim=aim_kernel(kind, len(joints)),
-        step=step_kernel(kind, len(joints)),
+        aim=aim_kernel(measurand, len(joints)),
+        step=step_kernel(measurand, len(joints)),
         fields=tuple(_fields(scope.machine, fitted)),
         lowest=tuple(float(low) for low, _ in limits),
         highest=tuple(float(high) for _, high in limits),
@@ -301,7 +301,7 @@ def _value(scope: Scope, effect: Effect, name: str) -> float:
 def _size(scope: Scope) -> float:
     """Return the largest length that a place is added up from; 1 for a direction."""
     machine = scope.machine
-    if machine.measured.kind == "direction":
+    if not machine.measurand.moving:
         return 1.0
     travel = [max(map(abs, j.travel)) for j in machine.joints if j.travel and j.type == "prismatic"]
     points = [

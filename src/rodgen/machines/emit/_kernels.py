@@ -27,6 +27,7 @@ from rodgen.kinematics.rotation import quaternion_from_matrix
 from rodgen.machines.closed_chain import ClosedChain
 from rodgen.machines.closed_chain_derivation import pose_from_afar
 from rodgen.machines.derivation import ModelSteps
+from rodgen.machines.measured import Measurand
 from rodgen.machines.model import Frame, Model
 from rodgen.machines.platform_poses import legs_at
 from rodgen.machines.rigid import rotation_matrix
@@ -308,12 +309,13 @@ def _component(i: int, length: int) -> str:
 # what a compensation repeats ---------------------------------------------------------------------------------
 
 
-def aim_kernel(kind: str, joints: int) -> Kernel:
+def aim_kernel(measurand: Measurand, joints: int) -> Kernel:
     """Write the kernel that tells how far a place is from the wanted one, and how each joint pulls it there.
 
     Parameters
     ----------
-    kind : {"point", "direction"}
+    measurand : Measurand
+        A point or a direction.
     joints : int
 
     Returns
@@ -330,7 +332,7 @@ def aim_kernel(kind: str, joints: int) -> Kernel:
     wanted = k.input("wanted", 3, unit="1", doc="where it should be")
     gap = k.let("gap", wanted - place)
     square = k.let("square", gap.dot(gap))
-    if kind == "direction":
+    if not measurand.moving:
         # cos² of half the angle, and the part of the gap across the direction brought to the length of the chord
         half = k.let("half", 1 - square / 4)
         safe = k.let("safe", select(half > sp.Rational(1, 10**12), half, sp.Rational(1, 10**12)))
@@ -347,12 +349,13 @@ def aim_kernel(kind: str, joints: int) -> Kernel:
     return k.build()
 
 
-def step_kernel(kind: str, joints: int) -> Kernel:
+def step_kernel(measurand: Measurand, joints: int) -> Kernel:
     """Write the kernel of a damped step towards the wanted place, the least one where several do.
 
     Parameters
     ----------
-    kind : {"point", "direction"}
+    measurand : Measurand
+        A point or a direction.
     joints : int
 
     Returns
@@ -368,13 +371,13 @@ def step_kernel(kind: str, joints: int) -> Kernel:
     weight = k.input("weight", joints, unit="1", doc="how freely each joint moves")
     damping = k.input("damping", unit="1", doc="0 for Newton's step")
     scaled = k.let("scaled", sp.Matrix(3, joints, lambda i, j: jacobian[i, j] * weight[j]))
-    freedoms = 2 if kind == "direction" else 3
+    freedoms = len(measurand.freedoms)
     few = joints <= freedoms
     square = scaled.T * scaled if few else scaled * scaled.T
     square = sp.Matrix(*square.shape, [k.let(f"a{n}", x) for n, x in enumerate(square)])
     level = k.let("level", square.trace() / freedoms)
     diagonal = k.let("added", damping * level + TINY)
-    if not few and kind == "direction":
+    if not few and not measurand.moving:
         square = (
             square + place * place.T * level
         )  # no step goes along the direction, so this only keeps it regular

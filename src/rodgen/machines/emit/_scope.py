@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rodgen.errors import InputFileError, shown
+from rodgen.machines.measured import DIRECTION, POINT, Measured
 from rodgen.machines.model import Model
-from rodgen.machines.parts import Effect, Measured
+from rodgen.machines.parts import Effect
 from rodgen.machines.structure import row_effects
 
 if TYPE_CHECKING:
@@ -58,10 +59,9 @@ def scope_of(machine: Machine, travel: Any = None) -> Scope:
     measured = machine.measured
     if measured.frame == "free":
         reasons.insert(0, ("the free frame", "where the instrument stood"))
-    kind = "direction" if measured.kind == "direction" else "point"
     own = replace(
         machine,
-        measured=Measured(kind, "machine"),
+        measured=Measured((POINT if machine.measurand.moving else DIRECTION).kind, "machine"),
         effects=tuple(e for e in machine.effects if e not in left_out),
     )
     model = Model(own, travel)

@@ -18,7 +18,6 @@ from rodgen.errors import InputFileError, listed, shown
 from rodgen.machines.closed_chain import FAMILIES, ClosedChain
 from rodgen.machines.effects.catalogue import own_effect
 from rodgen.machines.effects.rules import (
-    READINGS,
     UnfitEffectError,
     catalogue_effect,
     check_effect,
@@ -40,7 +39,8 @@ from rodgen.machines.files.toml import (
     parse,
     read_bytes,
 )
-from rodgen.machines.parts import Effect, Joint, Measured, Target, Vector
+from rodgen.machines.measured import MEASURANDS, READING_COLUMNS, Measurand, Measured
+from rodgen.machines.parts import Effect, Joint, Target, Vector
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
@@ -127,7 +127,7 @@ def machine_of(text: str, file: str, made: type[Machine]) -> Machine:
         gravity=environment.get("gravity", _DIRECTION, (0.0, 0.0, -1.0)),
         reference_temperature=environment.get("reference_temperature", NUMBER, 20.0),
         joints=tuple(_joints(top, per_radian)) if geometry is None else _legs(geometry),
-        targets=_targets(top, measured.kind, closed=geometry is not None),
+        targets=_targets(top, measured.measurand, closed=geometry is not None),
         measured=measured,
         file=file,
         geometry=geometry,
@@ -142,7 +142,7 @@ def machine_of(text: str, file: str, made: type[Machine]) -> Machine:
 
 # what a key may hold -------------------------------------------------------------------------------------------
 
-_COLUMNS = READINGS | {"t", "load", "run", "target"}
+_COLUMNS = READING_COLUMNS | {"t", "load", "run", "target"}
 _PREFIXES = ("u_", "dir_", "v_", "T_")
 _NAME_TEXT = re.compile(r"[^\W_](?:[\w+-]|(?<=[\w+-]) (?=[\w+-])){0,59}")
 
@@ -260,12 +260,13 @@ _TEXTS = Kind('a list of texts, such as ["target"]', _texts)
 
 def _measured(top: Table, per_radian: float) -> Measured:
     table = top.sub("measured", _KEYS["measured"], missing=_MISSING["measured"])
-    kind = table.get("kind", one_of(("point", "direction", "distance")))
+    kind = table.get("kind", one_of(tuple(MEASURANDS)))
+    measurand = MEASURANDS[kind]
     frame = table.get("frame", one_of(("machine", "free")))
-    if kind != "distance" and "from" in table:
+    if "from" in table and not measurand.has_origin:
         raise table.error("from", f"given beside kind = {kind!r}", "it with kind = 'distance' only")
-    origin = table.get("from", _POINT) if kind == "distance" else None
-    scale = _scaled(per_radian if kind == "direction" else 1.0)
+    origin = table.get("from", _POINT) if measurand.has_origin else None
+    scale = _scaled(per_radian if measurand.dimension == ANGLE else 1.0)
     noise = table.get("noise", NUMBER.then(scale).then(_noise, "a positive number"), None)
     return Measured(kind, frame, origin, noise)
 
@@ -306,14 +307,14 @@ def _legs(geometry: ClosedChain) -> tuple[Joint, ...]:
     return tuple(Joint(name, "leg") for name in geometry.of.legs)
 
 
-def _targets(top: Table, kind: str, *, closed: bool) -> tuple[Target, ...]:
+def _targets(top: Table, measurand: Measurand, *, closed: bool) -> tuple[Target, ...]:
     if closed and "target" not in top:
-        if kind == "direction":
+        if not measurand.moving:
             raise InputFileError(
                 top.file, "[[target]]", "missing", "the direction on the platform that is seen"
             )
         return (Target(PLATFORM, (0.0, 0.0, 0.0)),)
-    point = _DIRECTION if kind == "direction" else _POINT
+    point = _POINT if measurand.moving else _DIRECTION
     return tuple(
         Target(table.get("name", _PLACE_NAME), table.get("point", point))
         for table in _named_blocks(top, "target", MOST_TARGETS, _PLACE_NAME)
@@ -417,7 +418,7 @@ def _own_effect(table: Table, machine: Machine, place: str | None) -> Effect:
         table.get("meaning", TEXT, ""),
         at=machine.kind_of(place),
         joints={joint.name: joint.type for joint in machine.joints},
-        kind=machine.measured.kind,
+        measurand=machine.measurand,
         file=table.file,
         place=table.place,
     )

@@ -68,7 +68,6 @@ def _inline(items: Mapping[str, str]) -> str:
 
 def machine_text(machine: Machine) -> str:
     """Return a complete machine file, without fitted numbers; it reads back as an equal machine."""
-    angle = machine.file_factor(ANGLE)
     measured = machine.measured
     blocks = [
         [f"name = {_text(machine.name)}", *_family_lines(machine)],
@@ -88,7 +87,7 @@ def machine_text(machine: Machine) -> str:
     if measured.origin is not None:
         blocks[-1].append(f"from = {_vector(measured.origin)}")
     if measured.noise is not None:
-        noise = decimal(measured.noise, angle if measured.kind == "direction" else 1.0)
+        noise = decimal(measured.noise, machine.file_factor(machine.measurand.dimension))
         blocks[-1].append(f"noise = {noise}")
     if machine.estimate:
         blocks.append(["[estimate]", f"parameters = [{', '.join(map(_text, machine.estimate))}]"])
@@ -239,7 +238,7 @@ def _fixed_geometry(machine: Machine) -> ClosedChain | None:
 
 def _fixed_target(machine: Machine, target: Target) -> Target:
     prefix = f"target.{target.name}"
-    if machine.measured.kind == "direction":
+    if not machine.measurand.moving:
         a, b = _pair(machine, prefix)
         return replace(target, point=_turned(target.point, a, b)) if a or b else target
     x, y, z = (p + machine.values.get(f"{prefix}.{c}", 0.0) for p, c in zip(target.point, "xyz", strict=True))
@@ -301,7 +300,7 @@ def _described(machine: Machine) -> Iterator[str]:
     for joint in () if machine.geometry is not None else machine.joints:
         turns = joint.type == "revolute"
         way = f"revolute about {_rounded(joint.axis)}" if turns else f"prismatic along {_rounded(joint.axis)}"
-        placed = machine.measured.kind != "direction" and (turns or any(joint.point))
+        placed = machine.measurand.moving and (turns or any(joint.point))
         through = f" through {_rounded(joint.point)}" if placed else ""
         factor, unit = (angle, machine.angle_unit) if turns else (1.0, machine.length_unit)
         travel = ""
@@ -341,7 +340,7 @@ def _measured(machine: Machine, angle: float) -> str:
     frame = "in machine axes" if measured.frame == "machine" else "in a free frame"
     noise = ""
     if measured.noise is not None:
-        turns = measured.kind == "direction"
+        turns = measured.measurand.dimension == ANGLE
         factor, unit = (angle, machine.angle_unit) if turns else (1.0, machine.length_unit)
         noise = f", noise {measured.noise / factor:.6g} {unit}"
     return f"{measured.kind}{origin} {frame}{noise}"

@@ -56,7 +56,7 @@ def charts(diagnosis: Diagnosis, last: Fit, shown: Shown, plan: Plan | None = No
     rows = Rows(diagnosis, last, shown)
     made = [_ladder(diagnosis, shown)]
     made += [_against(rows, against) for against in rows.drivers()]
-    made.append(_sky(rows) if rows.base.machine.measured.kind == "direction" else _space(rows))
+    made.append(_space(rows) if rows.base.machine.measurand.moving else _sky(rows))
     if diagnosis.ranking:
         made.append(_ranking(diagnosis))
     made += _planned(rows, plan)

@@ -44,7 +44,6 @@ _VERDICTS = {
     "unknown_effect": "Something is missing that the catalogue does not have",
     "cannot_tell": "These data cannot tell",
 }
-_READINGS = {"point": "points x, y, z", "direction": "directions", "distance": "distances"}
 
 
 def unit_of(diagnosis: Diagnosis) -> Shown:
@@ -258,7 +257,7 @@ def _facts(diagnosis: Diagnosis, shown: Shown) -> Iterator[tuple[str, str]]:
     file = plain(_file(machine.file), 80)
     yield "Machine", plain(machine.name, 120) + (f" ({file})" if file else "")
     frame = "in a frame that was fitted" if machine.measured.frame == "free" else "in machine axes"
-    yield "Readings", f"{_READINGS[machine.measured.kind]}, {frame}"
+    yield "Readings", f"{machine.measurand.words}, {frame}"
     poses = int(np.sum(np.diff(o.pose) != 0)) + 1 if o.n else 0
     runs = f" in {len(o.run_names)} runs" if len(o.run_names) > 1 else ""
     yield (

@@ -252,17 +252,15 @@ def _size(f: _Found, names: str = "xyz") -> float:
 
 
 def _moved(f: _Found) -> Iterator[str]:
-    kind = f.fit.machine.measured.kind
-    said = f"{figure(_size(f))} arcsec" if kind == "direction" else f.length(_size(f))
+    turns = not f.fit.machine.measurand.moving
+    said = f"{figure(_size(f))} arcsec" if turns else f.length(_size(f))
     if f.effect.name == "warm_up_drift":
         tau = f["tau"]
         long = f"{figure(tau / 3600)} h" if tau > 5400 else f"{figure(tau / 60)} min"
         yield f"{said} in the end, two thirds of it after {long}."
     elif f.effect.name == "linear_drift":
         per_hour = 3600 * _size(f)
-        yield (
-            f"{figure(per_hour)} arcsec an hour." if kind == "direction" else f"{f.length(per_hour)} an hour."
-        )
+        yield f"{figure(per_hour)} arcsec an hour." if turns else f"{f.length(per_hour)} an hour."
     elif f.effect.name == "thermal_axis_drift":
         yield f"{said} for each kelvin."
     else:

@@ -112,8 +112,7 @@ class Rows:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """What the components are called."""
-        kind = self.base.machine.measured.kind
-        return {"point": ("x", "y", "z"), "distance": ("d",), "direction": ("horizontal", "to zenith")}[kind]
+        return self.base.machine.measurand.labels
 
     @cached_property
     def tips(self) -> tuple[str, ...]:

@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.drivers import Driver, Kind
-from rodgen.calibration.observations import READINGS, Observations
+from rodgen.calibration.observations import Observations
 from rodgen.calibration.starting_values import most_waves
 from rodgen.machines.effects.formula import FUNCTION_NAMES
 from rodgen.machines.machine import Machine
+from rodgen.machines.measured import READING_COLUMNS
 
 __all__ = ["WORDS", "Factor", "Term", "dictionary", "drivers_of", "leader", "unnameable", "word", "written"]
 
@@ -51,7 +52,7 @@ LETTERS: dict[Kind, str] = {
     "load": "F",
 }
 """What a formula calls a driver; those of a joint at their own joint only."""
-WORDS = frozenset({*LETTERS.values(), "pi"}).union(FUNCTION_NAMES, *READINGS.values())
+WORDS = frozenset({*LETTERS.values(), "pi"}) | FUNCTION_NAMES | READING_COLUMNS
 """What names in formulas cannot be."""
 
 

@@ -86,7 +86,7 @@ class Form:
             f"Found in the residuals: {self.where} follows {self.driver}. No effect of the catalogue does that.",
             at=machine.kind_of(self.place),
             joints={joint.name: joint.type for joint in machine.joints},
-            kind=machine.measured.kind,
+            measurand=machine.measurand,
             file=machine.file or machine.name,
             place=f"form at {self.place}",
         )

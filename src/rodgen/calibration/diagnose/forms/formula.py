@@ -62,7 +62,7 @@ def write(
     machine = o.machine
     taken = WORDS | {joint.name for joint in machine.joints} | set(o.data.columns)
     names = _names(taken)
-    wanted = component_dimension(component, machine.kind_of(place), machine.measured.kind)
+    wanted = component_dimension(component, machine.kind_of(place), machine.measurand)
     texts: list[str] = []
     units: dict[str, str] = {}
     hold: dict[str, float] = {}

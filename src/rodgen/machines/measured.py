@@ -1,0 +1,256 @@
+"""What is measured: a point, a direction or a distance, and all that differs between the three.
+
+Everything else asks the measurand. Only files call it by its name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.data.units import ANGLE, LENGTH, Dimension
+
+if TYPE_CHECKING:
+    from rodgen.machines.derivation import ModelSteps
+
+__all__ = [
+    "DIRECTION",
+    "DISTANCE",
+    "MEASURANDS",
+    "POINT",
+    "READING_COLUMNS",
+    "Direction",
+    "Distance",
+    "Measurand",
+    "Measured",
+    "Point",
+]
+
+Array: TypeAlias = NDArray[np.float64]
+Vector: TypeAlias = tuple[float, float, float]
+
+TURNS = ("rx", "ry", "rz")
+
+
+@dataclass(frozen=True)
+class Measurand:
+    """What the readings of a machine are.
+
+    Attributes
+    ----------
+    kind : str
+        Its name in machine files.
+    words : str
+        What its readings are called in a sentence.
+    columns : tuple of str
+        The columns of a reading in a measurement file.
+    components : tuple of str
+        Names of the components of a residual.
+    labels : tuple of str
+        What these are called in a figure.
+    inputs : int
+        Numbers of a reading in the rows of a kernel; of a direction those of the vectors across it, too.
+    dimension : Dimension
+        Of noise and residuals.
+    moving : bool
+        Whether a translation changes a reading; a direction is only turned.
+    is_place : bool
+        Whether a reading is where the target is seen; else a function of it.
+    freedoms : tuple of str
+        Components in which a target may be off.
+    rigid : tuple of str
+        Components of the motion of a frame that a reading depends on.
+    has_origin : bool
+        Whether it is measured from a point.
+    unchanged_by : mapping of str to str
+        Components of effects that do not change a reading, and why.
+    """
+
+    kind: ClassVar[str]
+    words: ClassVar[str]
+    columns: ClassVar[tuple[str, ...]]
+    components: ClassVar[tuple[str, ...]]
+    labels: ClassVar[tuple[str, ...]]
+    inputs: ClassVar[int]
+    dimension: ClassVar[Dimension] = LENGTH
+    moving: ClassVar[bool] = True
+    is_place: ClassVar[bool] = True
+    freedoms: ClassVar[tuple[str, ...]] = ("x", "y", "z")
+    rigid: ClassVar[tuple[str, ...]] = ("x", "y", "z", *TURNS)
+    has_origin: ClassVar[bool] = False
+    unchanged_by: ClassVar[Mapping[str, str]]
+
+    def unit(self, length: str) -> str:
+        """Return the unit of residuals, given the machine file's unit of length."""
+        return length
+
+    def arm(self, length: str) -> str:
+        """Return the unit of lever arms, given the machine file's unit of length."""
+        return length
+
+    def size(self, reading: Array) -> float:
+        """Return the largest number in readings (n, k), against which rounding is measured."""
+        return float(np.max(np.abs(reading), initial=0.0))
+
+    def component_sigma(self, sigma: Array, basis: Sequence[Array] | None) -> Array:
+        """Return the standard uncertainty of each component of the residuals.
+
+        Parameters
+        ----------
+        sigma : ndarray, shape (n, k)
+            Of each column of the readings.
+        basis : sequence of ndarray, each (n, 3), or None
+            The unit vectors across each direction, along which its residuals are.
+        """
+        return sigma
+
+    def error(self, residuals: Array) -> Array:
+        """Return the errors that residuals (n, components) stand for, in internal units."""
+        return residuals
+
+    # as SymPy --------------------------------------------------------------------------------------------------
+
+    def seen(self, steps: ModelSteps, place: Any) -> Any:
+        """Return where the instrument sees a place, (3, 1)."""
+        return place
+
+    def residual(self, steps: ModelSteps, reading: Any, place: Any) -> Any:
+        """Return measured less predicted, (components, 1).
+
+        Parameters
+        ----------
+        steps : ModelSteps
+            Of the kernel that it is written into.
+        reading : Matrix, shape (inputs, 1)
+        place : Matrix, shape (3, 1)
+            As :meth:`seen`.
+        """
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Point(Measurand):
+    """The coordinates of a point."""
+
+    kind = "point"
+    words = "points x, y, z"
+    columns = components = labels = ("x", "y", "z")
+    inputs = 3
+    unchanged_by = MappingProxyType({"lift": "no point: it bends light"})
+
+    def seen(self, steps: ModelSteps, place: Any) -> Any:
+        """Return the place as a multiple of the instrument's unit."""
+        return place * steps.factor()
+
+    def residual(self, steps: ModelSteps, reading: Any, place: Any) -> Any:
+        """Return the difference of the coordinates."""
+        return reading - place
+
+
+@dataclass(frozen=True)
+class Direction(Measurand):
+    """A unit vector."""
+
+    kind = "direction"
+    words = "directions"
+    columns = ("ux", "uy", "uz")
+    components = ("horizontal", "zenith")
+    labels = ("horizontal", "to zenith")
+    inputs = 9
+    dimension = ANGLE
+    moving = False
+    freedoms = ("a", "b")
+    rigid = TURNS
+    unchanged_by = MappingProxyType(
+        {
+            "translation": "no direction: it only moves",
+            "point": "no direction: it only moves",
+            "factor": "no direction: it has no length",
+        }
+    )
+
+    def unit(self, length: str) -> str:
+        """Return arcsec."""
+        return "arcsec"
+
+    def arm(self, length: str) -> str:
+        """Return 1: arms are multiples of the unit vector's length."""
+        return "1"
+
+    def size(self, reading: Array) -> float:
+        """Return 1."""
+        return 1.0
+
+    def component_sigma(self, sigma: Array, basis: Sequence[Array] | None) -> Array:
+        """Return what the ellipsoid of the uncertainties spans across the direction."""
+        assert basis is not None
+        return np.asarray(np.sqrt(np.stack([np.sum(e**2 * sigma**2, axis=-1) for e in basis], axis=-1)))
+
+    def error(self, residuals: Array) -> Array:
+        """Return angles; residuals are as long as 2 tan(angle / 2)."""
+        size = np.linalg.norm(residuals, axis=1, keepdims=True)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.asarray(np.where(size > 0, residuals * (2 * np.arctan(size / 2) / size), residuals))
+
+    def residual(self, steps: ModelSteps, reading: Any, place: Any) -> Any:
+        """Return the stereographic image of the prediction, seen from opposite the reading, along two vectors."""
+        measured, first, second = reading[:3, :], reading[3:6, :], reading[6:, :]
+        factor = steps.let("stereographic", -2 / (1 + measured.dot(place)))
+        return type(reading)([first.dot(place) * factor, second.dot(place) * factor])
+
+
+@dataclass(frozen=True)
+class Distance(Measurand):
+    """A distance from a point."""
+
+    kind = "distance"
+    words = "distances"
+    columns = components = labels = ("d",)
+    inputs = 1
+    is_place = False
+    has_origin = True
+    unchanged_by = MappingProxyType({"lift": "no distance: it bends light"})
+
+    def residual(self, steps: ModelSteps, reading: Any, place: Any) -> Any:
+        """Return the difference of the distances."""
+        arm = steps.let("arm", place - steps.known("origin"))
+        distance = steps.let("distance", steps.length(arm) * steps.factor())
+        return type(reading)([reading[0] - distance])
+
+
+POINT, DIRECTION, DISTANCE = Point(), Direction(), Distance()
+MEASURANDS: Mapping[str, Measurand] = MappingProxyType({m.kind: m for m in (POINT, DIRECTION, DISTANCE)})
+"""All measurands, by their names in machine files."""
+READING_COLUMNS = frozenset(column for measurand in MEASURANDS.values() for column in measurand.columns)
+"""Columns of measurements that are readings."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What a reading is, and in which frame.
+
+    Attributes
+    ----------
+    kind : {"point", "direction", "distance"}
+    frame : {"machine", "free"}
+        Readings are in machine axes, or in a frame that is found with the rest.
+    origin : tuple of float, length 3, or None
+        Where a distance is measured from, in the measuring frame.
+    noise : float or None
+        Standard uncertainty of a scalar reading.
+    """
+
+    kind: str
+    frame: str
+    origin: Vector | None = None
+    noise: float | None = None
+
+    @property
+    def measurand(self) -> Measurand:
+        """What is measured, with all that depends on it."""
+        return MEASURANDS[self.kind]
