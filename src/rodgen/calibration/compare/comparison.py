@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +17,10 @@ from rodgen.calibration.compare.sample import Sample
 from rodgen.calibration.compare.scatter import Far, Tails, Uneven, far, tails, uneven
 from rodgen.calibration.compare.serial_correlation import Drift, drift
 from rodgen.calibration.drivers import Driver
-from rodgen.calibration.fit import Fit
 from rodgen.calibration.problem import one_thread_in_blas
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fit import Fit
 
 __all__ = ["Comparison", "compare"]
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +19,13 @@ from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.diagnosis import Alias
 from rodgen.calibration.diagnose.selection import Selection, a_parameter, of_one_leg
 from rodgen.calibration.diagnose.sensitivities import Carriers
-from rodgen.calibration.fit import Fit
 from rodgen.calibration.least_squares import minimise
 from rodgen.calibration.problem import Problem
 from rodgen.machines.model import Model
 from rodgen.statistics.columns import project_out
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fit import Fit
 
 __all__ = ["aliases_of"]
 

@@ -7,11 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from rodgen.calibration.fit import Estimate, Fit
+from rodgen.calibration.fitted import Estimate
 from rodgen.machines.machine import Effect, Machine
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose.variance_components import Correlation
+    from rodgen.calibration.fit import Fit
     from rodgen.calibration.plan import Plan
 
 __all__ = ["VERDICTS", "Alias", "DiagnosedEffect", "Diagnosis", "Ranked", "Rms", "Unexplained"]

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.sensitivities import Carriers
 from rodgen.calibration.diagnose.variance_components import Correlation, covariance_of_estimates
-from rodgen.calibration.fit import Estimate, Fit
+from rodgen.calibration.fitted import Estimate
 from rodgen.calibration.problem import Problem
 from rodgen.machines.machine import Effect
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fit import Fit
 
 __all__ = ["Numbers"]
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,14 +37,18 @@ from rodgen.calibration.diagnose.uncatalogued import Outside, outside_of
 from rodgen.calibration.diagnose.validation import error_on, further
 from rodgen.calibration.diagnose.variance_components import Correlation, correlation
 from rodgen.calibration.diagnose.verdict import disagreement, in_order_of_time, jump
-from rodgen.calibration.fit import Fit, FitError, fit
+from rodgen.calibration.fitted import FittedModel
 from rodgen.calibration.observations import Observations, bind
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.robust import gross_rows
+from rodgen.calibration.staged_fit import FitError
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError
 from rodgen.machines.machine import Machine
 from rodgen.statistics.f_tests import log_p_of_fall
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fit import Fit
 
 __all__ = ["diagnose"]
 
@@ -96,14 +100,14 @@ def diagnose(
     FitError
         When there is nothing to fit, or no data are given with a machine.
     """
-    if isinstance(fitted, Fit):
+    if isinstance(fitted, FittedModel):
         others = None if test is None else further(fitted.machine, test)
     else:
         if data is None:
             raise FitError("a machine without measurements; expected both, or a fit")
         observations = data if isinstance(data, Observations) else bind(fitted, data)
         others = None if test is None else further(fitted, test)  # what is wrong is told before a long fit
-        fitted = fit(fitted, observations, progress=progress)
+        fitted = fitted.fit(observations, progress=progress)
     with one_thread_in_blas():
         return _Diagnosing(fitted, others, progress).run()
 
@@ -146,7 +150,9 @@ class _Diagnosing:
         if len(self.kept) < self.given.n:
             copies = self.given.n - len(self.kept)
             self.notes.append(f"{copies} rows are copies of others, readings and all; each counts once.")
-            self.fitted = fit(fitted.machine, self.given.take(self.kept), outliers=fitted.outliers[self.kept])
+            self.fitted = fitted.refit(
+                observations=self.given.take(self.kept), outliers=fitted.outliers[self.kept]
+            )
         self.observations = self.fitted.observations
 
     def tell(self, what: str) -> None:
@@ -298,7 +304,7 @@ class _Diagnosing:
 
     def _fit(self, machine: Machine, outliers: Mask) -> Fit:
         self.tell("fit")
-        return fit(
+        return self.fitted.refit(
             machine, self.observations, outliers=outliers, compiled=self.observations.n >= COMPILE_FROM
         )
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rodgen.calibration.fit import Fit
 from rodgen.calibration.least_squares import minimise
 from rodgen.calibration.observations import Observations, bind
 from rodgen.calibration.problem import Problem
@@ -14,6 +14,9 @@ from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fit import Fit
 
 __all__ = ["error_on", "further"]
 

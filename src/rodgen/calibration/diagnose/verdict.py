@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.sensitivities import Carriers
 from rodgen.calibration.diagnose.variance_components import Correlation
-from rodgen.calibration.fit import Fit
 from rodgen.calibration.noise import figure
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fit import Fit
 
 __all__ = ["disagreement", "in_order_of_time", "jump"]
 

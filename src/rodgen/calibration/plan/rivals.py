@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.fit import Fit, fit
+from rodgen.calibration.fitted import FittedModel
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.errors import InputFileError
 from rodgen.machines.model import NO_DECAY, Model
@@ -59,13 +59,13 @@ class Rival:
     ----------
     title : str
         Of the effects in question that it has.
-    fit : Fit
+    fit : FittedModel
     own : int
         Number of its free parameters that belong to these effects.
     """
 
     title: str
-    fit: Fit
+    fit: FittedModel
     own: int
 
     @property
@@ -135,7 +135,7 @@ class Rivals:
             e if (e.name, e.place) in key or (e.name, e.place) not in self.asked else self._silent(e)
             for e in self.machine.effects
         ]
-        found = fit(replace(self.machine, effects=tuple(effects)), self.observations)
+        found = FittedModel.to(replace(self.machine, effects=tuple(effects)), self.observations)
         titles = [e.title for place, e in self.asked.items() if place in key]
         own = sum(
             (found.parameters[i].effect, found.parameters[i].place) in key

@@ -1,0 +1,278 @@
+"""A model fitted to measurements, below everything that judges it: comparison, diagnosis and plans."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Self, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.assembly_modes import in_its_mode, with_what_was_seen
+from rodgen.calibration.determinacy import Determinacy, determinacy
+from rodgen.calibration.held_out import HeldOut, held_out
+from rodgen.calibration.lack_of_fit import LackOfFit, lack_of_fit
+from rodgen.calibration.least_squares import Solution
+from rodgen.calibration.noise import NoiseFloor, noise_floor
+from rodgen.calibration.observations import Observations, bind
+from rodgen.calibration.problem import Problem, one_thread_in_blas
+from rodgen.calibration.robust import NO_SAY, robust_fit
+from rodgen.calibration.staged_fit import FitError, check_travel, fit_in_stages, measured_along
+from rodgen.data.measurements import Measurements
+from rodgen.errors import InputFileError, shown
+from rodgen.machines.machine import Machine
+from rodgen.machines.model import Model
+from rodgen.machines.parameters import Parameter
+from rodgen.machines.rigid import rotation_vector
+
+__all__ = ["LOSSES", "Estimate", "FittedModel"]
+
+Array: TypeAlias = NDArray[np.float64]
+Progress: TypeAlias = Callable[[str, int, float], object]
+
+LOSSES = ("linear", "huber")
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter as it was fitted, in the unit that it is shown in.
+
+    Attributes
+    ----------
+    key, unit : str
+    value : float
+    std : float or None
+        One standard deviation; None where it is held, where the data do not determine it, or where the noise is not
+        stated and no reading is left to tell it from.
+    held, determined : bool
+    """
+
+    key: str
+    unit: str
+    value: float
+    std: float | None
+    held: bool
+    determined: bool
+
+
+@dataclass(frozen=True)
+class FittedModel:
+    """A model fitted to measurements: its values, their covariance, its residuals, and how to fit it again.
+
+    Attributes
+    ----------
+    machine : Machine
+        With the fitted values.
+    observations : Observations
+    problem : Problem
+    solution : Solution
+    free : tuple of int
+        Numbers of the parameters that were adjusted.
+    outliers : ndarray of bool, shape (n,)
+        Rows that a robust fit does not believe.
+    """
+
+    machine: Machine
+    observations: Observations
+    problem: Problem = field(repr=False)
+    solution: Solution = field(repr=False)
+    free: tuple[int, ...]
+    outliers: NDArray[np.bool_] = field(repr=False)
+
+    @classmethod
+    def to(
+        cls,
+        machine: Machine,
+        data: Measurements | Observations,
+        *,
+        loss: str = "linear",
+        start: Mapping[str, float] | None = None,
+        outliers: NDArray[np.bool_] | None = None,
+        compiled: bool = True,
+        progress: Progress | None = None,
+    ) -> Self:
+        """Return a machine's model fitted to measurements; see :func:`rodgen.calibration.fit.fit`."""
+        if loss not in LOSSES:
+            raise FitError(f"loss {shown(loss)}; expected one of {', '.join(LOSSES)}")
+        observations = data if isinstance(data, Observations) else bind(machine, data)
+        if not observations.n:
+            raise InputFileError(
+                observations.data.file, "file", "no rows", "at least one measurement under the header"
+            )
+        if start:
+            machine = replace(machine, values={**machine.values, **start})
+        model = Model(machine, observations.travel, observations.run_names, compiled=compiled)
+        problem = Problem(model, observations)
+        check_travel(problem)
+        with one_thread_in_blas():
+            if loss == "linear":
+                gone = np.zeros(observations.n, bool) if outliers is None else outliers
+                if gone.any():
+                    problem.set_weight(np.where(gone, NO_SAY, 1.0))
+                solution, free = fit_in_stages(problem, progress)
+                return cls._finished(problem, solution, free, gone)
+            found = robust_fit(problem, lambda: fit_in_stages(problem, progress))
+            return cls._finished(problem, found.solution, found.free, found.outliers)
+
+    @classmethod
+    def _finished(
+        cls, problem: Problem, solution: Solution, free: Sequence[int], outliers: NDArray[np.bool_]
+    ) -> Self:
+        model = problem.model
+        found = _values(model.parameters, solution)
+        values = {p.key: float(x) for p, x in zip(model.parameters, found, strict=True)}
+        # what is measured along a travel means nothing without it
+        joints = tuple(
+            replace(joint, travel=(float(model.travel[j, 0]), float(model.travel[j, 1])))
+            if j in measured_along(model)
+            else joint
+            for j, joint in enumerate(model.machine.joints)
+        )
+        machine = in_its_mode(replace(model.machine, values=values, joints=joints), problem.observations)
+        machine = with_what_was_seen(machine, problem.observations)
+        return cls(machine, problem.observations, problem, solution, tuple(free), outliers)
+
+    def refit(
+        self,
+        machine: Machine | None = None,
+        observations: Observations | None = None,
+        *,
+        outliers: NDArray[np.bool_] | None = None,
+        compiled: bool = True,
+        progress: Progress | None = None,
+    ) -> Self:
+        """Return a fit of another machine, or to other observations, without outliers if these are known.
+
+        Parameters
+        ----------
+        machine : Machine, optional
+            Left out: the one that was fitted.
+        observations : Observations, optional
+            Left out: those of this fit.
+        outliers, compiled, progress
+            As of :func:`rodgen.calibration.fit.fit`.
+        """
+        return self.to(
+            self.machine if machine is None else machine,
+            self.observations if observations is None else observations,
+            outliers=outliers,
+            compiled=compiled,
+            progress=progress,
+        )
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The model's parameters."""
+        return self.problem.model.parameters
+
+    @property
+    def unit(self) -> str:
+        """What residuals and their rms are shown in."""
+        return self.machine.measurand.unit(self.machine.length_unit)
+
+    @property
+    def unit_factor(self) -> float:
+        """Internal value of one :attr:`unit`."""
+        return np.pi / 648000 if self.unit == "arcsec" else 1.0
+
+    @cached_property
+    def residuals(self) -> Array:
+        """Measured less predicted, (n, m), in :attr:`unit`.
+
+        Of directions: the angle on the sphere, split into a horizontal part and one towards the zenith.
+        """
+        r = self.problem.residuals(self.solution.theta, self.solution.frame)
+        return np.asarray(self.machine.measurand.error(r) / self.unit_factor)
+
+    @cached_property
+    def rms(self) -> float:
+        """Root mean square of the residuals per scalar reading, in :attr:`unit`, without the outliers."""
+        return float(np.sqrt(np.mean(self.residuals[~self.outliers] ** 2)))
+
+    @cached_property
+    def determinacy(self) -> Determinacy:
+        """What the data determine."""
+        with one_thread_in_blas():
+            return determinacy(self.problem, self.solution.theta, self.solution.frame, self.free)
+
+    @property
+    def chi_square(self) -> float:
+        """Sum of squares of the weighted residuals."""
+        return self.solution.cost
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Readings less determined parameters."""
+        readings = int((~self.outliers).sum()) * self.problem.components
+        return readings - self.determinacy.rank
+
+    @property
+    def variance_factor(self) -> float:
+        """What the covariance is multiplied by: 1 where the noise is stated, else the residuals' variance."""
+        if self.observations.sigma is not None:
+            return 1.0
+        return self.solution.cost / self.degrees_of_freedom if self.degrees_of_freedom > 0 else np.nan
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance of the parameters, internal units, (parameters, parameters)."""
+        return self.determinacy.covariance * self.variance_factor
+
+    @cached_property
+    def correlation(self) -> Array:
+        """Correlations of the parameters, (parameters, parameters); zero beside what is not estimated."""
+        std = np.sqrt(np.diag(self.covariance))
+        std = np.where(std > 0, std, 1.0)
+        return np.asarray(self.covariance / np.outer(std, std))
+
+    @cached_property
+    def values(self) -> Array:
+        """Values of all parameters, internal units; the frame as a rotation vector and a position."""
+        return _values(self.parameters, self.solution)
+
+    @cached_property
+    def estimates(self) -> dict[str, Estimate]:
+        """Every parameter by its key, in the unit that it is shown in."""
+        std = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        found = {}
+        for i, p in enumerate(self.parameters):
+            held, determined = i not in self.free, not self.determinacy.undetermined[i]
+            spread = None if held or not determined or np.isnan(std[i]) else float(std[i] / p.factor)
+            found[p.key] = Estimate(p.key, p.unit, float(self.values[i] / p.factor), spread, held, determined)
+        return found
+
+    @cached_property
+    def noise(self) -> NoiseFloor:
+        """How well the machine could be modelled at all, from the data alone."""
+        return noise_floor(self)
+
+    @cached_property
+    def lack_of_fit(self) -> LackOfFit | None:
+        """Whether the residuals are larger than the noise; None where the noise is not known."""
+        return lack_of_fit(self)
+
+    def held_out(self, folds: int | None = None, *, progress: Progress | None = None) -> HeldOut:
+        """Return the error on whole poses that a fit did not see: each is predicted by a fit to others.
+
+        Parameters
+        ----------
+        folds : int, optional
+            Into how many parts the poses are dealt; left out: each of up to 100 poses is one, else 10 parts, or 5 of
+            more than 50 000 rows.
+        progress : callable, optional
+            As of :func:`fit`.
+        """
+        return held_out(self, folds=folds, progress=progress)
+
+
+def _values(parameters: Sequence[Parameter], solution: Solution) -> Array:
+    """Return the values of all parameters, the frame as a rotation vector and a position."""
+    values = solution.theta.copy()
+    turn = dict(zip(("rx", "ry", "rz"), rotation_vector(solution.frame.rotation), strict=True))
+    at = turn | dict(zip("xyz", solution.frame.position, strict=True))
+    for i, p in enumerate(parameters):
+        if p.slot[0] == "frame":
+            values[i] = at[str(p.slot[1])]
+    return values

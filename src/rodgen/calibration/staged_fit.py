@@ -1,0 +1,120 @@
+"""A fit in stages: the geometry first, then the effects, then the weights at later joints that the data call for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
+
+import numpy as np
+
+from rodgen.calibration.least_squares import Solution, minimise
+from rodgen.calibration.problem import Problem
+from rodgen.calibration.starting_values import linear_falls, placed, searched
+from rodgen.errors import InputFileError, RodgenError, shown
+from rodgen.machines.model import Model
+from rodgen.machines.structure import row_effects
+
+__all__ = ["FitError", "check_travel", "fit_in_stages", "measured_along"]
+
+Progress: TypeAlias = Callable[[str, int, float], object]
+
+
+class FitError(RodgenError):
+    """A fit that cannot be done, in one sentence."""
+
+
+def measured_along(model: Model) -> dict[int, str]:
+    """Return the joints along whose travel an effect is measured, with the effect."""
+    terms = zip(row_effects(model.machine), model.structure.terms, strict=True)
+    return {term.joint: effect.title for effect, term in terms if term.uses_travel and term.joint is not None}
+
+
+def check_travel(problem: Problem) -> None:
+    """Refuse an effect along a way that has no length."""
+    model = problem.model
+    for j, title in measured_along(model).items():
+        if not model.travel[j, 1] > model.travel[j, 0]:
+            o, joint = problem.observations.data, model.machine.joints[j].name
+            found = (
+                f"one coordinate in all rows, and no travel in the machine, along which {title} is measured"
+            )
+            place = f"{o.header_place}, column {shown(joint)}"
+            raise InputFileError(o.file, place, found, f"travel of joint {joint}, or rows in which it moves")
+
+
+def fit_in_stages(problem: Problem, progress: Progress | None) -> tuple[Solution, list[int]]:
+    """Fit the geometry, then the effects: first those that start from zero, then those that need a search."""
+    model = problem.model
+    theta = model.start()
+    estimated = [i for i, p in enumerate(model.parameters) if p.hold is None]
+    base = [i for i in estimated if model.parameters[i].effect is None]
+
+    def tell(what: str) -> Callable[[int, float], object] | None:
+        return None if progress is None else lambda i, cost: progress(what, i, cost)
+
+    solution = placed(problem, theta, base)
+    if not np.isfinite(solution.cost):
+        raise FitError(_not_finite(problem, solution))
+    free, known = list(base), model.machine.values
+    for new in _stages(model, estimated):
+        if any(model.parameters[i].searched and model.parameters[i].key not in known for i in new):
+            solution = searched(problem, solution, free, new)
+        free += new
+        solution = minimise(problem, solution.theta, solution.frame, free, progress=tell("fit"))
+    solution, free = _called_for(problem, solution, free)
+    return solution, sorted(free)
+
+
+def _stages(model: Model, estimated: Sequence[int]) -> list[list[int]]:
+    """Group the effects' parameters: all that start from zero at once, then effect by effect."""
+    effects: dict[tuple[str | None, str], list[int]] = {}
+    for i in estimated:
+        p = model.parameters[i]
+        if p.effect is not None and not p.optional:
+            effects.setdefault((p.place, p.effect), []).append(i)
+    own = {e.name for e in model.machine.effects if e.definition.own}
+    plain, later = [], []
+    for (_, name), numbers in effects.items():
+        if name in own or any(model.parameters[i].searched for i in numbers):
+            later.append(numbers)
+        else:
+            plain += numbers
+    return [stage for stage in (plain, *later) if stage]
+
+
+def _called_for(problem: Problem, solution: Solution, free: list[int]) -> tuple[Solution, list[int]]:
+    """Take in the weights at later joints one after the other while the data call for them.
+
+    The fall of the cost that a linear step promises decides which is tried, and the fall that a fit brings, whether it
+    stays: by more than 12 + ln(rows) variances, the measure by which effects are told apart.
+    """
+    waiting = [i for i, p in enumerate(problem.model.parameters) if p.optional and p.hold is None]
+    readings = problem.rows * problem.components
+    while waiting:
+        promised = linear_falls(problem, solution, free, waiting)
+        index = waiting[int(np.argmax(promised))]
+        left = max(readings - len(free) - 1, 1)
+        variance = 1.0 if problem.observations.sigma is not None else solution.cost / left
+        needed = variance * (12 + np.log(problem.rows))
+        if max(promised) < needed:
+            break
+        better = minimise(problem, solution.theta, solution.frame, [*free, index])
+        if solution.cost - better.cost < needed:
+            break
+        solution, free = better, [*free, index]
+        waiting.remove(index)
+    return solution, free
+
+
+def _not_finite(problem: Problem, solution: Solution) -> str:
+    bad = ~np.isfinite(problem.residuals(solution.theta, solution.frame)).all(axis=1)
+    row = int(np.argmax(bad))
+    place = problem.observations.data.place(row)
+    file = problem.observations.data.file
+    own = [effect.title for effect in problem.model.machine.effects if effect.definition.own]
+    which = f" (check the formula of {', '.join(own)})" if own else ""
+    if not problem.model.structure.moving and not own:
+        which = " (a prediction right opposite to its reading? check the signs of axes and targets)"
+    if problem.model.machine.geometry is not None and not own:
+        which = " (is the pose near a singular one, or the geometry far off?)"
+    return f"{file}: {place}: the model is not finite here; expected formulas and numbers that are{which}"
