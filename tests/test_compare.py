@@ -19,6 +19,7 @@ import pytest
 from machine_simulator import Simulated, arcsec, random_walk
 from scipy import stats
 
+from rodgen.calibration.binding import bind
 from rodgen.calibration.compare import Comparison, compare
 from rodgen.calibration.compare.explained import Space, log10_f_tail
 from rodgen.calibration.compare.regions import round_between
@@ -26,7 +27,8 @@ from rodgen.calibration.compare.sample import MOST_CELLS, Sample, orthonormal
 from rodgen.calibration.compare.serial_correlation import Wander, correlation
 from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.problem import Problem
-from rodgen.data.measurements import Measurements, Observations, bind
+from rodgen.data.measurements import Measurements
+from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError
 from rodgen.machines.machine import Machine
 from rodgen.output.comparison_figures import pictures

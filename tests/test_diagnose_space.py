@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from rodgen.calibration.binding import bind
 from rodgen.calibration.diagnose import aliases as _aliases
 from rodgen.calibration.diagnose.candidates import Candidate, candidates
 from rodgen.calibration.diagnose.column_space import Space
@@ -31,9 +32,9 @@ from rodgen.calibration.diagnose.sensitivities import (
 )
 from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.held_out import folds_of_rows
-from rodgen.calibration.observations import Observations, bind
 from rodgen.calibration.problem import Problem
 from rodgen.data.measurements import Measurements
+from rodgen.data.observations import Observations
 from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Model

@@ -21,9 +21,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from rodgen.calibration.binding import bind
 from rodgen.data import poses as _poses
 from rodgen.data import spool as _spool
-from rodgen.data.measurements import Measurements, bind
+from rodgen.data.measurements import Measurements
 from rodgen.data.tables import reader as _source
 from rodgen.errors import InputFileError
 from rodgen.machines.machine import Joint, Machine, Measured, Target

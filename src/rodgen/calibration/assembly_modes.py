@@ -26,7 +26,7 @@ from rodgen.machines.platform_poses import (
 from rodgen.machines.rigid import rotation_matrix, rotation_vector
 
 if TYPE_CHECKING:
-    from rodgen.calibration.observations import Observations
+    from rodgen.data.observations import Observations
     from rodgen.machines.closed_chain import ClosedChain
     from rodgen.machines.machine import Machine
 

@@ -16,7 +16,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.drivers import Driver, Kind
+from rodgen.data.drivers import Driver, Kind
 
 __all__ = ["DRIFTS", "Deviations", "Estimated", "independent_share"]
 

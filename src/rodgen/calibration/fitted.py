@@ -11,16 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.assembly_modes import in_its_mode, with_what_was_seen
+from rodgen.calibration.binding import bind
 from rodgen.calibration.determinacy import Determinacy, determinacy
 from rodgen.calibration.held_out import HeldOut, held_out
 from rodgen.calibration.lack_of_fit import LackOfFit, lack_of_fit
 from rodgen.calibration.least_squares import Solution
 from rodgen.calibration.noise import NoiseFloor, noise_floor
-from rodgen.calibration.observations import Observations, bind
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.robust import NO_SAY, robust_fit
 from rodgen.calibration.staged_fit import FitError, check_travel, fit_in_stages, measured_along
 from rodgen.data.measurements import Measurements
+from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError, shown
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Model

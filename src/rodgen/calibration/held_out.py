@@ -29,7 +29,7 @@ from rodgen.statistics.leave_out import ALONE, deal, undo_leverage
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
-    from rodgen.calibration.observations import Observations
+    from rodgen.data.observations import Observations
     from rodgen.machines.model import Frame
 
 __all__ = ["HeldOut", "folds_of_rows", "held_out"]

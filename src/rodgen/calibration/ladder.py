@@ -15,13 +15,14 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from rodgen.calibration.binding import bind
 from rodgen.calibration.effect_test import Step, step
 from rodgen.calibration.fit import Estimate, Fit, fit
 from rodgen.calibration.held_out import HeldOut, held_out
 from rodgen.calibration.least_squares import minimise
 from rodgen.calibration.noise import NoiseFloor
-from rodgen.calibration.observations import Observations, bind
 from rodgen.calibration.problem import one_thread_in_blas
+from rodgen.data.observations import Observations
 from rodgen.errors import RodgenError
 
 if TYPE_CHECKING:

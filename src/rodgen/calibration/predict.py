@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.assembly_modes import open_legs
-from rodgen.calibration.observations import Observations, bind
+from rodgen.calibration.binding import bind
 from rodgen.calibration.problem import Problem, one_thread_in_blas
+from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError, shown
 
 if TYPE_CHECKING:

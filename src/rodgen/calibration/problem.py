@@ -18,7 +18,7 @@ import threadpoolctl
 from numpy.typing import NDArray
 
 from rodgen.calibration.assembly_modes import far_apart, found_again
-from rodgen.calibration.observations import Observations
+from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError
 from rodgen.machines.model import Frame, Model
 from rodgen.machines.structure import row_effects

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.calibration.binding import bind
 from rodgen.calibration.hidden_truth import opened, sealed
-from rodgen.calibration.observations import bind
 from rodgen.calibration.simulator import Lab, with_reading
 from rodgen.data.measurements import Column, Measurements
 from rodgen.data.units import parse_unit

@@ -20,7 +20,7 @@ from rodgen.machines.effects.typed import number_and_unit
 from rodgen.machines.model import Frame, Model
 
 if TYPE_CHECKING:
-    from rodgen.calibration.observations import Observations
+    from rodgen.data.observations import Observations
     from rodgen.machines.machine import Effect, Machine
     from rodgen.machines.parameters import Parameter
 

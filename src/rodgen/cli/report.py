@@ -44,8 +44,8 @@ def add_to(command: Command) -> None:
 def _run(options: argparse.Namespace) -> int:
     import matplotlib  # noqa: F401 - that it is missing is told before a long diagnosis, not after
 
+    from rodgen.calibration.binding import bind
     from rodgen.calibration.diagnose import diagnose
-    from rodgen.calibration.observations import bind
     from rodgen.calibration.plan import PlanError, plan
     from rodgen.machines.machine import Machine
     from rodgen.output.report import write_report

@@ -1,10 +1,8 @@
-"""Measurements: a table as it was written, and, bound to a machine, as numbers to compute with.
+"""Measurements: a table as it was written, each column in its own unit, each row with its place in the file.
 
-:class:`Measurements` is a file's or a frame's content, each column in its own unit, each row with the place where it
-stands. :func:`bind` checks it against a machine and brings it to internal units: :class:`Observations`.
-
-The columns and their meaning: the reference of file formats. Whatever is wrong is a
-:class:`rodgen.errors.InputFileError`, one sentence with the file, the line and the column.
+`rodgen.calibration.binding.bind` checks it against a machine and converts it to internal units. The reference of file
+formats describes the columns. Whatever is wrong is a :class:`rodgen.errors.InputFileError`, one sentence with the file,
+the line and the column.
 """
 
 from __future__ import annotations
@@ -18,7 +16,6 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.observations import Observations, bind
 from rodgen.data.names import plain_name
 from rodgen.data.spool import GrowingArray
 from rodgen.data.tables import EveryColumn, open_frame, open_table
@@ -28,7 +25,7 @@ from rodgen.errors import InputFileError, shown
 if TYPE_CHECKING:
     from rodgen.data.tables.reader import Rows, Table
 
-__all__ = ["Column", "Measurements", "Names", "Observations", "bind"]
+__all__ = ["Column", "Measurements", "Names"]
 
 Progress: TypeAlias = Callable[[int | None, str], Callable[[int], object]]
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.compare.sentences import figure, plain
-from rodgen.calibration.drivers import Driver
+from rodgen.data.drivers import Driver
 from rodgen.errors import InputFileError
 from rodgen.files import write_file
 

@@ -16,8 +16,8 @@ from rodgen.calibration.compare.regions import Worst, worst_regions
 from rodgen.calibration.compare.sample import Sample
 from rodgen.calibration.compare.scatter import Far, Tails, Uneven, far, tails, uneven
 from rodgen.calibration.compare.serial_correlation import Drift, drift
-from rodgen.calibration.drivers import Driver
 from rodgen.calibration.problem import one_thread_in_blas
+from rodgen.data.drivers import Driver
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit

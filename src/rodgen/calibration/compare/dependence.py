@@ -27,7 +27,7 @@ from rodgen.calibration.compare.drivers import Pair
 from rodgen.calibration.compare.explained import Evidence, Space
 from rodgen.calibration.compare.sample import Sample
 from rodgen.calibration.compare.serial_correlation import Correlation, Wander, correlation, wander
-from rodgen.calibration.drivers import Driver
+from rodgen.data.drivers import Driver
 
 __all__ = ["CLAIM", "Dependence", "Found", "Search", "Trial", "search"]
 

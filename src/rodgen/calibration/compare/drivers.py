@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.compare.sample import Sample
-from rodgen.calibration.drivers import Driver, products
+from rodgen.data.drivers import Driver, products
 
 __all__ = ["Pair", "compared"]
 

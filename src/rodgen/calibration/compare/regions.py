@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.compare.sample import Sample
-from rodgen.calibration.drivers import Driver
+from rodgen.data.drivers import Driver
 
 __all__ = ["REGION_CLAIM", "Region", "Worst", "quarters", "round_between", "worst_regions"]
 

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.observations import Observations
 from rodgen.calibration.problem import Problem
+from rodgen.data.observations import Observations
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit

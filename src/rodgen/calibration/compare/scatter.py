@@ -19,7 +19,7 @@ from rodgen.calibration.compare.dependence import Search
 from rodgen.calibration.compare.explained import Space
 from rodgen.calibration.compare.regions import Region, quarters
 from rodgen.calibration.compare.sample import Sample
-from rodgen.calibration.drivers import Driver
+from rodgen.data.drivers import Driver
 
 __all__ = ["Far", "Tails", "Uneven", "far", "tails", "uneven"]
 

@@ -11,7 +11,7 @@ from rodgen.calibration.compare.dependence import Dependence, Found
 from rodgen.calibration.compare.drivers import Pair
 from rodgen.calibration.compare.regions import REGION_CLAIM
 from rodgen.calibration.compare.scatter import TAILS_CLAIM, UNEVEN_CLAIM
-from rodgen.calibration.drivers import Driver
+from rodgen.data.drivers import Driver
 
 if TYPE_CHECKING:
     from rodgen.calibration.compare.comparison import Comparison

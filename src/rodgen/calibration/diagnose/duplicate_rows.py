@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.observations import Observations
+from rodgen.data.observations import Observations
 from rodgen.data.poses import groups
 
 __all__ = ["first_of_each"]

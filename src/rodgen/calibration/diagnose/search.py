@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.assembly_modes import in_another_mode, weakest
+from rodgen.calibration.binding import bind
 from rodgen.calibration.diagnose.aliases import aliases_of
 from rodgen.calibration.diagnose.candidates import Candidate, candidates
 from rodgen.calibration.diagnose.clusters import Clusters
@@ -38,11 +39,11 @@ from rodgen.calibration.diagnose.validation import error_on, further
 from rodgen.calibration.diagnose.variance_components import Correlation, correlation
 from rodgen.calibration.diagnose.verdict import disagreement, in_order_of_time, jump
 from rodgen.calibration.fitted import FittedModel
-from rodgen.calibration.observations import Observations, bind
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.robust import gross_rows
 from rodgen.calibration.staged_fit import FitError
 from rodgen.data.measurements import Measurements
+from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError
 from rodgen.machines.machine import Machine
 from rodgen.statistics.f_tests import log_p_of_fall

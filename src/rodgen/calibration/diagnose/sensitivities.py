@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.observations import Observations
 from rodgen.calibration.problem import Problem, one_thread_in_blas
+from rodgen.data.observations import Observations
 from rodgen.errors import RodgenError
 from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.effects.custom import own_effect

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rodgen.calibration.binding import bind
 from rodgen.calibration.least_squares import minimise
-from rodgen.calibration.observations import Observations, bind
 from rodgen.calibration.problem import Problem
 from rodgen.data.measurements import Measurements
+from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model

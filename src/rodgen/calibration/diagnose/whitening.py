@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from rodgen.calibration.observations import Observations
+    from rodgen.data.observations import Observations
 
 __all__ = ["Moments", "Motion", "Part", "Poses"]
 

@@ -20,7 +20,7 @@ from rodgen.calibration.plan.words import joint_unit
 from rodgen.calibration.problem import Problem
 
 if TYPE_CHECKING:
-    from rodgen.calibration.observations import Observations
+    from rodgen.data.observations import Observations
     from rodgen.machines.machine import Effect, Machine
 
 __all__ = ["MOST_TRIED", "Attempt", "Class", "Question", "attempt"]

@@ -13,7 +13,7 @@ from rodgen.calibration.assembly_modes import attainable
 from rodgen.calibration.plan.rows import Rows
 
 if TYPE_CHECKING:
-    from rodgen.calibration.observations import Observations
+    from rodgen.data.observations import Observations
     from rodgen.machines.machine import Machine
 
 __all__ = ["Levels", "levels", "positions", "readings", "rounding"]

@@ -21,7 +21,7 @@ from rodgen.machines.model import NO_DECAY, Model
 from rodgen.machines.structure import row_effects
 
 if TYPE_CHECKING:
-    from rodgen.calibration.observations import Observations
+    from rodgen.data.observations import Observations
     from rodgen.machines.machine import Effect, Machine
 
 __all__ = ["Columns", "Rival", "Rivals"]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.assembly_modes import with_commands
-from rodgen.calibration.observations import Observations
+from rodgen.data.observations import Observations
 from rodgen.data.poses import approach
 
 __all__ = ["Rows", "Surroundings"]

@@ -12,8 +12,8 @@ import numpy as np
 from rodgen.data.units import parse_unit
 
 if TYPE_CHECKING:
-    from rodgen.calibration.observations import Observations
     from rodgen.calibration.plan.rows import Rows, Surroundings
+    from rodgen.data.observations import Observations
     from rodgen.machines.machine import Machine
 
 __all__ = ["as_csv", "as_text", "table"]

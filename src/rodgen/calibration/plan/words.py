@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from rodgen.data.units import parse_unit
 
 if TYPE_CHECKING:
-    from rodgen.calibration.observations import Observations
     from rodgen.calibration.plan.pool import Levels
     from rodgen.calibration.plan.rows import Rows
+    from rodgen.data.observations import Observations
     from rodgen.machines.machine import Machine
 
 __all__ = ["differences", "joint_unit", "listed", "number", "range_text"]

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.compare.sentences import figure, plain
 from rodgen.calibration.diagnose.diagnosis import Diagnosis
-from rodgen.calibration.drivers import Driver
 from rodgen.calibration.fit import Fit
-from rodgen.calibration.observations import Observations
 from rodgen.calibration.problem import Problem
+from rodgen.data.drivers import Driver
+from rodgen.data.observations import Observations
 from rodgen.output.report.units import Shown
 
 __all__ = ["Against", "Rows", "coordinate"]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rodgen.calibration.diagnose.forms.dictionary import Factor, Term
-from rodgen.calibration.drivers import Driver
+from rodgen.data.drivers import Driver
 from rodgen.machines.machine import Machine
 
 __all__ = ["is_catalogued"]

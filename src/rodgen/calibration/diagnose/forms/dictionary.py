@@ -15,9 +15,9 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.drivers import Driver, Kind
-from rodgen.calibration.observations import Observations
 from rodgen.calibration.starting_values import most_waves
+from rodgen.data.drivers import Driver, Kind
+from rodgen.data.observations import Observations
 from rodgen.machines.effects.formula import FUNCTION_NAMES
 from rodgen.machines.machine import Machine
 from rodgen.machines.measured import READING_COLUMNS

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rodgen.calibration.diagnose.forms.dictionary import WORDS, Factor, Term, leader, word, written
-from rodgen.calibration.drivers import Driver
-from rodgen.calibration.observations import Observations
+from rodgen.data.drivers import Driver
+from rodgen.data.observations import Observations
 from rodgen.data.units import ANGLE, ONE, Dimension, UnitError, display_unit, parse_unit, unit_factor
 from rodgen.machines.effects.definition import component_dimension
 from rodgen.machines.effects.formula import Formula

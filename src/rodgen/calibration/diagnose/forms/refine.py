@@ -23,7 +23,7 @@ from rodgen.calibration.diagnose.forms.dictionary import (
     Term,
 )
 from rodgen.calibration.diagnose.forms.level import Level
-from rodgen.calibration.drivers import Driver
+from rodgen.data.drivers import Driver
 
 __all__ = ["refined", "short"]
 

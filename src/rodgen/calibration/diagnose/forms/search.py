@@ -26,9 +26,9 @@ from rodgen.calibration.diagnose.forms.leave_out import PosesLeftOut, folds_of
 from rodgen.calibration.diagnose.forms.level import Level
 from rodgen.calibration.diagnose.forms.refine import refined, short
 from rodgen.calibration.diagnose.forms.screen import Functions, Screen
-from rodgen.calibration.drivers import Driver
-from rodgen.calibration.observations import Observations
 from rodgen.calibration.problem import one_thread_in_blas
+from rodgen.data.drivers import Driver
+from rodgen.data.observations import Observations
 from rodgen.statistics.columns import Whiten, unchanged
 from rodgen.statistics.f_tests import log10_p_of_fall
 

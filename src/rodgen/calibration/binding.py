@@ -1,23 +1,21 @@
-"""Check measurements against a machine, and bring them to the units that are computed with.
+"""Check measurements against a machine, and convert them to internal units.
 
-What each column means, and which may be left out, is the reference of file formats. Two things it leaves open: a
-joint that never moves has no direction of approach (0), and a new run does not begin the directions anew.
+The reference of file formats says what each column means, and which may be omitted. Two details are not in it: a joint
+that never moves has no direction of approach (0), and a new run does not reset the directions.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.assembly_modes import closed
-from rodgen.calibration.drivers import Driver, Kind, drivers
 from rodgen.data.names import plain_name
-from rodgen.data.poses import approach, groups, poses
+from rodgen.data.observations import Observations
+from rodgen.data.poses import approach, poses
 from rodgen.data.spool import empty
 from rodgen.data.tables import nearest
 from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, Dimension, parse_unit
@@ -28,7 +26,7 @@ if TYPE_CHECKING:
     from rodgen.data.measurements import Column, Measurements, Names
     from rodgen.machines.machine import Machine
 
-__all__ = ["Observations", "bind"]
+__all__ = ["bind"]
 
 SMALLEST, LARGEST = 1e-100, 1e100
 """Readings and uncertainties beyond leave the range of a double when they are squared and summed up."""
@@ -60,151 +58,8 @@ _WORDS_OF_FORMULAS = {
 """What a formula calls a column, and what it is called in the data."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Observations:
-    """Measurements in internal units, checked against a machine; made by `bind`.
-
-    Lengths are in the machine's unit, angles in radians, times in seconds, temperatures in kelvins from the machine's
-    reference, forces in newtons. n is the number of rows, J that of joints. Arrays are read-only; large ones live in
-    temporary files, and what is the same in all rows takes no memory.
-
-    Attributes
-    ----------
-    machine : Machine
-    data : Measurements
-    q : ndarray, shape (n, J)
-        Commanded coordinates.
-    s : ndarray of int8, shape (n, J)
-        Direction of approach, +1 or -1; 0 of a joint that never moves and has no column for it.
-    v : ndarray, shape (n, J)
-        Velocities.
-    t, load : ndarray, shape (n,), or None
-        Times and payload forces, where there are such columns.
-    temperature : mapping of str to ndarray, shape (n,)
-        By joint.
-    covariates : mapping of str to ndarray, shape (n,)
-        Every column without a meaning of its own, by name; temperatures from the reference, too.
-    reading : ndarray, shape (n, 3), or (n, 1) for distances
-        Directions have length 1. NaN where readings may be missing and are.
-    sigma : ndarray like `reading`, or None
-        Standard uncertainty of each component, from the columns ``u_…`` or the machine's ``noise``; None where neither
-        is given.
-    target : ndarray of int, shape (n,)
-        Index into the machine's targets.
-    run : ndarray of int, shape (n,)
-        Index into `run_names`.
-    run_names : tuple of str
-        In the order in which they occur; ``("",)`` without such a column.
-    pose : ndarray of int, shape (n,)
-        Consecutive rows with equal commanded coordinates and run have one number.
-    travel : ndarray, shape (J, 2)
-        Range of each joint: the machine's, or that of the data.
-    columns_given : frozenset of str
-        Names of all columns in the data.
-    pose_start : ndarray, shape (n, k), or None
-        Of a closed chain: the platform's pose on the nominal machine, near which a model solves for its own.
-    """
-
-    machine: Machine
-    data: Measurements
-    q: NDArray[np.float64]
-    s: NDArray[np.int8]
-    v: NDArray[np.float64]
-    t: NDArray[np.float64] | None
-    load: NDArray[np.float64] | None
-    temperature: Mapping[str, NDArray[np.float64]]
-    covariates: Mapping[str, NDArray[np.float64]]
-    reading: NDArray[np.float64]
-    sigma: NDArray[np.float64] | None
-    target: NDArray[np.int32]
-    run: NDArray[np.int32]
-    run_names: tuple[str, ...]
-    pose: NDArray[np.int32]
-    travel: NDArray[np.float64]
-    columns_given: frozenset[str]
-    pose_start: NDArray[np.float64] | None = None
-
-    @property
-    def n(self) -> int:
-        """Number of rows."""
-        return len(self.q)
-
-    @cached_property
-    def replicate(self) -> NDArray[np.intp]:
-        """A number for each row, (n,): equal where commanded coordinates, target, directions of approach and load are.
-
-        Rows of one pose with one number are repeated readings, those of several poses are replicates.
-        """
-        load = [] if self.load is None else [self.load]
-        return groups([*self.q.T, self.target, *self.s.T, *load], self.n)
-
-    @cached_property
-    def basis(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Two unit vectors that complete each measured direction, (n, 3) each: horizontal to its left, and upwards.
-
-        The first is up × direction, up being against gravity, or any horizontal one where the direction is along it.
-        """
-        up = -np.asarray(self.machine.gravity)
-        left, above = empty((self.n, 3)), empty((self.n, 3))
-        left[:] = np.cross(up, self.reading)
-        # Nearer than 2" to the pole the product's rounding would tilt it by more than 1e-11 rad.
-        pole = np.einsum("ij,ij->i", left, left) < 1e-10
-        left[pole] = np.cross(np.cross(up, np.eye(3)[np.argmin(np.abs(up))]), self.reading[pole])
-        left /= np.sqrt(np.einsum("ij,ij->i", left, left))[:, None]
-        above[:] = np.cross(self.reading, left)
-        return left, above
-
-    def drivers(self, *kinds: Kind) -> list[Driver]:
-        """Return what errors may depend on; where kinds are given, only those, in the order of the kinds."""
-        every = list(drivers(self))
-        return [driver for kind in kinds for driver in every if driver.kind == kind] if kinds else every
-
-    def take(self, rows: Any) -> Observations:
-        """Return some of the rows; numbers of poses and runs stay what they were.
-
-        Parameters
-        ----------
-        rows : ndarray of bool or int, or slice
-            A mask, indices or a slice; a slice copies nothing.
-        """
-
-        def some(array: Any) -> Any:
-            return None if array is None else _rows(array, rows)
-
-        return Observations(
-            machine=self.machine,
-            data=self.data.take(rows),
-            **{name: some(getattr(self, name)) for name in _BY_ROW},
-            temperature={name: some(column) for name, column in self.temperature.items()},
-            covariates={name: some(column) for name, column in self.covariates.items()},
-            run_names=self.run_names,
-            travel=self.travel,
-            columns_given=self.columns_given,
-        )
-
-    def arrays(self) -> Iterator[NDArray[Any]]:
-        """Yield every array that there is."""
-        given = (getattr(self, name) for name in _BY_ROW)
-        yield from (array for array in given if array is not None)
-        yield from (*self.temperature.values(), *self.covariates.values(), self.travel)
-
-    def __repr__(self) -> str:
-        return f"Observations({self.machine.name!r}, {self.data!r})"
-
-
-_BY_ROW = ("q", "s", "v", "t", "load", "reading", "sigma", "target", "run", "pose", "pose_start")
-
-
-def _rows(array: NDArray[Any], rows: Any) -> NDArray[Any]:
-    """Return some rows; what is one value repeated without memory stays so."""
-    if any(array.strides) or isinstance(rows, slice):
-        return np.asarray(array[rows])
-    count = len(np.empty(len(array), np.bool_)[rows])
-    return np.broadcast_to(array[0] if len(array) else array, (count, *array.shape[1:]))
-
-
 def bind(machine: Machine, data: Measurements, *, allow_missing_readings: bool = False) -> Observations:
-    """Check measurements against a machine, and bring them to internal units.
+    """Return the observations of a machine: its measurements, checked and in internal units.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, Dimension, parse_unit, unit_factor
 
 if TYPE_CHECKING:
-    from rodgen.calibration.observations import Observations
+    from rodgen.data.observations import Observations
 
 __all__ = ["Driver", "Kind", "drivers", "goes_round", "products"]
 
@@ -218,7 +218,7 @@ class Driver:
 
 
 def goes_round(angles: Array) -> bool:
-    """Tell whether angles in radians lie all around the circle, without a gap wider than a quarter of a turn."""
+    """Return whether angles in radians lie all around the circle, without a gap wider than a quarter of a turn."""
     angle = np.unique(np.round(angles % (2 * np.pi), 9))
     if len(angle) < 5:
         return False
