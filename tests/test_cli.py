@@ -119,37 +119,37 @@ USAGE = {
         "x.csv",
         "--length-tolerance",
         "-1",
-    ): "--length-tolerance: '-1' is no ratio: a number from 0 up",
+    ): "--length-tolerance: '-1' is not a ratio: a number from 0 up",
     (
         "solve",
         "x.csv",
         "--length-tolerance",
         "nan",
-    ): "--length-tolerance: 'nan' is no ratio: a number from 0 up",
+    ): "--length-tolerance: 'nan' is not a ratio: a number from 0 up",
     (
         "fit-axis",
         "x.csv",
         "--point",
         "1,2",
-    ): "--point: '1,2' is none of free, origin, and three numbers such as",
+    ): "--point: '1,2' is neither free, origin nor three numbers such as",
     (
         "fit-axis",
         "x.csv",
         "--point",
         "1,2,inf",
-    ): "--point: '1,2,inf' is none of free, origin, and three numbers",
+    ): "--point: '1,2,inf' is neither free, origin nor three numbers",
     (
         "fit-axis",
         "x.csv",
         "--sigma",
         "0.01",
-    ): "--sigma: '0.01' is no positive length with its unit, such as 0.01mm",
+    ): "--sigma: '0.01' is not a positive length with its unit, such as 0.01mm",
     (
         "fit-axis",
         "x.csv",
         "--sigma",
         "0mm",
-    ): "--sigma: '0mm' is no positive length with its unit, such as 0.01mm",
+    ): "--sigma: '0mm' is not a positive length with its unit, such as 0.01mm",
     ("fit-axis", "x.csv", "--loss", "l1"): "argument --loss: invalid choice: 'l1'",
 }
 

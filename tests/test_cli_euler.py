@@ -236,7 +236,7 @@ def test_trajectory_of_many_blocks_is_one_motion(tmp_path: Path, euler) -> None:
         ),
         (["rates", "--euler-rates", "--from", "matrix"], "", "--from matrix; expected a sequence"),
         (["rotations", "--ridge", "w"], "", "'w' names no axes"),
-        (["rotations", "--tolerance", "-1"], "", "'-1' is no ratio"),
+        (["rotations", "--tolerance", "-1"], "", "'-1' is not a ratio"),
         (["rotations", "--ridge", "z"], "chi_x [deg],chi_y [deg],chi_z [deg]", "no column 'Zr_x'"),
         (["trajectory", "--to", "ZYX,ABC"], "", "the sequence 'ABC'; expected one of"),
         (["trajectory", "--to", "ZYX,ZYX"], "", "a sequence twice"),

@@ -469,7 +469,7 @@ def test_command_prints_json(files, capsys):
 @pytest.mark.parametrize(
     ("more", "text"),
     [
-        (["-n", "0"], "'0' is no whole number from 1 to 500"),
+        (["-n", "0"], "'0' is not a whole number from 1 to 500"),
         (["--for", "C.axle"], "command line: --for: no parameter 'C.axle'"),
         (["-o", "{data}"], "the input file itself"),
     ],

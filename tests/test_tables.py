@@ -16,7 +16,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from rodgen.data.tables import PAIR_COLUMNS, open_sink, read_pairs, solve_table
+from rodgen.cli.axis import solve_table
+from rodgen.data.tables import PAIR_COLUMNS, open_sink, read_pairs
 from rodgen.data.tables import reader as source
 from rodgen.data.units import UnitError, conversion_factor
 from rodgen.errors import InputFileError, RodgenError, shown
@@ -864,7 +865,7 @@ def test_memory_does_not_grow_with_the_file(kind, tmp_path):
 
 def peak_memory(path, output):
     code = (
-        "import resource, sys; from rodgen.data.tables import solve_table; solve_table(sys.argv[1], sys.argv[2]); "
+        "import resource, sys; from rodgen.cli.axis import solve_table; solve_table(sys.argv[1], sys.argv[2]); "
         "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)"
     )
     run = subprocess.run(

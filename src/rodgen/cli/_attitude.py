@@ -1,21 +1,20 @@
-"""How the rows of a table write an attitude: as the angles of a sequence, a quaternion or a matrix."""
+"""Read attitudes from the rows of a table: the angles of a sequence, a quaternion or a matrix."""
 
 from __future__ import annotations
 
 import argparse
-import contextlib
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rodgen.cli._console import OK, reading, tell
+from rodgen.cli._tables import map_rows
 from rodgen.errors import UnexpectedError, shown
 
 if TYPE_CHECKING:
     from rodgen.data.tables import Column, Result
 
-__all__ = ["ANGLES", "ATTITUDE_TEXT", "add_files", "add_form", "columns_of", "matrices", "quaternions", "run"]
+__all__ = ["ANGLES", "ATTITUDE_TEXT", "add_form", "columns_of", "map_array", "matrices", "quaternions"]
 
 ANGLES = ("alpha", "beta", "gamma")
 QUATERNION = ("q0", "qx", "qy", "qz")
@@ -44,7 +43,7 @@ def _form(text: str) -> str:
 
 
 def add_form(parser: argparse.ArgumentParser, usual: str = "ZYX") -> None:
-    """Add the option that says how attitudes are written, and how they are where it is left out."""
+    """Add ``--from``, the form in which the table has attitudes, with its default."""
     parser.add_argument(
         "--from",
         dest="form",
@@ -55,16 +54,8 @@ def add_form(parser: argparse.ArgumentParser, usual: str = "ZYX") -> None:
     )
 
 
-def add_files(parser: argparse.ArgumentParser, name: str) -> None:
-    """Add the table that is read and the one that is written."""
-    parser.add_argument("table", metavar=name, help="the table; '-' is CSV on standard input")
-    parser.add_argument(
-        "-o", "--output", metavar="FILE", help=".csv, .csv.gz or .parquet; default: CSV on standard output"
-    )
-
-
 def columns_of(form: str) -> list[Column]:
-    """Return the columns that an attitude is read from."""
+    """Return the columns of an attitude."""
     from rodgen.data.tables import Column
 
     if form == "quaternion":
@@ -75,7 +66,7 @@ def columns_of(form: str) -> list[Column]:
 
 
 def quaternions(form: str, values: Any) -> tuple[Any, Any]:
-    """Return unit quaternions of attitudes, and where the table has no rotation but what is near one."""
+    """Return the unit quaternions of attitudes, and which of the attitudes were only nearly rotations."""
     from rodgen import quaternion_from_matrix
     from rodgen.kinematics import instantaneous_euler as ie
 
@@ -86,7 +77,7 @@ def quaternions(form: str, values: Any) -> tuple[Any, Any]:
 
 
 def matrices(form: str, values: Any) -> tuple[Any, Any]:
-    """Return rotation matrices of attitudes, and where the table has no rotation but what is near one."""
+    """Return the rotation matrices of attitudes, and which of the attitudes were only nearly rotations."""
     from rodgen import matrix_from_quaternion
     from rodgen.kinematics import instantaneous_euler as ie
 
@@ -105,7 +96,7 @@ def _abnormal(status: Any) -> Any:
     return status == AngleStatus.NOT_NORMAL
 
 
-def run(
+def map_array(
     options: argparse.Namespace,
     columns: Sequence[Column],
     results: Sequence[Result],
@@ -113,17 +104,10 @@ def run(
     *,
     whole: bool = False,
 ) -> int:
-    """Add results to a table, of its values as one array with a column for each of `columns`."""
-    from rodgen.data.tables import map_table
-
-    def prepare(unit: str) -> Any:
-        return results, lambda values: function(np.column_stack(values))
-
-    with contextlib.ExitStack() as stack:
-        summary = map_table(
-            options.table, options.output, columns, prepare, progress=reading(stack), whole=whole
-        )
-    counts = ", ".join(f"{count} {name}" for name, count in summary.counts.items())
-    name = "standard input" if options.table == "-" else options.table
-    tell(f"{name}: {summary.rows} row{'s' * (summary.rows != 1)}: {counts}")
-    return OK
+    """Add results to a table by a function of the values as one array, with a column for each of `columns`."""
+    return map_rows(
+        options,
+        columns,
+        lambda unit: (results, lambda values: function(np.column_stack(values))),
+        whole=whole,
+    )

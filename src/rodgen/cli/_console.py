@@ -1,4 +1,4 @@
-"""What all commands share: how they take their options, where they print, how they show progress."""
+"""Add commands and their options to the parser, print, and show progress."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NoReturn, Protocol, TypeAlias
 
-from rodgen.errors import InputFileError
+from rodgen.errors import InputFileError, RodgenError
 
 __all__ = [
     "BAD_INPUT",
@@ -22,13 +22,14 @@ __all__ = [
     "Parser",
     "UsageError",
     "adder",
-    "fitting",
+    "fit_progress",
     "group",
-    "reading",
+    "located",
+    "notify",
+    "reading_progress",
     "show",
     "show_json",
-    "tell",
-    "working",
+    "show_progress",
 ]
 
 OK, FAILED, BAD_INPUT, INTERRUPTED, READER_GONE = 0, 1, 2, 130, 141
@@ -39,7 +40,7 @@ exit codes:
   1  a check failed: a statement is not proved, generated files are stale, or a fit did not converge
   2  bad input: one line on standard error, FILE: PLACE: what was found; what was expected
   130  interrupted (Ctrl-C)
-  141  whoever read the output closed it
+  141  the reader of the output closed it
 """
 
 FitProgress: TypeAlias = Callable[[str, int, float], object]
@@ -50,16 +51,16 @@ ReadProgress: TypeAlias = Callable[[int | None, str], Callable[[int], object]]
 
 
 class UsageError(Exception):
-    """What was typed is no command."""
+    """The command line is not a command."""
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose complaints are one line, and whose options may stand anywhere among the files."""
+    """A parser whose error messages are one line, and which takes options anywhere among the files."""
 
     _in_two_passes = False
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse options first, then the rest: else a file that may be left out would have to stand before them."""
+        """Parse the options first: else an optional file would have to come before them."""
         if self._in_two_passes or self._subparsers is not None:
             return super().parse_known_args(args, namespace)
         self._in_two_passes = True
@@ -69,23 +70,23 @@ class Parser(argparse.ArgumentParser):
             self._in_two_passes = False
 
     def error(self, message: str) -> NoReturn:
-        """Complain."""
+        """Raise the message as a `UsageError`."""
         raise UsageError(
             InputFileError("command line", self.prog, message, f"what '{self.prog} --help' shows")
         )
 
 
 class Command(Protocol):
-    """Adds a command: its name, what runs it, its summary and its text."""
+    """Add a command, given its name, the function that runs it, its summary and its text."""
 
     def __call__(
         self, name: str, run: Callable[[argparse.Namespace], int], summary: str, text: str
     ) -> argparse.ArgumentParser:
-        """Return its parser, for its options."""
+        """Return the parser of the command, to add its options."""
 
 
 def adder(commands: Any) -> Command:
-    """Return what adds commands to the place for them that a parser has made."""
+    """Return the function that adds commands to a parser's subparsers."""
 
     def command(
         name: str, run: Callable[[argparse.Namespace], int], summary: str, text: str
@@ -104,12 +105,12 @@ def adder(commands: Any) -> Command:
 
 
 def group(command: Command, name: str, summary: str, text: str) -> Command:
-    """Add a command that has commands of its own; return what adds these.
+    """Add a command that has subcommands; return the function that adds these.
 
     Parameters
     ----------
     command : Command
-        What adds the group.
+        Adds the group.
     name, summary, text : str
         As for a command.
     """
@@ -123,11 +124,33 @@ def group(command: Command, name: str, summary: str, text: str) -> Command:
     return adder(members)
 
 
+@contextlib.contextmanager
+def located(file: str, place: str, expected: str = "") -> Iterator[None]:
+    """Raise a RodgenError of the block as one about a place in a file, or an option of the command line.
+
+    Parameters
+    ----------
+    file, place : str
+        As in `InputFileError`.
+    expected : str
+        Used when the error does not say what was expected; where this is empty, too, such an error is left as it is.
+    """
+    try:
+        yield
+    except InputFileError:
+        raise
+    except (RodgenError, ValueError) as error:
+        found, _, wanted = str(error).partition("; expected ")
+        if not wanted and not expected:
+            raise
+        raise InputFileError(file, place, found, wanted or expected) from None
+
+
 # output ------------------------------------------------------------------------------------------------
 
 
 def show(text: str, end: str = "\n") -> None:
-    """Print to standard output, and say in one sentence when that cannot be done."""
+    """Print to standard output; a failure is an `InputFileError`."""
     if sys.stdout is None:
         raise InputFileError("standard output", "file", "closed", "an open standard output")
     try:
@@ -144,7 +167,7 @@ def show(text: str, end: str = "\n") -> None:
 
 
 def show_json(data: Any) -> None:
-    """Print data as JSON; what is no finite number becomes null."""
+    """Print data as JSON, with null for a number that is not finite."""
     import json
 
     show(json.dumps(_plain(data), indent=2, allow_nan=False))
@@ -160,8 +183,8 @@ def _plain(data: Any) -> Any:
     return data
 
 
-def tell(text: str) -> None:
-    """Print a remark to standard error, where there is one."""
+def notify(text: str) -> None:
+    """Print a remark to standard error, if the process has one."""
     if sys.stderr is not None:
         print(text, file=sys.stderr)
 
@@ -169,13 +192,13 @@ def tell(text: str) -> None:
 # progress ----------------------------------------------------------------------------------------------
 
 
-def _is_watched() -> bool:
+def _is_terminal() -> bool:
     return sys.stderr is not None and sys.stderr.isatty()
 
 
-def reading(stack: contextlib.ExitStack) -> ReadProgress | None:
-    """Make a progress bar of what is read, where somebody looks: it shows itself after a second."""
-    if not _is_watched():
+def reading_progress(stack: contextlib.ExitStack) -> ReadProgress | None:
+    """Return what makes a progress bar for reading, shown after a second; None when standard error is no terminal."""
+    if not _is_terminal():
         return None
 
     def start(total: int | None, unit: str) -> Callable[[int], object]:
@@ -190,9 +213,9 @@ def reading(stack: contextlib.ExitStack) -> ReadProgress | None:
 
 
 @contextlib.contextmanager
-def working(what: str) -> Iterator[Callable[[str], object] | None]:
-    """Show what is done, and how long it has taken, where somebody looks."""
-    if not _is_watched():
+def show_progress(what: str) -> Iterator[Callable[[str], object] | None]:
+    """Show on a terminal what is being done and the time taken; yield the function that changes the text."""
+    if not _is_terminal():
         yield None
         return
     from tqdm import tqdm
@@ -200,15 +223,15 @@ def working(what: str) -> Iterator[Callable[[str], object] | None]:
     line = "{desc}  {elapsed}"
     with tqdm(desc=what, bar_format=line, leave=False, file=sys.stderr) as bar:
 
-        def told(what: str) -> None:
+        def report_progress(what: str) -> None:
             bar.set_description_str(what, refresh=False)
             bar.update()
 
-        yield told
+        yield report_progress
 
 
 @contextlib.contextmanager
-def fitting() -> Iterator[FitProgress | None]:
-    """Show what a fit does, where somebody looks."""
-    with working("making the model") as told:
-        yield None if told is None else lambda what, iteration, _: told(f"{what}, iteration {iteration}")
+def fit_progress() -> Iterator[FitProgress | None]:
+    """Show the progress of a fit on a terminal; yield the callback for it."""
+    with show_progress("making the model") as report:
+        yield None if report is None else lambda what, iteration, _: report(f"{what}, iteration {iteration}")

@@ -1,17 +1,18 @@
-"""What the commands of machines share: the files that they read, and options that mean the same in all of them."""
+"""Files and options that the commands of machines have in common."""
 
 from __future__ import annotations
 
 import argparse
 import contextlib
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from rodgen.cli._console import reading
+from rodgen.cli._console import reading_progress
+from rodgen.errors import InputFileError
 
 if TYPE_CHECKING:
     from rodgen.data.measurements import Measurements
 
-__all__ = ["FILES", "add_files", "add_json", "add_loss", "add_place", "load_data"]
+__all__ = ["FILES", "add_files", "add_json", "add_loss", "add_place", "closed_chain_of", "load_data"]
 
 FILES = """\
 MACHINE is a machine file (TOML), DATA a measurement file, CSV (gzip or not) or Parquet, one row a measurement, with a
@@ -22,7 +23,7 @@ unit in brackets after each column's name:
 
 
 def add_files(command: argparse.ArgumentParser, *, needed: bool = True) -> None:
-    """Add MACHINE and DATA, which may be left out where it is not needed."""
+    """Add MACHINE and DATA; DATA is optional unless `needed`."""
     command.add_argument("machine", metavar="MACHINE", help="the machine file")
     about = "the measurements; '-' is CSV on standard input"
     command.add_argument("data", metavar="DATA", nargs=None if needed else "?", help=about)
@@ -34,7 +35,7 @@ def add_loss(command: argparse.ArgumentParser) -> None:
         "--loss",
         choices=("linear", "huber"),
         default="linear",
-        help="linear is least squares (default); huber finds outliers, names them and takes them out",
+        help="linear is least squares (default); huber finds outliers, reports them and sets them aside",
     )
 
 
@@ -53,8 +54,26 @@ def add_place(command: argparse.ArgumentParser) -> None:
 
 
 def load_data(file: str) -> Measurements:
-    """Read measurements, and show it where somebody looks."""
+    """Read measurements, with a progress bar on a terminal."""
     from rodgen.data.measurements import Measurements
 
     with contextlib.ExitStack() as stack:
-        return Measurements.load(file, progress=reading(stack))
+        return Measurements.load(file, progress=reading_progress(stack))
+
+
+def closed_chain_of(file: str, family: str) -> tuple[Any, str]:
+    """Return the closed chain of a machine file and the file's unit of length.
+
+    Raises
+    ------
+    InputFileError
+        When the machine is not of this family.
+    """
+    from rodgen.machines.machine import Machine
+
+    machine = Machine.load(file)
+    chain = machine.geometry
+    if chain is None or chain.family != family:
+        found = "a machine of joints" if chain is None else f'family = "{chain.family}"'
+        raise InputFileError(file, "family", found, f'family = "{family}"')
+    return chain, machine.length_unit

@@ -5,12 +5,21 @@ from __future__ import annotations
 import argparse
 import contextlib
 import math
-import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
-from rodgen.cli._console import OK, Command, reading, show, tell
+import numpy as np
+
+from rodgen.cli._console import OK, Command, notify, reading_progress, show
+from rodgen.cli._tables import add_table, counted
+from rodgen.cli._values import number, quantity
 from rodgen.errors import InputFileError, RodgenError, shown
+from rodgen.kinematics.axis import AxisStatus, axis_condition, length_mismatch, solve_axis
 
-__all__ = ["add_to"]
+if TYPE_CHECKING:
+    from rodgen.data.tables import MapSummary
+
+__all__ = ["add_to", "solve_table"]
 
 _PAIRS = """\
 The table, CSV (gzip or not) or Parquet, has one row a pair of points, seen before and after a rotation by a
@@ -31,7 +40,7 @@ The output gets every column of the table, then
                                   least-squares axis); parallel; perpendicular; every_axis; lengths_differ;
                                   invalid
   length_mismatch                 |rho'|/|rho| - 1
-  condition                       by how much errors of the points grow in the axes
+  condition                       factor by which errors of the points grow in the axes
 """
 
 _FIT = f"""\
@@ -44,16 +53,13 @@ not determine.
 def add_to(command: Command) -> None:
     """Add the commands."""
     solve = command("solve", _solve, "axes of every pair of points of a table", _SOLVE)
-    solve.add_argument("pairs", metavar="PAIRS", help="the table; '-' is CSV on standard input")
-    solve.add_argument(
-        "-o", "--output", metavar="FILE", help=".csv, .csv.gz or .parquet; default: CSV on standard output"
-    )
+    add_table(solve, "PAIRS")
     solve.add_argument(
         "--length-tolerance",
         metavar="RATIO",
-        type=_ratio,
+        type=number("a ratio: a number from 0 up, such as 1e-6", lambda x: x >= 0),
         help="mismatch of the lengths of rho and rho' beyond which the status is lengths_differ "
-        "(a ratio; default 1e-8; measured points need some six times their relative uncertainty)",
+        "(a ratio; default 1e-8; for measured points about six times their relative uncertainty)",
     )
 
     fit = command("fit-axis", _fit_axis, "one axis from all pairs of a table", _FIT)
@@ -73,7 +79,7 @@ def add_to(command: Command) -> None:
     )
     fit.add_argument(
         "--sigma",
-        type=_length,
+        type=quantity("--sigma", "0.01mm", positive=True),
         metavar="LENGTH",
         help="standard uncertainty of one coordinate of one reading, with its unit, such as 0.01mm; "
         "default: estimated from the residuals",
@@ -84,14 +90,6 @@ def add_to(command: Command) -> None:
     fit.add_argument("--plot", metavar="FILE", help="draw the pairs and residuals: .png, .svg or .pdf")
 
 
-def _ratio(text: str) -> float:
-    with contextlib.suppress(ValueError):
-        value = float(text)
-        if 0 <= value < math.inf:
-            return value
-    raise argparse.ArgumentTypeError(f"{shown(text)} is no ratio: a number from 0 up, such as 1e-6")
-
-
 def _point(text: str) -> str | tuple[float, ...]:
     if text in ("free", "origin"):
         return "free" if text == "free" else (0.0, 0.0, 0.0)
@@ -100,32 +98,48 @@ def _point(text: str) -> str | tuple[float, ...]:
         if len(point) == 3 and all(map(math.isfinite, point)):
             return point
     raise argparse.ArgumentTypeError(
-        f"{shown(text)} is none of free, origin, and three numbers such as 1,2.5,-3"
+        f"{shown(text)} is neither free, origin nor three numbers such as 1,2.5,-3"
     )
 
 
-def _length(text: str) -> tuple[float, str]:
-    found = re.fullmatch(r"\s*((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s].*?)\s*", text)
-    if found and 0 < float(found[1]) < math.inf:
-        return float(found[1]), found[2]
-    raise argparse.ArgumentTypeError(f"{shown(text)} is no positive length with its unit, such as 0.01mm")
+def solve_table(path: str, output: str | None = None, *, progress: Any = None, **options: Any) -> MapSummary:
+    """Write both axes of every pair of a table, in bounded memory.
+
+    Parameters
+    ----------
+    path, output, progress
+        As in `rodgen.data.tables.map_table`.
+    **options
+        As in `rodgen.solve_axis`.
+
+    Returns
+    -------
+    MapSummary
+    """
+    from rodgen.data.tables import PAIR_COLUMNS, Result, map_table
+
+    results = [
+        *(Result(f"e{root}_{axis}", "number") for root in (1, 2) for axis in "xyz"),
+        Result("status", AxisStatus),
+        Result("length_mismatch", "number"),
+        Result("condition", "number"),
+    ]
+
+    def solve(values: Sequence[Any]) -> Any:
+        rho, rho_prime, angle = np.column_stack(values[:3]), np.column_stack(values[3:6]), values[6]
+        axes, status = solve_axis(rho, rho_prime, angle, **options)
+        numbers = length_mismatch(rho, rho_prime), axis_condition(rho, rho_prime, angle)
+        return [*axes.reshape(-1, 6).T, status, *numbers], None
+
+    return map_table(path, output, PAIR_COLUMNS, lambda unit: (results, solve), progress=progress)
 
 
 def _solve(options: argparse.Namespace) -> int:
-    from rodgen.data.tables import solve_table
-
+    given = {} if options.length_tolerance is None else {"length_tolerance": options.length_tolerance}
     with contextlib.ExitStack() as stack:
-        summary = solve_table(
-            options.pairs,
-            options.output,
-            length_tolerance=options.length_tolerance,
-            progress=reading(stack),
-        )
-    counts = ", ".join(f"{count} {name}" for name, count in summary.counts.items())
-    name = "standard input" if options.pairs == "-" else options.pairs
-    if "lengths_differ" in summary.counts:
-        counts += " (see --length-tolerance)"
-    tell(f"{name}: {summary.rows} pair{'s' * (summary.rows != 1)}: {counts}")
+        summary = solve_table(options.table, options.output, progress=reading_progress(stack), **given)
+    hint = " (see --length-tolerance)" if "lengths_differ" in summary.counts else ""
+    notify(counted(options.table, summary, "pair") + hint)
     return OK
 
 
@@ -134,10 +148,7 @@ def _fit_axis(options: argparse.Namespace) -> int:
     from rodgen.kinematics.axis_fit import fit_axis
 
     pairs = read_pairs(options.pairs)
-    sigma = None
-    if options.sigma is not None:
-        value, unit = options.sigma
-        sigma = _in_unit(value, unit, pairs.unit)
+    sigma = options.sigma.to(pairs.unit)[0] if options.sigma else None
     try:
         fit = fit_axis(
             pairs.rho, pairs.rho_prime, pairs.angle, point=options.point, loss=options.loss, sigma=sigma
@@ -158,12 +169,3 @@ def _fit_axis(options: argparse.Namespace) -> int:
         show(f"{options.pairs}, lengths in {pairs.unit}")
         show(fit.summary())
     return OK
-
-
-def _in_unit(value: float, unit: str, target: str) -> float:
-    from rodgen.data.units import UnitError, conversion_factor
-
-    try:
-        return value * conversion_factor(unit, "length", target)
-    except UnitError as error:
-        raise InputFileError("command line", "--sigma", error.found, error.expected) from None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from rodgen.cli._change import Change, Written, carry_out
-from rodgen.cli._console import FAILED, OK, Command, UsageError, show, show_json, tell
+from rodgen.cli._console import FAILED, OK, Command, UsageError, notify, show, show_json
 from rodgen.cli._machine import FILES, add_json, add_loss, add_place
 from rodgen.errors import InputFileError
 
@@ -148,7 +148,7 @@ def _add_diagnosed(options: argparse.Namespace) -> int:
     )
     written = carry_out(options, change, diagnosis.file)
     for remark in diagnosis.remarks(fitted=options.data is not None, robust=options.loss != "linear"):
-        tell(remark)
+        notify(remark)
     return _done(options, written)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from rodgen.cli._console import FAILED, OK, Command, fitting, show, show_json, working
+from rodgen.cli._console import FAILED, OK, Command, fit_progress, show, show_json, show_progress
 from rodgen.cli._machine import FILES, add_files, add_json, add_loss, load_data
 
 __all__ = ["add_to"]
@@ -31,12 +31,12 @@ def _run(options: argparse.Namespace) -> int:
 
     machine = Machine.load(options.machine)
     data = load_data(options.data)
-    with fitting() as progress:
+    with fit_progress() as progress:
         fit = machine.fit(data, loss=options.loss, progress=progress)
     comparison = fit.compare()
     plots = []
     if options.plot:
-        with working("drawing") as told:
+        with show_progress("drawing") as told:
             plots = comparison.plot(options.plot, told)
     if options.json:
         show_json(comparison.to_dict() | {"plots": plots})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from rodgen.cli._console import FAILED, OK, Command, show, tell
+from rodgen.cli._console import FAILED, OK, Command, notify, show
 from rodgen.errors import InputFileError, RodgenError
 
 if TYPE_CHECKING:
@@ -133,5 +133,5 @@ def _kernels(options: argparse.Namespace) -> int:
         return OK
     show(difference, end="")
     command = " ".join(["rodgen kernels", *([options.derivation] if not own else []), "-o", options.output])
-    tell(f"{folder}: not what the derivations make; '{command}' writes it anew")
+    notify(f"{folder}: not what the derivations make; '{command}' writes it anew")
     return FAILED

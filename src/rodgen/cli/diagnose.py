@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from rodgen.cli._console import FAILED, OK, Command, fitting, show, show_json
+from rodgen.cli._console import FAILED, OK, Command, fit_progress, show, show_json
 from rodgen.cli._machine import FILES, add_files, add_json, load_data
 
 __all__ = ["add_to"]
@@ -39,7 +39,7 @@ def _run(options: argparse.Namespace) -> int:
     machine = Machine.load(options.machine)
     data = load_data(options.data)
     test = load_data(options.test) if options.test else None
-    with fitting() as progress:
+    with fit_progress() as progress:
         found = diagnose(machine, data, test=test, progress=progress)
     if options.json:
         show_json(found.to_dict())

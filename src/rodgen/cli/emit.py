@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from rodgen.cli._console import FAILED, OK, Command, fitting, show, show_json, tell
+from rodgen.cli._console import FAILED, OK, Command, fit_progress, notify, show, show_json
 from rodgen.cli._machine import FILES, add_files, add_json, add_loss, load_data
 
 __all__ = ["add_to"]
@@ -37,7 +37,7 @@ def _run(options: argparse.Namespace) -> int:
     machine, travel, converged, lost = Machine.load(options.machine), None, True, 0.0
     if options.data:
         data = load_data(options.data)
-        with fitting() as progress:
+        with fit_progress() as progress:
             fit = machine.fit(data, loss=options.loss, progress=progress)
         machine, travel, converged = fit.machine, fit.observations.travel, fit.solution.converged
         lost = not_found_by_code(machine, fit.observations)
@@ -47,7 +47,7 @@ def _run(options: argparse.Namespace) -> int:
     else:
         show("\n".join(files))
     if lost > 0:
-        tell(
+        notify(
             f"In {lost:.1%} of the rows the emitted code does not find the platform, and gives NaN or another pose."
         )
     return OK if converged else FAILED

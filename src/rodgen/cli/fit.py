@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from rodgen.cli._console import FAILED, OK, Command, fitting, show, show_json
+from rodgen.cli._console import FAILED, OK, Command, fit_progress, show, show_json
 from rodgen.cli._machine import FILES, add_files, add_json, add_loss, load_data
 from rodgen.cli._outputs import Outputs
 
@@ -49,7 +49,7 @@ def _run(options: argparse.Namespace) -> int:
             check_output(options.data, options.residuals)
         machine = Machine.load(options.machine)
         data = load_data(options.data)
-        with fitting() as progress:
+        with fit_progress() as progress:
             fit = machine.fit(data, loss=options.loss, progress=progress)
         text = None if options.json else fit.summary()
         if options.output:

@@ -42,8 +42,8 @@ from rodgen.cli._console import (
     Parser,
     UsageError,
     adder,
+    notify,
     show,
-    tell,
 )
 from rodgen.errors import InputFileError, RodgenError
 
@@ -107,7 +107,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             code: int = options.run(options)
             return code
     except UsageError as error:
-        tell(str(error))
+        notify(str(error))
         return BAD_INPUT
     except BrokenPipeError:
         # Who read the output has seen enough. What is still buffered must not raise once more at the exit.
@@ -121,12 +121,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if extra is None:
             raise
         found, expected = f"no module {error.name!r}", f"it: pip install 'rodgen[{extra}]'"
-        tell(str(InputFileError("command line", given[0], found, expected)))
+        notify(str(InputFileError("command line", given[0], found, expected)))
         return BAD_INPUT
     except RodgenError as error:
         from rodgen.cli.scripts import UnprovedError
 
-        tell(str(error))
+        notify(str(error))
         if isinstance(error, InputFileError) and error.file == "standard output":
             # Closed here, because the interpreter would try, and complain, once more at the exit.
             with contextlib.suppress(OSError, AttributeError):
@@ -153,7 +153,7 @@ def _one_line_warnings() -> Iterator[None]:
         text = " ".join(str(message).split())
         if text not in told:
             told.add(text)
-            tell(f"rodgen: warning: {text}")
+            notify(f"rodgen: warning: {text}")
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

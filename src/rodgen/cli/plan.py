@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from rodgen.cli._console import OK, Command, fitting, show, show_json, tell, working
+from rodgen.cli._console import OK, Command, fit_progress, notify, show, show_json, show_progress
 from rodgen.cli._machine import FILES, add_files, add_json, add_loss, load_data
 from rodgen.cli._outputs import Outputs
 from rodgen.errors import RodgenError
@@ -71,7 +71,7 @@ def _run(options: argparse.Namespace) -> int:
             outputs.claim(options.output)
         machine = Machine.load(options.machine)
         data = load_data(options.data)
-        with fitting() as progress:
+        with fit_progress() as progress:
             of: Fit | Diagnosis
             if options.wanted:
                 of = machine.fit(data, loss=options.loss, progress=progress)
@@ -80,14 +80,14 @@ def _run(options: argparse.Namespace) -> int:
 
                 of = diagnose(machine, data, progress=progress)
         try:
-            with working("planning"):
+            with show_progress("planning"):
                 found = plan(of, options.count, wanted=options.wanted or None)
         except PlanError as error:  # the number was looked at before, so it is one of these
             raise RodgenError(f"command line: --for: {error}") from None
         if options.output and found.count:
             outputs.add(options.output, found.csv().encode())
         elif options.output:
-            tell(f"{options.output} is not written: there is nothing to measure")
+            notify(f"{options.output} is not written: there is nothing to measure")
     if options.json:
         show_json(found.to_dict())
     else:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from rodgen.cli._console import FAILED, OK, Command, fitting, tell
+from rodgen.cli._console import FAILED, OK, Command, fit_progress, notify
 from rodgen.cli._machine import add_files, add_loss, load_data
 from rodgen.cli._outputs import Outputs
 
@@ -41,7 +41,7 @@ def _run(options: argparse.Namespace) -> int:
         check_output(options.design, options.output)
         machine = Machine.load(options.machine)
         data, design = load_data(options.data), load_data(options.design)
-        with fitting() as progress:
+        with fit_progress() as progress:
             fit = machine.fit(data, loss=options.loss, progress=progress)
         made = fit.predict(design)
         with copied_with(options.design, options.output, made.columns()):
@@ -49,5 +49,5 @@ def _run(options: argparse.Namespace) -> int:
     open_ = int((~made.determined).sum())
     name = options.output if options.output not in (None, "-") else "standard output"
     more = f"; {open_} not determined by these measurements" if open_ else ""
-    tell(f"{name}: {design.rows} row{'s' * (design.rows != 1)}{more}")
+    notify(f"{name}: {design.rows} row{'s' * (design.rows != 1)}{more}")
     return OK if fit.solution.converged else FAILED

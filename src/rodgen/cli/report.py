@@ -6,7 +6,7 @@ import argparse
 import contextlib
 import math
 
-from rodgen.cli._console import FAILED, OK, Command, fitting, show, working
+from rodgen.cli._console import FAILED, OK, Command, fit_progress, show, show_progress
 from rodgen.cli._machine import FILES, add_files, load_data
 from rodgen.errors import InputFileError, RodgenError
 
@@ -58,12 +58,12 @@ def _run(options: argparse.Namespace) -> int:
     if options.test:
         test = load_data(options.test)
         bind(machine, test)  # what is wrong with it is told before a long fit, not after
-    with fitting() as progress:
+    with fit_progress() as progress:
         found = diagnose(machine, data, test=test, progress=progress)
     planned = None
-    with working("planning"), contextlib.suppress(PlanError):
+    with show_progress("planning"), contextlib.suppress(PlanError):
         planned = plan(found)
-    with working("drawing") as told:
+    with show_progress("drawing") as told:
         files = write_report(
             found, planned, options.output, images=options.images, radii=radii, progress=told
         )

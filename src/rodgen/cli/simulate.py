@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from rodgen.cli._console import OK, Command, UsageError, show, show_json, tell
+from rodgen.cli._console import OK, Command, UsageError, notify, show, show_json
 from rodgen.cli._machine import add_json, load_data
 from rodgen.cli._outputs import Outputs
 from rodgen.errors import InputFileError
@@ -107,7 +107,7 @@ def _run(options: argparse.Namespace) -> int:
     if options.json:
         show_json(about)
     else:
-        tell(_told(options, about))
+        notify(_told(options, about))
     return OK
 
 

@@ -1,12 +1,14 @@
-"""The options that say which 3-SPS-S machine is meant: its dimensions, or a machine file."""
+"""Options for a 3-SPS-S machine: its dimensions, or a machine file."""
 
 from __future__ import annotations
 
 import argparse
 from typing import TYPE_CHECKING
 
-from rodgen.cli.tricept._options import Lengths, lengths
-from rodgen.errors import InputFileError, RodgenError
+from rodgen.cli._console import located
+from rodgen.cli._machine import closed_chain_of
+from rodgen.cli._values import Quantity, quantity
+from rodgen.errors import InputFileError
 
 if TYPE_CHECKING:
     from rodgen.kinematics.three_sps_s import Geometry
@@ -25,24 +27,24 @@ def add_machine(parser: argparse.ArgumentParser) -> None:
         ("r", "120mm", "radius of the joints on the platform"),
         ("h", "260mm", "height of the pivot over the base"),
     ):
-        parser.add_argument(f"--{name}", metavar="LENGTH", type=lengths(f"--{name}", 1, example), help=text)
+        parser.add_argument(f"--{name}", metavar="LENGTH", type=quantity(f"--{name}", example), help=text)
     parser.add_argument("--machine", metavar="FILE", help="machine file that has R, r and h")
 
 
 def add_limits(parser: argparse.ArgumentParser) -> None:
-    """Add the option of the lengths that a leg may have."""
+    """Add ``--limits``, the lengths that a leg may have."""
     parser.add_argument(
         "--limits",
         metavar="LEAST,GREATEST",
-        type=lengths("--limits", 2, "200,400mm"),
+        type=quantity("--limits", "200,400mm", 2),
         help="lengths of a leg, such as 200,400mm; default: any",
     )
 
 
 def machine_of(options: argparse.Namespace, unit: str = "") -> tuple[Geometry, str]:
-    """Return the machine, and the unit of its lengths: the one asked for, or that in which it is given.
+    """Return the machine, and the unit of its lengths: `unit`, or that in which they were given.
 
-    A machine file's start, a rotation vector in rad, is left in `options.start`; None where there is none.
+    The start of a machine file, a rotation vector in rad, is stored in `options.start`, None without one.
     """
     from rodgen.kinematics.three_sps_s import Geometry
 
@@ -50,16 +52,12 @@ def machine_of(options: argparse.Namespace, unit: str = "") -> tuple[Geometry, s
     given = {name: getattr(options, name) for name in ("R", "r", "h")}
     if options.machine is not None:
         if any(given.values()):
-            raise InputFileError("command line", "--machine", "beside --R, --r or --h", "one of the two")
-        from rodgen.machines.machine import Machine
-
-        machine = Machine.load(options.machine)
-        chain = machine.geometry
-        if chain is None or chain.family != "3-sps-s":
-            found = "a machine of joints" if chain is None else f'family = "{chain.family}"'
-            raise InputFileError(options.machine, "family", found, 'family = "3-sps-s"')
+            raise InputFileError(
+                "command line", "--machine", "together with --R, --r or --h", "one of the two"
+            )
+        chain, length_unit = closed_chain_of(options.machine, "3-sps-s")
         options.start = chain.start
-        given = {name: Lengths((getattr(chain, name),), machine.length_unit, "--machine") for name in given}
+        given = {name: Quantity((getattr(chain, name),), length_unit, "--machine") for name in given}
     missing = [f"--{name}" for name, value in given.items() if value is None]
     if missing:
         expected = "all of --R, --r and --h, each with its unit, or --machine"
@@ -68,11 +66,8 @@ def machine_of(options: argparse.Namespace, unit: str = "") -> tuple[Geometry, s
         value.to("mm")  # each is a length, and says so under its own name
     unit = unit or given["R"].unit
     R, r, h = (value.to(unit)[0] for value in given.values())
-    try:
+    with located("command line", "--R, --r, --h"):
         return Geometry(R, r, h), unit
-    except RodgenError as error:
-        found, expected = str(error).split("; expected ")
-        raise InputFileError("command line", "--R, --r, --h", found, expected) from None
 
 
 def limits_of(options: argparse.Namespace, unit: str) -> tuple[float, float] | None:

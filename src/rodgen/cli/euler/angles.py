@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from rodgen.cli._attitude import ATTITUDE_TEXT, add_files, add_form, columns_of, run
+from rodgen.cli._attitude import ATTITUDE_TEXT, add_form, columns_of, map_array
 from rodgen.cli._console import Command
+from rodgen.cli._tables import add_table
 
 __all__ = ["add_to"]
 
@@ -23,7 +24,7 @@ The output gets every column of the table, then
 def add_to(command: Command) -> None:
     """Add the command."""
     parser = command("angles", _run, "instantaneous Euler angles of attitudes", _TEXT)
-    add_files(parser, "ATTITUDES")
+    add_table(parser, "ATTITUDES")
     add_form(parser)
 
 
@@ -42,4 +43,4 @@ def _run(options: argparse.Namespace) -> int:
             chi, status = ie.angles_from_euler(values, options.form)
         return [*chi.T, status], None
 
-    return run(options, columns_of(options.form), results, function)
+    return map_array(options, columns_of(options.form), results, function)

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
-import math
-import re
 from typing import Any
 
 import numpy as np
 
-from rodgen.cli._attitude import add_files
-from rodgen.cli._console import OK, Command, reading, tell
+from rodgen.cli._console import Command
+from rodgen.cli._tables import add_table, map_rows, rows_of
+from rodgen.cli._values import quantity
 from rodgen.cli.euler._three_sps_s import MACHINE_TEXT, add_machine, machine_of
-from rodgen.errors import InputFileError, shown
+from rodgen.errors import InputFileError
 
 __all__ = ["add_to"]
 
@@ -40,12 +38,12 @@ and with --all, first, mode: the number of the attitude, 0 where there is none.
 def add_to(command: Command) -> None:
     """Add the command."""
     parser = command("direct", _run, "attitudes of a 3-SPS-S machine from its legs", _TEXT)
-    add_files(parser, "LEGS")
+    add_table(parser, "LEGS")
     parser.add_argument("--all", action="store_true", help="every attitude, a row each")
     parser.add_argument(
         "--near",
         metavar="X,Y,Z",
-        type=_rotation_vector,
+        type=quantity("--near", "0,0,30deg", 3, "angle"),
         help="rotation vector (axis times angle) with its unit, such as 0,0,30deg; default: the start in the machine "
         "file, else no rotation",
     )
@@ -55,19 +53,9 @@ def add_to(command: Command) -> None:
     add_machine(parser)
 
 
-def _rotation_vector(text: str) -> Any:
-    found = re.fullmatch(r"([-+.,\deE\s]*\d\.?)\s*(deg|rad)", text.strip())
-    if found:
-        with contextlib.suppress(ValueError):
-            numbers = [float(part) for part in found[1].split(",")]
-            if len(numbers) == 3 and all(map(math.isfinite, numbers)):
-                return np.radians(numbers) if found[2] == "deg" else np.array(numbers)
-    raise argparse.ArgumentTypeError(f"{shown(text)} is no rotation vector in deg or rad, such as 0,0,30deg")
-
-
 def _run(options: argparse.Namespace) -> int:
     from rodgen import matrix_from_axis_angle, quaternion_from_matrix
-    from rodgen.data.tables import Column, Result, map_table
+    from rodgen.data.tables import Column, Result
     from rodgen.kinematics import instantaneous_euler, three_sps_s
 
     if options.all and (options.follow or options.near is not None):
@@ -83,7 +71,7 @@ def _run(options: argparse.Namespace) -> int:
         geometry, _ = machine_of(options, unit)
         near = np.zeros(3)
         if options.near is not None or options.start is not None:
-            near = np.array(options.start if options.near is None else options.near)
+            near = np.array(options.start if options.near is None else options.near.to("rad"))
         angle = float(np.linalg.norm(near))
         start = matrix_from_axis_angle(near / angle if angle else [0.0, 0.0, 1.0], angle)[0]
 
@@ -92,10 +80,9 @@ def _run(options: argparse.Namespace) -> int:
             index, first = None, []
             if options.all:
                 rotations, count, status = three_sps_s.direct_all(legs, geometry)
-                index = np.repeat(np.arange(len(legs)), np.maximum(count, 1))
-                number = np.arange(len(index)) - np.searchsorted(index, index)
-                first = [np.where(count[index] > 0, number + 1, 0)]
-                rotation, status = rotations[index, number], status[index]
+                index, slot, number = rows_of(count)
+                first = [number]
+                rotation, status = rotations[index, slot], status[index]
             elif options.follow:
                 rotation, status = three_sps_s.follow(legs, geometry, start=start)
             else:
@@ -107,11 +94,4 @@ def _run(options: argparse.Namespace) -> int:
         return results, function
 
     columns = [Column(f"L{n}", "length") for n in (1, 2, 3)]
-    with contextlib.ExitStack() as stack:
-        summary = map_table(
-            options.table, options.output, columns, prepare, progress=reading(stack), whole=options.follow
-        )
-    counts = ", ".join(f"{count} {name}" for name, count in summary.counts.items())
-    name = "standard input" if options.table == "-" else options.table
-    tell(f"{name}: {summary.rows} row{'s' * (summary.rows != 1)}: {counts}")
-    return OK
+    return map_rows(options, columns, prepare, whole=options.follow)

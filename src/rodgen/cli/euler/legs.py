@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from rodgen.cli._attitude import ATTITUDE_TEXT, add_files, add_form, columns_of, matrices, run
+from rodgen.cli._attitude import ATTITUDE_TEXT, add_form, columns_of, map_array, matrices
 from rodgen.cli._console import Command
+from rodgen.cli._tables import add_table
 from rodgen.cli.euler._three_sps_s import MACHINE_TEXT, add_limits, add_machine, limits_of, machine_of
 
 __all__ = ["add_to"]
@@ -30,7 +31,7 @@ The output gets every column of the table, then
 def add_to(command: Command) -> None:
     """Add the command."""
     parser = command("legs", _run, "legs of a 3-SPS-S machine from attitudes", _TEXT)
-    add_files(parser, "ATTITUDES")
+    add_table(parser, "ATTITUDES")
     add_form(parser)
     add_machine(parser)
     add_limits(parser)
@@ -58,7 +59,7 @@ def _run(options: argparse.Namespace) -> int:
         legs = np.where((status == Status.INVALID)[:, None], np.nan, three_sps_s.legs(rotation, geometry))
         return [*legs.T, np.where(status == Status.INVALID, np.nan, determinant), status], None
 
-    return run(options, columns_of(options.form), results, function)
+    return map_array(options, columns_of(options.form), results, function)
 
 
 def _made_normal(matrices: Any) -> Any:

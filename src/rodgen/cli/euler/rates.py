@@ -7,16 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from rodgen.cli._attitude import (
-    ANGLES,
-    ATTITUDE_TEXT,
-    add_files,
-    add_form,
-    columns_of,
-    matrices,
-    run,
-)
+from rodgen.cli._attitude import ANGLES, ATTITUDE_TEXT, add_form, columns_of, map_array, matrices
 from rodgen.cli._console import Command
+from rodgen.cli._tables import add_table
 
 __all__ = ["add_to"]
 
@@ -40,7 +33,7 @@ The output gets every column of the table, then
 def add_to(command: Command) -> None:
     """Add the command."""
     parser = command("rates", _run, "rates of instantaneous Euler angles", _TEXT)
-    add_files(parser, "MOTIONS")
+    add_table(parser, "MOTIONS")
     add_form(parser)
     parser.add_argument(
         "--euler-rates", action="store_true", help="the table has the rates of the sequence's angles"
@@ -75,4 +68,4 @@ def _run(options: argparse.Namespace) -> int:
         status = np.where(abnormal & right, ie.MotionStatus.NOT_NORMAL, found.status)
         return [*found.rate.T, found.determinant, status], None
 
-    return run(options, columns, results, function)
+    return map_array(options, columns, results, function)

@@ -7,15 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from rodgen.cli._attitude import (
-    ATTITUDE_TEXT,
-    add_files,
-    add_form,
-    columns_of,
-    matrices,
-    run,
-)
+from rodgen.cli._attitude import ATTITUDE_TEXT, add_form, columns_of, map_array, matrices
 from rodgen.cli._console import Command
+from rodgen.cli._tables import add_table
 
 __all__ = ["add_to"]
 
@@ -34,7 +28,7 @@ The output gets every column of the table, then for each of Xr, Yr, Zr
 def add_to(command: Command) -> None:
     """Add the command."""
     parser = command("ridge", _run, "ridge lines of attitudes", _TEXT)
-    add_files(parser, "ATTITUDES")
+    add_table(parser, "ATTITUDES")
     add_form(parser)
     parser.add_argument("--point", action="store_true", dest="moved", help="the origin moves, too")
 
@@ -65,4 +59,4 @@ def _run(options: argparse.Namespace) -> int:
             made += [*lines[:, i, : 6 if options.moved else 3].T, status[:, i]]
         return made, None
 
-    return run(options, columns, results, function)
+    return map_array(options, columns, results, function)

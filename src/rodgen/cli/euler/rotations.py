@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
-import math
 from typing import Any
 
-import numpy as np
-
-from rodgen.cli._attitude import add_files, run
+from rodgen.cli._attitude import map_array
 from rodgen.cli._console import Command
+from rodgen.cli._tables import add_table, rows_of
+from rodgen.cli._values import number
 from rodgen.errors import shown
 
 __all__ = ["add_to"]
@@ -40,25 +38,17 @@ Zr_x,Zr_y,Zr_z, of any length, and the output one row for each of its own: q0 qx
 def add_to(command: Command) -> None:
     """Add the command."""
     parser = command("rotations", _run, "all rotations with given instantaneous Euler angles", _TEXT)
-    add_files(parser, "ANGLES")
+    add_table(parser, "ANGLES")
     parser.add_argument(
         "--tolerance",
         metavar="RATIO",
-        type=_ratio,
+        type=number("a ratio: a number from 0 up, such as 1e-6", lambda x: x >= 0),
         default=0.0,
         help="squared component of the quaternion, relative to the rotation's size, that is taken for 0 (default: 16 "
         "rounding units; for measured angles some three times their uncertainty over the largest)",
     )
     parser.add_argument("--ridge", metavar="AXES", type=_axes, help="choose by the ridge lines of these axes")
     parser.add_argument("--unoriented", action="store_true", help="the ridge lines have no sense")
-
-
-def _ratio(text: str) -> float:
-    with contextlib.suppress(ValueError):
-        value = float(text)
-        if 0 <= value < math.inf:
-            return value
-    raise argparse.ArgumentTypeError(f"{shown(text)} is no ratio: a number from 0 up, such as 1e-6")
 
 
 def _axes(text: str) -> str:
@@ -85,17 +75,16 @@ def _run(options: argparse.Namespace) -> int:
 
     def function(values: Any) -> Any:
         found = ie.rotations(values, tolerance=options.tolerance)
-        index = np.repeat(np.arange(len(values)), np.maximum(found.count, 1))
-        number = np.arange(len(index)) - np.searchsorted(index, index)
+        index, slot, numbers = rows_of(found.count)
         return [
-            np.where(found.count[index] > 0, number + 1, 0),
-            *found.quaternions[index, number].T,
+            numbers,
+            *found.quaternions[index, slot].T,
             found.status[index],
             found.distance[index],
             *found.nearest[index].T,
         ], index
 
-    return run(options, columns, results, function)
+    return map_array(options, columns, results, function)
 
 
 def _choose(options: argparse.Namespace, columns: Any, quaternion: Any) -> int:
@@ -118,4 +107,4 @@ def _choose(options: argparse.Namespace, columns: Any, quaternion: Any) -> int:
         )
         return [*choice.quaternion.T, choice.misfit, choice.left, choice.status], None
 
-    return run(options, columns, results, function)
+    return map_array(options, columns, results, function)

@@ -7,15 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from rodgen.cli._attitude import (
-    ATTITUDE_TEXT,
-    add_files,
-    add_form,
-    columns_of,
-    quaternions,
-    run,
-)
+from rodgen.cli._attitude import ATTITUDE_TEXT, add_form, columns_of, map_array, quaternions
 from rodgen.cli._console import Command
+from rodgen.cli._tables import add_table
 
 __all__ = ["add_to"]
 
@@ -36,7 +30,7 @@ The output gets every column of the table, then
 def add_to(command: Command) -> None:
     """Add the command."""
     parser = command("trajectory", _run, "instantaneous beside conventional angles along a motion", _TEXT)
-    add_files(parser, "MOTION")
+    add_table(parser, "MOTION")
     add_form(parser)
     parser.add_argument(
         "--to",
@@ -87,4 +81,4 @@ def _run(options: argparse.Namespace) -> int:
             made += [*found.continuous[name].T, status]
         return made, None
 
-    return run(options, columns_of(options.form), results, function, whole=True)
+    return map_array(options, columns_of(options.form), results, function, whole=True)

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import math
-import re
 from typing import Any
 
 import numpy as np
 
 from rodgen.cli._console import OK, Command, show, show_json
+from rodgen.cli._tables import status_names, write_columns
+from rodgen.cli._values import number, quantity, whole
 from rodgen.cli.euler._three_sps_s import MACHINE_TEXT, add_limits, add_machine, limits_of, machine_of
-from rodgen.errors import shown
 
 __all__ = ["add_to"]
 
@@ -34,44 +33,24 @@ def add_to(command: Command) -> None:
     add_machine(parser)
     add_limits(parser)
     parser.add_argument(
-        "--torsion", metavar="ANGLE", type=_angle, help="one torsion, such as 30deg; default: all"
+        "--torsion",
+        metavar="ANGLE",
+        type=quantity("--torsion", "30deg", 1, "angle"),
+        help="one torsion, such as 30deg; default: all",
     )
     parser.add_argument(
         "--side", choices=("+", "-", "either"), default="+", help="sign of the determinant; default: +"
     )
     parser.add_argument(
-        "--margin", metavar="NUMBER", type=_margin, default=1e-6,
+        "--margin", metavar="NUMBER", type=number("a number from 0 to below 1", lambda x: 0 <= x < 1), default=1e-6,
         help="normed determinant that must be exceeded (from 0 to below 1; default: 1e-6)",
     )  # fmt: skip
     parser.add_argument(
-        "--samples", metavar="N", type=_samples, default=45, help="cells of the tilt, 4 to 400 (45)"
+        "--samples", metavar="N", type=whole(4, 400), default=45, help="cells of the tilt, 4 to 400 (45)"
     )
     parser.add_argument("--json", action="store_true", help="print JSON: angles in rad")
     parser.add_argument("--plot", metavar="FILE", help="draw maps of tilt and azimuth: .png, .svg or .pdf")
     parser.add_argument("-o", "--output", metavar="FILE", help="the grid: .csv, .csv.gz or .parquet")
-
-
-def _angle(text: str) -> float:
-    found = re.fullmatch(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(deg|rad)\s*", text)
-    if found:
-        with contextlib.suppress(ValueError):
-            value = float(found[1])
-            return math.radians(value) if found[2] == "deg" else value
-    raise argparse.ArgumentTypeError(f"{shown(text)} is no angle in deg or rad, such as 30deg")
-
-
-def _margin(text: str) -> float:
-    with contextlib.suppress(ValueError):
-        if 0 <= float(text) < 1:
-            return float(text)
-    raise argparse.ArgumentTypeError(f"{shown(text)} is no number from 0 to below 1")
-
-
-def _samples(text: str) -> int:
-    with contextlib.suppress(ValueError):
-        if 4 <= int(text) <= 400:
-            return int(text)
-    raise argparse.ArgumentTypeError(f"{shown(text)} is no whole number from 4 to 400")
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -80,8 +59,9 @@ def _run(options: argparse.Namespace) -> int:
     geometry, unit = machine_of(options)
     limits = limits_of(options, unit)
     side = {"+": 1, "-": -1, "either": 0}[options.side]
+    torsion = None if options.torsion is None else options.torsion.to("rad")[0]
     found = three_sps_s.workspace(
-        geometry, limits, torsion=options.torsion, side=side, margin=options.margin, samples=options.samples
+        geometry, limits, torsion=torsion, side=side, margin=options.margin, samples=options.samples
     )
     if options.plot:
         three_sps_s.save_workspace_plot(options.plot, found)
@@ -107,11 +87,7 @@ def _run(options: argparse.Namespace) -> int:
     R, r, h = geometry.lengths
     between = "of any length" if limits is None else f"from {limits[0]:.6g} to {limits[1]:.6g} {unit}"
     show(f"legs {between}, R = {R:.6g}, r = {r:.6g}, h = {h:.6g} {unit}")
-    of = (
-        "attitudes"
-        if options.torsion is None
-        else f"tilts at a torsion of {math.degrees(options.torsion):g} deg"
-    )
+    of = "attitudes" if torsion is None else f"tilts at a torsion of {math.degrees(torsion):g} deg"
     show(f"allowed     {found.share:.4f} of all {of}")
     show(f"joined      {found.joined_share:.4f}")
     if allowed.any():
@@ -134,21 +110,15 @@ def _reach(found: Any) -> float:
 
 
 def _write(path: str, found: Any, geometry: Any, unit: str) -> None:
-    import pyarrow as pa
-
-    from rodgen.data.tables import open_sink
     from rodgen.kinematics import three_sps_s
 
     torsion, azimuth, tilt = np.meshgrid(found.torsion, found.azimuth, found.tilt, indexing="ij")
     rotation = three_sps_s.rotation_from_tilt_torsion(azimuth, tilt, torsion)
     legs = three_sps_s.legs(rotation, geometry)
-    names = pa.array([code.name.lower() for code in three_sps_s.OrientationStatus], pa.string())
     angles = {"azimuth": azimuth, "tilt": tilt, "torsion": torsion}
-    columns = {f"{name} [deg]": pa.array(np.degrees(values).ravel()) for name, values in angles.items()}
-    columns |= {f"L{n + 1} [{unit}]": pa.array(legs[..., n].ravel()) for n in range(3)}
-    columns["determinant"] = pa.array(found.determinant.ravel())
-    columns["status"] = names.take(pa.array(found.status.ravel()))
-    columns["joined"] = pa.array(found.joined.ravel().astype(np.int64))
-    batch = pa.RecordBatch.from_pydict(columns)
-    with open_sink(path, batch.schema) as sink:
-        sink.write(sink.encode(batch))
+    columns = {f"{name} [deg]": np.degrees(values) for name, values in angles.items()}
+    columns |= {f"L{n + 1} [{unit}]": legs[..., n] for n in range(3)}
+    columns["determinant"] = found.determinant
+    columns["status"] = status_names(three_sps_s.OrientationStatus, found.status)
+    columns["joined"] = found.joined.astype(np.int64)
+    write_columns(path, columns)

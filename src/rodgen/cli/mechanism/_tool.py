@@ -1,4 +1,4 @@
-"""The point of the last link that a table is about."""
+"""The option for the point of the last link that a table refers to."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rodgen.cli.tricept._options import lengths
+from rodgen.cli._values import quantity
 
 if TYPE_CHECKING:
     from rodgen.cli.mechanism._mechanism import Chain
@@ -20,7 +20,7 @@ def add_tool(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--tool",
         metavar="X,Y,Z",
-        type=lengths("--tool", 3, "2,3,5cm"),
+        type=quantity("--tool", "2,3,5cm", 3),
         help="point of the last link, in its frame (x along the next link, z along the last joint), such as 2,3,5cm; "
         "of a machine file in machine axes at zero; default: the frame's origin",
     )

@@ -7,16 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from rodgen.cli._console import Command
+from rodgen.cli._console import Command, located
 from rodgen.cli.mechanism._mechanism import (
     MECHANISM_TEXT,
     add_files,
     chain_of,
     column_name,
-    faults_of,
+    map_poses,
     place,
     quantity_of,
-    run,
 )
 from rodgen.cli.mechanism._tool import add_tool, tool_of
 
@@ -68,5 +67,5 @@ def _run(options: argparse.Namespace) -> int:
         attitude = [Result(name, "number") for name in ("q0", "qx", "qy", "qz")]
         return [*place("xyz", here.mechanism.unit), *attitude], function
 
-    with faults_of(chain.file):
-        return run(options, columns, prepare)
+    with located(chain.file, "mechanism"):
+        return map_poses(options, columns, prepare)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from rodgen.cli._console import OK, Command, show, show_json, tell
+from rodgen.cli._console import OK, Command, notify, show, show_json
 from rodgen.cli._machine import add_json
 from rodgen.cli._outputs import Outputs
 from rodgen.cli.mechanism._mechanism import MECHANISM_TEXT, add_mechanism, chain_of
@@ -45,7 +45,7 @@ def _run(options: argparse.Namespace) -> int:
         with Outputs(options.mechanism) as outputs:
             outputs.claim(options.svg)
             outputs.add(options.svg, drawing.encode())
-        tell(f"{options.svg}: planar representation")
+        notify(f"{options.svg}: planar representation")
     if options.json:
         show_json(data)
     else:

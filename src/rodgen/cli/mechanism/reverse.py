@@ -8,16 +8,15 @@ from typing import Any
 import numpy as np
 
 from rodgen.cli._attitude import ATTITUDE_TEXT, add_form, columns_of, matrices
-from rodgen.cli._console import Command
+from rodgen.cli._console import Command, located
 from rodgen.cli.mechanism._mechanism import (
     MECHANISM_TEXT,
     Chain,
     add_files,
     chain_of,
     column_name,
-    faults_of,
+    map_poses,
     quantity_of,
-    run,
 )
 from rodgen.cli.mechanism._tool import add_tool, tool_of
 from rodgen.errors import InputFileError, shown
@@ -66,7 +65,7 @@ def add_to(command: Command) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     chain = chain_of(options.mechanism)
-    with faults_of(chain.file):
+    with located(chain.file, "mechanism"):
         return _loop(options, chain) if chain.mechanism.closed else _robot(options, chain)
 
 
@@ -92,7 +91,7 @@ def _robot(options: argparse.Namespace, chain: Chain) -> int:
 
         return _results(here, list(range(len(here.mechanism.variables)))), function
 
-    return run(options, columns, prepare)
+    return map_poses(options, columns, prepare)
 
 
 def _loop(options: argparse.Namespace, chain: Chain) -> int:
@@ -119,7 +118,7 @@ def _loop(options: argparse.Namespace, chain: Chain) -> int:
         left = [v for v in range(len(names)) if v not in wanted]
         return _results(here, left), function
 
-    return run(options, columns, prepare)
+    return map_poses(options, columns, prepare)
 
 
 def _given(options: argparse.Namespace, names: list[str]) -> list[int]:

@@ -1,4 +1,4 @@
-"""The options that say how uncertain a Tricept's parameters are: by name, or as a matrix in a file."""
+"""Options for the uncertainty of a Tricept's parameters: by name, or as a matrix in a file."""
 
 from __future__ import annotations
 
@@ -10,13 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from rodgen.errors import InputFileError, RodgenError, shown
+from rodgen.cli._console import located
+from rodgen.cli._values import read_quantity
+from rodgen.errors import InputFileError, shown
 
 __all__ = ["COVARIANCE_TEXT", "add_covariance", "covariance_of"]
 
 COVARIANCE_TEXT = """\
-How uncertain the parameters are is told by --u NAME=VALUE, as often as needed: a standard uncertainty with its unit, of
-one parameter or of each of a group:
+--u NAME=VALUE, which may be repeated, gives a standard uncertainty with its unit, of one parameter or of each of a
+group:
   rods (A0 A1 A-1), radii (r R), zeros (zero_A0 ...), fixed_joints (A_x A_y ... C_z), moving_joints (Ap_x ... Cp_z), q,
   guide_lengths (P_x P_y P_z axes_gap rod_x rod_y rod_z), guide_angles (axis_x axis_z axes_square rod_tilt mount_x
   mount_y mount_z)
@@ -33,7 +35,7 @@ uncertainty is given it is the paper's (23): 0.005 mm/√3 for the rods, 0.01 mm
 
 _PAPER = {"rods": (0.005 / 3**0.5, "mm"), "radii": (0.01 / 3**0.5, "mm")}
 
-Quantity = tuple[float, str]
+SizeAndUnit = tuple[float, str]
 
 
 def add_covariance(parser: argparse.ArgumentParser) -> None:
@@ -54,19 +56,14 @@ def add_covariance(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _named(text: str) -> tuple[str, Quantity]:
+def _named(text: str) -> tuple[str, SizeAndUnit]:
     name, sign, value = text.partition("=")
-    found = _quantity(value) if sign else None
+    found = read_quantity(value) if sign else None
     if found is None:
         raise argparse.ArgumentTypeError(
-            f"{shown(text)} is no name and uncertainty with its unit, such as rods=2.9um"
+            f"{shown(text)} is not a name and an uncertainty with its unit, such as rods=2.9um"
         )
     return name.strip(), found
-
-
-def _quantity(text: str) -> Quantity | None:
-    found = re.fullmatch(r"\s*((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s].*?)\s*", text)
-    return (float(found[1]), found[2]) if found and float(found[1]) < np.inf else None
 
 
 def _correlated(text: str) -> tuple[tuple[str, str], float]:
@@ -75,7 +72,7 @@ def _correlated(text: str) -> tuple[tuple[str, str], float]:
     if sign and len(pair) == 2:
         with contextlib.suppress(ValueError):
             return (pair[0], pair[1]), float(value)
-    raise argparse.ArgumentTypeError(f"{shown(text)} is no pair and number, such as A0,A1=0.5")
+    raise argparse.ArgumentTypeError(f"{shown(text)} is not a pair and a number, such as A0,A1=0.5")
 
 
 def covariance_of(options: argparse.Namespace, unit: str) -> Any:
@@ -84,13 +81,15 @@ def covariance_of(options: argparse.Namespace, unit: str) -> Any:
     Raises
     ------
     InputFileError
-        When what was given is no covariance.
+        When what was given is not a covariance.
     """
     if options.covariance is None:
         places = ("--u", "--correlation")
         return _made(dict(options.u), dict(options.correlation), unit, "command line", places)
     if options.u or options.correlation:
-        raise InputFileError("command line", "--covariance", "beside --u or --correlation", "one of the two")
+        raise InputFileError(
+            "command line", "--covariance", "together with --u or --correlation", "one of the two"
+        )
     try:
         with open(options.covariance, "rb") as stream:
             content = stream.read()
@@ -107,7 +106,7 @@ def covariance_of(options: argparse.Namespace, unit: str) -> Any:
 
 
 def _made(
-    given: dict[str, Quantity],
+    given: dict[str, SizeAndUnit],
     correlations: dict[tuple[str, str], float],
     unit: str,
     file: str,
@@ -123,17 +122,10 @@ def _made(
             groups = ", ".join(tricept.GROUPS)
             raise InputFileError(file, place, shown(name), f"a parameter, or one of {groups}")
         values[name] = value * _factor(written, members[0], unit, file, place)
-    try:
+    with located(file, place, "a covariance"):
         tricept.covariance(values)
-        place = other
+    with located(file, other, "a covariance"):
         return tricept.covariance(values, correlations)
-    except RodgenError as error:
-        raise _told(error, file, place) from None
-
-
-def _told(error: RodgenError, file: str, place: str) -> InputFileError:
-    found, _, expected = str(error).partition("; expected ")
-    return InputFileError(file, place, found, expected or "a covariance")
 
 
 def _factor(written: str, name: str, unit: str, file: str, place: str) -> float:
@@ -152,13 +144,13 @@ def _from_toml(file: str, text: str, unit: str) -> Any:
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise InputFileError(file, "file", f"no TOML ({error})", "a TOML file") from None
+        raise InputFileError(file, "file", f"not TOML ({error})", "a TOML file") from None
     for key in data:
         if key not in ("u", "correlation") or not isinstance(data[key], dict):
-            raise InputFileError(file, shown(key), "what is not known here", "[u] and [correlation]")
-    given: dict[str, Quantity] = {}
+            raise InputFileError(file, shown(key), "unknown here", "[u] and [correlation]")
+    given: dict[str, SizeAndUnit] = {}
     for name, value in data.get("u", {}).items():
-        found = _quantity(value) if isinstance(value, str) else None
+        found = read_quantity(value) if isinstance(value, str) else None
         if found is None:
             raise InputFileError(
                 file, f"[u], {name}", shown(value), "an uncertainty with its unit, such as '2.9 um'"
@@ -205,8 +197,6 @@ def _from_csv(file: str, text: str, unit: str) -> Any:
     scale = np.array(factors)
     places = [tricept.PARAMETERS.index(name) for name in names]
     whole = np.zeros((len(tricept.PARAMETERS),) * 2)
-    try:
+    with located(file, "file", "a covariance"):
         whole[np.ix_(places, places)] = tricept.check_covariance(matrix * scale[:, None] * scale, len(names))
-    except RodgenError as error:
-        raise _told(error, file, "file") from None
     return whole

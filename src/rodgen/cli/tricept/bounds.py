@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import re
 from typing import Any
 
 import numpy as np
 
-from rodgen.cli._console import OK, Command, show, show_json, tell
+from rodgen.cli._console import OK, Command, located, notify, show, show_json
+from rodgen.cli._tables import write_columns
+from rodgen.cli._values import number, quantity, whole
 from rodgen.cli.tricept._covariance import COVARIANCE_TEXT, add_covariance, covariance_of
-from rodgen.cli.tricept._options import add_geometry, geometry_of, lengths, limits_of, unit_of
-from rodgen.errors import InputFileError, RodgenError, shown
+from rodgen.cli.tricept._options import add_geometry, geometry_of, limits_of, unit_of
+from rodgen.errors import InputFileError, shown
 
 __all__ = ["add_to"]
 
@@ -34,7 +35,7 @@ def add_to(command: Command) -> None:
     parser.add_argument(
         "--centre",
         metavar="X,Y,Z",
-        type=lengths("--centre", 3, "0,0,685mm"),
+        type=quantity("--centre", "0,0,685mm", 3),
         help="of the cube, such as 0,0,685mm",
     )
     parser.add_argument(
@@ -50,12 +51,16 @@ def add_to(command: Command) -> None:
     add_geometry(parser)
     add_covariance(parser)
     parser.add_argument(
-        "--gap", metavar="RATIO", type=_ratio, default=1e-3,
+        "--gap", metavar="RATIO", type=number("a ratio from 1e-9 to 1", lambda x: 1e-9 <= x < 1), default=1e-3,
         help="how far certified and reached values may differ, of the greatest magnitude (1e-3)",
     )  # fmt: skip
     parser.add_argument("--influence", metavar="PAIR,ELEMENT", type=_pair, help="such as A0,xx or A0:r,xy")
     parser.add_argument(
-        "--beams", metavar="N", type=_count, default=121, help="beams of the map in each direction (121)"
+        "--beams",
+        metavar="N",
+        type=whole(2, 2000),
+        default=121,
+        help="beams of the map in each direction (121)",
     )
     parser.add_argument("--plot", metavar="FILE", help="draw the influence map: .png, .svg or .pdf")
     parser.add_argument("--json", action="store_true", help="print JSON: angles in rad")
@@ -65,25 +70,10 @@ def add_to(command: Command) -> None:
 
 
 def _edges(text: str) -> Any:
-    count = 3 if "," in text else 1
-    found = lengths("--edge", count, "160mm")(text)
+    found = quantity("--edge", "160mm", 3 if "," in text else 1)(text)
     if min(found.numbers) < 0:
         raise argparse.ArgumentTypeError(f"{shown(text)} is negative")
     return found
-
-
-def _ratio(text: str) -> float:
-    with contextlib.suppress(ValueError):
-        if 1e-9 <= float(text) < 1:
-            return float(text)
-    raise argparse.ArgumentTypeError(f"{shown(text)} is no ratio from 1e-9 to 1")
-
-
-def _count(text: str) -> int:
-    with contextlib.suppress(ValueError):
-        if 2 <= int(text) <= 2000:
-            return int(text)
-    raise argparse.ArgumentTypeError(f"{shown(text)} is no whole number from 2 to 2000")
 
 
 def _pair(text: str) -> tuple[tuple[str, str], str]:
@@ -91,7 +81,7 @@ def _pair(text: str) -> tuple[tuple[str, str], str]:
     if found:
         element = "".join(sorted(found[3]))
         return (found[1], found[2] or found[1]), element
-    raise argparse.ArgumentTypeError(f"{shown(text)} is no pair and element, such as A0,xx or A0:r,xy")
+    raise argparse.ArgumentTypeError(f"{shown(text)} is not a pair and an element, such as A0,xx or A0:r,xy")
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -100,7 +90,7 @@ def _run(options: argparse.Namespace) -> int:
     _check(options)
     unit = unit_of(options) if options.centre is None else options.centre.unit
     geometry, limits = geometry_of(options, unit), limits_of(options, unit)
-    try:
+    with located("command line", "--influence" if options.influence else "cube", "another one"):
         cube = None
         if options.largest:
             if limits is None:
@@ -130,12 +120,6 @@ def _run(options: argparse.Namespace) -> int:
             )
         rods = cube.rods if cube else tricept.rod_bounds(low, high, geometry)
         found = tricept.bounds(low, high, geometry, U[:5, :5], gap=options.gap)
-    except InputFileError:
-        raise
-    except RodgenError as error:
-        what, _, expected = str(error).partition("; expected ")
-        place = "--influence" if options.influence else "cube"
-        raise InputFileError("command line", place, what, expected or "another one") from None
     if options.output:
         _write_bounds(options.output, found, unit)
     inside = limits is None or bool(
@@ -159,14 +143,14 @@ def _run(options: argparse.Namespace) -> int:
 
 def _check(options: argparse.Namespace) -> None:
     if options.largest and options.edge:
-        raise InputFileError("command line", "--edge", "beside --largest", "one of the two")
+        raise InputFileError("command line", "--edge", "together with --largest", "one of the two")
     if options.largest == "centre" and options.centre is None:
         raise InputFileError(
             "command line", "--centre", "nothing", "the centre of the cube, such as 0,0,685mm"
         )
     if options.largest in ("axis", "free") and options.centre is not None:
         raise InputFileError(
-            "command line", "--centre", f"beside --largest {options.largest}", "--largest centre"
+            "command line", "--centre", f"together with --largest {options.largest}", "--largest centre"
         )
     if not options.largest and (options.centre is None) != (options.edge is None):
         raise InputFileError("command line", "--centre, --edge", "one of them", "both, or --largest")
@@ -174,7 +158,7 @@ def _check(options: argparse.Namespace) -> None:
         raise InputFileError("command line", "--centre, --edge", "nothing", "a cube, or --largest")
     if options.plot and not options.influence:
         raise InputFileError(
-            "command line", "--plot", "no --influence", "what to draw, such as --influence A0,xx"
+            "command line", "--plot", "without --influence", "what to draw, such as --influence A0,xx"
         )
 
 
@@ -199,16 +183,6 @@ def _print(found: Any, cube: Any, rods: Any, limits: Any, inside: bool, unit: st
         show("  the wanted gap was not reached everywhere: the bounds are right, and wider than they need be")
 
 
-def _write(path: str, columns: dict[str, Any]) -> None:
-    import pyarrow as pa
-
-    from rodgen.data.tables import open_sink
-
-    batch = pa.RecordBatch.from_pydict({name: pa.array(values) for name, values in columns.items()})
-    with open_sink(path, batch.schema) as sink:
-        sink.write(sink.encode(batch))
-
-
 def _write_bounds(path: str, found: Any, unit: str) -> None:
     from rodgen.kinematics import tricept
 
@@ -224,7 +198,7 @@ def _write_bounds(path: str, found: Any, unit: str) -> None:
     for k, end in enumerate(("least", "greatest")):
         for n, axis in enumerate("xyz"):
             columns[f"{end}_Q{axis} [{unit}]"] = found.points[:, k, n]
-    _write(path, columns)
+    write_columns(path, columns)
 
 
 def _influence(options: argparse.Namespace, geometry: Any, limits: Any, box: Any, unit: str) -> int:
@@ -254,14 +228,16 @@ def _influence(options: argparse.Namespace, geometry: Any, limits: Any, box: Any
         columns = {"alpha [deg]": np.degrees(found.alpha), "beta [deg]": np.degrees(found.beta)}
         columns |= {"least": found.least, "greatest": found.greatest}
         columns |= {f"z_least [{unit}]": found.z_least, f"z_greatest [{unit}]": found.z_greatest}
-        _write(options.output, {name: np.asarray(values).ravel()[keep] for name, values in columns.items()})
+        write_columns(
+            options.output, {name: np.asarray(values).ravel()[keep] for name, values in columns.items()}
+        )
     least, greatest = float(np.nanmin(found.least)), float(np.nanmax(found.greatest))
     if options.json:
         show_json(
             {"pair": list(pair), "element": element, "beams": int(known.sum()), "range": [least, greatest]}
         )
     else:
-        tell(
+        notify(
             f"U_x[{pair[0]}, {pair[1]}] on U_y[{element}]: {least:.6g} … {greatest:.6g} on {known.sum()} beams"
         )
     return OK

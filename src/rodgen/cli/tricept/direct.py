@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from rodgen.cli._console import OK, Command, reading, tell
+from rodgen.cli._console import Command
+from rodgen.cli._tables import add_table, map_rows, rows_of
 from rodgen.cli.tricept._options import add_geometry, geometry_of, limits_of
 
 __all__ = ["add_to"]
@@ -33,16 +33,13 @@ pose keep one row.
 def add_to(command: Command) -> None:
     """Add the command."""
     parser = command("direct", _run, "poses and points of rods", _TEXT)
-    parser.add_argument("rods", metavar="RODS", help="the table; '-' is CSV on standard input")
-    parser.add_argument(
-        "-o", "--output", metavar="FILE", help=".csv, .csv.gz or .parquet; default: CSV on standard output"
-    )
+    add_table(parser, "RODS")
     parser.add_argument("--all", action="store_true", help="all real poses, a row each")
     add_geometry(parser)
 
 
 def _run(options: argparse.Namespace) -> int:
-    from rodgen.data.tables import Answer, Column, Result, map_table
+    from rodgen.data.tables import Answer, Column, Result
     from rodgen.kinematics import tricept
 
     columns = [Column(name, "length") for name in ("A0", "A1", "A-1")]
@@ -65,12 +62,11 @@ def _run(options: argparse.Namespace) -> int:
             outside = np.asarray((rods.min(axis=1) < low) | (rods.max(axis=1) > high))
             if options.all:
                 poses, count = tricept.direct_all(rods, geometry)
-                index = np.repeat(np.arange(len(rods)), np.maximum(count, 1))
-                number = np.arange(len(index)) - np.searchsorted(index, index)
-                pose = poses[index, number]
+                index, slot, number = rows_of(count)
+                pose = poses[index, slot]
                 invalid = rods.min(axis=1)[index] <= 0
                 status = np.where(invalid, Status.INVALID, np.where(count[index] > 0, 0, Status.UNREACHABLE))
-                first = [np.where(count[index] > 0, number + 1, 0)]
+                first = [number]
             else:
                 pose, status = tricept.direct(rods, geometry)
                 index, first = None, []
@@ -80,9 +76,4 @@ def _run(options: argparse.Namespace) -> int:
 
         return results, function
 
-    with contextlib.ExitStack() as stack:
-        summary = map_table(options.rods, options.output, columns, prepare, progress=reading(stack))
-    counts = ", ".join(f"{count} {name}" for name, count in summary.counts.items())
-    name = "standard input" if options.rods == "-" else options.rods
-    tell(f"{name}: {summary.rows} row{'s' * (summary.rows != 1)}: {counts}")
-    return OK
+    return map_rows(options, columns, prepare)

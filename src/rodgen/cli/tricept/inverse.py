@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from rodgen.cli._console import OK, Command, reading, tell
+from rodgen.cli._console import Command
+from rodgen.cli._tables import add_table, map_rows
 from rodgen.cli.tricept._options import add_geometry, geometry_of, limits_of
 
 __all__ = ["add_to"]
@@ -34,16 +34,13 @@ machine's for points before the base.
 def add_to(command: Command) -> None:
     """Add the command."""
     parser = command("inverse", _run, "poses and rods of points", _TEXT)
-    parser.add_argument("points", metavar="POINTS", help="the table; '-' is CSV on standard input")
-    parser.add_argument(
-        "-o", "--output", metavar="FILE", help=".csv, .csv.gz or .parquet; default: CSV on standard output"
-    )
+    add_table(parser, "POINTS")
     parser.add_argument("--all", action="store_true", help="all four poses of each point, a row each")
     add_geometry(parser)
 
 
 def _run(options: argparse.Namespace) -> int:
-    from rodgen.data.tables import Answer, Column, Result, map_table
+    from rodgen.data.tables import Answer, Column, Result
     from rodgen.kinematics import tricept
 
     columns = [Column(f"Q{axis}", "length") for axis in "xyz"]
@@ -72,9 +69,4 @@ def _run(options: argparse.Namespace) -> int:
 
         return results, function
 
-    with contextlib.ExitStack() as stack:
-        summary = map_table(options.points, options.output, columns, prepare, progress=reading(stack))
-    counts = ", ".join(f"{count} {name}" for name, count in summary.counts.items())
-    name = "standard input" if options.points == "-" else options.points
-    tell(f"{name}: {summary.rows} row{'s' * (summary.rows != 1)}: {counts}")
-    return OK
+    return map_rows(options, columns, prepare)

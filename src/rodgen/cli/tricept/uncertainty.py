@@ -1,18 +1,19 @@
-"""``rodgen tricept uncertainty``: how uncertain the tool is at points, what makes it so, and maps of it."""
+"""``rodgen tricept uncertainty``: uncertainty of the tool at points, its budget, and maps."""
 
 from __future__ import annotations
 
 import argparse
-import contextlib
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from rodgen.cli._console import OK, Command, reading, show, show_json, tell
+from rodgen.cli._console import OK, Command, located, show, show_json
+from rodgen.cli._tables import add_table, map_rows
+from rodgen.cli._values import number, plane, quantity, whole
 from rodgen.cli.tricept._covariance import COVARIANCE_TEXT, add_covariance, covariance_of
-from rodgen.cli.tricept._options import add_geometry, geometry_of, lengths, limits_of, plane, unit_of
-from rodgen.errors import InputFileError, RodgenError, shown
+from rodgen.cli.tricept._options import add_geometry, geometry_of, limits_of, unit_of
+from rodgen.errors import InputFileError
 
 __all__ = ["add_to"]
 
@@ -32,7 +33,9 @@ is drawn, and the table may be left out.
 
 {COVARIANCE_TEXT}"""
 
-# A budget or a million draws of more points than this is nothing to read.
+_PROBABILITY = number("a probability between 0 and 1, such as 0.95", lambda x: 0 < x < 1)
+
+# A budget or a million draws for more points than this is unreadable.
 _MOST_POINTS = 100
 
 
@@ -41,27 +44,24 @@ def add_to(command: Command) -> None:
     parser = command(
         "uncertainty", _run, "uncertainty of the tool at points, budget, Monte Carlo, maps", _TEXT
     )
-    parser.add_argument("points", metavar="POINTS", nargs="?", help="the table; '-' is CSV on standard input")
+    add_table(parser, "POINTS", needed=False)
     parser.add_argument(
         "--point",
         metavar="X,Y,Z",
-        type=lengths("--point", 3, "0,0,700mm"),
+        type=quantity("--point", "0,0,700mm", 3),
         help="one point instead of a table",
-    )
-    parser.add_argument(
-        "-o", "--output", metavar="FILE", help=".csv, .csv.gz or .parquet; default: CSV on standard output"
     )
     add_geometry(parser)
     add_covariance(parser)
     parser.add_argument(
-        "--probability", metavar="P", type=_probability, help="of the ellipsoid and of intervals; default: the "
+        "--probability", metavar="P", type=_PROBABILITY, help="of the ellipsoid and of intervals; default: the "
         "standard ellipsoid (k = 1), and intervals of 0.95",
     )  # fmt: skip
-    parser.add_argument("--budget", action="store_true", help="what each parameter makes of it")
+    parser.add_argument("--budget", action="store_true", help="the contribution of each parameter")
     parser.add_argument(
         "--monte-carlo",
         metavar="N",
-        type=_draws,
+        type=whole(1000, 100_000_000),
         help="N draws through the exact direct problem (GUM Supplement 1)",
     )
     parser.add_argument(
@@ -69,54 +69,36 @@ def add_to(command: Command) -> None:
         action="store_true",
         help="draw errors from rectangles, ±√3 u, instead of normal ones",
     )
-    parser.add_argument("--seed", metavar="N", type=_seed, default=0, help="of the draws (0)")
+    parser.add_argument("--seed", metavar="N", type=whole(0), default=0, help="of the draws (0)")
     parser.add_argument("--json", action="store_true", help="print budget and Monte Carlo as JSON")
     parser.add_argument("--plot", metavar="FILE", help="draw the map of --slice: .png, .svg or .pdf")
     parser.add_argument(
-        "--slice", metavar="AXIS=LENGTH", type=plane("y=0mm"), help="the plane of the map, such as y=0mm"
+        "--slice",
+        metavar="AXIS=LENGTH",
+        type=plane("--slice", "y=0mm"),
+        help="the plane of the map, such as y=0mm",
     )
 
 
-def _probability(text: str) -> float:
-    with contextlib.suppress(ValueError):
-        if 0 < float(text) < 1:
-            return float(text)
-    raise argparse.ArgumentTypeError(f"{shown(text)} is no probability between 0 and 1, such as 0.95")
-
-
-def _draws(text: str) -> int:
-    with contextlib.suppress(ValueError):
-        if 1000 <= int(text) <= 100_000_000:
-            return int(text)
-    raise argparse.ArgumentTypeError(f"{shown(text)} is no whole number from 1000 to 100000000")
-
-
-def _seed(text: str) -> int:
-    with contextlib.suppress(ValueError):
-        if 0 <= int(text) < 2**64:
-            return int(text)
-    raise argparse.ArgumentTypeError(f"{shown(text)} is no whole number from 0 up")
-
-
 def _run(options: argparse.Namespace) -> int:
-    if options.point and options.points:
-        raise InputFileError("command line", "--point", "beside a table", "one of the two")
+    if options.point and options.table:
+        raise InputFileError("command line", "--point", "together with a table", "one of the two")
     if bool(options.plot) != bool(options.slice):
         missing, other = ("--slice", "y=0mm") if options.plot else ("--plot", "map.png")
         raise InputFileError("command line", missing, "nothing", f"both --plot and --slice, such as {other}")
-    if not (options.point or options.points or options.plot):
+    if not (options.point or options.table or options.plot):
         raise InputFileError("command line", "POINTS", "nothing", "a table, --point, or --plot with --slice")
     if options.plot:
         _draw(options)
     if options.budget or options.monte_carlo:
         if options.output:
             raise InputFileError(
-                "command line", "--output", "beside --budget or --monte-carlo", "one of the two"
+                "command line", "--output", "together with --budget or --monte-carlo", "one of the two"
             )
-        if not (options.point or options.points):
+        if not (options.point or options.table):
             raise InputFileError("command line", "POINTS", "nothing", "a table, or --point")
-        return _told(options)
-    return _table(options) if options.points else _one(options) if options.point else OK
+        return _analyse(options)
+    return _table(options) if options.table else _one(options) if options.point else OK
 
 
 def _draw(options: argparse.Namespace) -> None:
@@ -129,15 +111,10 @@ def _draw(options: argparse.Namespace) -> None:
     geometry, limits = geometry_of(options, unit), limits_of(options, unit)
     if limits is None:
         raise InputFileError("command line", "--limits", "none", "lengths of a rod, such as 568,858mm")
-    try:
+    with located("command line", "--slice"):
         found = tricept.uncertainty_map(
             geometry, covariance_of(options, unit), axis, given.to(unit)[0], limits
         )
-    except InputFileError:
-        raise
-    except RodgenError as error:
-        what, _, expected = str(error).partition("; expected ")
-        raise InputFileError("command line", "--slice", what, expected) from None
     tricept.save_figure(options.plot, tricept.draw_uncertainty_map(found, unit))
 
 
@@ -148,13 +125,13 @@ def _points(options: argparse.Namespace) -> tuple[Any, str]:
         return np.array([options.point.to(unit)]), unit
     from rodgen.data.tables import Column, open_table
 
-    with open_table(options.points, [Column(f"Q{axis}", "length") for axis in "xyz"]) as table:
+    with open_table(options.table, [Column(f"Q{axis}", "length") for axis in "xyz"]) as table:
         blocks = [values for values, _ in table.map(lambda rows: np.column_stack(rows.values))]
         unit = table.units()["Qx"]
     points = np.concatenate(blocks)
     if len(points) > _MOST_POINTS:
         raise InputFileError(
-            options.points,
+            options.table,
             "file",
             f"{len(points)} points",
             f"at most {_MOST_POINTS} with --budget or --monte-carlo",
@@ -162,7 +139,7 @@ def _points(options: argparse.Namespace) -> tuple[Any, str]:
     return points, unit
 
 
-def _told(options: argparse.Namespace) -> int:
+def _analyse(options: argparse.Namespace) -> int:
     from rodgen.kinematics import tricept
 
     points, unit = _points(options)
@@ -170,11 +147,12 @@ def _told(options: argparse.Namespace) -> int:
     states = np.atleast_1d(tricept.place_covariance(points, geometry, U, limits)[1])
     rectangular = [name for n, name in enumerate(tricept.PARAMETERS) if U[n, n] > 0]
     answers = []
-    for number, point in enumerate(points, start=1):
-        status = tricept.TriceptStatus(states[number - 1]).name.lower()
+    for nth, point in enumerate(points, start=1):
+        status = tricept.TriceptStatus(states[nth - 1]).name.lower()
         answer: dict[str, Any] = {"point": point.tolist(), "unit": unit, "status": status}
         head = f"Q = ({', '.join(f'{x:g}' for x in point)}) {unit}, {status}"
-        try:
+        file, place = ("command line", "--point") if options.point else (options.table, f"point {nth}")
+        with located(file, place, "another one"):
             if options.budget:
                 made = tricept.budget(point, geometry, U)
                 answer["budget"] = made.to_dict()
@@ -193,11 +171,6 @@ def _told(options: argparse.Namespace) -> int:
                 answer["monte_carlo"] = drawn.to_dict()
                 if not options.json:
                     show(f"{head}\n{drawn.summary(unit)}")
-        except RodgenError as error:
-            what, _, expected = str(error).partition("; expected ")
-            file = "command line" if options.point else options.points
-            place = "--point" if options.point else f"point {number}"
-            raise InputFileError(file, place, what, expected or "another one") from None
         answers.append(answer)
     if options.json:
         show_json(answers)
@@ -230,7 +203,7 @@ def _values(points: Any, geometry: Any, U: Any, limits: Any, probability: float 
 
 
 def _table(options: argparse.Namespace) -> int:
-    from rodgen.data.tables import Answer, Column, map_table
+    from rodgen.data.tables import Answer, Column
 
     def prepare(unit: str) -> tuple[Sequence[Any], Any]:
         geometry, limits, U = (
@@ -244,13 +217,7 @@ def _table(options: argparse.Namespace) -> int:
 
         return _columns(options), function
 
-    with contextlib.ExitStack() as stack:
-        columns = [Column(f"Q{axis}", "length") for axis in "xyz"]
-        summary = map_table(options.points, options.output, columns, prepare, progress=reading(stack))
-    counts = ", ".join(f"{count} {name}" for name, count in summary.counts.items())
-    name = "standard input" if options.points == "-" else options.points
-    tell(f"{name}: {summary.rows} row{'s' * (summary.rows != 1)}: {counts}")
-    return OK
+    return map_rows(options, [Column(f"Q{axis}", "length") for axis in "xyz"], prepare)
 
 
 def _one(options: argparse.Namespace) -> int:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import math
 from typing import Any
 
-from rodgen.cli._console import OK, Command, show, show_json, tell
-from rodgen.cli.tricept._options import add_geometry, geometry_of, limits_of, plane, unit_of
-from rodgen.errors import InputFileError, RodgenError, shown
+import numpy as np
+
+from rodgen.cli._console import OK, Command, located, notify, show, show_json
+from rodgen.cli._tables import status_names, write_columns
+from rodgen.cli._values import plane, whole
+from rodgen.cli.tricept._options import add_geometry, geometry_of, limits_of, unit_of
+from rodgen.errors import InputFileError
 
 __all__ = ["add_to"]
 
@@ -26,26 +29,23 @@ def add_to(command: Command) -> None:
     parser = command("workspace", _run, "volume, extents and planes of the workspace", _TEXT)
     add_geometry(parser)
     parser.add_argument(
-        "--samples", metavar="N", type=_count, help="beams of the quadrature in each direction (400)"
+        "--samples", metavar="N", type=whole(2, 4000), help="beams of the quadrature in each direction (400)"
     )
     parser.add_argument("--json", action="store_true", help="print JSON: angles in rad")
     parser.add_argument(
-        "--slice", metavar="AXIS=LENGTH", type=plane("z=700mm"), help="a plane, such as z=700mm"
+        "--slice", metavar="AXIS=LENGTH", type=plane("--slice", "z=700mm"), help="a plane, such as z=700mm"
     )
     parser.add_argument(
-        "--points", metavar="N", type=_count, default=101, help="points of the plane in each direction (101)"
+        "--points",
+        metavar="N",
+        type=whole(2, 4000),
+        default=101,
+        help="points of the plane in each direction (101)",
     )
     parser.add_argument(
         "-o", "--output", metavar="FILE", help="where the plane goes: .csv, .csv.gz or .parquet; default: CSV on "
         "standard output",
     )  # fmt: skip
-
-
-def _count(text: str) -> int:
-    with contextlib.suppress(ValueError):
-        if 2 <= int(text) <= 4000:
-            return int(text)
-    raise argparse.ArgumentTypeError(f"{shown(text)} is no whole number from 2 to 4000")
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -59,15 +59,10 @@ def _run(options: argparse.Namespace) -> int:
         raise InputFileError(
             "command line", "--output", "no --slice", "a plane for the table, --slice z=700mm"
         )
-    try:
+    with located("command line", "--limits"):
         if options.slice:
             return _write_slice(options, geometry, limits, unit)
         measured = tricept.workspace(geometry, limits, options.samples or 400)
-    except InputFileError:
-        raise
-    except RodgenError as error:
-        found, expected = str(error).split("; expected ")
-        raise InputFileError("command line", "--limits", found, expected) from None
     if options.json:
         show_json({"unit": unit, **measured.to_dict()})
         return OK
@@ -87,22 +82,14 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _write_slice(options: argparse.Namespace, geometry: Any, limits: tuple[float, float], unit: str) -> int:
-    import pyarrow as pa
-
-    from rodgen.data.tables import open_sink
     from rodgen.kinematics import tricept
 
     axis, given = options.slice
     found = tricept.workspace_slice(geometry, limits, axis, given.to(unit)[0], options.points)
-    names = pa.array([code.name.lower() for code in tricept.TriceptStatus], pa.string())
-    columns = {f"Q{name} [{unit}]": pa.array(found.points[..., n].ravel()) for n, name in enumerate("xyz")}
-    columns |= {
-        "status": names.take(pa.array(found.status.ravel())),
-        "ratio": pa.array(found.ratio.ravel(), mask=found.ratio.ravel() != found.ratio.ravel()),
-    }
-    batch = pa.RecordBatch.from_pydict(columns)
-    with open_sink(options.output, batch.schema) as sink:
-        sink.write(sink.encode(batch))
+    columns = {f"Q{name} [{unit}]": found.points[..., n] for n, name in enumerate("xyz")}
+    columns["status"] = status_names(tricept.TriceptStatus, found.status)
+    columns["ratio"] = np.ma.masked_invalid(found.ratio)
+    write_columns(options.output, columns)
     inside = int((found.status == tricept.TriceptStatus.REACHABLE).sum())
-    tell(f"{axis} = {given.numbers[0]:g} {given.unit}: {found.status.size} points, {inside} reachable")
+    notify(f"{axis} = {given.numbers[0]:g} {given.unit}: {found.status.size} points, {inside} reachable")
     return OK

@@ -10,8 +10,7 @@ Any unit that Pint knows and that fits the column will do, and it may differ fro
 - `open_table` reads in blocks, so that a file of any length passes through bounded memory; `open_frame` takes
   a table that is in memory instead.
 - `open_sink` writes in blocks, into a temporary file that takes its name only when it is complete.
-- `read_pairs` and `solve_table` are two whole ways that the command line goes; `map_table` is the one of all commands
-  that add columns to a table.
+- `read_pairs` reads pairs of points; `map_table` adds columns of results to a table, row by row.
 
 Whatever is wrong with a file is an :class:`rodgen.errors.InputFileError`: one sentence with the file, the
 line and column, what was found and what was expected.
@@ -23,7 +22,7 @@ from rodgen.data.tables.columns import Column, EveryColumn, nearest
 
 if TYPE_CHECKING:
     from rodgen.data.tables.mapped import Answer, MapSummary, Result, map_table
-    from rodgen.data.tables.pairs import PAIR_COLUMNS, Pairs, SolveSummary, read_pairs, solve_table
+    from rodgen.data.tables.pairs import PAIR_COLUMNS, Pairs, read_pairs
     from rodgen.data.tables.reader import Rows, open_frame, open_table
     from rodgen.data.tables.writer import open_sink
 
@@ -36,14 +35,12 @@ __all__ = [
     "Pairs",
     "Result",
     "Rows",
-    "SolveSummary",
     "map_table",
     "nearest",
     "open_frame",
     "open_sink",
     "open_table",
     "read_pairs",
-    "solve_table",
 ]
 
 

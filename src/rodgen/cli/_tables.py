@@ -1,0 +1,110 @@
+"""Run a table command: read a table, add result columns to each row, write it, and count the results."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+from collections.abc import Mapping, Sequence
+from enum import IntEnum
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rodgen.cli._console import OK, notify, reading_progress
+
+if TYPE_CHECKING:
+    from rodgen.data.tables import Column, MapSummary
+
+__all__ = ["add_output", "add_table", "counted", "map_rows", "rows_of", "status_names", "write_columns"]
+
+
+def add_table(parser: argparse.ArgumentParser, name: str, *, needed: bool = True) -> None:
+    """Add the table that is read, as `options.table`, and the one that is written, as `options.output`."""
+    about = "the table; '-' is CSV on standard input"
+    parser.add_argument("table", metavar=name, nargs=None if needed else "?", help=about)
+    add_output(parser)
+
+
+def add_output(parser: argparse.ArgumentParser, what: str = "") -> None:
+    """Add ``--output``."""
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="FILE",
+        help=f"{what}.csv, .csv.gz or .parquet; default: CSV on standard output",
+    )
+
+
+def map_rows(options: argparse.Namespace, columns: Sequence[Column], prepare: Any, **how: Any) -> int:
+    """Add results to `options.table`, write it to `options.output`, and count the results on standard error.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+    columns : sequence of Column
+    prepare : callable
+        As in `rodgen.data.tables.map_table`, which also takes `how`.
+
+    Returns
+    -------
+    int
+        The exit code.
+    """
+    from rodgen.data.tables import map_table
+
+    with contextlib.ExitStack() as stack:
+        progress = reading_progress(stack)
+        summary = map_table(options.table, options.output, columns, prepare, progress=progress, **how)
+    notify(counted(options.table, summary))
+    return OK
+
+
+def counted(table: str, summary: MapSummary, noun: str = "row") -> str:
+    """Return the line that counts the rows of a table by their status."""
+    name = "standard input" if table == "-" else table
+    counts = ", ".join(f"{count} {status}" for status, count in summary.counts.items())
+    return f"{name}: {summary.rows} {noun}{'s' * (summary.rows != 1)}{': ' * bool(counts)}{counts}"
+
+
+def rows_of(count: Any) -> tuple[Any, Any, Any]:
+    """Lay out several solutions of a row as rows of their own; a row without any keeps one.
+
+    Parameters
+    ----------
+    count : array_like of int, shape (n,)
+        Solutions of each row.
+
+    Returns
+    -------
+    index, slot, number : arrays of int, shape (m,)
+        Of each row of the output: the row of the input, which of its solutions, and that counted from 1, 0 for none.
+    """
+    index = np.repeat(np.arange(len(count)), np.maximum(count, 1))
+    slot = np.arange(len(index)) - np.searchsorted(index, index)
+    return index, slot, np.where(np.asarray(count)[index] > 0, slot + 1, 0)
+
+
+def status_names(status: type[IntEnum], codes: Any) -> Any:
+    """Return the names of status codes in lower case, as tables have them."""
+    return np.array([code.name.lower() for code in status])[np.asarray(codes)]
+
+
+def write_columns(path: str | None, columns: Mapping[str, Any]) -> None:
+    """Write arrays of one size as the columns of a table.
+
+    Parameters
+    ----------
+    path : str or None
+        CSV on standard output when None.
+    columns : mapping of str to array_like
+        By name with unit; masked elements become empty cells.
+    """
+    import pyarrow as pa
+
+    from rodgen.data.tables import open_sink
+
+    flat = {name: np.ma.ravel(values) for name, values in columns.items()}
+    arrays = {name: pa.array(a.data, mask=np.ma.getmaskarray(a)) for name, a in flat.items()}
+    batch = pa.RecordBatch.from_pydict(arrays)
+    with open_sink(path, batch.schema) as sink:
+        sink.write(sink.encode(batch))

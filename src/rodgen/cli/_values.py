@@ -1,0 +1,138 @@
+"""Read the values of options: numbers within limits, and quantities with their unit."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from rodgen.errors import InputFileError, shown
+
+__all__ = ["Quantity", "number", "plane", "quantity", "read_quantity", "whole"]
+
+_NUMBERS = r"\s*([-+.,\deE\s]*\d\.?)\s*([^\d\s,.+-].*?)\s*"
+
+
+def whole(low: int, high: int | None = None) -> Callable[[str], int]:
+    """Return the reader of a whole number from `low` to `high`, both included."""
+    limits = f"from {low} up" if high is None else f"from {low} to {high}"
+
+    def read(text: str) -> int:
+        if text.isascii() and text.isdigit() and len(text) <= 18:
+            value = int(text)
+            if low <= value <= (math.inf if high is None else high):
+                return value
+        raise argparse.ArgumentTypeError(f"{shown(text)} is not a whole number {limits}")
+
+    return read
+
+
+def number(expected: str, holds: Callable[[float], bool]) -> Callable[[str], float]:
+    """Return the reader of a finite number for which `holds` is true; an error names what was `expected`."""
+
+    def read(text: str) -> float:
+        with contextlib.suppress(ValueError):
+            value = float(text)
+            if math.isfinite(value) and holds(value):
+                return value
+        raise argparse.ArgumentTypeError(f"{shown(text)} is not {expected}")
+
+    return read
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Numbers with one unit, as they were typed.
+
+    Attributes
+    ----------
+    numbers : tuple of float
+    unit : str
+    option : str
+        Where they were given, for error messages.
+    dimension : {"length", "angle"}
+    """
+
+    numbers: tuple[float, ...]
+    unit: str
+    option: str
+    dimension: Literal["length", "angle"] = "length"
+
+    def to(self, unit: str) -> tuple[float, ...]:
+        """Return the numbers in another unit.
+
+        Raises
+        ------
+        InputFileError
+            When the unit that was typed is unknown or of another dimension.
+        """
+        from rodgen.data.units import UnitError, conversion_factor
+
+        try:
+            factor = conversion_factor(self.unit, self.dimension, unit)
+        except UnitError as error:
+            raise InputFileError("command line", self.option, error.found, error.expected) from None
+        return tuple(number * factor for number in self.numbers)
+
+
+def quantity(
+    option: str,
+    example: str,
+    count: int | None = 1,
+    dimension: Literal["length", "angle"] = "length",
+    *,
+    positive: bool = False,
+) -> Callable[[str], Quantity]:
+    """Return the reader of `count` numbers with one unit behind them, such as ``0,0,50mm``.
+
+    Parameters
+    ----------
+    option, example : str
+        What error messages name.
+    count : int, optional
+        How many numbers; None: any.
+    dimension : {"length", "angle"}
+    positive : bool
+        Whether each number must be greater than zero.
+    """
+    sign = "positive " if positive else ""
+    if count in (None, 1):
+        article = "an" if dimension == "angle" and not positive else "a"
+        expected = f"{article} {sign}{dimension} with its unit"
+    else:
+        expected = f"{count} {sign}{dimension}s with their unit"
+
+    def read(text: str) -> Quantity:
+        found = re.fullmatch(_NUMBERS, text)
+        if found:
+            with contextlib.suppress(ValueError):
+                numbers = tuple(float(part) for part in found[1].split(","))
+                if count in (None, len(numbers)) and all(math.isfinite(x) and (x > 0 or not positive) for x in numbers):
+                    return Quantity(numbers, found[2], option, dimension)
+        raise argparse.ArgumentTypeError(f"{shown(text)} is not {expected}, such as {example}")
+
+    return read
+
+
+def read_quantity(text: str) -> tuple[float, str] | None:
+    """Return a number from 0 up and its unit, such as ``2.9 um``; None when the text is something else."""
+    found = re.fullmatch(r"\s*((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s].*?)\s*", text)
+    return (float(found[1]), found[2]) if found and float(found[1]) < math.inf else None
+
+
+def plane(option: str, example: str) -> Callable[[str], tuple[str, Quantity]]:
+    """Return the reader of a plane perpendicular to an axis, such as ``z=700mm``."""
+
+    def read(text: str) -> tuple[str, Quantity]:
+        found = re.fullmatch(r"\s*([xyz])\s*=(.*)", text)
+        if found:
+            return found[1], quantity(option, example)(found[2])
+        raise argparse.ArgumentTypeError(
+            f"{shown(text)} is not a plane: an axis and a length, such as {example}"
+        )
+
+    return read
