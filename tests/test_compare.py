@@ -21,10 +21,10 @@ from scipy import stats
 
 from rodgen.calibration.binding import bind
 from rodgen.calibration.compare import Comparison, compare
-from rodgen.calibration.compare.explained import Space, log10_f_tail
+from rodgen.calibration.compare.explained import ProjectedResiduals
 from rodgen.calibration.compare.regions import round_between
-from rodgen.calibration.compare.sample import MOST_CELLS, Sample, orthonormal
-from rodgen.calibration.compare.serial_correlation import Wander, correlation
+from rodgen.calibration.compare.sample import MOST_CELLS, Sample
+from rodgen.calibration.compare.serial_correlation import RandomWalk, serial_correlation
 from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.problem import Problem
 from rodgen.data.measurements import Measurements
@@ -32,6 +32,8 @@ from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError
 from rodgen.machines.machine import Machine
 from rodgen.output.comparison_figures import pictures
+from rodgen.statistics.columns import directions_above
+from rodgen.statistics.f_tests import log10_f_tail
 
 ROOT = Path(__file__).parent.parent
 EXAMPLES = ROOT / "examples" / "machines"
@@ -143,7 +145,7 @@ def test_p_values_hold_whatever_the_readings_of_a_pose_share() -> None:
     for _ in range(draws):
         for name, errors in (("alone", independent), ("shared", shared)):
             y = errors((len(pose), 1), pose, random)
-            evidence = Space(by_hand(y, pose)).test(columns)
+            evidence = ProjectedResiduals(by_hand(y, pose)).test(columns)
             assert evidence is not None
             p[name].append(10**evidence.log10_p)
         p["shared, by rows"].append(p_of_rows(y[:, 0], columns[:, 0]))
@@ -186,7 +188,6 @@ def test_tail_of_f_goes_on_below_the_smallest_double() -> None:
     for ratio, h, d in ((1e5, 3.3, 200.0), (1e4, 8.0, 700.0)):
         x = mpmath.mpf(d) / (d + h * mpmath.mpf(ratio))
         exact = mpmath.log10(mpmath.betainc(d / 2, h / 2, 0, x, regularized=True))
-        # of the series two terms are taken: the third is about (b x)² / 2 = (4 times 0.009)² / 2 of the first
         assert log10_f_tail(ratio, h, d) == pytest.approx(float(exact), abs=1e-3)
 
 
@@ -323,8 +324,8 @@ def test_a_wandering_set_up_is_told_and_joints_are_not_blamed(tmp_path: Path) ->
     for _ in range(draws):
         walk = random_walk(t, 2 * NOISE / np.sqrt(60), random)
         comparison = bench.compare(random.normal(size=bench.clean.shape) * NOISE, walk)
-        blamed += any(f.dependence.driver.kind != "time" for f in comparison.search.found)
-        timed = any(f.dependence.driver.kind == "time" for f in comparison.search.found)
+        blamed += any(not f.dependence.driver.in_time for f in comparison.search.found)
+        timed = any(f.dependence.driver.in_time for f in comparison.search.found)
         told += timed or any("wander" in claim or "drifts" in claim for claim in comparison.claims)
     assert told >= 0.95 * draws
     assert blamed <= most_false_alarms(draws)
@@ -356,11 +357,11 @@ def test_correlation_of_successive_poses_is_uniform_for_independent_ones_and_see
     p, seen = [], []
     for _ in range(400):
         y = shared((160, 1), pose, random)
-        alone = correlation(Space(by_hand(y, pose)), 0)
+        alone = serial_correlation(ProjectedResiduals(by_hand(y, pose)), 0)
         walk = np.zeros(80)
         for i in range(1, 80):
             walk[i] = 0.6 * walk[i - 1] + random.normal()
-        alike = correlation(Space(by_hand(walk[pose, None], pose)), 0)
+        alike = serial_correlation(ProjectedResiduals(by_hand(walk[pose, None], pose)), 0)
         assert alone is not None
         assert alike is not None
         p.append(10**alone.log10_p)
@@ -375,7 +376,7 @@ def test_a_filter_makes_a_walk_beside_errors_independent() -> None:
     sample = by_hand(np.zeros((12, 1)), pose)
     ratio = 0.7
     covariance = np.eye(12) + ratio * np.minimum.outer(pose, pose)
-    steps = Wander(sample, ratio).steps(np.eye(12))
+    steps = RandomWalk(sample, ratio).steps(np.eye(12))
     np.testing.assert_allclose(steps @ covariance @ steps.T, np.eye(11), atol=1e-12)
 
 
@@ -447,7 +448,7 @@ def test_orthonormal_columns_leave_out_what_is_nothing() -> None:
     random = np.random.default_rng(1)
     columns = random.normal(size=(30, 4))
     columns = np.column_stack([columns, columns @ [1, 2, 0, -1], np.zeros(30)])
-    basis = orthonormal(columns, 1e-5)
+    basis = directions_above(columns, 1e-5)
     assert basis.shape == (30, 4)
     np.testing.assert_allclose(basis.T @ basis, np.eye(4), atol=1e-9)
 

@@ -24,9 +24,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.compare.drivers import Pair
-from rodgen.calibration.compare.explained import Evidence, Space
+from rodgen.calibration.compare.explained import Explained, ProjectedResiduals
 from rodgen.calibration.compare.sample import Sample
-from rodgen.calibration.compare.serial_correlation import Correlation, Wander, correlation, wander
+from rodgen.calibration.compare.serial_correlation import (
+    RandomWalk,
+    SerialCorrelation,
+    random_walk,
+    serial_correlation,
+)
 from rodgen.data.drivers import Driver
 
 __all__ = ["CLAIM", "Dependence", "Found", "Search", "Trial", "search"]
@@ -101,7 +106,7 @@ class Dependence:
     ----------
     driver : Driver or Pair
     trials : tuple of Trial
-    evidence : tuple of Evidence or None
+    evidence : tuple of Explained or None
         Of each; None where it cannot be tested.
     total : ndarray, shape (m,)
         Sum of the squares of the residuals.
@@ -109,7 +114,7 @@ class Dependence:
 
     driver: Candidate
     trials: tuple[Trial, ...]
-    evidence: tuple[Evidence | None, ...]
+    evidence: tuple[Explained | None, ...]
     total: Array
 
     def share(self, number: int) -> float:
@@ -192,15 +197,15 @@ class Search:
         In the order of what they explain, each beside those before.
     tests : int
         Number of tests that `table` stands for.
-    first : Space
+    first : ProjectedResiduals
         Beside what the fit takes out.
-    space : Space
+    space : ProjectedResiduals
         Beside all that was found, too; without filters.
-    filtered : Space
+    filtered : ProjectedResiduals
         The same, with what wanders taken out.
-    correlations : tuple of Correlation or None
+    correlations : tuple of SerialCorrelation or None
         Of what is left, by component.
-    walks : tuple of Wander or None
+    walks : tuple of RandomWalk or None
         What the p-values of the table allowed for, by component.
     either : Found or None
         What explains about as much as all that was found, or more, but as well a wander in time does.
@@ -211,11 +216,11 @@ class Search:
     table: tuple[Dependence, ...]
     found: tuple[Found, ...]
     tests: int
-    first: Space
-    space: Space
-    filtered: Space
-    correlations: tuple[Correlation | None, ...]
-    walks: tuple[Wander | None, ...]
+    first: ProjectedResiduals
+    space: ProjectedResiduals
+    filtered: ProjectedResiduals
+    correlations: tuple[SerialCorrelation | None, ...]
+    walks: tuple[RandomWalk | None, ...]
     either: Found | None
     withheld: tuple[Candidate, ...]
 
@@ -224,10 +229,10 @@ class Search:
 class _Round:
     """One round of tests."""
 
-    space: Space
-    filtered: Space
-    correlations: tuple[Correlation | None, ...]
-    walks: tuple[Wander | None, ...]
+    space: ProjectedResiduals
+    filtered: ProjectedResiduals
+    correlations: tuple[SerialCorrelation | None, ...]
+    walks: tuple[RandomWalk | None, ...]
     suspects: frozenset[int]
     table: tuple[Dependence, ...] = ()
 
@@ -346,12 +351,12 @@ def _tested(
 ) -> _Round:
     """Test everything; components that have been suspected of wandering stay so, for what is taken out hides it."""
     components = range(sample.components)
-    space = Space(sample, taken)
-    correlations = tuple(correlation(space, c) for c in components)
+    space = ProjectedResiduals(sample, taken)
+    correlations = tuple(serial_correlation(space, c) for c in components)
     suspects |= {c for c, found in enumerate(correlations) if found and found.log10_p < np.log10(SUSPECT)}
-    walks = tuple(wander(space, c) if c in suspects else None for c in components)
+    walks = tuple(random_walk(space, c) if c in suspects else None for c in components)
     filters = {c: walk for c, walk in enumerate(walks) if walk is not None}
-    filtered = Space(sample, taken, filters) if filters else space
+    filtered = ProjectedResiduals(sample, taken, filters) if filters else space
     now = _Round(space, filtered, correlations, walks, suspects)
     table = tuple(
         Dependence(driver, asked, tuple(_evidence(now, driver, trial) for trial in asked), sample.total)
@@ -360,7 +365,7 @@ def _tested(
     return replace(now, table=table)
 
 
-def _evidence(now: _Round, driver: Candidate, trial: Trial) -> Evidence | None:
+def _evidence(now: _Round, driver: Candidate, trial: Trial) -> Explained | None:
     columns, beside = trial.columns(now.space.sample), trial.beside(now.space.sample)
     plain = now.space.test(columns, beside)
     if plain is None or driver.in_time or driver.kind == "run" or now.filtered is now.space:
@@ -370,4 +375,4 @@ def _evidence(now: _Round, driver: Candidate, trial: Trial) -> Evidence | None:
     allowed = now.filtered.test(columns, beside)
     if allowed is None:
         return None
-    return Evidence(max(plain.log10_p, allowed.log10_p), plain.falls, plain.log10_p)
+    return Explained(max(plain.log10_p, allowed.log10_p), plain.falls, plain.log10_p)

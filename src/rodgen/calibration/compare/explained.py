@@ -1,11 +1,11 @@
 """How much of the residuals a set of columns explains, and whether that is more than chance.
 
-With Q, an orthonormal basis of the columns X less what the fit takes out, T = ‖Qᵀy‖² is what a fit with X would lower
-the sum of squares by. Errors of different poses are independent, those of one pose may depend on each other in any way;
-then E T = tr V with V = Σ S_p S_pᵀ over poses, S_p = Q_pᵀ e_p, e what is left beside X. Box's (1954) approximation
+With Q, an orthonormal basis of the columns X less what the fit takes out, a fit with X would lower the sum of squares
+by T = ‖Qᵀy‖². Errors of different poses are independent, those of one pose may depend on each other in any way; then
+E T = tr V with V = Σ S_p S_pᵀ over poses, S_p = Q_pᵀ e_p, e the residuals of a fit with X. Box's (1954) approximation
 T / tr V ~ F(h, d) is used, with
 
-    h = (tr V)² / tr V²,    d = (Σ ω_p)² / Σ ω_p² times the share of freedoms that is left,  ω_p = ‖Q_p‖²,
+    h = (tr V)² / tr V²,    d = (Σ ω_p)² / Σ ω_p² times the share of freedoms that remains,  ω_p = ‖Q_p‖²,
 
 which is the analysis-of-variance type statistic of Brunner, Dette and Munk (1997), on poses. Fitting shrinks residuals:
 e_p is brought to the size of errors by (1 - H_p)^(-1/2), H_p the pose's block of the hat matrix (Bell and McCaffrey
@@ -18,34 +18,40 @@ with 1 or 3 rows, 5 to 16 columns, 20 000 draws each).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.compare.sample import Sample, orthonormal
+from rodgen.calibration.compare.sample import Sample
+from rodgen.statistics.columns import ColumnSpace, Whiten, directions_above, project_out, unit_columns
+from rodgen.statistics.f_tests import log10_f_tail
+from rodgen.statistics.leave_out import undo_leverage
 
-__all__ = ["Evidence", "Space", "log10_f_tail", "unshrunk"]
+__all__ = ["Explained", "ProjectedResiduals"]
 
 Array: TypeAlias = NDArray[np.float64]
-Filter: TypeAlias = Callable[[Array], Array]
 
 TAKEN = 0.02
 """Columns of which the fit leaves less than this part are not tested: there the residuals say nothing."""
+WHITENED = 1e-5
+"""Directions that whitening leaves less than this part of no longer belong to what the fit takes out."""
 LEAST_FREEDOMS = 6.0
 """Fewer denominator degrees of freedom make every p-value a guess about the shape of the errors."""
 CLOSER_LOOK = -2.0
-"""Only p-values below 1 % are worth that the shrinking of residuals is undone exactly, which makes them larger."""
+"""Logarithm of the p-value below which leverage is undone pose by pose, which is slow and makes p-values larger."""
 EXACT_POSES = 1000
-"""Up to so many poses the shrinking is undone pose by pose; with more it is a matter of a percent."""
+"""With more poses leverage is never undone pose by pose: it is a matter of a percent."""
 LARGEST_BLOCK = 60
-"""Readings of a pose up to which the same."""
+"""Nor where a pose has more readings than this."""
+LARGEST_LEVERAGE = 0.99
+"""What the fit takes out of a pose nearly whole counts as if it left this much less than all."""
 
 
 @dataclass(frozen=True)
-class Evidence:
+class Explained:
     """What columns explain.
 
     Attributes
@@ -64,88 +70,81 @@ class Evidence:
     alone: float | None = None
 
 
-class Space:
-    """Residuals beside what the fit, and columns found before, can explain.
+class ProjectedResiduals:
+    """Residuals less everything that the fit, and columns found before, can explain.
 
     Parameters
     ----------
     sample : Sample
     found : sequence of ndarray, each of shape (N, m, k)
         Columns that the residuals are known to depend on.
-    filters : mapping of int to callable
+    whiten : mapping of int to callable
         For components whose errors are correlated in time: takes columns (N, k) to where they are not.
 
     Attributes
     ----------
     y : ndarray, shape (N, m)
-        Residuals less all that.
-    taken : ndarray, shape (N m, r)
-        Orthonormal basis of it; components run fastest.
+        The residuals.
+    space : ColumnSpace
+        What was taken out of them, (N m, r); components run fastest.
     """
 
     def __init__(
-        self, sample: Sample, found: Sequence[Array] = (), filters: Mapping[int, Filter] | None = None
+        self, sample: Sample, found: Sequence[Array] = (), whiten: Mapping[int, Whiten] | None = None
     ) -> None:
         self.sample = sample
-        self.filters = dict(filters or {})
+        self.whiten = dict(whiten or {})
         m = sample.components
         self.starts = np.flatnonzero(np.diff(sample.pose, prepend=-1)) * m
-        self.taken = sample.taken
-        if self.filters:
-            self.taken = orthonormal(self._filtered(sample.taken), 1e-5)
+        basis = sample.taken
+        self.space = ColumnSpace(directions_above(self._whitened(basis), WHITENED) if self.whiten else basis)
         for columns in found:
-            self.taken = np.column_stack([self.taken, self._beside(columns)])
-        flat = self._filtered(sample.y.reshape(-1, 1))[:, 0]
-        self.y = (flat - self.taken @ (self.taken.T @ flat)).reshape(sample.y.shape)
-        self._leverage = np.einsum("ij,ij->i", self.taken, self.taken)
+            self.space = self.space.joined(self._visible(self.space, columns))
+        self.y = self.space.project_out(self._whitened(sample.y.reshape(-1, 1))).reshape(sample.y.shape)
+        self.leverage = self.space.leverage
         self._blocks = list(_blocks(sample.pose, m))
         widest = max((block.shape[1] for block in self._blocks), default=0)
         self._exact = sample.poses <= EXACT_POSES and widest <= LARGEST_BLOCK
-        self._hat = [_gram(self.taken[block]) for block in self._blocks] if self._exact else []
+        self._hat = [_gram(self.space.basis[block]) for block in self._blocks] if self._exact else []
 
-    def _filtered(self, columns: Array) -> Array:
-        if not self.filters:
+    def _whitened(self, columns: Array) -> Array:
+        if not self.whiten:
             return columns
         new, m = columns.copy(), self.sample.components
-        for c, filtered in self.filters.items():
-            new[c::m] = filtered(columns[c::m])
+        for c, whiten in self.whiten.items():
+            new[c::m] = whiten(columns[c::m])
         return new
 
-    def _beside(self, columns: Array, more: Array | None = None) -> Array:
-        """Return an orthonormal basis of columns, (N, m, k), beside what is taken out."""
-        flat = self._filtered(columns.reshape(-1, columns.shape[-1]))
-        size = np.sqrt(np.einsum("ij,ij->j", flat, flat))
-        flat = flat[:, size > 0] / size[size > 0]
-        for basis in (self.taken, more):
-            if basis is not None:
-                flat = flat - basis @ (basis.T @ flat)
-        return orthonormal(flat, TAKEN)
+    def _visible(self, space: ColumnSpace, columns: Array) -> Array:
+        """Return an orthonormal basis of what columns, (N, m, k), span outside of a space."""
+        flat = unit_columns(self._whitened(columns.reshape(-1, columns.shape[-1])))
+        return space.visible_part(flat, TAKEN)
 
-    def test(self, columns: Array, beside: Array | None = None) -> Evidence | None:
-        """Hold columns against the residuals.
+    def test(self, columns: Array, given: Array | None = None) -> Explained | None:
+        """Test whether the residuals depend on columns.
 
         Parameters
         ----------
         columns : ndarray, shape (N, m, k)
-        beside : ndarray, shape (N, m, l), optional
-            Columns that may explain them, too, and are not asked for.
+        given : ndarray, shape (N, m, l), optional
+            Columns that may explain them, too, and are not tested.
 
         Returns
         -------
-        Evidence or None
-            None where the data do not allow to tell: the fit takes such columns out, or too few poses are left.
+        Explained or None
+            None where the data do not allow a test: the fit takes such columns out, or too few poses remain.
         """
-        sample, y = self.sample, self.y.ravel()
-        leverage, hat = self._leverage, []
-        if beside is not None:
-            hat.append(self._beside(beside))
-            y = y - hat[0] @ (hat[0].T @ y)
-        basis = self._beside(columns, hat[0] if hat else None)
+        sample, y, space, new = self.sample, self.y.ravel(), self.space, []
+        if given is not None:
+            new.append(self._visible(space, given))
+            space = space.joined(new[0])
+            y = project_out(new[0], y)
+        basis = self._visible(space, columns)
         if not basis.shape[1]:
             return None
-        hat.append(basis)
-        leverage = leverage + sum(np.einsum("ij,ij->i", b, b) for b in hat)
-        weight = np.einsum("ij,ij->i", basis, basis)
+        new.append(basis)
+        leverage = self.leverage + sum(ColumnSpace(b).leverage for b in new)
+        weight = ColumnSpace(basis).leverage
         share = np.add.reduceat(weight, self.starts)
         left = 1 - float(weight @ np.minimum(leverage, 1.0)) / float(weight.sum())
         d = float(share.sum() ** 2 / (share @ share)) * left
@@ -153,15 +152,15 @@ class Space:
             return None
         amount = basis.T @ y
         error = y - basis @ amount
-        log10_p, v = self._judged(basis, amount, error / np.sqrt(1 - np.minimum(leverage, 0.9)), d)
+        log10_p, v = self._chance(basis, amount, error / np.sqrt(1 - np.minimum(leverage, 0.9)), d)
         if self._exact and log10_p < CLOSER_LOOK:
-            log10_p, v = self._judged(basis, amount, self._unshrunk(error, hat), d)
+            log10_p, v = self._chance(basis, amount, self._without_leverage(error, new), d)
         # what the rows' squares fall by, and what chance makes of that
         square = (sample.count[:, None] * sample.scale**2).ravel()
         fall = square * ((y - error) * (y + error) - np.einsum("ij,jk,ik->i", basis, v, basis))
-        return Evidence(log10_p, fall.reshape(sample.y.shape).sum(axis=0))
+        return Explained(log10_p, fall.reshape(sample.y.shape).sum(axis=0))
 
-    def _judged(self, basis: Array, amount: Array, error: Array, d: float) -> tuple[float, Array]:
+    def _chance(self, basis: Array, amount: Array, error: Array, d: float) -> tuple[float, Array]:
         """Return the logarithm of the p-value, and V."""
         scores = np.add.reduceat(basis * error[:, None], self.starts, axis=0)
         v = scores.T @ scores
@@ -170,27 +169,13 @@ class Space:
             return 0.0, v
         return log10_f_tail(float(amount @ amount) / trace, trace**2 / float(np.sum(v**2)), d), v
 
-    def _unshrunk(self, residual: Array, more: Sequence[Array]) -> Array:
+    def _without_leverage(self, residual: Array, more: Sequence[Array]) -> Array:
+        """Return residuals at the size of errors; `more`: bases taken out besides those of the space."""
         found = np.empty_like(residual)
         for block, hat in zip(self._blocks, self._hat, strict=True):
-            found[block] = unshrunk(residual[block], hat + sum(_gram(basis[block]) for basis in more))
+            whole = hat + sum(_gram(basis[block]) for basis in more)
+            found[block] = undo_leverage(whole, residual[block], 0.5, cap=LARGEST_LEVERAGE)
         return found
-
-
-def unshrunk(residual: Array, hat: Array) -> Array:
-    """Bring residuals to the size of errors: (1 - H)^(-1/2) r, block by block.
-
-    Parameters
-    ----------
-    residual : ndarray, shape (…, b)
-    hat : ndarray, shape (…, b, b)
-        Blocks of the hat matrix; what it takes out nearly whole (over 0.99) is left as it is found.
-    """
-    if residual.shape[-1] == 1:
-        return np.asarray(residual / np.sqrt(1 - np.clip(hat[..., 0], 0.0, 0.99)))
-    values, vectors = np.linalg.eigh(hat)
-    along = np.einsum("...ji,...j->...i", vectors, residual) / np.sqrt(1 - np.clip(values, 0.0, 0.99))
-    return np.asarray(np.einsum("...ij,...j->...i", vectors, along))
 
 
 def _gram(columns: Array) -> Array:
@@ -202,19 +187,3 @@ def _blocks(pose: NDArray[np.intp], m: int) -> list[NDArray[np.intp]]:
     starts = np.flatnonzero(np.diff(pose, prepend=-1))
     sizes = np.diff(starts, append=len(pose))
     return [(starts[sizes == size] * m)[:, None] + np.arange(size * m) for size in np.unique(sizes)]
-
-
-def log10_f_tail(ratio: float, h: float, d: float) -> float:
-    """Return log10 of the probability that F(h, d) is above a ratio, also where it is below the smallest double."""
-    from scipy.special import betaln, fdtrc
-
-    if not np.isfinite(ratio):
-        return -np.inf
-    p = float(fdtrc(h, d, ratio))
-    if p > 1e-290:
-        return float(np.log10(p))
-    # the first two terms of the incomplete beta function, of which the third is a 1000th where it is so small
-    a, b = d / 2, h / 2
-    x = d / (d + h * ratio)
-    second = max((1 - b) * x * a / (a + 1), -0.9)
-    return float((a * np.log(x) - np.log(a) - betaln(a, b) + np.log1p(second)) / np.log(10))

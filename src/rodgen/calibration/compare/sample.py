@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.problem import Problem
 from rodgen.data.observations import Observations
+from rodgen.statistics.columns import orthonormal_basis
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
-__all__ = ["Sample", "orthonormal"]
+__all__ = ["Sample"]
 
 Array: TypeAlias = NDArray[np.float64]
 Index: TypeAlias = NDArray[np.intp]
@@ -30,24 +31,8 @@ MOST_CELLS = 6_000
 """Cells that are looked at. What explains one percent of the variance shows in a tenth of them."""
 STRETCH = 50
 """Poses that are taken together where not all are: what follows each other is needed for correlations in time."""
-DETERMINED = 1e-9
-"""Directions of the Jacobian below this part of the largest, parameters scaled alike, are gauge (see `determinacy`)."""
 STEP = 1e-5
 """Of the differences that tell where a joint moves the prediction: radians, or a part of the range."""
-
-
-def orthonormal(columns: Array, least: float) -> Array:
-    """Return an orthonormal basis of columns, (n, rank), without directions of a singular value below `least`.
-
-    Parameters
-    ----------
-    columns : ndarray, shape (n, k)
-    least : float
-        At least 1e-7: singular values are taken from the products of the columns, which squares them.
-    """
-    values, vectors = np.linalg.eigh(columns.T @ columns)
-    kept = values > least**2
-    return np.asarray(columns @ (vectors[:, kept] / np.sqrt(values[kept])))
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +100,7 @@ class Sample:
             np.stack([np.bincount(cell, w, len(key)) for w in problem.weight.T], axis=-1) / count[:, None]
         )
         total = np.sum(fit.residuals[rows] ** 2, axis=0)
-        taken = _span(jacobian.reshape(len(key) * problem.components, len(free)))
+        taken = orthonormal_basis(jacobian.reshape(len(key) * problem.components, len(free)))
         scale = 1 / (weight * fit.unit_factor)
         return cls(fit, rows, cell, y, taken, scale, count, pose, number, run, total)
 
@@ -218,14 +203,3 @@ def _chosen(fit: Fit) -> Index:
     kept = np.zeros(many + 1, bool)
     kept[chosen] = True
     return np.asarray(rows[kept[pose // STRETCH]])
-
-
-def _span(jacobian: Array) -> Array:
-    """Return an orthonormal basis of what the determined directions of the parameters change."""
-    size = np.sqrt(np.einsum("ij,ij->j", jacobian, jacobian))
-    scaled = np.asarray(jacobian[:, size > 0] / size[size > 0])
-    if not scaled.shape[1]:
-        return scaled
-    basis, triangle = np.linalg.qr(scaled)
-    left, values, _ = np.linalg.svd(triangle)
-    return np.asarray(basis @ left[:, : int(np.sum(values > DETERMINED * values[0]))])

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.compare.dependence import Search
-from rodgen.calibration.compare.explained import Space
+from rodgen.calibration.compare.explained import ProjectedResiduals
 from rodgen.calibration.compare.regions import Region, quarters
 from rodgen.calibration.compare.sample import Sample
 from rodgen.data.drivers import Driver
@@ -83,9 +83,9 @@ class Far:
 def _errors(sample: Sample, search: Search) -> Array:
     """Return what is left beside all that was found, brought to the size of errors, (N, m), in standard deviations."""
     space = search.filtered
-    leverage = np.einsum("ij,ij->i", space.taken, space.taken).reshape(space.y.shape)
+    leverage = space.leverage.reshape(space.y.shape)
     errors = space.y / np.sqrt(1 - np.minimum(leverage, 0.9))
-    if space.filters:
+    if space.whiten:
         errors = errors[sample.pose > 0]  # the first pose has no step before it
     size = np.sqrt(np.mean(errors**2, axis=0))
     found = np.full(sample.y.shape, np.nan)
@@ -103,7 +103,9 @@ def uneven(sample: Sample, search: Search, covariates: Sequence[Driver]) -> list
     beside = np.column_stack([np.ones(len(z)), 1 / sample.count])
     taken = np.linalg.qr(beside[:, : 1 + bool(np.ptp(sample.count))])[0]
     total = np.array([max(float(np.sum(z**2)), 1e-300)])
-    space = Space(replace(sample, y=z[:, None], taken=taken, scale=np.ones((len(z), 1)), total=total))
+    space = ProjectedResiduals(
+        replace(sample, y=z[:, None], taken=taken, scale=np.ones((len(z), 1)), total=total)
+    )
     unit = np.sqrt(sample.total / sample.count.sum())
     left = np.where(rows[:, None], errors, np.nan) * unit * _left(sample, search)
     found = []
@@ -153,7 +155,7 @@ def far(sample: Sample, search: Search) -> Far | None:
     cell, c = divmod(int(np.nanargmax(errors)), errors.shape[1])
     size, count = float(errors[cell, c]), np.isfinite(errors[:, c]).sum()
     # The freedoms of poses: readings of a pose may be one error.
-    freedoms = sample.poses * (1 - search.space.taken.shape[1] / search.space.y.size)
+    freedoms = sample.poses * (1 - search.space.space.rank / search.space.y.size)
     if freedoms < LEAST_POSES or size**2 >= count:
         return None
     student = size * np.sqrt((count - 1) / (count - size**2))  # against the others alone

@@ -21,10 +21,11 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.compare.explained import Space
-from rodgen.calibration.compare.sample import Sample, orthonormal
+from rodgen.calibration.compare.explained import ProjectedResiduals
+from rodgen.calibration.compare.sample import Sample
+from rodgen.statistics.columns import directions_above, project_out
 
-__all__ = ["Correlation", "Drift", "Wander", "correlation", "drift", "wander"]
+__all__ = ["Drift", "RandomWalk", "SerialCorrelation", "drift", "random_walk", "serial_correlation"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -35,13 +36,13 @@ RATIOS = np.concatenate([[0.0], np.geomspace(1e-4, 1e2, 19)])
 
 
 @dataclass(frozen=True)
-class Correlation:
+class SerialCorrelation:
     """How alike the residuals of successive poses are.
 
     Attributes
     ----------
     lag_1 : float
-        Correlation.
+        SerialCorrelation.
     log10_p : float
         Of one as high by chance.
     """
@@ -50,17 +51,17 @@ class Correlation:
     log10_p: float
 
 
-def _taken(space: Space, c: int) -> Array:
+def _taken(space: ProjectedResiduals, c: int) -> Array:
     """Return an orthonormal basis, (P, r), of what is taken out of the poses' means of a component."""
-    return orthonormal(space.sample.by_pose(space.taken[c :: space.sample.components]), 1e-3)
+    return directions_above(space.sample.by_pose(space.space.basis[c :: space.sample.components]), 1e-3)
 
 
-def correlation(space: Space, c: int) -> Correlation | None:
+def serial_correlation(space: ProjectedResiduals, c: int) -> SerialCorrelation | None:
     """Test a component; None where too few poses follow each other.
 
     Parameters
     ----------
-    space : Space
+    space : ProjectedResiduals
         Without filters.
     c : int
         The component.
@@ -71,7 +72,7 @@ def correlation(space: Space, c: int) -> Correlation | None:
     follows = sample.follows
     taken = _taken(space, c)
     e = sample.by_pose(space.y[:, c])
-    e = e - taken @ (taken.T @ e)
+    e = project_out(taken, e)
     v = sample.poses - taken.shape[1]
     square = float(e @ e)
     if v < LEAST_POSES or follows.sum() < LEAST_POSES or square == 0.0:
@@ -96,7 +97,7 @@ def correlation(space: Space, c: int) -> Correlation | None:
     a, b = total * (1 + mean) / 2, total * (1 - mean) / 2
     p = float(betainc(b, a, (1 - ratio) / 2))
     lag_1 = (ratio - mean) * sample.poses / follows.sum()
-    return Correlation(float(np.clip(lag_1, -1, 1)), float(np.log10(max(p, 1e-300))))
+    return SerialCorrelation(float(np.clip(lag_1, -1, 1)), float(np.log10(max(p, 1e-300))))
 
 
 @dataclass(frozen=True)
@@ -115,7 +116,7 @@ class Drift:
     log10_p: float
 
 
-def drift(space: Space, time: Array, c: int) -> Drift | None:
+def drift(space: ProjectedResiduals, time: Array, c: int) -> Drift | None:
     """Test a component for a linear trend over times of cells, (N,); None where the fit takes trends out."""
     sample = space.sample
     line = time - time.mean()
@@ -128,7 +129,7 @@ def drift(space: Space, time: Array, c: int) -> Drift | None:
     return Drift(float(line @ sample.residual[:, c]) / square * float(np.ptp(time)), evidence.log10_p)
 
 
-class Wander:
+class RandomWalk:
     """Takes columns of cells to where a component's errors, a random walk and independent ones, are independent.
 
     Parameters
@@ -168,17 +169,16 @@ class Wander:
         return np.asarray(columns + (new - mean)[self.sample.pose])
 
 
-def wander(space: Space, c: int) -> Wander | None:
+def random_walk(space: ProjectedResiduals, c: int) -> RandomWalk | None:
     """Fit a random walk to a component; None where independent errors do as well."""
     sample = space.sample
     taken = _taken(space, c)
     e = sample.by_pose(space.y[:, [c]])
     best, found = -np.inf, None
     for ratio in RATIOS:
-        walk = Wander(sample, ratio)
-        columns = orthonormal(walk.steps(taken), 1e-4)
-        left = walk.steps(e)
-        left = left - columns @ (columns.T @ left)
+        walk = RandomWalk(sample, ratio)
+        columns = directions_above(walk.steps(taken), 1e-4)
+        left = project_out(columns, walk.steps(e))
         v = len(left) - columns.shape[1]
         if v < LEAST_POSES:
             return None
