@@ -1,0 +1,54 @@
+"""Figures: each is a function of data that returns a Plotly figure, for notebooks, commands, the report and web pages.
+
+`save_figure` writes one into a file: ``.html`` works everywhere and needs no network; ``.png``, ``.svg`` and ``.pdf``
+are drawn by Kaleido, which needs Chrome or Chromium. Functions are imported when they are first asked for, so that each
+needs no more than what it draws.
+"""
+
+from importlib import import_module as _import_module
+from typing import TYPE_CHECKING as _TYPE_CHECKING
+from typing import Any as _Any
+
+if _TYPE_CHECKING:
+    from rodgen.output.figures.axis import axis_fit as axis_fit
+    from rodgen.output.figures.files import save_figure as save_figure
+    from rodgen.output.figures.files import save_figures as save_figures
+    from rodgen.output.figures.ladders import ladder as ladder
+    from rodgen.output.figures.mechanism import planar_representation as planar_representation
+    from rodgen.output.figures.parallel import influence as influence
+    from rodgen.output.figures.parallel import orientation_workspace as orientation_workspace
+    from rodgen.output.figures.parallel import uncertainty_map as uncertainty_map
+    from rodgen.output.figures.residuals import comparison as comparison
+    from rodgen.output.figures.residuals import distribution_of_residuals as distribution_of_residuals
+    from rodgen.output.figures.residuals import residuals_against as residuals_against
+    from rodgen.output.figures.residuals import residuals_in_order as residuals_in_order
+    from rodgen.output.figures.residuals import residuals_over_workspace as residuals_over_workspace
+
+_PLACES = {
+    "axis_fit": "axis",
+    "comparison": "residuals",
+    "distribution_of_residuals": "residuals",
+    "influence": "parallel",
+    "ladder": "ladders",
+    "orientation_workspace": "parallel",
+    "planar_representation": "mechanism",
+    "residuals_against": "residuals",
+    "residuals_in_order": "residuals",
+    "residuals_over_workspace": "residuals",
+    "save_figure": "files",
+    "save_figures": "files",
+    "uncertainty_map": "parallel",
+}
+"""The module of each function."""
+
+__all__ = sorted(_PLACES)
+
+
+def __getattr__(name: str) -> _Any:
+    if name not in _PLACES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(_import_module(f"{__name__}.{_PLACES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_PLACES})

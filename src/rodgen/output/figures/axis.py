@@ -1,0 +1,202 @@
+"""A fitted axis: the pairs seen along it and from the side, and the residuals of every pair."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import plotly.graph_objects as go
+
+from rodgen.output.figures.style import (
+    BLUE,
+    GREY,
+    INK,
+    LINE,
+    ORANGE,
+    PURPLE,
+    SOFT,
+    Array,
+    Index,
+    Panel,
+    axes,
+    column,
+    describe,
+    evenly,
+    label,
+    mark_size,
+)
+
+if TYPE_CHECKING:
+    from rodgen.data.tables import Pairs
+    from rodgen.kinematics.axis_fit import AxisFit
+
+__all__ = ["axis_fit"]
+
+MOST_ARCS, MOST_RESIDUALS = 200, 5000
+"""More arcs than this are a grey disc, more residuals a grey band."""
+
+
+def axis_fit(fit: AxisFit, pairs: Pairs) -> go.Figure:
+    """Return the pairs of a fit seen along the axis and from the side, and their residuals in three directions.
+
+    Open circles are points before the rotation, filled ones after it, crosses outliers.
+
+    Parameters
+    ----------
+    fit : rodgen.AxisFit
+    pairs : rodgen.data.tables.Pairs
+        What was fitted.
+    """
+    u, v, names = _view(fit.axis)
+    before, after = (
+        np.stack([(x - fit.point) @ w for w in (u, v, fit.axis)]) for x in (pairs.rho, pairs.rho_prime)
+    )
+    unit = label(pairs.unit)
+    figure = column(
+        [
+            Panel(
+                f"Seen along the axis: {names[1]} [{unit}]",
+                430,
+                f"across the axis, {names[0]} [{unit}]",
+                equal=True,
+            ),
+            Panel(f"Seen from the side: distance from the axis [{unit}]", 150, f"along the axis [{unit}]"),
+            Panel(f"Residuals [{unit}]", 190, "pair, in the order of the file (from 0)"),
+        ]
+    )
+    chosen = evenly(fit.pairs, MOST_ARCS)
+    chosen = np.union1d(chosen, np.flatnonzero(fit.outliers)[:MOST_ARCS])
+    _along(figure, pairs, fit, before, after, chosen)
+    _side(figure, before, after, chosen)
+    _residuals(figure, fit, after, u, v, unit)
+    e = ", ".join(f"{c:.6f}" for c in fit.axis).replace("-", "−")
+    spread = fit.axis_uncertainty[0]
+    known = f"± {spread * 1e6:.3g} µrad" if math.isfinite(spread) else "uncertainty unknown"
+    bad = int(fit.outliers.sum())
+    outliers = f", {bad} outlier{'s' * (bad > 1)}" if bad else ""
+    shown = (
+        "" if len(chosen) == fit.pairs else f" {len(chosen)} of {fit.pairs} pairs are drawn in the two views."
+    )
+    return describe(
+        figure,
+        "axis_fit",
+        f"Axis ({e}) {known}",
+        note=f"{fit.pairs} pairs, residuals rms {fit.rms:.3g} {pairs.unit}{outliers}.{shown}",
+    )
+
+
+def _view(axis: Array) -> tuple[Array, Array, tuple[str, str]]:
+    """Choose the two directions of the view along the axis: as near to machine axes as it allows."""
+    main = int(np.argmax(np.abs(axis)))
+    right = (main + 1) % 3 if axis[main] > 0 else (main + 2) % 3
+    u = np.eye(3)[right] - axis * axis[right]
+    u /= np.linalg.norm(u)
+    v = np.cross(axis, u)
+    up = int(np.argmax(np.abs(v)))
+    about = "about " if abs(axis[main]) < 1 - 1e-4 else ""
+    first, second = (about + ("" if w[i] > 0 else "−") + "xyz"[i] for w, i in ((u, right), (v, up)))
+    return u, v, (first, second)
+
+
+_BEFORE = {"symbol": "circle-open", "size": 8, "color": BLUE, "line": {"width": 1.4}}
+_AFTER = {"symbol": "circle", "size": 6, "color": ORANGE, "line": {"width": 0.5, "color": INK}}
+_OUTLIER = {"symbol": "x", "size": 9, "color": PURPLE, "line": {"width": 0.5, "color": INK}}
+
+
+def _along(figure: go.Figure, pairs: Pairs, fit: AxisFit, before: Array, after: Array, chosen: Index) -> None:
+    # The path of a point: its circle about the fitted axis, from where it was, by the angle that was given.
+    turn = np.remainder(pairs.angle[chosen] + np.pi, 2 * np.pi) - np.pi
+    start = np.arctan2(before[1, chosen], before[0, chosen])
+    radius = np.hypot(before[0, chosen], before[1, chosen])
+    steps = start[:, None] + turn[:, None] * np.append(np.linspace(0, 1, 49), np.nan)
+    figure.add_trace(
+        go.Scatter(
+            x=(radius[:, None] * np.cos(steps)).ravel(), y=(radius[:, None] * np.sin(steps)).ravel(),
+            mode="lines", line={"color": GREY, "width": 0.7}, opacity=0.6, hoverinfo="skip", showlegend=False,
+            **axes(0),
+        )
+    )  # fmt: skip
+    text = [f"pair {i}" for i in chosen]
+    for name, points, mark in (("before", before, _BEFORE), ("after", after, _AFTER)):
+        figure.add_trace(
+            go.Scatter(
+                x=points[0, chosen], y=points[1, chosen], mode="markers", marker=mark, name=name, text=text,
+                legendgroup=name, hovertemplate="%{text}<br>%{x:.6g}, %{y:.6g}", **axes(0),
+            )
+        )  # fmt: skip
+    bad = chosen[fit.outliers[chosen]]
+    if bad.size:
+        figure.add_trace(
+            go.Scatter(
+                x=after[0, bad], y=after[1, bad], mode="markers", marker=_OUTLIER, name="outlier", legendgroup="bad",
+                text=[f"pair {i}" for i in bad], hovertemplate="%{text}, outlier", **axes(0),
+            )
+        )  # fmt: skip
+    figure.add_trace(
+        go.Scatter(
+            x=[0], y=[0], mode="markers", name="axis, towards you", hoverinfo="skip",
+            marker={"symbol": "circle-open-dot", "size": 13, "color": INK, "line": {"width": 1.5}}, **axes(0),
+        )
+    )  # fmt: skip
+
+
+def _side(figure: go.Figure, before: Array, after: Array, chosen: Index) -> None:
+    for name, points, mark in (("before", before, _BEFORE), ("after", after, _AFTER)):
+        figure.add_trace(
+            go.Scatter(
+                x=points[2, chosen], y=np.hypot(points[0, chosen], points[1, chosen]), mode="markers", marker=mark,
+                name=name, legendgroup=name, showlegend=False, text=[f"pair {i}" for i in chosen],
+                hovertemplate="%{text}<br>%{x:.6g}, %{y:.6g}", **axes(1),
+            )
+        )  # fmt: skip
+    figure.update_layout(
+        yaxis2={"rangemode": "tozero", "zeroline": True, "zerolinecolor": INK, "zerolinewidth": 1.5}
+    )
+
+
+def _residuals(figure: go.Figure, fit: AxisFit, after: Array, u: Array, v: Array, unit: str) -> None:
+    chosen = np.union1d(evenly(fit.pairs, MOST_RESIDUALS), np.flatnonzero(fit.outliers)[:MOST_RESIDUALS])
+    radius = np.hypot(after[0], after[1])[chosen]
+    cos, sin = (
+        np.divide(after[i, chosen], radius, out=np.zeros(len(chosen)), where=radius > 0) for i in (0, 1)
+    )
+    across, up, along = (fit.residuals[chosen] @ w for w in (u, v, fit.axis))
+    parts = {
+        "along the axis": (along, "square", GREY),
+        "away from the axis": (cos * across + sin * up, "circle", BLUE),
+        "around the axis": (cos * up - sin * across, "triangle-up", ORANGE),
+    }
+    good = ~fit.outliers[chosen]
+    noise = math.sqrt(2) * fit.sigma
+    if math.isfinite(noise) and noise > 0:
+        figure.add_shape(
+            type="rect", x0=0, x1=1, xref="x3 domain", y0=-2 * noise, y1=2 * noise, yref="y3", layer="below",
+            line_width=0, fillcolor=LINE, opacity=0.6, name="±2 standard uncertainties", showlegend=True,
+        )  # fmt: skip
+    for name, (part, symbol, colour) in parts.items():
+        figure.add_trace(
+            go.Scatter(
+                x=chosen[good], y=part[good], mode="markers", name=name,
+                marker={"symbol": symbol, "color": colour, "size": mark_size(len(chosen))},
+                hovertemplate=f"pair %{{x}}: %{{y:.4g}} {unit}", **axes(2),
+            )
+        )  # fmt: skip
+    # The panel is for the pairs that count; an outlier that is farther off stands at its edge.
+    worst = float(np.abs([part[good] for part, _, _ in parts.values()]).max(initial=0)) or fit.rms or 1.0
+    bad = chosen[~good]
+    if bad.size:
+        largest = np.stack([part[~good] for part, _, _ in parts.values()])
+        value = np.take_along_axis(largest, np.abs(largest).argmax(axis=0)[None], axis=0)[0]
+        figure.add_trace(
+            go.Scatter(
+                x=bad, y=np.clip(value, -1.15 * worst, 1.15 * worst), mode="markers", marker=_OUTLIER, name="outlier",
+                legendgroup="bad", showlegend=False, customdata=value,
+                hovertemplate=f"pair %{{x}}, outlier: %{{customdata:.4g}} {unit}", **axes(2),
+            )
+        )  # fmt: skip
+    limit = 1.3 * max(worst, 2.2 * noise if noise > 0 else 0.0)
+    figure.update_layout(
+        xaxis3={"tickformat": "d"},
+        yaxis3={"range": [-limit, limit], "zeroline": True, "zerolinecolor": SOFT},
+    )

@@ -1,0 +1,202 @@
+"""Write figures into files: a page that works everywhere, and images through Kaleido, which needs Chrome or Chromium.
+
+The same figure gives the same bytes: what a browser puts into a file by chance or by the clock is taken out.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import re
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, Any
+
+from rodgen.errors import InputFileError
+from rodgen.files import write_file
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
+
+__all__ = ["check_figure_name", "check_images", "image", "save_figure", "save_figures"]
+
+IMAGES = ("png", "svg", "pdf")
+SCALE = 2.0
+"""Pixels of a PNG for each pixel of the figure."""
+
+
+def save_figure(figure: go.Figure, path: str | os.PathLike[str]) -> None:
+    """Write a figure into a file.
+
+    Parameters
+    ----------
+    figure : plotly.graph_objects.Figure
+        Made by a function of `rodgen.figures`.
+    path : str or os.PathLike
+        Ends in ``.html``, or in ``.png``, ``.svg`` or ``.pdf``, which need Chrome or Chromium.
+
+    Raises
+    ------
+    InputFileError
+        When the name has another ending, the file cannot be written, or there is no browser for an image.
+    """
+    kind = check_figure_name(path)
+    if kind == "html":
+        from rodgen.output.figures.html import figure_page
+
+        write_file(path, figure_page([figure]).encode())
+    else:
+        (content,) = _images([(figure, kind)], os.fspath(path))
+        write_file(path, content)
+
+
+def save_figures(
+    figures: Iterable[go.Figure],
+    path: str | os.PathLike[str],
+    progress: Callable[[str], object] | None = None,
+) -> list[str]:
+    """Write figures onto one page, or as images into a folder.
+
+    Parameters
+    ----------
+    figures : iterable of plotly.graph_objects.Figure
+    path : str or os.PathLike
+        A name that ends in ``.html``: one page with all figures. Any other: a folder, made where it is not there, for
+        each figure as PNG and as SVG, which need Chrome or Chromium.
+    progress : callable, optional
+        Called with the name of each figure.
+
+    Returns
+    -------
+    list of str
+        The files.
+
+    Raises
+    ------
+    InputFileError
+        When a file cannot be written, or there is no browser for images.
+    """
+    place = os.fspath(path)
+    listed = []
+    for figure in figures:
+        if progress:
+            progress(figure.layout.meta["name"])
+        listed.append(figure)
+    if place.lower().endswith((".html", ".htm")):
+        from rodgen.output.figures.html import figure_page
+
+        write_file(place, figure_page(listed).encode())
+        return [place]
+    try:
+        os.makedirs(place, exist_ok=True)
+    except OSError as error:
+        found = f"cannot be made ({error.strerror or error})"
+        raise InputFileError(place, "file", found, "a writable folder") from None
+    jobs = [(figure, kind) for figure in listed for kind in ("png", "svg")]
+    files = []
+    for (figure, kind), content in zip(jobs, _images(jobs, place), strict=True):
+        file = os.path.join(place, f"{figure.layout.meta['name']}.{kind}")
+        write_file(file, content)
+        files.append(file)
+    return files
+
+
+def image(figure: go.Figure, kind: str) -> bytes:
+    """Return a figure as ``"png"``, ``"svg"`` or ``"pdf"``; see `save_figure`."""
+    return _images([(figure, kind)], "figure")[0]
+
+
+def check_figure_name(path: str | os.PathLike[str]) -> str:
+    """Return the kind of file that a name asks for: ``"html"``, ``"png"``, ``"svg"`` or ``"pdf"``.
+
+    Raises
+    ------
+    InputFileError
+        When it asks for none, or for an image where there is no browser that can draw it.
+    """
+    file = os.fspath(path)
+    kind = os.path.splitext(file)[1].lower()[1:].replace("htm", "html").replace("htmll", "html")
+    if kind not in ("html", *IMAGES):
+        raise InputFileError(
+            file,
+            "file",
+            "a name that does not say what to draw",
+            "a name that ends in .html, .png, .svg or .pdf",
+        )
+    if kind != "html":
+        check_images(file)
+    return kind
+
+
+def check_images(path: str | os.PathLike[str]) -> None:
+    """Find out whether images can be drawn, before the work that leads to them.
+
+    Raises
+    ------
+    InputFileError
+        When there is neither Chrome nor Chromium.
+    """
+    import kaleido  # noqa: F401 - that it is missing is said at once
+    from choreographer.browsers.chromium import Chromium
+
+    if not Chromium.find_browser(skip_local=False):
+        raise _no_browser(path)
+
+
+def _no_browser(path: str | os.PathLike[str]) -> InputFileError:
+    return InputFileError(
+        os.fspath(path),
+        "file",
+        "no Chrome or Chromium, which images are drawn with",
+        "one of them to be installed, or a name that ends in .html, which needs none",
+    )
+
+
+def _images(jobs: list[tuple[go.Figure, str]], path: str) -> list[bytes]:
+    """Return figures as images, drawn by one browser."""
+    import kaleido
+    from choreographer.errors import ChromeNotFoundError
+
+    async def draw() -> list[bytes]:
+        # No MathJax: it would be asked of the network, and text is drawn as it is.
+        async with kaleido.Kaleido(n=1, mathjax=False) as browser:
+            return [
+                await browser.calc_fig(
+                    _named_traces(figure),
+                    opts={
+                        "format": kind,
+                        "width": figure.layout.width,
+                        "height": figure.layout.height,
+                        "scale": SCALE if kind == "png" else 1,
+                    },
+                )
+                for figure, kind in jobs
+            ]
+
+    try:
+        # A notebook has a running event loop of its own, beside which no other may run in its thread.
+        with ThreadPoolExecutor(1) as thread:
+            drawn = thread.submit(asyncio.run, draw()).result()
+    except ChromeNotFoundError:
+        raise _no_browser(path) from None
+    return [_fixed(content, kind) for content, (_, kind) in zip(drawn, jobs, strict=True)]
+
+
+def _named_traces(figure: go.Figure) -> dict[str, Any]:
+    """Return a figure as data whose traces have names of their own: plotly.js would make up random ones."""
+    found: dict[str, Any] = figure.to_dict()
+    for number, trace in enumerate(found["data"]):
+        trace["uid"] = f"t{number:05d}"
+    return found
+
+
+def _fixed(content: bytes, kind: str) -> bytes:
+    """Return an image without what differs from one drawing to the next."""
+    if kind == "svg":
+        # plotly.js names its clip paths and gradients by six random digits
+        found = re.search(rb'id="(?:clip|topdefs-|defs-)([0-9a-f]{6})', content)
+        if found:
+            content = content.replace(found[1], b"rodgen")
+    if kind == "pdf":
+        content = re.sub(rb"D:\d{14}", b"D:20000101000000", content)
+    return content

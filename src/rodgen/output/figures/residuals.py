@@ -1,0 +1,384 @@
+"""The residuals of a comparison: against each covariate, over the workspace, in order, and their distribution.
+
+Large data are thinned, and the note of the figure says so.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import plotly.graph_objects as go
+
+from rodgen.calibration.compare.sentences import figure as rounded
+from rodgen.calibration.compare.sentences import plain
+from rodgen.output.figures.maps import residuals_in_space, residuals_on_the_sky
+from rodgen.output.figures.style import (
+    BLUE,
+    GREY,
+    INK,
+    LINE,
+    PURPLE,
+    Array,
+    Index,
+    Panel,
+    axes,
+    column,
+    describe,
+    evenly,
+    label,
+    mark_size,
+)
+
+if TYPE_CHECKING:
+    from rodgen.calibration.compare.comparison import Comparison
+    from rodgen.calibration.compare.covariates import Covariate
+
+__all__ = [
+    "comparison",
+    "distribution_of_residuals",
+    "residuals_against",
+    "residuals_in_order",
+    "residuals_over_workspace",
+]
+
+MOST_DOTS, MOST_ARROWS, MOST_RUNS = 4000, 400, 20
+PIECES = 40
+"""Of the line that follows the residuals in the order of measurement."""
+SMALL_MOTION = 0.1
+"""Where a joint moves the target less than this part of what is usual, a residual says nothing of its reading."""
+PANEL = 150
+"""Height, in pixels."""
+ORDER = "row, in the order of the file (from 0)"
+
+
+def comparison(comparison: Comparison) -> Iterator[go.Figure]:
+    """Yield every figure of a comparison; the name of each is in its ``layout.meta``.
+
+    Parameters
+    ----------
+    comparison : rodgen.calibration.compare.Comparison
+    """
+    yield residuals_in_order(comparison)
+    yield residuals_over_workspace(comparison)
+    yield distribution_of_residuals(comparison)
+    used: set[str] = set()
+    for covariate in comparison.covariates:
+        name = "by_" + (re.sub(r"[^A-Za-z0-9_-]+", "_", covariate.name)[:60] or "column")
+        while name.casefold() in used:
+            name += "_"
+        used.add(name.casefold())
+        yield residuals_against(comparison, covariate, name)
+
+
+def _thinned(drawn: int, count: int) -> str:
+    return "" if drawn == count else f" {drawn} of {count} readings are drawn."
+
+
+def _dots(x: Any, y: Any, count: int, **given: Any) -> go.Scatter:
+    return go.Scatter(
+        x=x,
+        y=y,
+        mode="markers",
+        marker={"symbol": "circle-open", "color": BLUE, "size": mark_size(count), "line": {"width": 1}},
+        **{"name": "reading", "legendgroup": "reading", **given},
+    )
+
+
+# against a covariate -----------------------------------------------------------------------------------------------
+
+
+def residuals_against(comparison: Comparison, covariate: Covariate, name: str = "by_covariate") -> go.Figure:
+    """Return the residuals against a covariate: dots and a smooth curve, or means where it has categories.
+
+    Curve and means have bands of two standard errors, poses taken as independent.
+
+    Parameters
+    ----------
+    comparison : rodgen.calibration.compare.Comparison
+    covariate : rodgen.calibration.compare.covariates.Covariate
+        One of ``comparison.covariates``.
+    name : str, optional
+        Of the figure's files.
+    """
+    sample = comparison.sample
+    unit = label(comparison.unit)
+    values = [
+        (f"{c} [{unit}]", r, comparison.unit)
+        for c, r in zip(comparison.components, sample.residual.T, strict=True)
+    ]
+    if covariate.of is not None:
+        along, of = _reading(comparison, covariate.of)
+        if np.isfinite(along).any():
+            joint = label(plain(comparison.fit.machine.joints[covariate.of].name))
+            values.append((f"reading of {joint} [{of}]", along, of))
+    what = label(plain(covariate.label)) if covariate.unit != "row" else ORDER
+    figure = column(
+        [
+            Panel(title, PANEL, label(plain(what)) if i + 1 == len(values) else "")
+            for i, (title, _, _) in enumerate(values)
+        ]
+    )
+    x = covariate.values
+    if covariate.turn is not None and np.ptp(x) > 1.01 * covariate.turn:
+        x = x % covariate.turn
+    chosen = evenly(len(x), MOST_DOTS)
+    groups = bool(covariate.categories) or covariate.kind == "approach" or covariate.distinct <= 2
+    for number, (_, y, of) in enumerate(values):
+        if groups:
+            _groups(figure, number, sample.pose, covariate, y, of)
+        else:
+            figure.add_trace(
+                _dots(
+                    x[chosen], y[chosen], len(chosen), showlegend=number == 0,
+                    hovertemplate=f"%{{x:.6g}}: %{{y:.4g}} {label(of)}", **axes(number),
+                )
+            )  # fmt: skip
+            _curve(figure, number, sample.pose, covariate, x, y)
+        figure.update_layout({f"yaxis{number + 1}": {"zeroline": True}})
+    if groups:
+        _name_groups(figure, covariate, len(values))
+    note = (
+        "Means with two standard errors, by pose." if groups else "The band has two standard errors, by pose."
+    )
+    return describe(
+        figure,
+        name,
+        f"Residuals against {plain(covariate.text)}",
+        note=note + ("" if groups else _thinned(len(chosen), len(x))),
+    )
+
+
+def _reading(comparison: Comparison, joint: int) -> tuple[Array, str]:
+    """Return what a joint's reading would have to be off to explain each residual best, and the unit."""
+    sample = comparison.sample
+    motion = sample.motions[:, :, joint]
+    square = np.sum(motion**2, axis=1)
+    if comparison.fit.machine.joints[joint].type == "revolute":
+        unit, factor = "arcsec", 648000 / np.pi
+    else:
+        unit, factor = comparison.fit.machine.length_unit, 1.0
+    with np.errstate(invalid="ignore", divide="ignore"):
+        along = np.sum(motion * sample.y, axis=1) / square * factor
+    enough = square > SMALL_MOTION**2 * np.median(square)
+    return np.where(enough, along, np.nan), unit
+
+
+def _fitted(columns: Array, y: Array, pose: Index, at: Array) -> tuple[Array, Array]:
+    """Return a regression at rows `at` of columns, and its standard errors; poses are independent, rows are not."""
+    known = np.isfinite(y)
+    columns, y, pose = columns[known], y[known], pose[known]
+    inverse = np.linalg.pinv(columns, rcond=1e-8)
+    left = y - columns @ (inverse @ y)
+    scores = np.zeros((int(pose.max(initial=0)) + 1, len(inverse)))
+    np.add.at(scores, pose, (inverse * left).T)
+    return at @ (inverse @ y), np.sqrt(np.sum((scores @ at.T) ** 2, axis=0))
+
+
+def _curve(figure: go.Figure, number: int, pose: Index, covariate: Covariate, x: Array, y: Array) -> None:
+    grid = np.linspace(x.min(), x.max(), 201)
+    columns = [np.column_stack([np.ones(len(v)), covariate.curve(v)]) for v in (x, grid)]
+    if columns[0].shape[1] + 2 > len(np.unique(pose)):
+        return
+    line, error = _fitted(columns[0], y, pose, columns[1])
+    figure.add_trace(
+        go.Scatter(
+            x=np.concatenate([grid, grid[::-1]]), y=np.concatenate([line + 2 * error, (line - 2 * error)[::-1]]),
+            mode="none", fill="toself", fillcolor="rgba(140,149,159,0.35)", name="two standard errors",
+            legendgroup="band", showlegend=number == 0, hoverinfo="skip", **axes(number),
+        )
+    )  # fmt: skip
+    figure.add_trace(
+        go.Scatter(
+            x=grid, y=line, mode="lines", line={"color": INK, "width": 1.6}, name="smooth curve", legendgroup="curve",
+            showlegend=number == 0, hoverinfo="skip", **axes(number),
+        )
+    )  # fmt: skip
+    # The band of a curve at an end without poses would push everything else together.
+    size = float(np.nanmax(np.abs(np.concatenate([y, line])))) * 1.08
+    if size:
+        figure.update_layout({f"yaxis{number + 1}": {"range": [-size, size]}})
+
+
+def _groups(figure: go.Figure, number: int, pose: Index, covariate: Covariate, y: Array, unit: str) -> None:
+    shown = np.unique(covariate.values)[:MOST_RUNS]
+    random = np.random.default_rng(0)
+    xs, ys, means, errors, places = [], [], [], [], []
+    for place, code in enumerate(shown):
+        inside = np.flatnonzero((covariate.values == code) & np.isfinite(y))
+        some = evenly(inside, MOST_DOTS // len(shown))
+        xs.append(place + random.uniform(-0.15, 0.15, len(some)))
+        ys.append(y[some])
+        if not len(inside):
+            continue
+        ones = np.ones((len(inside), 1))
+        mean, error = _fitted(ones, y[inside], pose[inside], ones[:1])
+        places.append(place + 0.3)
+        means.append(float(mean[0]))
+        errors.append(2 * float(error[0]))
+    figure.add_trace(
+        _dots(
+            np.concatenate(xs), np.concatenate(ys), len(y), showlegend=number == 0,
+            hovertemplate=f"%{{y:.4g}} {label(unit)}", **axes(number),
+        )
+    )  # fmt: skip
+    figure.add_trace(
+        go.Scatter(
+            x=places, y=means, error_y={"array": errors, "color": INK, "thickness": 1.5}, mode="markers",
+            marker={"symbol": "square", "size": 8, "color": INK}, name="mean", legendgroup="mean",
+            showlegend=number == 0, hovertemplate=f"mean %{{y:.4g}} {label(unit)}", **axes(number),
+        )
+    )  # fmt: skip
+
+
+def _name_groups(figure: go.Figure, covariate: Covariate, panels: int) -> None:
+    shown = np.unique(covariate.values)[:MOST_RUNS]
+    names = [plain(covariate.categories[int(c)], 16) if covariate.categories else f"{c:+g}" for c in shown]
+    figure.update_layout(
+        {
+            f"xaxis{number + 1}": {
+                "tickvals": list(range(len(shown))),
+                "ticktext": [label(name) for name in names],
+                "range": [-0.5, len(shown) - 0.4],
+            }
+            for number in range(panels)
+        }
+    )
+
+
+# over the workspace ------------------------------------------------------------------------------------------------
+
+
+def residuals_over_workspace(comparison: Comparison) -> go.Figure:
+    """Return the residuals where they were measured: over the workspace, or on the sky of a machine that points."""
+    sample, fit = comparison.sample, comparison.fit
+    chosen = evenly(len(sample.pose), MOST_ARROWS)
+    residual, free = sample.residual[chosen], fit.machine.measured.frame == "free"
+    note = _thinned(len(chosen), len(sample.pose)).strip()
+    if comparison.unit == "arcsec":
+        up = -np.asarray(fit.machine.gravity)
+        up = fit.solution.frame.rotation @ up if free else up
+        first = sample.first[chosen]
+        basis = [side[first] for side in fit.observations.basis]
+        drawn = residuals_on_the_sky(
+            fit.observations.reading[first], basis, [("residual", residual)], up, comparison.unit
+        )
+        note = f"The zenith is in the middle, circles are of equal altitude. {note}"
+        return describe(drawn, "workspace", "Residuals on the sky", note=note.strip())
+    if free and residual.shape[1] == 3:
+        residual = residual @ fit.solution.frame.rotation
+    drawn = residuals_in_space(
+        sample.places[chosen], [("residual", residual)], fit.machine.length_unit, comparison.unit
+    )
+    area = "" if residual.shape[1] == 3 else " The area of a mark follows the size of the residual."
+    note = f"In machine axes.{area} {note}"
+    return describe(drawn, "workspace", "Residuals over the workspace", note=note.strip())
+
+
+# in order, and as a distribution -----------------------------------------------------------------------------------
+
+
+def residuals_in_order(comparison: Comparison) -> go.Figure:
+    """Return the residuals in the order of measurement, with their mean, outliers, and the runs."""
+    fit, o = comparison.fit, comparison.fit.observations
+    names, unit = comparison.components, label(comparison.unit)
+    figure = column([Panel(f"{c} [{unit}]", PANEL, ORDER if c is names[-1] else "") for c in names])
+    rows = np.flatnonzero(~fit.outliers)
+    chosen = evenly(rows, MOST_DOTS)
+    bad = np.flatnonzero(fit.outliers)[:MOST_DOTS]
+    pieces = [part for part in np.array_split(rows, min(PIECES, max(len(rows) // 4, 1))) if len(part)]
+    starts = np.flatnonzero(np.diff(o.run)) + 1
+    for c in range(len(names)):
+        r = fit.residuals[:, c]
+        hover = f"row %{{x}}: %{{y:.4g}} {unit}"
+        figure.add_trace(
+            _dots(chosen, r[chosen], len(chosen), showlegend=c == 0, hovertemplate=hover, **axes(c))
+        )
+        figure.add_trace(
+            go.Scatter(
+                x=[part.mean() for part in pieces], y=[r[part].mean() for part in pieces], mode="lines",
+                line={"color": INK, "width": 1.6}, name="mean", legendgroup="mean", showlegend=c == 0,
+                hoverinfo="skip", **axes(c),
+            )
+        )  # fmt: skip
+        limit = 1.15 * float(np.max(np.abs(r[rows]), initial=0.0)) or 1.0
+        if len(bad):
+            figure.add_trace(
+                go.Scatter(
+                    x=bad, y=np.clip(r[bad], -limit, limit), customdata=r[bad], mode="markers", name="outlier",
+                    marker={"symbol": "x", "size": 8, "color": PURPLE}, legendgroup="outlier", showlegend=c == 0,
+                    hovertemplate=f"row %{{x}}, outlier: %{{customdata:.4g}} {unit}", **axes(c),
+                )
+            )  # fmt: skip
+        figure.update_layout({f"yaxis{c + 1}": {"range": [-1.1 * limit, 1.1 * limit], "zeroline": True}})
+        if len(starts) < MOST_RUNS:
+            for start in starts:
+                figure.add_shape(
+                    type="line", x0=start - 0.5, x1=start - 0.5, y0=0, y1=1,
+                    line={"color": GREY, "width": 1, "dash": "dash"}, xref=axes(c)["xaxis"],
+                    yref=f"{axes(c)['yaxis']} domain",
+                )  # fmt: skip
+    runs = ""
+    if 0 < len(starts) < MOST_RUNS:
+        listed = ", ".join(f"{plain(o.run_names[int(o.run[s])], 16)} from row {s}" for s in (0, *starts))
+        runs = f" Dashed lines part the runs: {listed}."
+    note = f"The line is the mean of neighbours.{runs}{_thinned(len(chosen), len(rows))}"
+    return describe(figure, "order", "Residuals in the order of measurement", note=note)
+
+
+def distribution_of_residuals(comparison: Comparison) -> go.Figure:
+    """Return a histogram and a normal quantile plot of the residuals of each component, without outliers."""
+    from scipy.special import ndtri
+
+    fit, unit = comparison.fit, label(comparison.unit)
+    panels = []
+    for name in comparison.components:
+        panels.append(Panel(f"share per {unit}", PANEL, f"{name} [{unit}]"))
+        panels.append(Panel(f"{name} [{unit}]", PANEL, "normal quantile [standard deviations]"))
+    figure = column(panels)
+    for c in range(len(comparison.components)):
+        r = np.sort(fit.residuals[~fit.outliers, c])
+        sigma = float(np.std(r)) or 1.0
+        share, edges = np.histogram(r, int(np.clip(np.sqrt(len(r)), 8, 60)), density=True)
+        first, second = axes(2 * c), axes(2 * c + 1)
+        figure.add_trace(
+            go.Bar(
+                x=(edges[1:] + edges[:-1]) / 2, y=share, width=np.diff(edges), name="residuals",
+                legendgroup="residuals",
+                marker={"color": LINE, "line": {"color": BLUE, "width": 1}}, showlegend=c == 0,
+                hovertemplate=f"%{{x:.4g}} {unit}", **first,
+            )
+        )  # fmt: skip
+        x = np.linspace(-4 * sigma, 4 * sigma, 201) + r.mean()
+        normal = np.exp(-0.5 * ((x - r.mean()) / sigma) ** 2) / (sigma * np.sqrt(2 * np.pi))
+        line = {"color": INK, "width": 1.5}
+        figure.add_trace(
+            go.Scatter(
+                x=x, y=normal, mode="lines", line=line, name="normal distribution", legendgroup="normal",
+                showlegend=c == 0, hoverinfo="skip", **first,
+            )
+        )  # fmt: skip
+        some = evenly(len(r), MOST_DOTS)
+        quantile = ndtri((some + 0.5) / max(len(r), 1))
+        figure.add_trace(
+            _dots(
+                quantile, r[some], len(some), name="residuals", legendgroup="residuals", showlegend=False,
+                hovertemplate=f"%{{y:.4g}} {unit}", **second,
+            )
+        )  # fmt: skip
+        ends = np.array([quantile[0], quantile[-1]]) if len(r) else np.zeros(2)
+        figure.add_trace(
+            go.Scatter(
+                x=ends, y=r.mean() + sigma * ends, mode="lines", line=line, legendgroup="normal", showlegend=False,
+                hoverinfo="skip", **second,
+            )
+        )  # fmt: skip
+    figure.update_layout(bargap=0)
+    return describe(
+        figure,
+        "distribution",
+        "Distribution of the residuals",
+        note=f"The line is what normal errors would have; rms {rounded(fit.rms)} {comparison.unit}.",
+    )
