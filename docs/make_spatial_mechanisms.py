@@ -12,9 +12,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
 
-from rodgen.kinematics import spatial
+from rodgen import figures, spatial
 from rodgen.kinematics.spatial import Mechanism, ReverseStatus
 
 ROOT = Path(__file__).parent.parent
@@ -61,27 +62,40 @@ def corners(robot: Mechanism, q: np.ndarray) -> np.ndarray:
     return np.array(points)
 
 
-def postures() -> Figure:
+def postures() -> go.Figure:
     """The eight ways of a Puma to one pose: four of the arm, each with two of the wrist, which look alike."""
     robot = spatial.PUMA_560
     T = spatial.forward(robot, np.radians([50.0, 75.0, -140.0, 60.0, 130.0, 20.0]))
     solutions = spatial.reverse(robot, T).solutions
     arms = np.unique(solutions[:, :3].round(6), axis=0)
     middle = (T[:3, 3] + [0, 0, -6]) / 2
-    figure = Figure(figsize=(11, 3.3), layout="constrained")
+    titles = []
+    figure = make_subplots(
+        1, 4, specs=[[{"type": "scene"}] * 4], horizontal_spacing=0.01, subplot_titles=[" "] * 4
+    )
     for n, arm in enumerate(arms):
-        panel = figure.add_subplot(1, 4, n + 1, projection="3d")
         same = solutions[np.abs(solutions[:, :3] - arm).max(axis=1) < 1e-5]
-        line = corners(robot, same[0])
-        panel.plot([0, 0], [0, 0], [-14, 0], color="0.7", lw=7)
-        panel.plot(*line.T, color="#0072b2", lw=3, marker="o", ms=4)
+        titles.append(
+            "<br>".join(", ".join(f"{x:.0f}°" for x in np.degrees(q)) for q in same).replace("-", "−")
+        )
+        lines = [(np.array([[0, 0, -14], [0, 0, 0]]), "#bbbbbb", 14), (corners(robot, same[0]), "#0072b2", 7)]
         for axis, colour in zip(T[:3, :3].T, ("#d55e00", "#009e73", "#cc79a7"), strict=True):
-            panel.plot(*np.array([T[:3, 3], T[:3, 3] + 6 * axis]).T, color=colour, lw=2)
-        panel.set(**{f"{name}lim": (x - 15, x + 15) for name, x in zip("xyz", middle, strict=True)})
-        panel.set_axis_off()
-        panel.set_title("\n".join(", ".join(f"{x:.0f}°" for x in np.degrees(q)) for q in same), fontsize=9)
-        panel.view_init(18, -65)
-        panel.set_box_aspect((1, 1, 1), zoom=1.3)
+            lines.append((np.array([T[:3, 3], T[:3, 3] + 6 * axis]), colour, 5))
+        for points, colour, width in lines:
+            drawn = go.Scatter3d(
+                **dict(zip("xyz", points.T, strict=True)), mode="lines+markers" if colour == "#0072b2" else "lines",
+                line={"color": colour, "width": width}, marker={"size": 4, "color": colour},
+            )  # fmt: skip
+            figure.add_trace(drawn, 1, n + 1)
+    limits = {
+        f"{name}axis": {"range": [x - 15, x + 15], "visible": False}
+        for name, x in zip("xyz", middle, strict=True)
+    }
+    camera = {"eye": {"x": 0.58, "y": -1.24, "z": 0.44}, "projection": {"type": "orthographic"}}
+    figure.update_scenes(**limits, aspectmode="cube", camera=camera)
+    for note, title in zip(figure.layout.annotations, titles, strict=True):
+        note.update(text=title, font={"size": 12}, y=0.98)
+    figure.update_layout(width=1100, height=360, showlegend=False, margin={"l": 4, "r": 4, "t": 44, "b": 4})
     return figure
 
 
@@ -91,9 +105,9 @@ def main() -> None:
     head, rest = text.split(start)
     table = "\n".join(rows())
     PAGE.write_text(f"{head}{start}{table}\n{end}{rest.split(end)[1]}", encoding="utf-8")
-    postures().savefig(PAGE.with_name("puma_postures.png"), dpi=110, metadata={"Software": None})
+    figures.save_figure(postures(), PAGE.with_name("puma_postures.png"))
     loop = spatial.load_mechanism(ROOT / "examples/mechanisms/rrrcc.csv")
-    spatial.save_planar_svg(PAGE.with_name("rrrcc.svg"), loop, "R5", "R1")
+    figures.save_figure(figures.planar_representation(loop, "R5", "R1"), PAGE.with_name("rrrcc.svg"))
 
 
 if __name__ == "__main__":

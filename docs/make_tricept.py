@@ -10,9 +10,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
+import plotly.graph_objects as go
 
-from rodgen.kinematics import tricept
+from rodgen import figures, tricept
 
 PAGE = Path(__file__).with_name("tricept.md")
 U_X = np.diag([0.005**2 / 3] * 3 + [0.01**2 / 3] * 2)
@@ -45,31 +45,34 @@ def table(found: tricept.Bounds) -> str:
     return "\n".join(lines).replace("-", "−").replace("| −−− ", "| --- ")
 
 
-def draw_bounds(found: tricept.Bounds) -> Figure:
+def draw_bounds(found: tricept.Bounds) -> go.Figure:
     """The paper's intervals, the sums, and the ranges, each relative to the middle of the range."""
-    figure = Figure(figsize=(9, 3.4), layout="constrained")
-    panel = figure.subplots()
-    for n, name in enumerate(tricept.ELEMENTS):
-        middle, half = found.inner[n].mean(), np.ptp(found.inner[n]) / 2
-        for ends, offset, colour, width in (
-            (1e-6 * np.array(PRINTED[name]), 0.22, "0.55", 5),
-            (found.base_outer[n], 0.0, "#e69f00", 5),
-            (found.outer[n], -0.22, "#0072b2", 5),
-        ):
-            panel.plot(
-                (ends - middle) / half, [-n + offset] * 2, color=colour, lw=width, solid_capstyle="butt"
-            )
-    for colour, label in (
-        ("0.55", "eq. (24), as printed"),
-        ("#e69f00", "sum of influences, certified"),
-        ("#0072b2", "range, certified and reached"),
-    ):
-        panel.plot([], [], color=colour, lw=5, label=label)
-    panel.set_yticks(-np.arange(6), [f"U_y[{name}]" for name in tricept.ELEMENTS])
-    panel.set_xlabel("deviation from the middle of the range / half the range")
-    panel.axvline(-1, color="0.8", lw=0.8, zorder=0)
-    panel.axvline(1, color="0.8", lw=0.8, zorder=0)
-    panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=9)
+    figure = go.Figure()
+    kinds = (
+        ("eq. (24), as printed", lambda n, name: 1e-6 * np.array(PRINTED[name]), -0.24, "#999999"),
+        ("sum of influences, certified", lambda n, name: found.base_outer[n], 0.0, "#d55e00"),
+        ("range, certified and reached", lambda n, name: found.outer[n], 0.24, "#0072b2"),
+    )
+    for label, ends_of, offset, colour in kinds:
+        x, y = [], []
+        for n, name in enumerate(tricept.ELEMENTS):
+            middle, half = found.inner[n].mean(), np.ptp(found.inner[n]) / 2
+            x += [*((ends_of(n, name) - middle) / half), None]
+            y += [n + offset, n + offset, None]
+        figure.add_trace(go.Scatter(x=x, y=y, mode="lines", name=label, line={"color": colour, "width": 7}))
+    names = [f"U_y[{name}]" for name in tricept.ELEMENTS]
+    figure.update_yaxes(tickvals=list(range(6)), ticktext=names, range=[5.6, -0.6], showgrid=False)
+    for end in (-1, 1):
+        figure.add_vline(end, line={"color": "#bbbbbb", "width": 1}, layer="below")
+    figure.update_xaxes(title="deviation from the middle of the range / half the range", showgrid=False)
+    legend = {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0}
+    figure.update_layout(
+        template="plotly_white",
+        width=900,
+        height=360,
+        legend=legend,
+        margin={"l": 70, "r": 20, "t": 40, "b": 50},
+    )
     return figure
 
 
@@ -79,9 +82,9 @@ def main() -> None:
     start, end = "<!-- table: make_tricept.py -->\n", "<!-- end of table -->"
     head, rest = text.split(start)
     PAGE.write_text(f"{head}{start}{table(found)}\n{end}{rest.split(end)[1]}", encoding="utf-8")
-    tricept.save_figure(PAGE.with_name("tricept_bounds.png"), draw_bounds(found))
+    figures.save_figure(draw_bounds(found), PAGE.with_name("tricept_bounds.png"))
     slices = tricept.uncertainty_map(tricept.PAPER, U_X, "y", 0.0, tricept.LEG_LIMITS)
-    tricept.save_figure(PAGE.with_name("tricept_map.png"), tricept.draw_uncertainty_map(slices))
+    figures.save_figure(figures.uncertainty_map(slices), PAGE.with_name("tricept_map.png"))
 
 
 if __name__ == "__main__":

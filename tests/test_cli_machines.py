@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from browser import needs_browser
 
 import rodgen
 from rodgen.cli import main as cli
@@ -89,7 +90,7 @@ def test_loading_a_compiled_model_imports_no_sympy(folder):
     code = (
         "import sys, rodgen.cli.main\n"
         "assert rodgen.cli.main.main(['fit', 'mount.toml', 'stars.csv']) == 0\n"
-        "heavy = {'sympy', 'matplotlib', 'pint', 'jinja2', 'tqdm'} & set(sys.modules)\n"
+        "heavy = {'sympy', 'matplotlib', 'plotly', 'pint', 'jinja2', 'tqdm'} & set(sys.modules)\n"
         "assert not heavy, heavy\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
@@ -197,11 +198,19 @@ def test_compare_says_what_the_error_depends_on(folder, rodgen_command):
 
 
 def test_compare_draws(folder, rodgen_command):
+    code, out, _ = rodgen_command("compare", "mount.toml", "stars.csv", "--plot", "residuals.html", "--json")
+    assert code == 0
+    assert json.loads(out)["plots"] == ["residuals.html"]
+    assert "Residuals against EL" in Path("residuals.html").read_text(encoding="utf-8")
+
+
+@needs_browser
+def test_compare_draws_images_into_a_folder(folder, rodgen_command):
     code, out, _ = rodgen_command("compare", "mount.toml", "stars.csv", "--plot", "pictures", "--json")
     assert code == 0
-    plots = json.loads(out)["plots"]
-    assert plots
-    assert all(Path(plot).parent.name == "pictures" and Path(plot).stat().st_size for plot in plots)
+    plots = [Path(plot) for plot in json.loads(out)["plots"]]
+    assert {plot.suffix for plot in plots} == {".png", ".svg"}
+    assert all(plot.parent.name == "pictures" and plot.stat().st_size for plot in plots)
 
 
 # add and remove ----------------------------------------------------------------------------------------

@@ -247,9 +247,9 @@ def test_link_tables_of_the_examples_are_the_robots() -> None:
 
 
 def test_mobility_prints_what_the_library_finds(tmp_path: Path, capsys: Any) -> None:
-    drawing = tmp_path / "rccc.svg"
+    drawing = tmp_path / "rccc.html"
     file = str(EXAMPLES / "rccc.csv")
-    arguments = ["mobility", file, "--svg", str(drawing), "--input", "R1", "--output", "C4"]
+    arguments = ["mobility", file, "--plot", str(drawing), "--input", "R1", "--output", "C4"]
     assert cli.main(["mechanism", *arguments]) == 0
     out, err = capsys.readouterr()
     assert out.splitlines()[:3] == [
@@ -260,7 +260,9 @@ def test_mobility_prints_what_the_library_finds(tmp_path: Path, capsys: Any) -> 
     assert "quadrilateral" in out
     assert "at most 2 solutions" in out
     assert err == f"{drawing}: planar representation\n"
-    assert drawing.read_text() == spatial.planar_svg(spatial.load_mechanism(file), "R1", "C4")
+    page = drawing.read_text(encoding="utf-8")
+    assert '"C4, output"' in page
+    assert "rccc: loop of the joints R1, C2, C3, C4" in page
 
 
 def test_mobility_json(tmp_path: Path, capsys: Any) -> None:

@@ -5,7 +5,6 @@ Data come from the tests' own simulator; statistics are held against what their 
 
 from __future__ import annotations
 
-import io
 import json
 import re
 import tracemalloc
@@ -19,6 +18,7 @@ import pytest
 from machine_simulator import Simulated, arcsec, random_walk
 from scipy import stats
 
+from rodgen import figures
 from rodgen.calibration.binding import bind
 from rodgen.calibration.compare import Comparison, compare
 from rodgen.calibration.compare.explained import ProjectedResiduals
@@ -29,9 +29,7 @@ from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.problem import Problem
 from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
-from rodgen.errors import InputFileError
 from rodgen.machines.machine import Machine
-from rodgen.output.comparison_figures import pictures
 from rodgen.statistics.columns import directions_above
 from rodgen.statistics.f_tests import log10_f_tail
 
@@ -530,50 +528,24 @@ def test_dictionary_is_plain_documented_and_agrees_with_the_text(
     )
 
 
-def test_names_of_a_user_s_file_are_drawn_as_they_are(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    pytest.importorskip("matplotlib")
+def test_names_of_a_user_s_file_are_drawn_as_they_are(tmp_path: Path) -> None:
     random = np.random.default_rng(1)
-    covariates = {name: random.normal(size=40) for name in ("a$b_{c}$", "../x", "A$B_{C}$")}
-    runs = ["$r_1$", "_r"] * 20
+    covariates = {name: random.normal(size=40) for name in ("a$b_{c}$", "../x", "A$B_{C}$", "<b>d</b>")}
+    runs = ["$r_1$", "<i>r"] * 20
     bench = Bench(
         tmp_path, TABLE, table_poses(40, random), target=["p"] * 40, covariates=covariates, run=runs
     )
-    comparison = bench.compare(noise(bench.clean.shape, 1))
-    names = [name for name, _ in pictures(comparison)]
-    assert len(names) == 3 + len(comparison.covariates) == len({name.casefold() for name in names})
-    odd = {"by_a_b__c_", "by__x", "by_A_B__C__", "by_run"}
-    assert odd <= set(names)
-    some = [(name, draw) for name, draw in pictures(comparison) if name in odd]
-    monkeypatch.setattr("rodgen.output.comparison_figures.pictures", lambda _: some)
-    drawn: list[str] = []
-    folder = tmp_path / "plots"
-    files = comparison.plot(folder, drawn.append)
-    assert sorted(files) == sorted(str(path) for path in folder.iterdir())
-    assert set(drawn) == odd
-    assert len(files) == 2 * len(drawn)
-    # Matplotlib writes a text beside its outlines as a comment.
-    assert "<!-- a$b_{c}$ -->" in (folder / "by_a_b__c_.svg").read_text(encoding="utf-8")
-    assert "<!-- $r_1$ -->" in (folder / "by_run.svg").read_text(encoding="utf-8")
-    before = {file: Path(file).read_bytes() for file in files}
-    comparison.plot(folder)
-    assert before == {file: Path(file).read_bytes() for file in files}
-
-
-@pytest.mark.parametrize("name", ["mount", "ballbar_gantry"])
-def test_directions_and_distances_are_drawn(name: str, examples: Callable[[str], Comparison]) -> None:
-    pytest.importorskip("matplotlib")
-    for picture, draw in pictures(examples(name)):
-        if picture in {"workspace", "order", "by_dir_EL"}:
-            out = io.BytesIO()
-            draw().savefig(out, format="svg")
-            assert b"arcsec" in out.getvalue() if name == "mount" else b"mm" in out.getvalue()
-
-
-def test_a_folder_that_cannot_be_made_is_one_line(bench: Bench, tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
-    (tmp_path / "file").write_text("")
-    with pytest.raises(InputFileError, match="cannot be made") as error:
-        bench.compare(noise(bench.clean.shape, 1)).plot(tmp_path / "file" / "plots")
-    assert "\n" not in str(error.value)
+    found = bench.compare(noise(bench.clean.shape, 1))
+    drawn = {figure.layout.meta["name"]: figure for figure in figures.comparison(found)}
+    assert len(drawn) == 3 + len(found.covariates) == len({name.casefold() for name in drawn})
+    assert {"by_a_b_c_", "by_x", "by_A_B_C_", "by_b_d_b_", "by_run"} <= {
+        re.sub("_+", "_", name) for name in drawn
+    }
+    assert drawn["by_a_b__c_"].layout.meta["title"] == "Residuals against a$b_{c}$"
+    assert "&lt;b&gt;d&lt;/b&gt;" in str(drawn["by__b_d_b_"].layout.xaxis3.title.text)
+    assert list(drawn["by_run"].layout.xaxis3.ticktext) == ["$r_1$", "&lt;i&gt;r"]
+    names: list[str] = []
+    files = figures.save_figures(figures.comparison(found), tmp_path / "plots.html", names.append)
+    assert files == [str(tmp_path / "plots.html")]
+    assert names == list(drawn)
+    assert "<b>d</b>" not in (tmp_path / "plots.html").read_text(encoding="utf-8")

@@ -315,28 +315,6 @@ def test_machines_that_differ_by_more_than_one_effect_are_no_rungs():
         ladder_of([machine, other], data)
 
 
-@pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
-def test_the_picture_is_the_same_each_time(tmp_path, ending):
-    machine, data = example("mount")
-    found = ladder(machine, data, [machine.effect("refraction")])
-    found.plot(tmp_path / f"a.{ending}")
-    found.plot(tmp_path / f"b.{ending}")
-    content = (tmp_path / f"a.{ending}").read_bytes()
-    assert content == (tmp_path / f"b.{ending}").read_bytes()
-    assert len(content) > 5000
-    with pytest.raises(InputFileError, match=r"a name that ends in .png, .svg or .pdf"):
-        found.plot(tmp_path / "a.bmp")
-
-
-def test_the_picture_shows_rungs_and_noise():
-    machine, data = example("rotary_table")
-    figure = ladder(machine, data, [machine.effect("tilt_error_motion", "C")]).draw()
-    (axes,) = figure.axes
-    assert [text.get_text() for text in axes.get_xticklabels()] == ["base", "+ tilt_error_motion\nat C"]
-    labels = [text.get_text() for text in axes.get_legend().get_texts()]
-    assert labels == ["noise, by replicates", "95 % of it", "fitted", "poses that the fit did not see"]
-
-
 def test_a_machine_adds_and_removes():
     machine, _ = example("mount")
     more = machine.add("gravity_windup", joint="EL", hold={"k2": 0})

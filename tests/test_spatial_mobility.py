@@ -1,7 +1,5 @@
 """Mobility and its exceptions, groups, the equivalent spherical mechanism, the picture, and the derivation of loops."""
 
-import xml.etree.ElementTree as ET
-
 import numeric_reverse
 import numpy as np
 import pytest
@@ -16,8 +14,8 @@ from rodgen.kinematics.spatial import (
     group,
     mobility,
     mobility_of,
-    planar_svg,
 )
+from rodgen.output.figures import planar_representation
 
 pytestmark = pytest.mark.xdist_group("spatial_loops")
 spatial_loops = LazyDerivation("spatial_loops")
@@ -230,32 +228,30 @@ def test_groups_of_robots():
 
 @pytest.mark.parametrize("mechanism", [loop[0] for loop in LOOPS.values()] + [spatial.T3_776])
 def test_the_picture_has_every_joint_and_link(mechanism):
-    root = ET.fromstring(planar_svg(mechanism, input=0, output=mechanism.names[-1]))
-    svg = "{http://www.w3.org/2000/svg}"
-    circles = root.findall(f"{svg}circle")
-    assert len(circles) == len(mechanism.joints)
-    letters = [t.text for t in root.findall(f"{svg}text") if t.get("class") is None]
-    assert letters == list(mechanism.joints)
-    assert [c.get("class").split()[-1] for c in circles].count("input") == 1
-    assert sum("output" in t.text for t in root.findall(f"{svg}text")) == 1
-    assert sum("°" in t.text for t in root.findall(f"{svg}text")) == len(mechanism.a)
-    width, height = (float(root.get(k)) for k in ("width", "height"))
-    for c in circles:
-        assert 15 < float(c.get("cx")) < width - 15
-        assert 15 < float(c.get("cy")) < height - 15
+    figure = planar_representation(mechanism, input=0, output=mechanism.names[-1])
+    joints = figure.data[-1]
+    assert list(joints.text) == list(mechanism.joints)
+    words = [note.text for note in figure.layout.annotations]
+    assert sum(text.endswith(", input") for text in words) == 1
+    assert sum(text.endswith(", output") for text in words) == 1
+    assert sum("°" in text for text in words) == len(mechanism.a)
+    for values, axis in ((joints.x, figure.layout.xaxis), (joints.y, figure.layout.yaxis)):
+        for value in values:
+            assert axis.range[0] + 15 < value < axis.range[1] - 15
 
 
 def test_names_are_escaped_in_the_picture():
     mechanism = Mechanism("RR", [1.0], [0.0], name="a < b & c", names=["<1>", '"2"'])
-    root = ET.fromstring(planar_svg(mechanism))
-    assert root[0].text == "a < b & c"
+    figure = planar_representation(mechanism)
+    assert figure.layout.title.text == "a &lt; b &amp; c"
+    assert "&lt;1&gt;" in [note.text for note in figure.layout.annotations]
 
 
 def test_a_joint_that_is_not_there_is_told():
     with pytest.raises(RodgenError, match="no joint 9; expected 0 to 5"):
-        planar_svg(spatial.PUMA_560, input=9)
+        planar_representation(spatial.PUMA_560, input=9)
     with pytest.raises(RodgenError, match="no joint 'X'; expected one of R1"):
-        planar_svg(spatial.PUMA_560, output="X")
+        planar_representation(spatial.PUMA_560, output="X")
 
 
 def test_the_derivation_of_loops_is_closed():

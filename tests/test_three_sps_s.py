@@ -513,17 +513,6 @@ def test_nothing_allowed_is_told():
     assert np.isnan(found.best).all()
 
 
-def test_a_map_is_drawn(tmp_path):
-    pytest.importorskip("matplotlib")
-    for torsion in (None, 0.4):
-        found = three_sps_s.workspace(MACHINE, (1.3, 2.7), torsion=torsion, samples=12)
-        path = tmp_path / f"map_{torsion}.svg"
-        three_sps_s.save_workspace_plot(path, found)
-        assert b"<svg" in path.read_bytes()
-        figure = three_sps_s.draw_workspace(found)
-        assert len(figure.axes) == (1 if torsion else 6)
-
-
 def test_the_page_s_examples_run_and_give_what_it_says():
     page = (Path(__file__).parents[1] / "docs/three_sps_s.md").read_text(encoding="utf-8")
     names: dict = {}

@@ -46,6 +46,7 @@ if _TYPE_CHECKING:
     from rodgen.kinematics import three_sps_s as three_sps_s
     from rodgen.kinematics import tricept as tricept
     from rodgen.machines.machine import Machine as Machine
+    from rodgen.output import figures as figures
 
 __version__ = _version("rodgen")
 
@@ -55,7 +56,14 @@ _LATER = {
     "Measurements": "rodgen.data.measurements",
     "simulate": "rodgen.calibration.simulate",
 }
-_SUBJECTS = ("instantaneous_euler", "screws", "spatial", "three_sps_s", "tricept")
+_SUBJECTS = {
+    "figures": "rodgen.output.figures",
+    "instantaneous_euler": "rodgen.kinematics.instantaneous_euler",
+    "screws": "rodgen.kinematics.screws",
+    "spatial": "rodgen.kinematics.spatial",
+    "three_sps_s": "rodgen.kinematics.three_sps_s",
+    "tricept": "rodgen.kinematics.tricept",
+}
 """Modules that are imported when they are first asked for."""
 
 __all__ = [
@@ -89,7 +97,7 @@ __all__ = [
 
 def __getattr__(name: str) -> _Any:
     if name in _SUBJECTS:
-        return _import_module(f"rodgen.kinematics.{name}")
+        return _import_module(_SUBJECTS[name])
     if name not in _LATER:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     found = globals()[name] = getattr(_import_module(_LATER[name]), name)

@@ -7,7 +7,6 @@ error on the poses that a fit saw always falls; that on poses that it did not se
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -26,8 +25,6 @@ from rodgen.data.observations import Observations
 from rodgen.errors import RodgenError
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from rodgen.data.measurements import Measurements
     from rodgen.machines.machine import Effect, Machine
 
@@ -188,29 +185,6 @@ class Ladder:
             "noise": self.noise.to_dict(),
             "rungs": [rung.to_dict() for rung in self.rungs],
         }
-
-    def plot(self, path: str | os.PathLike[str]) -> None:
-        """Draw the falling error beside the noise into a file.
-
-        Parameters
-        ----------
-        path : str or os.PathLike
-            Ends in ``.png``, ``.svg`` or ``.pdf``.
-
-        Raises
-        ------
-        InputFileError
-            When it cannot be written, or its name has another ending.
-        """
-        from rodgen.output.ladder_figure import save_ladder
-
-        save_ladder(self, path)
-
-    def draw(self) -> Figure:
-        """Return the picture."""
-        from rodgen.output.ladder_figure import draw_ladder
-
-        return draw_ladder(self)
 
 
 def ladder(

@@ -87,7 +87,7 @@ def add_to(command: Command) -> None:
     fit.add_argument(
         "--json", action="store_true", help="print JSON: lengths in the unit of rho_x, angles in rad"
     )
-    fit.add_argument("--plot", metavar="FILE", help="draw the pairs and residuals: .png, .svg or .pdf")
+    fit.add_argument("--plot", metavar="FILE", help="draw the pairs and residuals: .html, .png, .svg or .pdf")
 
 
 def _point(text: str) -> str | tuple[float, ...]:
@@ -147,6 +147,10 @@ def _fit_axis(options: argparse.Namespace) -> int:
     from rodgen.data.tables import read_pairs
     from rodgen.kinematics.axis_fit import fit_axis
 
+    if options.plot:
+        from rodgen.output import figures
+
+        figures.check_figure_name(options.plot)
     pairs = read_pairs(options.pairs)
     sigma = options.sigma.to(pairs.unit)[0] if options.sigma else None
     try:
@@ -158,9 +162,7 @@ def _fit_axis(options: argparse.Namespace) -> int:
     except RodgenError as error:
         raise RodgenError(f"{options.pairs}: {error}") from None
     if options.plot:
-        from rodgen.output.axis_figure import save_axis_plot
-
-        save_axis_plot(options.plot, pairs, fit)
+        figures.save_figure(figures.axis_fit(fit, pairs), options.plot)
     if options.json:
         import json
 

@@ -22,13 +22,21 @@ def add_to(command: Command) -> None:
     compare = command("compare", _run, "what the error of a machine's model depends on", _COMPARE)
     add_files(compare)
     add_loss(compare)
-    compare.add_argument("--plot", metavar="FOLDER", help="draw the residuals into this folder")
+    compare.add_argument(
+        "--plot",
+        metavar="PLACE",
+        help="draw the residuals: a page such as residuals.html, or a folder for PNG and SVG",
+    )
     add_json(compare)
 
 
 def _run(options: argparse.Namespace) -> int:
     from rodgen.machines.machine import Machine
 
+    if options.plot:
+        from rodgen.output import figures
+
+        figures.check_place(options.plot)
     machine = Machine.load(options.machine)
     data = load_data(options.data)
     with fit_progress() as progress:
@@ -36,8 +44,8 @@ def _run(options: argparse.Namespace) -> int:
     comparison = fit.compare()
     plots = []
     if options.plot:
-        with show_progress("drawing") as told:
-            plots = comparison.plot(options.plot, told)
+        with show_progress("drawing") as report:
+            plots = figures.save_figures(figures.comparison(comparison), options.plot, report)
     if options.json:
         show_json(comparison.to_dict() | {"plots": plots})
     else:

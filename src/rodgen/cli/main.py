@@ -77,6 +77,9 @@ _EXTRAS = {
     "scipy": "machines",
     "threadpoolctl": "machines",
     "matplotlib": "plot",
+    "plotly": "plot",
+    "kaleido": "plot",
+    "choreographer": "plot",
 }
 
 _WITH_A_MINUS = ("--point", "--hold", "--effect", "--q", "--tool")

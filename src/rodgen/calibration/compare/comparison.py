@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -276,32 +275,6 @@ class Comparison:
         residual = zip(self.components, self.fit.residuals[row].tolist(), strict=True)
         place = self.fit.observations.data.place(int(row))
         return {"row": int(row), "place": place, "residual": dict(residual)}
-
-    def plot(self, folder: str | os.PathLike[str], progress: Progress | None = None) -> list[str]:
-        """Draw the residuals into a folder, each picture as PNG and as SVG.
-
-        Against each covariate, over the workspace, in the order of measurement, and their distribution.
-
-        Parameters
-        ----------
-        folder : str or os.PathLike
-            Is made where it is not there.
-        progress : callable, optional
-            Called with the name of each picture before it is drawn.
-
-        Returns
-        -------
-        list of str
-            The files.
-
-        Raises
-        ------
-        InputFileError
-            When a file cannot be written, or Matplotlib is not installed.
-        """
-        from rodgen.output.comparison_figures import save_plots
-
-        return save_plots(self, folder, progress)
 
 
 def _largest(values: NDArray[np.float64]) -> NDArray[np.intp]:

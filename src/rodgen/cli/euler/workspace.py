@@ -49,13 +49,19 @@ def add_to(command: Command) -> None:
         "--samples", metavar="N", type=whole(4, 400), default=45, help="cells of the tilt, 4 to 400 (45)"
     )
     parser.add_argument("--json", action="store_true", help="print JSON: angles in rad")
-    parser.add_argument("--plot", metavar="FILE", help="draw maps of tilt and azimuth: .png, .svg or .pdf")
+    parser.add_argument(
+        "--plot", metavar="FILE", help="draw maps of tilt and azimuth: .html, .png, .svg or .pdf"
+    )
     parser.add_argument("-o", "--output", metavar="FILE", help="the grid: .csv, .csv.gz or .parquet")
 
 
 def _run(options: argparse.Namespace) -> int:
     from rodgen.kinematics import three_sps_s
 
+    if options.plot:
+        from rodgen.output import figures
+
+        figures.check_figure_name(options.plot)
     geometry, unit = machine_of(options)
     limits = limits_of(options, unit)
     side = {"+": 1, "-": -1, "either": 0}[options.side]
@@ -64,7 +70,7 @@ def _run(options: argparse.Namespace) -> int:
         geometry, limits, torsion=torsion, side=side, margin=options.margin, samples=options.samples
     )
     if options.plot:
-        three_sps_s.save_workspace_plot(options.plot, found)
+        figures.save_figure(figures.orientation_workspace(found), options.plot)
     if options.output:
         _write(options.output, found, geometry, unit)
     codes = np.bincount(found.status.ravel(), minlength=len(three_sps_s.OrientationStatus))

@@ -22,7 +22,7 @@ spherical mechanism, and by it the group: how hard the reverse analysis is, and 
 
 {MECHANISM_TEXT}
 
---svg draws the planar representation: lines are links, letters are joints, the fixed link is hatched.
+--plot draws the planar representation: lines are links, letters are joints, the fixed link is hatched.
 """
 
 
@@ -30,7 +30,9 @@ def add_to(command: Command) -> None:
     """Add the command."""
     parser = command("mobility", _run, "freedoms, drawing and group of a mechanism", _TEXT)
     add_mechanism(parser)
-    parser.add_argument("--svg", metavar="FILE", help="draw the planar representation")
+    parser.add_argument(
+        "--plot", metavar="FILE", help="draw the planar representation: .html, .png, .svg or .pdf"
+    )
     parser.add_argument("--input", metavar="JOINT", help="joint to mark as the input in the drawing")
     parser.add_argument("--output", metavar="JOINT", help="joint to mark as the output")
     add_json(parser)
@@ -39,13 +41,17 @@ def add_to(command: Command) -> None:
 def _run(options: argparse.Namespace) -> int:
     chain = chain_of(options.mechanism, expand=False)
     mechanism = chain.mechanism
-    drawing = _drawing(options, mechanism)
+    _check_drawing(options, mechanism)
     data = _data(mechanism)
-    if options.svg is not None:
+    if options.plot is not None:
+        from rodgen.output import figures
+
         with Outputs(options.mechanism) as outputs:
-            outputs.claim(options.svg)
-            outputs.add(options.svg, drawing.encode())
-        notify(f"{options.svg}: planar representation")
+            outputs.claim(options.plot)
+        figures.save_figure(
+            figures.planar_representation(mechanism, options.input, options.output), options.plot
+        )
+        notify(f"{options.plot}: planar representation")
     if options.json:
         show_json(data)
     else:
@@ -53,18 +59,17 @@ def _run(options: argparse.Namespace) -> int:
     return OK
 
 
-def _drawing(options: argparse.Namespace, mechanism: Mechanism) -> str:
-    from rodgen.kinematics import spatial
-
+def _check_drawing(options: argparse.Namespace, mechanism: Mechanism) -> None:
     for name in ("input", "output"):
         joint = getattr(options, name)
-        if joint is not None and options.svg is None:
-            raise InputFileError("command line", f"--{name}", "no --svg", "the drawing in which it is marked")
+        if joint is not None and options.plot is None:
+            raise InputFileError(
+                "command line", f"--{name}", "no --plot", "the drawing in which it is marked"
+            )
         if joint is not None and joint not in mechanism.names:
             raise InputFileError(
                 "command line", f"--{name}", shown(joint), f"one of {', '.join(mechanism.names)}"
             )
-    return "" if options.svg is None else spatial.planar_svg(mechanism, options.input, options.output)
 
 
 def _data(mechanism: Mechanism) -> dict[str, Any]:

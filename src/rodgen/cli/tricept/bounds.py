@@ -62,7 +62,7 @@ def add_to(command: Command) -> None:
         default=121,
         help="beams of the map in each direction (121)",
     )
-    parser.add_argument("--plot", metavar="FILE", help="draw the influence map: .png, .svg or .pdf")
+    parser.add_argument("--plot", metavar="FILE", help="draw the influence map: .html, .png, .svg or .pdf")
     parser.add_argument("--json", action="store_true", help="print JSON: angles in rad")
     parser.add_argument(
         "-o", "--output", metavar="FILE", help="table of the bounds or of the map: .csv or .parquet"
@@ -202,12 +202,12 @@ def _write_bounds(path: str, found: Any, unit: str) -> None:
 
 
 def _influence(options: argparse.Namespace, geometry: Any, limits: Any, box: Any, unit: str) -> int:
-    from rodgen.kinematics import tricept
     from rodgen.kinematics.tricept._influence import search_angles
-    from rodgen.kinematics.tricept._maps import figure_kind
 
     if options.plot:
-        figure_kind(options.plot)
+        from rodgen.output import figures
+
+        figures.check_figure_name(options.plot)
     pair, element = options.influence
     coarse = search_angles(geometry, box)
     found = _followed(coarse, geometry, options.influence, limits, box)
@@ -222,7 +222,7 @@ def _influence(options: argparse.Namespace, geometry: Any, limits: Any, box: Any
     found = _followed((ends[0], ends[1]), geometry, options.influence, limits, box)
     known = np.isfinite(found.least)
     if options.plot:
-        tricept.save_figure(options.plot, tricept.draw_influence(found))
+        figures.save_figure(figures.influence(found), options.plot)
     if options.output:
         keep = known.ravel()
         columns = {"alpha [deg]": np.degrees(found.alpha), "beta [deg]": np.degrees(found.beta)}

@@ -71,7 +71,7 @@ def add_to(command: Command) -> None:
     )
     parser.add_argument("--seed", metavar="N", type=whole(0), default=0, help="of the draws (0)")
     parser.add_argument("--json", action="store_true", help="print budget and Monte Carlo as JSON")
-    parser.add_argument("--plot", metavar="FILE", help="draw the map of --slice: .png, .svg or .pdf")
+    parser.add_argument("--plot", metavar="FILE", help="draw the map of --slice: .html, .png, .svg or .pdf")
     parser.add_argument(
         "--slice",
         metavar="AXIS=LENGTH",
@@ -103,9 +103,9 @@ def _run(options: argparse.Namespace) -> int:
 
 def _draw(options: argparse.Namespace) -> None:
     from rodgen.kinematics import tricept
-    from rodgen.kinematics.tricept._maps import figure_kind
+    from rodgen.output import figures
 
-    figure_kind(options.plot)
+    figures.check_figure_name(options.plot)
     axis, given = options.slice
     unit = unit_of(options)
     geometry, limits = geometry_of(options, unit), limits_of(options, unit)
@@ -115,7 +115,7 @@ def _draw(options: argparse.Namespace) -> None:
         found = tricept.uncertainty_map(
             geometry, covariance_of(options, unit), axis, given.to(unit)[0], limits
         )
-    tricept.save_figure(options.plot, tricept.draw_uncertainty_map(found, unit))
+    figures.save_figure(figures.uncertainty_map(found, unit), options.plot)
 
 
 def _points(options: argparse.Namespace) -> tuple[Any, str]:

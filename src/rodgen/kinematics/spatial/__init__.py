@@ -26,7 +26,6 @@ from rodgen.kinematics.spatial._notation import direction_cosines, notation, sec
 from rodgen.kinematics.spatial._pair import Pair, PairStatus, pair_from_biquadratics, solve_pair
 from rodgen.kinematics.spatial._pentagon import spherical_pentagon
 from rodgen.kinematics.spatial._placement import Placement
-from rodgen.kinematics.spatial._planar import planar_svg, save_planar_svg
 from rodgen.kinematics.spatial._product_of_exponentials import (
     ProductOfExponentials,
     from_product_of_exponentials,
@@ -81,13 +80,11 @@ __all__ = [
     "mobility_of",
     "notation",
     "pair_from_biquadratics",
-    "planar_svg",
     "reverse",
     "reverse_loop",
     "reverse_method",
     "reverse_sliding",
     "save_mechanism",
-    "save_planar_svg",
     "secondary_notation",
     "solve_pair",
     "solve_trig",

@@ -23,7 +23,6 @@ from rodgen.kinematics.three_sps_s._legs import (
     singularity,
     tilt_torsion,
 )
-from rodgen.kinematics.three_sps_s._plot import draw_workspace, save_workspace_plot
 from rodgen.kinematics.three_sps_s._workspace import (
     OrientationStatus,
     Workspace,
@@ -39,7 +38,6 @@ __all__ = [
     "Workspace",
     "direct",
     "direct_all",
-    "draw_workspace",
     "follow",
     "jacobian",
     "leg_rates",
@@ -47,7 +45,6 @@ __all__ = [
     "legs_from_quaternion",
     "orientation_status",
     "rotation_from_tilt_torsion",
-    "save_workspace_plot",
     "singularity",
     "tilt_torsion",
     "workspace",

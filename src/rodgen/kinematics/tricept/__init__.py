@@ -20,13 +20,6 @@ from rodgen.kinematics.tricept._direct import direct_all
 from rodgen.kinematics.tricept._geometry import LEG_LIMITS, PAPER, Geometry
 from rodgen.kinematics.tricept._influence import Influence, influence_map
 from rodgen.kinematics.tricept._kinematics import direct, inverse, legs, point, pose, rotation
-from rodgen.kinematics.tricept._maps import (
-    UncertaintyMap,
-    draw_influence,
-    draw_uncertainty_map,
-    save_figure,
-    uncertainty_map,
-)
 from rodgen.kinematics.tricept._matrices import (
     Matrices,
     Singularity,
@@ -49,6 +42,7 @@ from rodgen.kinematics.tricept._uncertainty import (
     parameter_sensitivity,
     place_covariance,
 )
+from rodgen.kinematics.tricept._uncertainty_map import UncertaintyMap, uncertainty_map
 from rodgen.kinematics.tricept._workspace import (
     Beams,
     Slice,
@@ -92,8 +86,6 @@ __all__ = [
     "direct",
     "direct_all",
     "disturbed_point",
-    "draw_influence",
-    "draw_uncertainty_map",
     "ellipsoid",
     "influence_map",
     "inverse",
@@ -111,7 +103,6 @@ __all__ = [
     "reachable",
     "rod_bounds",
     "rotation",
-    "save_figure",
     "sensitivity",
     "singularity",
     "uncertainty_map",

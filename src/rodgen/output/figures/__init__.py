@@ -11,6 +11,9 @@ from typing import Any as _Any
 
 if _TYPE_CHECKING:
     from rodgen.output.figures.axis import axis_fit as axis_fit
+    from rodgen.output.figures.files import check_figure_name as check_figure_name
+    from rodgen.output.figures.files import check_images as check_images
+    from rodgen.output.figures.files import check_place as check_place
     from rodgen.output.figures.files import save_figure as save_figure
     from rodgen.output.figures.files import save_figures as save_figures
     from rodgen.output.figures.ladders import ladder as ladder
@@ -26,6 +29,9 @@ if _TYPE_CHECKING:
 
 _PLACES = {
     "axis_fit": "axis",
+    "check_figure_name": "files",
+    "check_images": "files",
+    "check_place": "files",
     "comparison": "residuals",
     "distribution_of_residuals": "residuals",
     "influence": "parallel",

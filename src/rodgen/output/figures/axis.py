@@ -61,7 +61,7 @@ def axis_fit(fit: AxisFit, pairs: Pairs) -> go.Figure:
                 f"across the axis, {names[0]} [{unit}]",
                 equal=True,
             ),
-            Panel(f"Seen from the side: distance from the axis [{unit}]", 150, f"along the axis [{unit}]"),
+            Panel(f"From the side: distance from the axis [{unit}]", 150, f"along the axis [{unit}]"),
             Panel(f"Residuals [{unit}]", 190, "pair, in the order of the file (from 0)"),
         ]
     )

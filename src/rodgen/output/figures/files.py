@@ -18,8 +18,9 @@ from rodgen.files import write_file
 if TYPE_CHECKING:
     import plotly.graph_objects as go
 
-__all__ = ["check_figure_name", "check_images", "image", "save_figure", "save_figures"]
+__all__ = ["check_figure_name", "check_images", "check_place", "image", "save_figure", "save_figures"]
 
+PAGES = (".html", ".htm")
 IMAGES = ("png", "svg", "pdf")
 SCALE = 2.0
 """Pixels of a PNG for each pixel of the figure."""
@@ -82,7 +83,7 @@ def save_figures(
         if progress:
             progress(figure.layout.meta["name"])
         listed.append(figure)
-    if place.lower().endswith((".html", ".htm")):
+    if place.lower().endswith(PAGES):
         from rodgen.output.figures.html import figure_page
 
         write_file(place, figure_page(listed).encode())
@@ -115,17 +116,32 @@ def check_figure_name(path: str | os.PathLike[str]) -> str:
         When it asks for none, or for an image where there is no browser that can draw it.
     """
     file = os.fspath(path)
-    kind = os.path.splitext(file)[1].lower()[1:].replace("htm", "html").replace("htmll", "html")
-    if kind not in ("html", *IMAGES):
+    if file.lower().endswith(PAGES):
+        import plotly  # noqa: F401 - that it is missing is said at once
+
+        return "html"
+    kind = os.path.splitext(file)[1].lower()[1:]
+    if kind not in IMAGES:
         raise InputFileError(
             file,
             "file",
             "a name that does not say what to draw",
             "a name that ends in .html, .png, .svg or .pdf",
         )
-    if kind != "html":
-        check_images(file)
+    check_images(file)
     return kind
+
+
+def check_place(path: str | os.PathLike[str]) -> None:
+    """Find out whether `save_figures` can draw into a place, before the work that leads to the figures.
+
+    Raises
+    ------
+    InputFileError
+        When it is a folder for images and there is neither Chrome nor Chromium.
+    """
+    if not os.fspath(path).lower().endswith(PAGES):
+        check_images(path)
 
 
 def check_images(path: str | os.PathLike[str]) -> None:

@@ -43,7 +43,7 @@ PAGE = """\
 FIGURE = """\
 <figure>
 <figcaption>{title}</figcaption>
-{note}<div class="plot" data-figure="{key}" role="img" aria-label="{alt}"></div>
+{note}<div class="plot" data-figure="{number}" role="img" aria-label="{alt}"></div>
 </figure>"""
 
 
@@ -60,12 +60,12 @@ def figure_page(figures: Iterable[go.Figure], title: str = "") -> str:
     listed = list(figures)
     style = asset("figures.css")
     body = []
-    for key, figure in enumerate(listed):
+    for number, figure in enumerate(listed):
         note = f'<p class="note">{html.escape(note_of(figure))}</p>\n' if note_of(figure) else ""
         meta = figure.layout.meta
         body.append(
             FIGURE.format(
-                name=meta["name"],
+                number=number,
                 title=html.escape(title_of(figure)),
                 note=note,
                 alt=html.escape(meta["alt"]),

@@ -145,15 +145,15 @@ def error_ladder(
                     hovertemplate=f"%{{text}}<br>%{{x:.4g}} {unit}",
                 )
             )
-    for row, (words, text) in enumerate(zip(titles, texts, strict=True)):
+    for place, (words, text) in enumerate(zip(titles, texts, strict=True)):
         figure.add_annotation(
-            x=0, y=row, text=f"<b>{label(words)}</b>", xanchor="left", yanchor="bottom", yshift=5, xshift=2,
+            x=0, y=place, text=f"<b>{label(words)}</b>", xanchor="left", yanchor="bottom", yshift=5, xshift=2,
             showarrow=False, bgcolor=PAPER, borderpad=0, font={"size": 12},
         )  # fmt: skip
-        values = [column_[row] for column_ in (fitted, held_out, test) if len(column_)]
+        values = [errors[place] for errors in (fitted, held_out, test) if len(errors)]
         furthest = max(v for v in values if v is not None and np.isfinite(v))
         figure.add_annotation(
-            x=furthest, y=row, text=label(text), xanchor="left", yanchor="middle", xshift=10,
+            x=furthest, y=place, text=label(text), xanchor="left", yanchor="middle", xshift=10,
             showarrow=False, bgcolor=PAPER, borderpad=1, font={"size": 12, "color": SOFT},
         )  # fmt: skip
     figure.update_yaxes(range=[n - 0.5, -0.75], visible=False)

@@ -133,7 +133,7 @@ def _signs(
                 },
                 name=f"{words} than predicted" if name == "residual" else f"{name}: {words} than predicted",
                 legendgroup=f"{name} {words}", showlegend=number == 0,
-                hovertext=[hover[i] for i in some] if len(hover) else None,
+                hovertext=[hover[int(i)] for i in some] if len(hover) else None,
                 hoverinfo="text" if len(hover) else "skip", **axes(number),
             )
         )  # fmt: skip

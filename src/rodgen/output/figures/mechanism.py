@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["planar_representation"]
 
-RADIUS, MARGIN, SPACING = 15, 75, 110
+RADIUS, MARGIN, SPACING = 15, 75, 120
 """Of a joint, around the whole, and between joints, in pixels of a figure that is as wide as it asks for."""
 Point = tuple[float, float]
 
@@ -106,10 +106,10 @@ def planar_representation(
     )  # fmt: skip
     figure.update_xaxes(range=list(ends[0]), visible=False)
     figure.update_yaxes(range=list(ends[1]), visible=False)
-    figure.update_layout(margin={"l": 12, "r": 12, "b": 8}, height=int(high) + 16)
+    figure.update_layout(margin={"l": 12, "r": 12, "b": 8}, height=int(high) + 16, meta={"heights": None})
     title = mechanism.name or "".join(mechanism.joints)
     alt = f"{title}: {'loop' if closed else 'open chain'} of the joints {', '.join(mechanism.names)}"
-    return describe(figure, "planar_representation", title, alt=alt, width=int(wide))
+    return describe(figure, "planar_representation", title, alt=alt, width=int(wide) + 40)
 
 
 def _joint(mechanism: Mechanism, which: int | str | None) -> int:

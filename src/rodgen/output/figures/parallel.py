@@ -187,7 +187,7 @@ def orientation_workspace(found: Workspace) -> go.Figure:
 
 
 def _interpolated(cells: Array, azimuth: Array, tilt: Array) -> Array:
-    """Return values between the middles of cells (azimuth, tilt), at an azimuth from the first edge and degrees of tilt."""
+    """Return values between the middles of cells, at azimuths from the first edge [rad] and tilts [deg]."""
     a = (azimuth % (2 * np.pi)) / (2 * np.pi) * cells.shape[0] - 0.5
     t = np.clip(tilt / 180 * cells.shape[1] - 0.5, 0, cells.shape[1] - 1 - 1e-9)
     i, j = np.floor(a).astype(int), t.astype(int)
@@ -241,6 +241,8 @@ def _shade(figure: go.Figure, number: int, x: Array, y: Array, values: Array, un
     known = values[np.isfinite(values)]
     panel, sides = figure.layout[f"xaxis{number + 1}"].domain, figure.layout[f"yaxis{number + 1}"].domain
     figure.update_layout(plot_bgcolor=LINE)
+    figure.update_xaxes(showgrid=False)
+    figure.update_yaxes(showgrid=False)
     if not known.size:
         return
     low, high = float(known.min()), float(known.max())

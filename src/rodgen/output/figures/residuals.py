@@ -34,7 +34,7 @@ from rodgen.output.figures.style import (
 
 if TYPE_CHECKING:
     from rodgen.calibration.compare.comparison import Comparison
-    from rodgen.calibration.compare.covariates import Covariate
+    from rodgen.data.drivers import Driver
 
 __all__ = [
     "comparison",
@@ -90,7 +90,7 @@ def _dots(x: Any, y: Any, count: int, **given: Any) -> go.Scatter:
 # against a covariate -----------------------------------------------------------------------------------------------
 
 
-def residuals_against(comparison: Comparison, covariate: Covariate, name: str = "by_covariate") -> go.Figure:
+def residuals_against(comparison: Comparison, covariate: Driver, name: str = "by_covariate") -> go.Figure:
     """Return the residuals against a covariate: dots and a smooth curve, or means where it has categories.
 
     Curve and means have bands of two standard errors, poses taken as independent.
@@ -98,7 +98,7 @@ def residuals_against(comparison: Comparison, covariate: Covariate, name: str = 
     Parameters
     ----------
     comparison : rodgen.calibration.compare.Comparison
-    covariate : rodgen.calibration.compare.covariates.Covariate
+    covariate : rodgen.data.drivers.Driver
         One of ``comparison.covariates``.
     name : str, optional
         Of the figure's files.
@@ -109,23 +109,20 @@ def residuals_against(comparison: Comparison, covariate: Covariate, name: str = 
         (f"{c} [{unit}]", r, comparison.unit)
         for c, r in zip(comparison.components, sample.residual.T, strict=True)
     ]
-    if covariate.of is not None:
-        along, of = _reading(comparison, covariate.of)
+    if covariate.number is not None:
+        along, of = _reading(comparison, covariate.number)
         if np.isfinite(along).any():
-            joint = label(plain(comparison.fit.machine.joints[covariate.of].name))
+            joint = label(plain(comparison.fit.machine.joints[covariate.number].name))
             values.append((f"reading of {joint} [{of}]", along, of))
-    what = label(plain(covariate.label)) if covariate.unit != "row" else ORDER
+    what = label(plain(covariate.label))
     figure = column(
-        [
-            Panel(title, PANEL, label(plain(what)) if i + 1 == len(values) else "")
-            for i, (title, _, _) in enumerate(values)
-        ]
+        [Panel(title, PANEL, what if i + 1 == len(values) else "") for i, (title, _, _) in enumerate(values)]
     )
     x = covariate.values
     if covariate.turn is not None and np.ptp(x) > 1.01 * covariate.turn:
         x = x % covariate.turn
     chosen = evenly(len(x), MOST_DOTS)
-    groups = bool(covariate.categories) or covariate.kind == "approach" or covariate.distinct <= 2
+    groups = bool(covariate.categories) or covariate.kind == "approach" or covariate.levels <= 2
     for number, (_, y, of) in enumerate(values):
         if groups:
             _groups(figure, number, sample.pose, covariate, y, of)
@@ -177,7 +174,7 @@ def _fitted(columns: Array, y: Array, pose: Index, at: Array) -> tuple[Array, Ar
     return at @ (inverse @ y), np.sqrt(np.sum((scores @ at.T) ** 2, axis=0))
 
 
-def _curve(figure: go.Figure, number: int, pose: Index, covariate: Covariate, x: Array, y: Array) -> None:
+def _curve(figure: go.Figure, number: int, pose: Index, covariate: Driver, x: Array, y: Array) -> None:
     grid = np.linspace(x.min(), x.max(), 201)
     columns = [np.column_stack([np.ones(len(v)), covariate.curve(v)]) for v in (x, grid)]
     if columns[0].shape[1] + 2 > len(np.unique(pose)):
@@ -202,7 +199,7 @@ def _curve(figure: go.Figure, number: int, pose: Index, covariate: Covariate, x:
         figure.update_layout({f"yaxis{number + 1}": {"range": [-size, size]}})
 
 
-def _groups(figure: go.Figure, number: int, pose: Index, covariate: Covariate, y: Array, unit: str) -> None:
+def _groups(figure: go.Figure, number: int, pose: Index, covariate: Driver, y: Array, unit: str) -> None:
     shown = np.unique(covariate.values)[:MOST_RUNS]
     random = np.random.default_rng(0)
     xs, ys, means, errors, places = [], [], [], [], []
@@ -233,7 +230,7 @@ def _groups(figure: go.Figure, number: int, pose: Index, covariate: Covariate, y
     )  # fmt: skip
 
 
-def _name_groups(figure: go.Figure, covariate: Covariate, panels: int) -> None:
+def _name_groups(figure: go.Figure, covariate: Driver, panels: int) -> None:
     shown = np.unique(covariate.values)[:MOST_RUNS]
     names = [plain(covariate.categories[int(c)], 16) if covariate.categories else f"{c:+g}" for c in shown]
     figure.update_layout(

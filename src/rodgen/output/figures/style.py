@@ -128,7 +128,12 @@ def column(panels: Sequence[Panel], *, legend: bool = True, width: int = 760) ->
         if panel.equal:
             figure.update_layout(
                 {
-                    f"yaxis{i + 1}": {"scaleanchor": x, "scaleratio": 1, "constrain": "domain"},
+                    f"yaxis{i + 1}": {
+                        "scaleanchor": x,
+                        "scaleratio": 1,
+                        "constrain": "domain",
+                        "automargin": False,
+                    },
                     f"xaxis{i + 1}": {"constrain": "domain"},
                 }
             )

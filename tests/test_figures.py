@@ -1,0 +1,206 @@
+"""Figures: what they show, the files they go into, and that they are legible in a browser at both widths."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browser import check_layout, needs_browser
+
+import rodgen
+from rodgen import Machine, Measurements, figures, spatial, three_sps_s, tricept
+from rodgen.calibration.ladder import ladder
+from rodgen.data.tables import read_pairs
+from rodgen.errors import InputFileError
+from rodgen.kinematics.tricept import TriceptStatus
+from rodgen.output.figures import files
+
+EXAMPLES = Path(__file__).parent.parent / "examples"
+U_PAPER = np.diag([0.005**2 / 3] * 3 + [0.01**2 / 3] * 2)
+
+
+def machine_and_data(name: str) -> tuple[Machine, Measurements]:
+    folder = EXAMPLES / "machines" / name
+    data = "mmt_2021.csv" if name == "mount" else "data.csv"
+    return Machine.load(folder / "machine.toml"), Measurements.load(folder / data)
+
+
+def comparison_of(name: str) -> list:
+    machine, data = machine_and_data(name)
+    return list(figures.comparison(machine.fit(data).compare()))
+
+
+def axis() -> list:
+    pairs = read_pairs(EXAMPLES / "pairs.csv")
+    return [figures.axis_fit(rodgen.fit_axis(pairs.rho, pairs.rho_prime, pairs.angle, loss="huber"), pairs)]
+
+
+def telescope() -> list:
+    machine, data = machine_and_data("mount")
+    return [figures.ladder(ladder(machine, data, [machine.effect("refraction")]))]
+
+
+def maps() -> list:
+    found = tricept.uncertainty_map(tricept.PAPER, U_PAPER, "y", 0.0, tricept.LEG_LIMITS, n=41)
+    machine = three_sps_s.Geometry(2.0, 1.0, 1.5)
+    attitudes = three_sps_s.workspace(machine, (1.3, 2.7), samples=12)
+    one = three_sps_s.workspace(machine, (1.3, 2.7), torsion=0.4, samples=12)
+    loop = spatial.load_mechanism(EXAMPLES / "mechanisms/rrrcc.csv")
+    return [
+        figures.uncertainty_map(found),
+        figures.orientation_workspace(attitudes),
+        figures.orientation_workspace(one),
+        figures.planar_representation(loop, "R5", "R1"),
+        figures.planar_representation(spatial.PUMA_560, output=5),
+    ]
+
+
+@pytest.fixture(scope="module")
+def every() -> list:
+    return [*axis(), *telescope(), *comparison_of("mount"), *comparison_of("ballbar_gantry"), *maps()]
+
+
+@needs_browser
+@pytest.mark.parametrize("width", [1280, 390])
+def test_nothing_overlaps_or_is_cut_off(width: int, every: list, tmp_path: Path) -> None:
+    figures.save_figures(every, tmp_path / "page.html")
+    found = check_layout(tmp_path / "page.html", width)
+    assert found["FIGURE"] == len(every)
+    assert found["texts"] > 4 * len(every)
+
+
+def test_same_figure_gives_the_same_page(tmp_path: Path) -> None:
+    (figure,) = axis()
+    for name in ("a.html", "b.htm"):
+        figures.save_figure(figure, tmp_path / name)
+    page = (tmp_path / "a.html").read_bytes()
+    assert page == (tmp_path / "b.htm").read_bytes()
+    assert page.count(b"Plotly, Inc.") == 1  # plotly.js is there, once
+
+
+@needs_browser
+def test_images_have_the_same_bytes_again() -> None:
+    figure = maps()[0]
+    jobs = [(figure, kind) for kind in files.IMAGES]
+    once, again = (files._images(jobs, "figure") for _ in range(2))
+    assert [content[:4] for content in once] == [b"\x89PNG", b"<svg", b"%PDF"]
+    assert once == again
+    assert b"Standard uncertainty" in once[1]
+
+
+def test_without_a_browser_one_sentence_says_what_to_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from choreographer.browsers.chromium import Chromium
+
+    monkeypatch.setattr(Chromium, "find_browser", lambda **_: None)
+    (figure,) = axis()
+    with pytest.raises(
+        InputFileError, match=r"no Chrome or Chromium.*, or a name that ends in .html"
+    ) as error:
+        figures.save_figure(figure, tmp_path / "a.png")
+    assert "\n" not in str(error.value)
+    with pytest.raises(InputFileError, match="no Chrome or Chromium"):
+        figures.check_place(tmp_path / "folder")
+    figures.check_place(tmp_path / "a.html")
+    figures.save_figure(figure, tmp_path / "a.html")
+    assert list(tmp_path.iterdir()) == [tmp_path / "a.html"]
+
+
+def test_name_that_asks_for_nothing_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputFileError, match=r"a name that ends in .html, .png, .svg or .pdf"):
+        figures.save_figure(axis()[0], tmp_path / "a.bmp")
+
+
+def test_folder_that_cannot_be_made_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputFileError, match="cannot be made") as error:
+        figures.save_figures(axis(), tmp_path / "file" / "plots")
+    assert "\n" not in str(error.value)
+
+
+def test_every_name_is_one_of_the_module() -> None:
+    for name in figures.__all__:
+        assert callable(getattr(figures, name))
+    with pytest.raises(AttributeError):
+        figures.nothing  # noqa: B018
+
+
+def test_plotly_is_imported_only_when_something_is_drawn() -> None:
+    code = "import sys, rodgen; rodgen.figures; assert not {'plotly', 'kaleido', 'matplotlib'} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+# what they show ----------------------------------------------------------------------------------------------------
+
+
+def test_ladder_shows_models_and_noise() -> None:
+    machine, data = machine_and_data("rotary_table")
+    found = ladder(machine, data, [machine.effect("tilt_error_motion", "C")])
+    figure = figures.ladder(found)
+    titles = [note.text for note in figure.layout.annotations[::2]]
+    assert titles == ["<b>base</b>", "<b>+ tilt_error_motion at C</b>"]
+    by_name = {trace.name: trace for trace in figure.data}
+    assert list(by_name) == ["95 % interval of the noise", "noise, by replicates", "held out", "fitted"]
+    np.testing.assert_allclose(by_name["fitted"].x, [rung.fit.rms for rung in found.rungs])
+    np.testing.assert_allclose(by_name["held out"].x, [rung.held_out.rms for rung in found.rungs])
+    assert len({trace.marker.symbol for trace in figure.data if trace.mode == "markers"}) == 3
+
+
+def test_axis_view_is_right_handed() -> None:
+    from rodgen.output.figures.axis import _view
+
+    for direction in [*np.eye(3), *-np.eye(3), [0.6, 0.0, 0.8], [0.6, -0.64, -0.48]]:
+        u, v, _ = _view(np.array(direction))
+        np.testing.assert_allclose(np.cross(u, v), direction, atol=4e-16)
+        np.testing.assert_allclose([u @ u, v @ v], 1, rtol=4e-16)
+    assert _view(np.array([0.0, 0, 1]))[2] == ("x", "y")
+    assert _view(np.array([0.0, 0, -1]))[2] == ("y", "x")
+
+
+def test_axis_figure_shows_every_pair_and_marks_outliers() -> None:
+    pairs = read_pairs(EXAMPLES / "pairs.csv")
+    fit = rodgen.fit_axis(pairs.rho, pairs.rho_prime, pairs.angle, loss="huber")
+    figure = figures.axis_fit(fit, pairs)
+    by_name = {(trace.name, trace.xaxis): trace for trace in figure.data}
+    assert len(by_name["before", "x"].x) == len(by_name["after", "x"].x) == fit.pairs
+    np.testing.assert_array_equal(by_name["outlier", "x3"].x, np.flatnonzero(fit.outliers))
+    assert figure.layout.yaxis.scaleanchor == "x"
+    parts = [by_name[f"{way} the axis", "x3"].y for way in ("along", "away from", "around")]
+    np.testing.assert_allclose(
+        np.linalg.norm(parts, axis=0), np.linalg.norm(fit.residuals[~fit.outliers], axis=1), rtol=1e-9
+    )
+
+
+def test_directions_and_distances_are_drawn() -> None:
+    for name, unit in (("mount", "arcsec"), ("ballbar_gantry", "mm")):
+        for figure in comparison_of(name):
+            assert unit in figure.to_json()
+            assert figure.layout.meta["name"]
+
+
+def test_map_is_blank_outside_the_workspace() -> None:
+    found = tricept.uncertainty_map(tricept.PAPER, U_PAPER, "z", 700.0, tricept.LEG_LIMITS, n=21)
+    figure = figures.uncertainty_map(found)
+    outside = found.status != TriceptStatus.REACHABLE
+    for n in range(3):
+        values = np.array(figure.data[n].z, float)
+        np.testing.assert_array_equal(np.isnan(values), outside)
+        np.testing.assert_allclose(values[~outside], 1000 * found.u[..., n][~outside])
+
+
+def test_map_of_attitudes_shows_the_cells() -> None:
+    _, six, one, *_ = maps()
+    assert sum(trace.type == "heatmap" for trace in six.data) == 6
+    (cells,) = (trace for trace in one.data if trace.type == "heatmap")
+    machine = three_sps_s.Geometry(2.0, 1.0, 1.5)
+    found = three_sps_s.workspace(machine, (1.3, 2.7), torsion=0.4, samples=12)
+    z, at = np.array(cells.z, float), np.array(cells.x)
+    for azimuth, tilt in ((3, 2), (10, 7), (0, 11)):
+        x, y = (np.degrees(found.tilt[tilt]) * f(found.azimuth[azimuth]) for f in (np.cos, np.sin))
+        shown = z[np.abs(at - y).argmin(), np.abs(at - x).argmin()]
+        status = found.status[0, azimuth, tilt]
+        assert shown == (7 if found.joined[0, azimuth, tilt] else status)
