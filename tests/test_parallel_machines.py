@@ -431,7 +431,7 @@ def test_a_fitted_machine_is_written_with_the_geometry_that_was_found(tmp_path):
     found = fit(told.machine, told.observations)
     again = fixed_machine(found.machine)
     assert again.estimate == ()
-    assert abs(again.geometry.R - 330.8) < 1e-6
+    assert abs(again.kinematics.R - 330.8) < 1e-6
     assert fit(again, told.observations.data).rms < 1e-6
 
 

@@ -15,19 +15,11 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.nearest_frame import nearest_frame
 from rodgen.errors import InputFileError
-from rodgen.machines.platform_poses import (
-    assembly_modes,
-    found_from,
-    holding,
-    legs_at,
-    physical_pose,
-    placed_at,
-)
+from rodgen.machines.kinematics import OnLegs, ThreeSpsS
 from rodgen.machines.rigid import rotation_matrix, rotation_vector
 
 if TYPE_CHECKING:
     from rodgen.data.observations import Observations
-    from rodgen.machines.closed_chain import ClosedChain
     from rodgen.machines.machine import Machine
 
 __all__ = [
@@ -90,8 +82,8 @@ def closed(observations: Observations, *, by_readings: bool = True) -> Observati
     start = pose_start(o)
     missing = np.isnan(start).any(axis=1)
     if missing.any():
-        raise open_legs(o, int(np.argmax(missing)), f"this {o.machine.geometry.family}")  # type: ignore[union-attr]
-    held = holding(o.machine.geometry, start)  # type: ignore[arg-type]
+        raise open_legs(o, int(np.argmax(missing)), f"this {o.machine.kinematics.family}")
+    held = _on_legs(o.machine).least_singular_value(start)
     if held.min(initial=1.0) < SINGULAR:
         row = int(np.argmin(held))
         found = "a singular pose, in which the legs do not hold the platform"
@@ -119,7 +111,7 @@ def with_commands(o: Observations, like: Observations) -> Observations:
     like : Observations
         Of the same machine, in its assembly mode.
     """
-    if o.machine.geometry is None:
+    if not o.machine.kinematics.is_closed:
         return o
     in_mode = replace(o, machine=in_its_mode(like.machine, like))
     return replace(o, pose_start=pose_start(in_mode))
@@ -127,10 +119,7 @@ def with_commands(o: Observations, like: Observations) -> Observations:
 
 def far_apart(poses: Array, start: Array, machine: Machine) -> NDArray[np.bool_]:
     """Tell where poses are so far from others that a model should rather start from them, (n,)."""
-    geometry = machine.geometry
-    assert geometry is not None
-    size = np.array([1.0, 1.0, geometry.R]) if geometry.family == "tricept" else 1.0
-    return np.asarray(np.abs((poses - start) / size).max(axis=1) > FAR)
+    return np.asarray(np.abs((poses - start) / _on_legs(machine).pose_scale).max(axis=1) > FAR)
 
 
 def found_again(o: Observations, numbers: Mapping[str, tuple[float, ...]]) -> Array:
@@ -148,18 +137,13 @@ def found_again(o: Observations, numbers: Mapping[str, tuple[float, ...]]) -> Ar
     ndarray
         Where the legs do not close, the poses that were.
     """
-    geometry = o.machine.geometry
-    assert geometry is not None
     changed = {name: value if len(value) > 1 else value[0] for name, value in numbers.items()}
-    geometry = replace(geometry, **changed)  # type: ignore[arg-type]
+    kinematics = replace(_on_legs(o.machine), **changed)  # type: ignore[arg-type]
     before = np.asarray(o.pose_start)
-    if min(geometry.R, geometry.r) <= 0:
+    if min(kinematics.R, kinematics.r) <= 0:
         return before
-    if geometry.family == "tricept":
-        found = physical_pose(geometry, o.q)
-    else:
-        modes = assembly_modes(geometry, o.q)
-        found = _taken(modes, _least_turned(modes, before.reshape(-1, 3, 3)))
+    modes = kinematics.modes(o.q)
+    found = _taken(modes, _nearest_poses(modes, before))
     return np.where(np.isfinite(found).all(axis=1, keepdims=True), found, before)
 
 
@@ -171,12 +155,12 @@ def in_another_mode(o: Observations, machine: Machine) -> float:
     o : Observations
     machine : Machine
     """
-    geometry = machine.geometry
-    if geometry is None or geometry.start is None or o.pose_start is None:
+    kinematics = machine.kinematics
+    if not isinstance(kinematics, ThreeSpsS) or kinematics.start is None or o.pose_start is None:
         return 0.0
     some = o.take(_looked_at(o))
     asked = pose_start(replace(some, machine=machine))
-    free = replace(machine, geometry=replace(geometry, start=None))
+    free = replace(machine, kinematics=replace(kinematics, start=None))
     return float(np.mean(far_apart(pose_start(replace(some, machine=free)), asked, machine)))
 
 
@@ -187,9 +171,9 @@ def _looked_at(o: Observations) -> NDArray[np.intp]:
 
 def weakest(o: Observations) -> int | None:
     """Return the row of a closed chain whose legs hold the platform worst, None where all do it well."""
-    if o.machine.geometry is None or o.pose_start is None:
+    if o.pose_start is None:
         return None
-    held = holding(o.machine.geometry, np.asarray(o.pose_start))
+    held = _on_legs(o.machine).least_singular_value(np.asarray(o.pose_start))
     row = int(np.argmin(held))
     return row if held[row] < WEAK else None
 
@@ -212,10 +196,10 @@ def attainable(o: Observations, q: Array) -> NDArray[np.bool_]:
 
 def _freedoms(machine: Machine, starts: Array) -> Array:
     """Return alpha, beta and z, or the rotation vector from the middle of the assembly mode, (n, 3)."""
-    geometry = machine.geometry
-    if geometry is None or geometry.start is None:
+    start = machine.kinematics.start
+    if start is None:
         return starts
-    turns = starts.reshape(-1, 3, 3) @ rotation_matrix(geometry.start).T
+    turns = starts.reshape(-1, 3, 3) @ rotation_matrix(start).T
     found = np.full((len(turns), 3), np.nan)
     closing = np.isfinite(turns).all(axis=(1, 2))
     found[closing] = rotation_vector(turns[closing])
@@ -224,29 +208,35 @@ def _freedoms(machine: Machine, starts: Array) -> Array:
 
 def pose_start(o: Observations) -> Array:
     """Return the poses on the nominal machine, (n, k); NaN where the legs do not close."""
-    geometry = o.machine.geometry
-    assert geometry is not None
-    if geometry.family == "tricept":
-        return physical_pose(geometry, o.q)
-    modes = assembly_modes(geometry, o.q)
-    return _taken(modes, _chosen(o, geometry, modes))
+    kinematics = _on_legs(o.machine)
+    modes = kinematics.modes(o.q)
+    return _taken(modes, _chosen(o, kinematics, modes))
+
+
+def _on_legs(machine: Machine) -> OnLegs:
+    assert isinstance(machine.kinematics, OnLegs)
+    return machine.kinematics
 
 
 def _taken(modes: Array, chosen: NDArray[np.intp]) -> Array:
-    """Return the chosen mode of each row as the numbers that a model starts from, (n, 9)."""
-    return np.asarray(modes[np.arange(len(modes)), chosen].reshape(-1, 9))
+    """Return the chosen mode of each row as the numbers that a model starts from, (n, k)."""
+    return np.asarray(modes[np.arange(len(modes)), chosen])
 
 
-def _least_turned(modes: Array, turns: Array) -> NDArray[np.intp]:
-    """Return the number of each row's mode that is turned least from a rotation, one for all or one a row."""
-    # the largest trace of the turn from one to the other is the smallest angle
-    return _least(-np.einsum("nmij,nij->nm", modes, np.broadcast_to(turns, (len(modes), 3, 3))))
+def _nearest_poses(modes: Array, poses: Array) -> NDArray[np.intp]:
+    """Return the number of each row's mode that is the nearest to a pose, one for all or one a row.
+
+    Of rotation matrices, those with the least difference have the smallest angle between them.
+    """
+    return _least(np.sum((modes - poses.reshape(-1, 1, modes.shape[2])) ** 2, axis=2))
 
 
-def _chosen(o: Observations, geometry: ClosedChain, modes: Array) -> NDArray[np.intp]:
+def _chosen(o: Observations, kinematics: OnLegs, modes: Array) -> NDArray[np.intp]:
     """Return the number of each row's mode."""
-    if geometry.start is not None:
-        return _least_turned(modes, rotation_matrix(geometry.start))
+    if modes.shape[1] == 1:
+        return np.zeros(len(modes), np.intp)
+    if kinematics.start is not None:
+        return _nearest_poses(modes, rotation_matrix(kinematics.start))
     if not np.isfinite(o.reading).all():
         raise InputFileError(
             o.machine.file or o.machine.name,
@@ -256,10 +246,7 @@ def _chosen(o: Observations, geometry: ClosedChain, modes: Array) -> NDArray[np.
         )
     targets = np.array([target.point for target in o.machine.targets])[o.target]
     measurand = o.machine.measurand
-    if measurand.moving:
-        seen = placed_at(geometry, modes, targets[:, None])
-    else:
-        seen = np.einsum("nmij,nj->nmi", modes, targets)
+    seen = kinematics.placed(modes, targets[:, None], moving=measurand.moving)
     if not measurand.is_place:
         distance = np.linalg.norm(seen - np.array(o.machine.measured.origin), axis=2)
         return _nearest((distance - o.reading) ** 2, o.pose)
@@ -337,43 +324,43 @@ def in_its_mode(machine: Machine, o: Observations) -> Machine:
 
     Where readings told the mode, its ``start`` becomes the pose in the middle of all.
     """
-    geometry = machine.geometry
-    if geometry is None or geometry.family == "tricept" or geometry.start is not None or o.pose_start is None:
+    kinematics = machine.kinematics
+    if not isinstance(kinematics, ThreeSpsS) or kinematics.start is not None or o.pose_start is None:
         return machine
     turns = o.pose_start.reshape(-1, 3, 3)
     middle = turns[int(np.argmax(np.einsum("nij,ij->n", turns, turns.mean(axis=0))))]
-    return replace(machine, geometry=replace(geometry, start=_vector(middle)))
+    return replace(machine, kinematics=replace(kinematics, start=_vector(middle)))
 
 
 def with_what_was_seen(machine: Machine, o: Observations) -> Machine:
     """Return a machine that knows poses from which all that were measured are found, for the code that it emits."""
-    geometry = machine.geometry
-    if geometry is None or geometry.start is None or o.pose_start is None:
+    kinematics = machine.kinematics
+    if not isinstance(kinematics, ThreeSpsS) or kinematics.start is None or o.pose_start is None:
         return machine
-    begins = rotation_matrix(geometry.start)[None]
+    begins = rotation_matrix(kinematics.start)[None]
     while len(begins) <= MOST_SEEN:
-        turns, legs = _not_found(geometry, begins, o)
+        turns, legs = _not_found(kinematics, begins, o)
         if not len(turns):
             break
-        apart = np.sum((legs[:, None] - legs_at(geometry, begins)) ** 2, axis=2).min(axis=1)
+        apart = np.sum((legs[:, None] - kinematics.legs_at(begins)) ** 2, axis=2).min(axis=1)
         begins = np.concatenate([begins, turns[[np.argmax(apart)]]])
-    return replace(machine, geometry=replace(geometry, seen=tuple(_vector(turn) for turn in begins[1:])))
+    return replace(machine, kinematics=replace(kinematics, seen=tuple(_vector(turn) for turn in begins[1:])))
 
 
 def not_found_by_code(machine: Machine, o: Observations) -> float:
     """Return in which part of the rows emitted code of a fitted machine does not find the platform."""
-    geometry = machine.geometry
-    if geometry is None or geometry.start is None or o.pose_start is None:
+    kinematics = machine.kinematics
+    if not isinstance(kinematics, ThreeSpsS) or kinematics.start is None or o.pose_start is None:
         return 0.0
-    begins = rotation_matrix([geometry.start, *geometry.seen])
-    return len(_not_found(geometry, begins, o)[0]) / len(_looked_at(o))
+    begins = rotation_matrix([kinematics.start, *kinematics.seen])
+    return len(_not_found(kinematics, begins, o)[0]) / len(_looked_at(o))
 
 
-def _not_found(geometry: ClosedChain, begins: Array, o: Observations) -> tuple[Array, Array]:
+def _not_found(kinematics: ThreeSpsS, begins: Array, o: Observations) -> tuple[Array, Array]:
     """Return the poses and legs of those rows that code which begins there does not find."""
     some = _looked_at(o)
     turns, legs = np.asarray(o.pose_start)[some].reshape(-1, 3, 3), o.q[some]
-    found = found_from(geometry, begins, legs)
+    found = kinematics.found_from(begins, legs)
     lost = ~(np.abs(found - turns).max(axis=(1, 2)) < NEAR)
     return turns[lost], legs[lost]
 

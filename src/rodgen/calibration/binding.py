@@ -125,7 +125,7 @@ def bind(machine: Machine, data: Measurements, *, allow_missing_readings: bool =
         travel=np.array(travel, dtype=float).reshape(-1, 2),
         columns_given=frozenset(data.columns),
     )
-    if machine.geometry is not None:
+    if machine.kinematics.is_closed:
         observations = closed(observations, by_readings=not allow_missing_readings)
     for array in observations.arrays():
         array.flags.writeable = False

@@ -69,9 +69,8 @@ class _Imagination:
         points = [t.point for t in self.machine.targets] + [j.point for j in self.machine.joints]
         slides = [j for j, joint in enumerate(self.machine.joints) if joint.type == "prismatic"]
         spans = np.ptp(self.o.q[:, slides], axis=0)
-        if self.machine.geometry is not None:
-            spans = np.array([self.machine.geometry.R])
-        return float(max(np.linalg.norm(points, axis=1).max(), spans.max(initial=0.0), 1.0))
+        size = self.machine.kinematics.size
+        return float(max(np.linalg.norm(points, axis=1).max(), spans.max(initial=size), 1.0))
 
     def problem(self, machine: Machine | None = None, **columns: Any) -> Problem:
         """Return a problem with some columns replaced, perhaps of another machine of the same structure."""
@@ -80,7 +79,7 @@ class _Imagination:
             model = Model(machine, model.travel, self.o.run_names, compiled=model.compiled)
         q = columns.pop("q", None)
         observations = replace(self.base, **columns)
-        if q is not None and self.machine.geometry is not None:
+        if q is not None and self.machine.kinematics.is_closed:
             observations = within_reach(observations, q)
         elif q is not None:
             observations = replace(observations, q=q)

@@ -219,7 +219,7 @@ class Problem:
     @property
     def is_closed_chain(self) -> bool:
         """Whether the model solves for poses, from those that come with the rows."""
-        return bool(self.model.structure.family)
+        return self.model.structure.kinematics.is_closed
 
     def follow(self, theta: Array, frame: Frame) -> bool:
         """Let a closed chain's poses start from where they are with these values; tell whether they did elsewhere.
@@ -240,9 +240,7 @@ class Problem:
             )
         lost = ~np.isfinite(poses).all(axis=1)
         if lost.any():
-            geometry = self.model.machine.geometry
-            names = () if geometry is None else tuple(geometry.of.numbers)
-            numbers = {name: self.model.number(theta, name) for name in names}
+            numbers = {name: self.model.number(theta, name) for name in self.model.machine.kinematics.numbers}
             poses[lost] = found_again(self.observations.take(lost), numbers)
         if not np.any(far_apart(poses, start, self.model.machine)):
             return False

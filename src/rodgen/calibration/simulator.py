@@ -121,7 +121,7 @@ class Lab:
         bad = ~np.isfinite(found).all(axis=1)
         if bad.any():
             row = int(np.argmax(bad))
-            if machine.geometry is not None:
+            if machine.kinematics.is_closed:
                 raise open_legs(o, row, "the machine with these effects")
             expected = "formulas and numbers that are"
             raise InputFileError(o.data.file, o.data.place(row), "the model is not finite here", expected)

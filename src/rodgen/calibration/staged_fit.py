@@ -115,6 +115,6 @@ def _not_finite(problem: Problem, solution: Solution) -> str:
     which = f" (check the formula of {', '.join(own)})" if own else ""
     if not problem.model.structure.moving and not own:
         which = " (a prediction right opposite to its reading? check the signs of axes and targets)"
-    if problem.model.machine.geometry is not None and not own:
+    if problem.model.machine.kinematics.is_closed and not own:
         which = " (is the pose near a singular one, or the geometry far off?)"
     return f"{file}: {place}: the model is not finite here; expected formulas and numbers that are{which}"

@@ -137,7 +137,7 @@ def _about_modes(fit: Fit) -> Iterator[str]:
             f"In {other:.0%} of the rows another assembly mode than that of [geometry] start is nearer to the "
             "readings: leave start out, or check the order of the legs."
         )
-    elif asked.geometry is not None and asked.geometry.start is None:
+    elif asked.kinematics.start is None:
         other = in_another_mode(fit.observations, written)
         if other > 0:
             yield (

@@ -72,8 +72,8 @@ def closed_chain_of(file: str, family: str) -> tuple[Any, str]:
     from rodgen.machines.machine import Machine
 
     machine = Machine.load(file)
-    chain = machine.geometry
-    if chain is None or chain.family != family:
-        found = "a machine of joints" if chain is None else f'family = "{chain.family}"'
+    chain = machine.kinematics
+    if chain.family != family:
+        found = f'family = "{chain.family}"' if chain.is_closed else "a machine of joints"
         raise InputFileError(file, "family", found, f'family = "{family}"')
     return chain, machine.length_unit

@@ -111,7 +111,9 @@ def quantity(
         if found:
             with contextlib.suppress(ValueError):
                 numbers = tuple(float(part) for part in found[1].split(","))
-                if count in (None, len(numbers)) and all(math.isfinite(x) and (x > 0 or not positive) for x in numbers):
+                if count in (None, len(numbers)) and all(
+                    math.isfinite(x) and (x > 0 or not positive) for x in numbers
+                ):
                     return Quantity(numbers, found[2], option, dimension)
         raise argparse.ArgumentTypeError(f"{shown(text)} is not {expected}, such as {example}")
 

@@ -9,13 +9,13 @@ derivation/closed_chain.py.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
 import sympy as sp
 
-from rodgen.machines.closed_chain import FAMILIES, FROM_AFAR
+from rodgen.machines.kinematics import NEWTON_STEPS, Kinematics, ThreeSpsS, Tricept
 from rodgen.symbolic import select, skew
 
 if TYPE_CHECKING:
@@ -56,12 +56,12 @@ class _Pose:
     by: list[Vector]
 
 
-class _Chain:
+class _OnLegs:
     """What the families have in common."""
 
     def __init__(self, model: ModelSteps) -> None:
         self.m = model
-        self.family = FAMILIES[model.structure.family]
+        self.family = model.structure.kinematics
         self.number = {
             name: model.known(name)
             + sp.Matrix([model.freedom.get((f"geometry.{name}{x}", 0), sp.S.Zero) for x in components])
@@ -70,7 +70,7 @@ class _Chain:
         self.number = {name: model.let("number", value) for name, value in self.number.items()}
         self.base = [self.centre("R", k, "base_joint") for k in range(3)]
         self.own = [self.centre("r", k, "platform_joint") for k in range(3)]
-        self.start = [model.column["start", i] for i in range(self.family.start)]
+        self.start = [model.column["start", i] for i in range(self.family.pose_numbers)]
 
     def centre(self, radius: str, leg: int, component: str) -> Vector:
         """Return a leg's joint on the base, or on the platform in platform axes."""
@@ -170,7 +170,7 @@ class _Chain:
         return step.dot(step)
 
 
-class _Tricept(_Chain):
+class _Tricept(_OnLegs):
     """Unknowns: alpha, beta, z. The platform is turned by P = Oy(beta) Ox(alpha) and slides along its own z."""
 
     def first(self) -> _Pose:
@@ -183,7 +183,7 @@ class _Tricept(_Chain):
         square = self.m.let("height", (sum(half, sp.S.Zero) * 2 / 3) - (R - r) ** 2)
         self.unknowns = sp.Matrix([0, 0, self.m.let("height", sp.sqrt(select(square > 0, square, R**2)))])
         pose = self.pose()
-        for _ in range(FROM_AFAR):
+        for _ in range(NEWTON_STEPS):
             pose, _step = self.nearer(pose, half)
         return pose
 
@@ -226,7 +226,7 @@ class _Tricept(_Chain):
         return step[0] ** 2 + step[1] ** 2 + (step[2] / R) ** 2
 
 
-class _Pivot(_Chain):
+class _ThreeSpsS(_OnLegs):
     """Unknowns: a small turn after the one before, as the Rodrigues vector of half of it (Cayley's map)."""
 
     def first(self) -> _Pose:
@@ -235,7 +235,7 @@ class _Pivot(_Chain):
     def from_afar(self) -> _Pose:
         half = self.lengths(lambda term: True)
         pose = self.pose(self.nearest([self.m.column["q", k] for k in range(3)]))
-        for _ in range(FROM_AFAR):
+        for _ in range(NEWTON_STEPS):
             pose, _step = self.nearer(pose, half)
         return pose
 
@@ -288,7 +288,8 @@ def _turned(x: Vector) -> Vector:
     return sp.Matrix([[0, x[2], -x[1]], [-x[2], 0, x[0]], [x[1], -x[0], 0]])
 
 
-CHAINS: dict[str, Callable[[ModelSteps], _Chain]] = {"tricept": _Tricept, "3-sps-s": _Pivot}
+STEPS_OF: Mapping[type[Kinematics], type[_OnLegs]] = {Tricept: _Tricept, ThreeSpsS: _ThreeSpsS}
+"""How each family is derived."""
 
 
 def closed_chain(model: ModelSteps, x: Vector) -> Vector:
@@ -301,7 +302,7 @@ def closed_chain(model: ModelSteps, x: Vector) -> Vector:
     x : Matrix
         The target, in platform axes.
     """
-    chain = CHAINS[model.structure.family](model)
+    chain = STEPS_OF[model.structure.kinematics](model)
     pose, square = chain.solved(x)
     place = model.let("carried", chain.carry(pose, x))
     return model.let("closed", _where_closed(place, square))
@@ -319,7 +320,7 @@ def pose_of(model: ModelSteps) -> Kernel:
     model : ModelSteps
         With its terms and freedoms.
     """
-    chain = CHAINS[model.structure.family](model)
+    chain = STEPS_OF[model.structure.kinematics](model)
     pose, square = chain.solved(model.target())
     found = _where_closed(sp.Matrix(chain.numbers(pose)), square)
     model.builder.output("pose", found, unit="1", doc="numbers that a solver starts from")
@@ -345,7 +346,7 @@ def pose_from_afar(model: ModelSteps, begins: int = 0) -> Kernel:
             "begin", (begins, 7), unit="1", doc="legs and quaternions of poses to begin with"
         )
         model.begins = port.tolist()
-    chain = CHAINS[model.structure.family](model)
+    chain = STEPS_OF[model.structure.kinematics](model)
     found = chain.numbers(chain.from_afar())
     model.builder.output("start", sp.Matrix(found), unit="1", doc="pose on the nominal machine")
     return model.builder.build()

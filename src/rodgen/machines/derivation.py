@@ -69,7 +69,7 @@ def derive_kernels(structure: Structure) -> list[Kernel]:
         kernels.append(
             residual.jacobian(wrt, ["residual"], name="residual_and_jacobian", values=True, mode="reverse")
         )
-    if structure.family:
+    if structure.kinematics.is_closed:
         kernels.append(pose_of(ModelSteps(structure, "pose")))
     # the change of a freedom is in the geometry already
     return [kernel.at({"freedom": 0}) if structure.slots else kernel for kernel in kernels]
@@ -127,7 +127,7 @@ class ModelSteps:
         self.freedom = dict(zip(s.slots, freedoms, strict=True))
         e = list(k.input("e", (max(1, len(s.parameters)),), unit="1", doc="parameters of the effects"))
         self.e = dict(zip(s.parameters, e, strict=False))  # one is left over where there is none
-        n = 0 if s.family else len(s.joints)
+        n = 0 if s.kinematics.is_closed else len(s.joints)
         self.axis = [self.varied("axis", j) for j in range(n)]
         has_points = s.moving or s.weights
         self.joint_point = [self.moved_point(j) if has_points else sp.zeros(3, 1) for j in range(n)]
@@ -286,7 +286,7 @@ class ModelSteps:
         j = term.joint
         if j is None:
             return names
-        if self.structure.family:
+        if self.structure.kinematics.is_closed:
             return names | ({TENSION: self.tension[j]} if term.uses_tension else {})
         names["N"] = self.axis[j]
         if term.uses_directions:
@@ -447,7 +447,7 @@ class ModelSteps:
     def kernel(self) -> Kernel:
         """Return the kernel."""
         s = self.structure
-        carry = self.carried if not s.family else partial(closed_chain, self)
+        carry = partial(closed_chain, self) if s.kinematics.is_closed else self.carried
         place = self.framed(self.lifted(carry(self.target())))
         if not self.with_residual:
             self.builder.output("place", place, unit="1", doc="predicted point or direction")

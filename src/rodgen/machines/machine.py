@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 from rodgen.data.units import Dimension, unit_factor
 from rodgen.errors import InputFileError, RodgenError, shown
 from rodgen.files import write_file
-from rodgen.machines.closed_chain import ClosedChain
 from rodgen.machines.effects.rules import UnfitEffectError, catalogue_effect, check_effect
 from rodgen.machines.files.read import read_machine
 from rodgen.machines.files.write import description, fixed_machine, machine_text
+from rodgen.machines.kinematics import Chain, Kinematics
 from rodgen.machines.measured import Measurand, Measured
 from rodgen.machines.parts import Effect, Joint, Target, Vector
 
@@ -64,8 +64,8 @@ class Machine:
         Where it was read from; two machines may be equal from different files.
     values : mapping of str to float
         Fitted numbers, by the parameters' keys, such as ``"C.axis.a"``; empty as read: all are zero.
-    geometry : ClosedChain or None
-        Of a closed chain, whose joints are legs; None for a chain of joints.
+    kinematics : Kinematics
+        How the joints carry the target: one after the other, or as the legs of a platform.
 
     Examples
     --------
@@ -97,7 +97,7 @@ class Machine:
     effects: tuple[Effect, ...] = ()
     file: str | None = field(default=None, compare=False)
     values: Mapping[str, float] = field(default_factory=dict, hash=False)
-    geometry: ClosedChain | None = None
+    kinematics: Kinematics = field(default_factory=Chain)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Machine:

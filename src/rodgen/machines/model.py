@@ -89,7 +89,7 @@ def _source_hash() -> str:
         "derivation.py",
         "closed_chain_derivation.py",
         "structure.py",
-        "closed_chain.py",
+        "kinematics.py",
         "measured.py",
         "effects/formula.py",
     )
@@ -197,9 +197,8 @@ class Model:
 
     def number(self, theta: Array, name: str) -> tuple[float, ...]:
         """Return one of the numbers of a closed chain's geometry, as its components, length unit."""
-        assert self.machine.geometry is not None
-        components = self.machine.geometry.of.numbers[name]
-        nominal = self.machine.geometry.number(name)
+        kinematics = self.machine.kinematics
+        components, nominal = kinematics.numbers[name], kinematics.number(name)
         changes = (self.value(theta, f"geometry.{name}{x}", 0) for x in components)
         return tuple(float(a + b) for a, b in zip(nominal, changes, strict=True))
 
@@ -288,8 +287,8 @@ class Model:
 
     def _constant_part(self, name: str, j: int, groups: Sequence[tuple[int, int]]) -> Array:
         machine = self.machine
-        if machine.geometry is not None and name in machine.geometry.of.numbers:
-            return np.array(machine.geometry.number(name))
+        if name in machine.kinematics.numbers:
+            return np.array(machine.kinematics.number(name))
         if name == "axis":
             return np.array(machine.joints[j].axis)
         if name == "point":
@@ -314,7 +313,7 @@ class Model:
     def _geometry_at(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Where the numbers of a closed chain's geometry that are adjusted stand in ``g``, and their parameters."""
         slots = [slot for slot in self.structure.slots if str(slot[0]).startswith("geometry.")]
-        components = self.machine.geometry.of.numbers if self.machine.geometry is not None else {}
+        components = self.machine.kinematics.numbers
         starts = [
             self._at[name, 0] + i for name in self.structure.numbers for i in range(len(components[name]))
         ]

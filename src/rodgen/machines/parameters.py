@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rodgen.data.units import unit_factor
-from rodgen.machines.closed_chain import FAMILIES
 from rodgen.machines.structure import GEOMETRY, Structure, row_effects
 
 if TYPE_CHECKING:
@@ -77,7 +76,7 @@ def _parameters(machine: Machine, structure: Structure, runs: Sequence[str]) -> 
         (e.definition.component, e.place): e for e in machine.effects if e.definition.component in GEOMETRY
     }
     for name in structure.numbers:
-        for x in FAMILIES[structure.family].numbers[name]:
+        for x in structure.kinematics.numbers[name]:
             key = f"geometry.{name}.{x}" if x else f"geometry.{name}"
             yield made(key, length, f"geometry.{name}{x}", 0)
     for j, joint in enumerate(machine.joints):

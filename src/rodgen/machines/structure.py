@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from rodgen.machines.closed_chain import FAMILIES
+from rodgen.machines.kinematics import Chain, Kinematics
 from rodgen.machines.measured import Measurand
 
 if TYPE_CHECKING:
@@ -141,8 +141,7 @@ class Structure:
     shift : bool
         Whether there is a frame shift.
     terms : tuple of Term
-    family : str
-        Of a closed chain; empty for a chain of joints.
+    kinematics : type of Kinematics
     numbers : tuple of str
         Those numbers of a closed chain's geometry that are slots.
     """
@@ -153,7 +152,7 @@ class Structure:
     frame: bool
     shift: bool
     terms: tuple[Term, ...]
-    family: str = ""
+    kinematics: type[Kinematics] = Chain
     numbers: tuple[str, ...] = ()
 
     @property
@@ -177,9 +176,8 @@ class Structure:
                 yield from (("axis.a", j), ("axis.b", j))
             if joint.point:
                 yield from (("point.a", j), ("point.b", j))
-        if self.family:
-            components = FAMILIES[self.family].numbers
-            yield from ((f"geometry.{name}{x}", 0) for name in self.numbers for x in components[name])
+        components = self.kinematics.numbers
+        yield from ((f"geometry.{name}{x}", 0) for name in self.numbers for x in components[name])
         if self.target:
             yield from ((f"target.{x}", 0) for x in self.measurand.freedoms)
         if self.centre and self.target:
@@ -211,9 +209,8 @@ class Structure:
         return tuple(self._geometry())
 
     def _geometry(self) -> Iterator[tuple[str, int, int]]:
-        if self.family:
-            yield from ((name, 0, len(x)) for name, x in FAMILIES[self.family].numbers.items())
-        for j, joint in enumerate(() if self.family else self.joints):
+        yield from ((name, 0, len(x)) for name, x in self.kinematics.numbers.items())
+        for j, joint in enumerate(() if self.kinematics.is_closed else self.joints):
             terms = [term for term in self.terms if term.joint == j]
             yield "axis", j, 3
             if joint.axis:
@@ -250,8 +247,7 @@ class Structure:
         Of a closed chain also ``("start", i)``: the pose on the nominal machine, near which the model's own is.
         """
         used: dict[tuple[str, int | str], None] = {("q", j): None for j in range(len(self.joints))}
-        if self.family:
-            used |= {("start", i): None for i in range(FAMILIES[self.family].start)}
+        used |= {("start", i): None for i in range(self.kinematics.pose_numbers)}
         used |= {column: None for term in self.terms for _, column in term.columns}
         return (
             *used,
@@ -291,17 +287,14 @@ def structure_of(machine: Machine) -> Structure:
         frame=machine.measured.frame == "free",
         shift="frame_shift" in components,
         terms=tuple(_term(machine, effect) for effect in row_effects(machine)),
-        family="" if machine.geometry is None else machine.geometry.family,
+        kinematics=type(machine.kinematics),
         numbers=_free_numbers(machine),
     )
 
 
 def _free_numbers(machine: Machine) -> tuple[str, ...]:
     """Return the numbers of a closed chain's geometry that a fit adjusts."""
-    if machine.geometry is None:
-        return ()
-    names = machine.geometry.of.numbers
-    return tuple(name for name in names if {"geometry", name} & set(machine.estimate))
+    return tuple(name for name in machine.kinematics.numbers if {"geometry", name} & set(machine.estimate))
 
 
 def _term(machine: Machine, effect: Effect) -> Term:

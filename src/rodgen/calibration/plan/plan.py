@@ -728,7 +728,7 @@ class _Planner:
         if all(goal.reached for goal in goals):
             return
         machine, o = self.question.machine, self.o
-        if machine.geometry is not None:  # whose file says no travel of its legs
+        if machine.kinematics.is_closed:  # whose file says no travel of its legs
             return
         unsaid = [
             j for j, joint in enumerate(machine.joints) if joint.travel is None and not _whole(o, j, joint)

@@ -187,7 +187,7 @@ def readings(
         q = q[np.linspace(0, len(q) - 1, min(len(q), count)).astype(int)]
     else:
         q = positions(travel, units, count, taken)
-    if o.machine.geometry is not None:
+    if o.machine.kinematics.is_closed:
         q = q[attainable(o, q)]
     random = np.random.default_rng(0)
     kinds = list(

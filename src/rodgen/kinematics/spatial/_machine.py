@@ -52,7 +52,7 @@ def from_machine(machine: Machine, *, tolerance: float = PARALLEL) -> Placement:
     >>> spatial.from_machine(machine).mechanism.a.round(9)
     array([ 0. , 17. ,  0.8,  0. ,  0. ])
     """
-    if machine.geometry is not None:
+    if machine.kinematics.is_closed:
         raise RodgenError(f"{machine.name!r} is a closed chain; expected a chain of joints")
     if machine.effects:
         titles = ", ".join(effect.title for effect in machine.effects)

@@ -248,17 +248,8 @@ def check_estimate(machine: Machine, entry: str) -> tuple[str, str] | None:
     """Tell what is wrong with an entry of [estimate]: what was found and what was expected, or None."""
     if entry == "target":
         return None
-    freedoms = _freedoms(machine)
+    freedoms = machine.kinematics.freedoms([joint.name for joint in machine.joints])
     if entry in freedoms:
         return None
     near = nearest_name(entry, freedoms)
     return shown(entry), f"{near!r}, perhaps" if near else listed(freedoms)
-
-
-def _freedoms(machine: Machine) -> list[str]:
-    """List all that [estimate] may name; what changes no reading of this machine, a fit says."""
-    if machine.geometry is not None:
-        return ["geometry", *machine.geometry.of.numbers, "target"]
-    return [f"{joint.name}.{freedom}" for joint in machine.joints for freedom in ("axis", "point")] + [
-        "target"
-    ]

@@ -24,8 +24,8 @@ from rodgen.machines.emit._kernels import (
     step_kernel,
 )
 from rodgen.machines.emit._scope import Scope, scope_of
+from rodgen.machines.kinematics import OnLegs
 from rodgen.machines.model import Model
-from rodgen.machines.platform_poses import holding, usual_leg
 from rodgen.machines.structure import row_effects
 
 if TYPE_CHECKING:
@@ -308,8 +308,8 @@ def _size(scope: Scope) -> float:
         float(np.linalg.norm(p))
         for p in (*(j.point for j in machine.joints), *(t.point for t in machine.targets))
     ]
-    if machine.geometry is not None:
-        travel.append(max(usual_leg(machine.geometry, k)[1] for k in range(3)))
+    if isinstance(machine.kinematics, OnLegs):
+        travel.append(max(machine.kinematics.usual_travel(k)[1] for k in range(3)))
     return float(sum(travel) + max(points)) or 1.0
 
 
@@ -321,12 +321,12 @@ def _samples(scope: Scope, fitted: MachineKernels, ideal: MachineKernels, size: 
         if np.ptp(travel) > 0
         else (-np.pi, np.pi)
         if joint.type == "revolute"
+        else machine.kinematics.usual_travel(j)
+        if isinstance(machine.kinematics, OnLegs)
         else (-size, size)
-        if machine.geometry is None
-        else usual_leg(machine.geometry, j)
         for j, (joint, travel) in enumerate(zip(joints, scope.model.travel, strict=True))
     ]
-    found, begins = 0, poses_to_begin(machine.geometry)
+    found, begins = 0, poses_to_begin(machine.kinematics)
     for n, point in enumerate(_even(len(joints) + len(fitted.columns), TRIES)):
         inside = MARGIN + (1 - 2 * MARGIN) * point[: len(joints)]
         q = tuple(float(low + x * (high - low)) for x, (low, high) in zip(inside, spans, strict=True))
@@ -354,13 +354,14 @@ def _samples(scope: Scope, fitted: MachineKernels, ideal: MachineKernels, size: 
 
 def _is_held(machine: Machine, kernels: MachineKernels, q: tuple[float, ...]) -> bool:
     """Tell whether a platform is well away from singular poses, where differences tell no slopes."""
-    if machine.geometry is None or kernels.pose is None:
+    if kernels.pose is None:
         return True
     values: dict[str, Any] = {constant.name: constant.value for constant in kernels.constants} | {
         "q": list(q)
     }
     start = kernels.pose.evaluate({port.name: values[port.name] for port in kernels.pose.inputs})["start"]
-    return bool(holding(machine.geometry, np.array([start], float))[0] > HELD)
+    assert isinstance(machine.kinematics, OnLegs)
+    return bool(machine.kinematics.least_singular_value(np.array([start], float))[0] > HELD)
 
 
 def _even(dimensions: int, count: int) -> Iterator[Array]:

@@ -24,12 +24,11 @@ from numpy.typing import NDArray
 
 from rodgen.codegen.kernel import Assignment, Kernel, KernelBuilder, Port, port_symbols
 from rodgen.kinematics.rotation import quaternion_from_matrix
-from rodgen.machines.closed_chain import ClosedChain
 from rodgen.machines.closed_chain_derivation import pose_from_afar
 from rodgen.machines.derivation import ModelSteps
+from rodgen.machines.kinematics import Kinematics, ThreeSpsS
 from rodgen.machines.measured import Measurand
 from rodgen.machines.model import Frame, Model
-from rodgen.machines.platform_poses import legs_at
 from rodgen.machines.rigid import rotation_matrix
 from rodgen.machines.structure import Structure, Term, row_effects
 from rodgen.symbolic import select
@@ -141,7 +140,7 @@ def machine_kernels(model: Model, name: str = "place", prefix: str = "") -> Mach
     )
     general = ModelSteps(structure, name, with_residual=False).kernel()
     numbers = _Numbers(model, structure, prefix)
-    pose = _pose_kernel(model, structure, numbers) if structure.family else None
+    pose = _pose_kernel(model, structure, numbers) if structure.kinematics.is_closed else None
     rows, g, e = (list(general.port(port).symbols) for port in ("rows", "g", "e"))
     columns = [
         (c, s) for c, s in zip(structure.columns, rows, strict=True) if c[0] not in {"reading", "weight"}
@@ -184,7 +183,7 @@ def machine_kernels(model: Model, name: str = "place", prefix: str = "") -> Mach
 def _pose_kernel(model: Model, structure: Structure, numbers: _Numbers) -> Kernel:
     """Write the kernel that finds the pose of a closed chain on the nominal machine."""
     bare = replace(structure, terms=(), shift=False, frame=False)
-    begins = poses_to_begin(model.machine.geometry)
+    begins = poses_to_begin(model.machine.kinematics)
     general = pose_from_afar(ModelSteps(bare, "pose", with_residual=False), len(begins))
     q = _port("q", (len(structure.joints),), "commanded coordinates")
     stands_for: dict[sp.Symbol, sp.Expr] = {}
@@ -202,12 +201,12 @@ def _pose_kernel(model: Model, structure: Structure, numbers: _Numbers) -> Kerne
     return _folded(general, stands_for, [q], numbers)
 
 
-def poses_to_begin(geometry: ClosedChain | None) -> Array:
+def poses_to_begin(kinematics: Kinematics) -> Array:
     """Return the poses that a closed chain may begin with, (k, 7): lengths of the legs, and unit quaternions."""
-    if geometry is None or geometry.start is None:
+    if not isinstance(kinematics, ThreeSpsS) or kinematics.start is None:
         return np.zeros((0, 7))
-    turns = rotation_matrix([geometry.start, *geometry.seen])
-    return np.concatenate([legs_at(geometry, turns), quaternion_from_matrix(turns)[0]], axis=1)
+    turns = rotation_matrix([kinematics.start, *kinematics.seen])
+    return np.concatenate([kinematics.legs_at(turns), quaternion_from_matrix(turns)[0]], axis=1)
 
 
 def _folded(

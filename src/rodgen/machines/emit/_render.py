@@ -21,6 +21,7 @@ from rodgen.codegen.project import (
 )
 from rodgen.errors import shown
 from rodgen.machines.emit._content import Content, Sample, coordinate_unit, effect_words
+from rodgen.machines.kinematics import OnLegs
 
 __all__ = ["LANGUAGES", "render"]
 
@@ -180,17 +181,10 @@ def _words(content: Content) -> Iterator[str]:
 
 def _about_poses(content: Content) -> Iterator[str]:
     """Say which of the poses that lengths of legs allow is meant."""
-    geometry = content.machine.geometry
-    if geometry is None:
+    kinematics = content.machine.kinematics
+    if not isinstance(kinematics, OnLegs):
         return
-    mode = "upright, alpha and beta within a quarter turn and z positive"
-    if geometry.start is not None:
-        x = ", ".join(f"{c:.6g}" for c in geometry.start)
-        mode = f"in the assembly mode of the rotation vector ({x}) rad, by Newton's steps from there"
-        if geometry.seen:
-            mode += (
-                f" or from {len(geometry.seen)} more poses that were measured, whichever has the nearest legs"
-            )
+    mode = kinematics.mode_words()
     yield from _wrapped(
         f"The platform is found from the lengths of its legs, {mode}. Where that finds none, all is NaN."
     )

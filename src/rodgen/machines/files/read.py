@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 
 from rodgen.data.units import ANGLE, LENGTH, Dimension, UnitError, parse_unit
 from rodgen.errors import InputFileError, listed, shown
-from rodgen.machines.closed_chain import FAMILIES, ClosedChain
 from rodgen.machines.effects.catalogue import own_effect
 from rodgen.machines.effects.rules import (
     UnfitEffectError,
@@ -39,6 +38,7 @@ from rodgen.machines.files.toml import (
     parse,
     read_bytes,
 )
+from rodgen.machines.kinematics import FAMILIES, Chain, Kinematics, OnLegs
 from rodgen.machines.measured import MEASURANDS, READING_COLUMNS, Measurand, Measured
 from rodgen.machines.parts import Effect, Joint, Target, Vector
 
@@ -64,8 +64,6 @@ _KEYS = {
         "estimate",
         "effect",
     ),
-    "tricept": ("R", "r", "q"),
-    "3-sps-s": ("R", "r", "h", "start"),
     "units": ("length", "angle"),
     "environment": ("gravity", "reference_temperature"),
     "joint": ("name", "type", "axis", "point", "travel", "period"),
@@ -119,18 +117,18 @@ def machine_of(text: str, file: str, made: type[Machine]) -> Machine:
     per_radian = parse_unit(angle).factor()
     environment = top.sub("environment", _KEYS["environment"])
     measured = _measured(top, per_radian)
-    geometry = _closed_chain(top, per_radian) if "family" in top else None
+    kinematics = _on_legs(top, per_radian) if "family" in top else Chain()
     machine = made(
         name=name,
         length_unit=length,
         angle_unit=angle,
         gravity=environment.get("gravity", _DIRECTION, (0.0, 0.0, -1.0)),
         reference_temperature=environment.get("reference_temperature", NUMBER, 20.0),
-        joints=tuple(_joints(top, per_radian)) if geometry is None else _legs(geometry),
-        targets=_targets(top, measured.measurand, closed=geometry is not None),
+        joints=_legs(kinematics) if kinematics.is_closed else tuple(_joints(top, per_radian)),
+        targets=_targets(top, measured.measurand, closed=kinematics.is_closed),
         measured=measured,
         file=file,
-        geometry=geometry,
+        kinematics=kinematics,
     )
     _check_names(machine)
     machine = replace(machine, estimate=_estimate(top, machine))
@@ -250,6 +248,7 @@ _RULE = "a name of letters, digits, '_', '-' and '+', at most 60"
 _PLACE_NAME = TEXT.then(_name, _RULE)
 _JOINT_NAME = TEXT.then(_column_name, _RULE)
 _POINT: Kind[Vector] = VECTOR.then(lambda v: v)
+_ORIGIN: Vector = (0.0, 0.0, 0.0)
 _DIRECTION: Kind[Vector] = VECTOR.then(_direction)
 _PARAMETER_UNIT = Kind('a unit in quotes, such as "arcsec"', TEXT.read)
 _TEXTS = Kind('a list of texts, such as ["target"]', _texts)
@@ -284,7 +283,7 @@ def _joints(top: Table, per_radian: float) -> list[Joint]:
                 name=name,
                 type=kind,
                 axis=table.get("axis", _DIRECTION),
-                point=table.get("point", _POINT, (0.0, 0.0, 0.0)),
+                point=table.get("point", _POINT, _ORIGIN),
                 travel=table.get("travel", travel, None),
                 period=table.get("period", period, None),
             )
@@ -292,19 +291,20 @@ def _joints(top: Table, per_radian: float) -> list[Joint]:
     return joints
 
 
-def _closed_chain(top: Table, per_radian: float) -> ClosedChain:
-    family = top.get("family", one_of(tuple(FAMILIES)))
-    table = top.sub("geometry", _KEYS[family], missing=_MISSING["geometry"])
-    radius = NUMBER.then(_positive, "a positive number")
-    R, r = table.get("R", radius), table.get("r", radius)
-    if family == "tricept":
-        return ClosedChain(family, R, r, q=table.get("q", _POINT, (0.0, 0.0, 0.0)))
-    start = table.get("start", VECTOR.then(_scaled(per_radian)), None)
-    return ClosedChain(family, R, r, h=table.get("h", radius), start=start)
+def _on_legs(top: Table, per_radian: float) -> OnLegs:
+    family = FAMILIES[top.get("family", one_of(tuple(FAMILIES)))]
+    table = top.sub("geometry", family.keys, missing=_MISSING["geometry"])
+    length = NUMBER.then(_positive, "a positive number")
+    found: dict[str, Any] = {}
+    for name, components in family.numbers.items():
+        found[name] = table.get(name, length) if len(components) == 1 else table.get(name, _POINT, _ORIGIN)
+    if "start" in family.keys:
+        found["start"] = table.get("start", VECTOR.then(_scaled(per_radian)), None)
+    return family(**found)
 
 
-def _legs(geometry: ClosedChain) -> tuple[Joint, ...]:
-    return tuple(Joint(name, "leg") for name in geometry.of.legs)
+def _legs(kinematics: Kinematics) -> tuple[Joint, ...]:
+    return tuple(Joint(name, "leg") for name in kinematics.legs)
 
 
 def _targets(top: Table, measurand: Measurand, *, closed: bool) -> tuple[Target, ...]:
@@ -313,7 +313,7 @@ def _targets(top: Table, measurand: Measurand, *, closed: bool) -> tuple[Target,
             raise InputFileError(
                 top.file, "[[target]]", "missing", "the direction on the platform that is seen"
             )
-        return (Target(PLATFORM, (0.0, 0.0, 0.0)),)
+        return (Target(PLATFORM, _ORIGIN),)
     point = _POINT if measurand.moving else _DIRECTION
     return tuple(
         Target(table.get("name", _PLACE_NAME), table.get("point", point))
@@ -341,7 +341,7 @@ def _check_names(machine: Machine) -> None:
     if twice is None:
         return
     number = len(names) - names[::-1].index(twice)
-    if machine.geometry is not None and twice in joints:
+    if machine.kinematics.is_closed and twice in joints:
         place = f"[[target]] {number - len(joints)}, name"
         raise InputFileError(str(machine.file), place, f"{shown(twice)}, the name of a leg", "another name")
     place = f"[[joint]] {number}" if number <= len(joints) else f"[[target]] {number - len(joints)}"
@@ -361,7 +361,7 @@ def _estimate(top: Table, machine: Machine) -> tuple[str, ...]:
             raise table.error("parameters", *fault)
         if entries.count(entry) > 1:
             raise table.error("parameters", f"{shown(entry)} twice", "it once")
-        if machine.geometry is not None and "geometry" in entries and entry in machine.geometry.of.numbers:
+        if "geometry" in entries and entry in machine.kinematics.numbers:
             raise table.error("parameters", f"{shown(entry)}, which is part of 'geometry'", "one of the two")
     return entries
 

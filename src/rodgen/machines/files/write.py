@@ -13,7 +13,7 @@ import numpy as np
 
 from rodgen.data.units import ANGLE, unit_factor
 from rodgen.errors import InputFileError
-from rodgen.machines.closed_chain import ClosedChain
+from rodgen.machines.kinematics import Kinematics
 from rodgen.machines.parts import Effect, Joint, Target, Vector
 from rodgen.machines.rigid import complete_basis, tilted
 from rodgen.machines.structure import BEAM
@@ -96,21 +96,22 @@ def machine_text(machine: Machine) -> str:
 
 
 def _family_lines(machine: Machine) -> list[str]:
-    return [] if machine.geometry is None else [f"family = {_text(machine.geometry.family)}"]
+    family = machine.kinematics.family
+    return [f"family = {_text(family)}"] if family else []
 
 
 def _chain_blocks(machine: Machine) -> list[list[str]]:
     """Return the blocks of the joints, or that of a closed chain's geometry."""
     angle = machine.file_factor(ANGLE)
-    geometry = machine.geometry
-    if geometry is None:
+    kinematics = machine.kinematics
+    if not kinematics.is_closed:
         return [_joint_lines(joint, angle) for joint in machine.joints]
     lines = ["[geometry]"]
-    for name, components in geometry.of.numbers.items():
-        value = geometry.number(name)
+    for name, components in kinematics.numbers.items():
+        value = kinematics.number(name)
         lines.append(f"{name} = {decimal(value[0]) if len(components) == 1 else _vector(value)}")
-    if geometry.start is not None:
-        lines.append(f"start = {_vector(geometry.start, angle)}")
+    if kinematics.start is not None:
+        lines.append(f"start = {_vector(kinematics.start, angle)}")
     return [lines]
 
 
@@ -200,7 +201,7 @@ def fixed_machine(machine: Machine) -> Machine:
     return replace(
         machine,
         joints=tuple(joints),
-        geometry=_fixed_geometry(machine),
+        kinematics=_fixed_kinematics(machine),
         targets=tuple(_fixed_target(machine, target) for target in machine.targets),
         estimate=(),
         effects=(*extra, *(replace(effect, hold=_hold(machine, effect)) for effect in machine.effects)),
@@ -224,16 +225,14 @@ def _turned(axis: Vector, a: float, b: float) -> Vector:
     return x, y, z
 
 
-def _fixed_geometry(machine: Machine) -> ClosedChain | None:
-    geometry = machine.geometry
-    if geometry is None:
-        return None
+def _fixed_kinematics(machine: Machine) -> Kinematics:
+    kinematics = machine.kinematics
     found: dict[str, Any] = {}
-    for name, components in geometry.of.numbers.items():
+    for name, components in kinematics.numbers.items():
         changes = [machine.values.get(f"geometry.{name}.{x}".rstrip("."), 0.0) for x in components]
-        value = tuple(float(a + b) for a, b in zip(geometry.number(name), changes, strict=True))
+        value = tuple(float(a + b) for a, b in zip(kinematics.number(name), changes, strict=True))
         found[name] = value if len(components) > 1 else value[0]
-    return replace(geometry, **found)
+    return replace(kinematics, **found)
 
 
 def _fixed_target(machine: Machine, target: Target) -> Target:
@@ -294,10 +293,10 @@ def description(machine: Machine) -> str:
 def _described(machine: Machine) -> Iterator[str]:
     angle = machine.file_factor(ANGLE)
     yield f"{machine.name} ({machine.length_unit}, {machine.angle_unit})"
-    if machine.geometry is not None:
+    if machine.kinematics.is_closed:
         yield from _described_legs(machine)
     width = max(len(joint.name) for joint in machine.joints)
-    for joint in () if machine.geometry is not None else machine.joints:
+    for joint in () if machine.kinematics.is_closed else machine.joints:
         turns = joint.type == "revolute"
         way = f"revolute about {_rounded(joint.axis)}" if turns else f"prismatic along {_rounded(joint.axis)}"
         placed = machine.measurand.moving and (turns or any(joint.point))
@@ -317,16 +316,15 @@ def _described(machine: Machine) -> Iterator[str]:
 
 
 def _described_legs(machine: Machine) -> Iterator[str]:
-    geometry = machine.geometry
-    assert geometry is not None
+    kinematics = machine.kinematics
     numbers = []
-    for name in geometry.of.numbers:
-        value = geometry.number(name)
+    for name in kinematics.numbers:
+        value = kinematics.number(name)
         numbers.append(f"{name} = {_rounded(value) if len(value) > 1 else format(value[0], '.6g')}")
-    if geometry.start is not None:
-        degrees = [x / machine.file_factor(ANGLE) for x in geometry.start]
+    if kinematics.start is not None:
+        degrees = [x / machine.file_factor(ANGLE) for x in kinematics.start]
         numbers.append(f"start = {_rounded(degrees)}")
-    yield f"  {geometry.of.words}; {', '.join(numbers)}"
+    yield f"  {kinematics.words}; {', '.join(numbers)}"
     yield f"  legs: {', '.join(joint.name for joint in machine.joints)}"
 
 

@@ -1,0 +1,345 @@
+"""How joints carry the target: one after the other in a chain, or together as the legs of a platform.
+
+In a closed chain a coordinate is the length of a leg, from its joint on the base to its joint on the platform. Where
+the platform is follows from all of them together (the direct problem), and may have several answers, the assembly modes.
+A family of such machines is a class here; how its model is derived stands in
+:mod:`rodgen.machines.closed_chain_derivation`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, ClassVar, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.kinematics.rotation import matrix_from_rodrigues_vector
+from rodgen.machines.rigid import rotation_matrix
+
+if TYPE_CHECKING:
+    from rodgen.kinematics import three_sps_s, tricept
+
+__all__ = ["FAMILIES", "NEWTON_STEPS", "Chain", "Kinematics", "OnLegs", "ThreeSpsS", "Tricept"]
+
+Array: TypeAlias = NDArray[np.float64]
+Vector: TypeAlias = tuple[float, float, float]
+
+NEWTON_STEPS = 8
+"""Newton's steps from where the platform may be to where it is, all over the workspace."""
+LEG_CHANGE = 0.05
+"""Part of its usual length by which a leg is assumed to change, either way, where no travel is known."""
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """How the joints of a machine carry its target.
+
+    Attributes
+    ----------
+    family : str
+        Its name in machine files; empty for a chain of joints.
+    words : str
+        What people call it.
+    legs : mapping of str to int
+        Name of each leg, and the direction of its joints from the middle, degrees about z.
+    numbers : mapping of str to tuple of str
+        What ``[geometry]`` gives, each with the names of its components; ``""`` of a plain number.
+    keys : tuple of str
+        All that may stand in ``[geometry]``.
+    pose_numbers : int
+        How many numbers describe a pose of the platform, for a solver to start from.
+    is_closed : bool
+        Whether it is a closed chain, whose joints are legs.
+    start : tuple of float, length 3, or None
+        Rotation vector in radians near which the assembly mode is; None where the file does not say, or need not.
+    seen : tuple of tuple of float
+        Further rotation vectors of that mode.
+    """
+
+    family: ClassVar[str] = ""
+    words: ClassVar[str]
+    legs: ClassVar[Mapping[str, int]] = MappingProxyType({})
+    numbers: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
+    keys: ClassVar[tuple[str, ...]] = ()
+    pose_numbers: ClassVar[int] = 0
+    is_closed: ClassVar[bool] = False
+
+    @property
+    def start(self) -> Vector | None:
+        """Rotation vector near which the assembly mode is."""
+        return None
+
+    @property
+    def seen(self) -> tuple[Vector, ...]:
+        """Further rotation vectors of that mode."""
+        return ()
+
+    @property
+    def size(self) -> float:
+        """Radius of the base, in the unit of the machine file; 0 of a chain of joints."""
+        return 0.0
+
+    def number(self, name: str) -> tuple[float, ...]:
+        """Return one of the numbers of ``[geometry]``, as its components."""
+        value = getattr(self, name)
+        return value if isinstance(value, tuple) else (value,)
+
+    def freedoms(self, joints: Sequence[str]) -> list[str]:
+        """List what ``[estimate]`` may name, given the names of the joints."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Chain(Kinematics):
+    """Joints of which each carries the next."""
+
+    words = "chain of joints"
+
+    def freedoms(self, joints: Sequence[str]) -> list[str]:
+        """List the axis and the point of each joint, and the targets."""
+        return [f"{joint}.{freedom}" for joint in joints for freedom in ("axis", "point")] + ["target"]
+
+
+@dataclass(frozen=True)
+class OnLegs(Kinematics):
+    """A platform on three legs; lengths in the machine file's unit.
+
+    Attributes
+    ----------
+    R, r : float
+        Radii of the circles of the joints on the base and on the platform.
+    """
+
+    R: float
+    r: float
+
+    is_closed = True
+
+    @property
+    def size(self) -> float:
+        """Radius of the base."""
+        return self.R
+
+    def freedoms(self, joints: Sequence[str]) -> list[str]:
+        """List the geometry, each of its numbers, and the targets."""
+        return ["geometry", *self.numbers, "target"]
+
+    @property
+    def pose_scale(self) -> Array:
+        """What a radian, or the radius of the base, is in each number of a pose, (pose_numbers,)."""
+        return np.ones(self.pose_numbers)
+
+    def modes(self, legs: Array) -> Array:
+        """Return the poses of the platform on the nominal machine.
+
+        Parameters
+        ----------
+        legs : ndarray, shape (n, 3)
+
+        Returns
+        -------
+        ndarray, shape (n, m, pose_numbers)
+            One for each assembly mode that is physically possible, as a model starts from it; NaN beyond those that
+            there are.
+        """
+        raise NotImplementedError
+
+    def placed(self, poses: Array, targets: Array, *, moving: bool) -> Array:
+        """Return where targets are on the nominal machine.
+
+        Parameters
+        ----------
+        poses : ndarray, shape (..., pose_numbers)
+        targets : ndarray, shape (..., 3)
+            In platform axes.
+        moving : bool
+            Whether they are points; else directions.
+        """
+        raise NotImplementedError
+
+    def least_singular_value(self, poses: Array) -> Array:
+        """Return how well the legs hold the platform: about 1 at best, 0 in a singular pose.
+
+        Parameters
+        ----------
+        poses : ndarray, shape (n, pose_numbers)
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            The least singular value of the derivative of the lengths of the legs with respect to the platform's three
+            freedoms. A turn by one radian counts as a way of the joints' distance from where it turns about.
+        """
+        raise NotImplementedError
+
+    def usual_legs(self) -> Array:
+        """Return the lengths of the legs, (3,), in the middle of where the machine works."""
+        raise NotImplementedError
+
+    def usual_travel(self, leg: int) -> tuple[float, float]:
+        """Return lengths of a leg around the middle of where the machine works, where its travel is not known."""
+        length = float(self.usual_legs()[leg])
+        return (1 - LEG_CHANGE) * length, (1 + LEG_CHANGE) * length
+
+    def mode_words(self) -> str:
+        """Say which of the poses that lengths of legs allow the emitted code finds."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Tricept(OnLegs):
+    """Three legs, and a passive one that turns about the origin and slides; its pose is alpha, beta, z.
+
+    Attributes
+    ----------
+    q : tuple of float, length 3
+        From the middle of the platform's joints to its centre, in platform axes.
+    """
+
+    q: Vector = (0.0, 0.0, 0.0)
+
+    family = "tricept"
+    words = "Tricept: three legs, and a passive one that turns about the origin and slides"
+    legs = MappingProxyType({"A0": 0, "A1": 120, "A-1": -120})
+    numbers = MappingProxyType({"R": ("",), "r": ("",), "q": ("x", "y", "z")})
+    keys = ("R", "r", "q")
+    pose_numbers = 3
+
+    @property
+    def pose_scale(self) -> Array:
+        """A radian, a radian, the radius of the base."""
+        return np.array([1.0, 1.0, self.R])
+
+    def modes(self, legs: Array) -> Array:
+        """Return the one physical pose: all cosines and z are positive."""
+        from rodgen.kinematics import tricept
+
+        pose, _ = tricept.direct(legs, self._geometry())
+        return np.asarray(pose)[:, None]
+
+    def least_singular_value(self, poses: Array) -> Array:
+        """Return the least singular value, from W33 d(pose) + W35 d(rods, radii) = 0."""
+        from rodgen.kinematics import tricept
+
+        found = tricept.matrices(poses, self._geometry())
+        slopes = np.linalg.solve(found.W35[..., :3], -found.W33) / np.array([self.R, self.R, 1.0])
+        good = np.asarray(np.isfinite(slopes).all(axis=(1, 2)))
+        gains = np.linalg.svd(np.where(good[:, None, None], slopes, 0.0), compute_uv=False)
+        return np.where(good, gains[:, -1], np.nan)
+
+    def usual_legs(self) -> Array:
+        """Return the lengths with the platform upright, two radii of the base away."""
+        from rodgen.kinematics import tricept
+
+        return np.asarray(tricept.legs([0.0, 0.0, 2 * self.R], self._geometry()))
+
+    def mode_words(self) -> str:
+        """Say what the physical mode is."""
+        return "upright, alpha and beta within a quarter turn and z positive"
+
+    def _geometry(self) -> tricept.Geometry:
+        from rodgen.kinematics import tricept
+
+        return tricept.Geometry(self.R, self.r, self.q)
+
+
+@dataclass(frozen=True)
+class ThreeSpsS(OnLegs):
+    """Three legs, and a pivot about which the platform turns; its pose is a rotation matrix, row by row.
+
+    Attributes
+    ----------
+    h : float
+        Height of the pivot above the base.
+    start : tuple of float, length 3, or None
+        Rotation vector in radians; the assembly mode is the one nearest to it, else the one nearest to the readings.
+    seen : tuple of tuple of float
+        Of a machine that was measured: further rotation vectors of that mode, from which all that were measured are
+        found; for code that finds poses by itself. They stand in no file.
+    """
+
+    h: float = 0.0
+    start: Vector | None = None
+    seen: tuple[Vector, ...] = field(default=(), compare=False, repr=False)
+
+    family = "3-sps-s"
+    words = "3-SPS-S: three legs, and a pivot about which the platform turns"
+    legs = MappingProxyType({"L1": -30, "L2": 90, "L3": 210})
+    numbers = MappingProxyType({"R": ("",), "r": ("",), "h": ("",)})
+    keys = ("R", "r", "h", "start")
+    pose_numbers = 9
+
+    def modes(self, legs: Array) -> Array:
+        """Return the rotation matrices of up to eight modes, (n, 8, 9)."""
+        from rodgen.kinematics import three_sps_s
+
+        turns = np.asarray(three_sps_s.direct_all(legs, self._geometry())[0])
+        return turns.reshape(*turns.shape[:-2], 9)
+
+    def placed(self, poses: Array, targets: Array, *, moving: bool) -> Array:
+        """Return the targets turned, and shifted by the height of the pivot."""
+        turned = np.einsum("...ij,...j->...i", poses.reshape(*poses.shape[:-1], 3, 3), targets)
+        return np.asarray(turned + np.array([0.0, 0.0, self.h])) if moving else np.asarray(turned)
+
+    def least_singular_value(self, poses: Array) -> Array:
+        """Return the least gain of the legs' lengths over a turn of the platform."""
+        from rodgen.kinematics import three_sps_s
+
+        gains = three_sps_s.singularity(poses.reshape(-1, 3, 3), self._geometry()).gains
+        return np.asarray(gains[:, -1] / self.r)
+
+    def usual_legs(self) -> Array:
+        """Return the lengths at `start`, or with the platform parallel to the base."""
+        return self.legs_at(np.eye(3) if self.start is None else rotation_matrix(self.start))
+
+    def mode_words(self) -> str:
+        """Say from where the pose is found."""
+        if self.start is None:
+            return "by Newton's steps from where it is parallel to the base"
+        x = ", ".join(f"{c:.6g}" for c in self.start)
+        words = f"in the assembly mode of the rotation vector ({x}) rad, by Newton's steps from there"
+        if self.seen:
+            words += (
+                f" or from {len(self.seen)} more poses that were measured, whichever has the nearest legs"
+            )
+        return words
+
+    def legs_at(self, turns: Array) -> Array:
+        """Return the lengths of the legs, (..., 3), at rotations, (..., 3, 3)."""
+        from rodgen.kinematics import three_sps_s
+
+        return np.asarray(three_sps_s.legs(turns, self._geometry()))
+
+    def found_from(self, begins: Array, legs: Array) -> Array:
+        """Return the rotations, (n, 3, 3), that emitted code finds: from the beginning whose legs are the nearest.
+
+        Parameters
+        ----------
+        begins : ndarray, shape (k, 3, 3)
+        legs : ndarray, shape (n, 3)
+        """
+        from rodgen.kinematics import three_sps_s
+
+        geometry = self._geometry()
+        apart = np.sum((legs[:, None] - self.legs_at(begins)) ** 2, axis=2)
+        turns = begins[np.argmin(apart, axis=1)]
+        with np.errstate(all="ignore"):
+            for _ in range(NEWTON_STEPS):
+                now = self.legs_at(turns)
+                slopes = now[:, :, None] * three_sps_s.jacobian(turns, geometry)
+                slopes[~np.isfinite(np.linalg.cond(slopes))] = np.nan
+                step = -np.linalg.solve(slopes, (now**2 - legs**2)[:, :, None] / 2)[:, :, 0]
+                turns = matrix_from_rodrigues_vector(step)[0] @ turns
+        return np.asarray(turns)
+
+    def _geometry(self) -> three_sps_s.Geometry:
+        from rodgen.kinematics import three_sps_s
+
+        return three_sps_s.Geometry(self.R, self.r, self.h)
+
+
+FAMILIES: Mapping[str, type[OnLegs]] = MappingProxyType({made.family: made for made in (Tricept, ThreeSpsS)})
+"""All families of closed chains, by their names in a machine file."""
