@@ -1,7 +1,8 @@
 """How joints carry the target: one after the other in a chain, or together as the legs of a platform.
 
 In a closed chain a coordinate is the length of a leg, from its joint on the base to its joint on the platform. Where
-the platform is follows from all of them together (the direct problem), and may have several answers, the assembly modes.
+the platform is follows from all of them together (the direct problem), and may have several answers, the assembly
+modes.
 A family of such machines is a class here; how its model is derived stands in
 :mod:`rodgen.machines.closed_chain_derivation`.
 """
