@@ -669,7 +669,7 @@ def test_kernels_are_written_and_compared(lens, tmp_path, capsys):
     out, err = capsys.readouterr()
     assert "+++ regenerated/c/lens.c" in out
     assert err == (
-        f"{folder}: not what the derivations make; 'rodgen kernels {lens} -o {folder}' writes it anew\n"
+        f"{folder}: differs from what the derivations generate; 'rodgen kernels {lens} -o {folder}' regenerates it\n"
     )
     assert not folder.exists()
 

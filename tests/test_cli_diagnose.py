@@ -256,16 +256,16 @@ REFUSED = {
     "add mount.toml": "rodgen add: no EFFECT; expected its name, which 'rodgen effects' lists, or --from-diagnosis",
     "add mount.toml refraction --step 1": "--step without --from-diagnosis; expected --from-diagnosis FILE, too",
     "add mount.toml --from-diagnosis mount.json refraction stars.csv": "three files or names; expected MACHINE and",
-    "add mount.toml --from-diagnosis mount.json --joint EL": "--joint beside --from-diagnosis; expected the diagnosis",
-    "add mount.toml --from-diagnosis mount.json --target boresight": "--target beside --from-diagnosis; expected the",
-    "add mount.toml --from-diagnosis mount.json --hold k=0": "--hold beside --from-diagnosis; expected the diagnosis",
+    "add mount.toml --from-diagnosis mount.json --joint EL": "--joint together with --from-diagnosis; expected",
+    "add mount.toml --from-diagnosis mount.json --target boresight": "--target together with --from-diagnosis;",
+    "add mount.toml --from-diagnosis mount.json --hold k=0": "--hold together with --from-diagnosis; expected",
     "add mount.toml --from-diagnosis - -": "both on standard input; expected the name of a file for one of them",
     "add mount.toml --from-diagnosis mount.json --step 0": "argument --step: '0' is not a whole number from 1 up",
     "add mount.toml --from-diagnosis mount.json --step x": "argument --step: 'x' is not a whole number from 1 up",
     "add gantry.toml --from-diagnosis gantry.json --step 2": "--step: 2; expected 1, the only step of gantry.json",
     "add mount.toml --from-diagnosis none.json": "none.json: file: no such file; expected a diagnosis",
     "add mount.toml --from-diagnosis .": ".: file: a folder; expected a diagnosis",
-    "add mount.toml --from-diagnosis stars.csv": "stars.csv: line 1, column 1: no JSON (",
+    "add mount.toml --from-diagnosis stars.csv": "stars.csv: line 1, column 1: not JSON (",
     "add mount.toml --from-diagnosis mount.toml": "mount.toml: line 1, column ",
     "add none.toml --from-diagnosis mount.json": "none.toml: file: no such file",
     "add gantry.toml --from-diagnosis mount.json": "mount.json: step 1, joint: no joint or target 'EL'; expected",
@@ -439,7 +439,7 @@ def test_a_pipe_goes_from_one_command_to_the_other(with_diagnoses, rodgen_comman
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"nothing")))
     code, out, err = rodgen_command("add", "mount.toml", "--from-diagnosis", "-")
     assert (code, out) == (2, "")
-    assert err.startswith("standard input: line 1, column 1: no JSON")
+    assert err.startswith("standard input: line 1, column 1: not JSON")
     monkeypatch.setattr(sys, "stdin", None)
     assert rodgen_command("add", "mount.toml", "--from-diagnosis", "-")[2].startswith(
         "standard input: file: closed"
@@ -470,19 +470,19 @@ def test_what_is_outside_the_catalogue_is_told_to_be_left_out(folder, rodgen_com
     assert code == 0
     assert len(parsed(out)["ladder"]["rungs"]) == 2
     assert err.splitlines()[1] == (
-        "d.json: 1 outlier in the diagnosis, which this fit takes for good; --loss huber does not"
+        "d.json: 1 outlier in the diagnosis, which this fit treats as valid; --loss huber does not"
     )
 
 
 NO_DIAGNOSES = {
     "": "d.json: file: empty; expected a diagnosis, as 'rodgen diagnose --json' writes it",
-    "{": "d.json: line 1, column 2: no JSON (",
-    '{"verdict":\n "x" "y"}': "d.json: line 2, column 6: no JSON (",
+    "{": "d.json: line 1, column 2: not JSON (",
+    '{"verdict":\n "x" "y"}': "d.json: line 2, column 6: not JSON (",
     "[]": "d.json: file: JSON that is a list; expected a diagnosis",
     "3": "d.json: file: JSON that is '3'; expected a diagnosis",
     '"x\\ny"': "d.json: file: JSON that is '\"x\\ny\"'; expected a diagnosis",
-    "[" * 100_000: "d.json: file: no JSON that can be read",
-    "9" * 5000: "d.json: file: no JSON that can be read",
+    "[" * 100_000: "d.json: file: unreadable JSON",
+    "9" * 5000: "d.json: file: unreadable JSON",
     "{}": "d.json: verdict: missing; expected a diagnosis",
     '{"rms": 2.1, "parameters": {}}': "d.json: verdict: missing; expected a diagnosis",  # of `fit --json`
     '{"verdict": ["effects_missing"]}': "d.json: verdict: '[\"effects_missing\"]'; expected a diagnosis",
@@ -516,7 +516,7 @@ NO_DIAGNOSES = {
     ): "d.json: steps: none: those data cannot tell; expected a diagnosis",
     written(
         verdict="unknown_effect"
-    ): "d.json: steps: none: what acts is outside the catalogue; expected effects of "
+    ): "d.json: steps: none: the effect is outside the catalogue; expected effects of "
     "the catalogue; 'rodgen diagnose' prints an [[effect]] block to paste",
 }
 

@@ -499,7 +499,7 @@ REFUSED = {
     "simulate table.toml balls.csv -o no/made.csv --truth truth.json": "no/made.csv: file: cannot be written",
     "simulate table.toml balls.csv --noise 2 -o made.txt": "made.txt: file: a name that does not say what to write",
     "simulate table.toml balls.csv --effect backlash@D": "no joint or target 'D'",
-    "simulate table.toml balls.csv --open truth.json": "files beside --open; expected --open TRUTH.json alone",
+    "simulate table.toml balls.csv --open truth.json": "files together with --open; expected --open TRUTH.json alone",
     "simulate --open none.json": "none.json: file: no such file; expected a file that 'rodgen simulate --truth' wrote",
     "simulate --open mount.toml": "mount.toml: file: no sealed truth",
 }

@@ -522,7 +522,7 @@ def test_command_writes_the_page_and_its_pictures(tmp_path: Path, capsys: pytest
         (["-o", "{tmp}/no/page.html"], "cannot be written"),
         (
             ["-o", "{tmp}/page.pdf"],
-            "page.pdf: file: no name of a page; expected one that ends in .html or .htm",
+            "page.pdf: file: not the name of a page; expected one that ends in .html or .htm",
         ),
         (["-o", "{tmp}/page.html", "--radius", "C"], "a joint, '=', a length"),
         (["-o", "{tmp}/page.html", "--radius", "C=3deg"], "a joint, '=', a length"),

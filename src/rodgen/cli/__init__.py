@@ -1,5 +1,5 @@
-"""The commands, a file for each family: what each takes, and what it prints. No mathematics.
+"""The commands of ``rodgen``, one module for each family; no mathematics.
 
-Every file has a function ``add_to(command)``, which adds its commands to the parser. What a command needs is imported
-when it runs, so that ``rodgen --help`` never waits.
+Each module has a function ``add_to(command)`` that adds its commands to the parser. What a command needs is imported
+when it runs, so that ``rodgen --help`` is fast.
 """

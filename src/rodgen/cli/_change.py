@@ -1,4 +1,4 @@
-"""A machine file with other effects: the new file, the fits with and without them, and what is said of both."""
+"""Write a machine file with other effects, fit it with and without them, and describe the change."""
 
 from __future__ import annotations
 
@@ -27,22 +27,22 @@ _WIDTH = 100
 
 @dataclass(frozen=True)
 class Change:
-    """What becomes of a machine.
+    """The change of a machine.
 
     Attributes
     ----------
     machines : tuple of Machine
-        As it was, then after each effect.
+        The machine as it was, then after each effect.
     effects : tuple of Effect
-        That come, or the one that goes.
+        The effects that are added, or the one that is removed.
     edit : callable
         Writes the new machine file, of the given name.
     words : tuple of str
-        That a name for the new file is made of, where none is given.
+        Words for the name of the new file, when none is given.
     added : bool
-        Whether effects come.
+        Whether effects are added.
     several : bool
-        Whether they are told as a list, even of one.
+        Whether the JSON has a list, even of one effect.
     """
 
     machines: tuple[Machine, ...]
@@ -55,7 +55,7 @@ class Change:
 
 @dataclass(frozen=True)
 class Written:
-    """What was done.
+    """The new machine file, and the fits.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class Written:
     machine, output : str
         Names of the file as it was, and of the new one.
     ladder : Ladder or None
-        The fits, where there are measurements.
+        The fits; None without measurements.
     """
 
     change: Change
@@ -73,13 +73,13 @@ class Written:
 
     @property
     def converged(self) -> bool:
-        """Whether all fits did."""
+        """Whether all fits converged."""
         return self.ladder is None or all(rung.fit.solution.converged for rung in self.ladder.rungs)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return it as plain data."""
-        told = [_told(effect) for effect in self.change.effects]
-        effects = {"effects": told} if self.change.several else told[0]
+        """Return the change as plain data."""
+        described = [_described(effect) for effect in self.change.effects]
+        effects = {"effects": described} if self.change.several else described[0]
         ladder = self.ladder.to_dict() if self.ladder else None
         return {"file": self.output, **effects, "ladder": ladder}
 
@@ -107,7 +107,7 @@ class Written:
 
 
 def carry_out(options: argparse.Namespace, change: Change, *inputs: str) -> Written:
-    """Write the new machine file, and fit all machines where there are measurements.
+    """Write the new machine file, and fit all machines when there are measurements.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def carry_out(options: argparse.Namespace, change: Change, *inputs: str) -> Writ
         ``machine``, ``output``, ``data``, ``loss``.
     change : Change
     *inputs : str
-        Further files that were read, and thus are not written.
+        Further input files, which must not be overwritten.
     """
     content = _edited(change.edit)
     output = options.output or _new_name(options.machine, change.words)
@@ -133,7 +133,7 @@ def carry_out(options: argparse.Namespace, change: Change, *inputs: str) -> Writ
 
 
 def _edited(edit: Callable[[str], object]) -> bytes:
-    """Return what an edit of a file writes, for later: nothing is written before all that was asked for is done."""
+    """Return the content that an edit writes; the file itself is written after everything else has succeeded."""
     with tempfile.TemporaryDirectory() as folder:
         file = os.path.join(folder, "machine.toml")
         edit(file)
@@ -142,7 +142,7 @@ def _edited(edit: Callable[[str], object]) -> bytes:
 
 
 def _new_name(machine: str, words: Sequence[str]) -> str:
-    """Return the name of no file, beside the machine's."""
+    """Return an unused file name in the folder of the machine file."""
     stem, ending = os.path.splitext(machine)
     name = stem + "".join("_" + re.sub(r"\W", "_", word) for word in words if word)
     found, number = f"{name}{ending}", 2
@@ -151,10 +151,10 @@ def _new_name(machine: str, words: Sequence[str]) -> str:
     return found
 
 
-# what is said ------------------------------------------------------------------------------------------------
+# words ------------------------------------------------------------------------------------------------
 
 
-def _told(effect: Effect) -> dict[str, Any]:
+def _described(effect: Effect) -> dict[str, Any]:
     return {
         "effect": effect.name,
         "place": effect.place,
@@ -167,7 +167,7 @@ def _told(effect: Effect) -> dict[str, Any]:
 def _parameters(rung: Rung, rungs: Sequence[Rung], *, last: bool) -> list[Estimate]:
     """Return an effect's parameters as the last fit has them; with the last effect, those of effects that were there.
 
-    They change with what stands beside them.
+    These change with the effects that are added.
     """
     final = rungs[-1].fit
     own = rung.parameters
@@ -178,7 +178,7 @@ def _parameters(rung: Rung, rungs: Sequence[Rung], *, last: bool) -> list[Estima
 
 
 def _is_waiting(key: str) -> bool:
-    """Tell whether it is a weight at a later joint, which is taken in only where the data call for it."""
+    """Return whether the parameter is a weight at a later joint, which is estimated only when the data support it."""
     return ".gravity_windup.k_" in key
 
 
@@ -195,7 +195,7 @@ def _listed(estimates: Sequence[Estimate]) -> Iterator[str]:
 
 
 def _advice(effect: Effect, rung: Rung, *, added: bool) -> Iterator[str]:
-    """Say what it is, and what to do about it where it is real."""
+    """Describe the effect, and its remedy when it is significant."""
     definition = effect.definition
     real = rung.step is not None and rung.step.significant
     if added:

@@ -133,7 +133,7 @@ def located(file: str, place: str, expected: str = "") -> Iterator[None]:
     file, place : str
         As in `InputFileError`.
     expected : str
-        Used when the error does not say what was expected; where this is empty, too, such an error is left as it is.
+        Used when the error does not name what was expected; when this is empty too, the error passes unchanged.
     """
     try:
         yield

@@ -1,4 +1,4 @@
-"""The effects that a diagnosis calls for, from what ``rodgen diagnose --json`` wrote."""
+"""Read the effects of a diagnosis from the output of ``rodgen diagnose --json``."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _NONE = {
     "nothing_missing": ("nothing is missing", "a diagnosis that found effects"),
     "effects_missing": ("there is nothing to add", "a diagnosis that found effects"),
     "unknown_effect": (
-        "what acts is outside the catalogue",
+        "the effect is outside the catalogue",
         "effects of the catalogue; 'rodgen diagnose' prints an [[effect]] block to paste",
     ),
     "cannot_tell": ("those data cannot tell", "a diagnosis that found effects"),
@@ -41,7 +41,7 @@ class ReadDiagnosis:
         Name and place of each effect, in the order of adding.
     verdict : str
     forms, outliers : int
-        Numbers of forms outside the catalogue, and of rows that were not believed.
+        Numbers of forms outside the catalogue, and of outlying rows.
     """
 
     file: str
@@ -56,7 +56,7 @@ class ReadDiagnosis:
         Raises
         ------
         InputFileError
-            When there are none, or one cannot stand in the machine beside those before it.
+            When there are none, or one cannot be added after those before it.
         """
         from rodgen.machines.effects.rules import UnfitEffectError, catalogue_effect, check_effect
 
@@ -88,7 +88,7 @@ class ReadDiagnosis:
         return tuple(effects)
 
     def remarks(self, *, fitted: bool, robust: bool) -> list[str]:
-        """Return what of the diagnosis is not in the new machine, and not in its fit."""
+        """Return remarks on parts of the diagnosis that the new machine or its fit ignores."""
         found = []
         if self.forms:
             several = f"{self.forms} forms" if self.forms > 1 else "1 form"
@@ -99,7 +99,7 @@ class ReadDiagnosis:
         if fitted and not robust and self.outliers:
             several = f"{self.outliers} outliers" if self.outliers > 1 else "1 outlier"
             found.append(
-                f"{self.file}: {several} in the diagnosis, which this fit takes for good; --loss huber does not"
+                f"{self.file}: {several} in the diagnosis, which this fit treats as valid; --loss huber does not"
             )
         return found
 
@@ -110,7 +110,7 @@ def read_diagnosis(file: str) -> ReadDiagnosis:
     Raises
     ------
     InputFileError
-        When it is none.
+        When the file is not a diagnosis.
     """
     name = "standard input" if file == "-" else file
     data = _parsed(_bytes(file, name), name)
@@ -153,9 +153,9 @@ def _parsed(content: bytes, name: str) -> Mapping[str, Any]:
         data = json.loads(content)
     except json.JSONDecodeError as error:
         place = f"line {error.lineno}, column {error.colno}"
-        raise InputFileError(name, place, f"no JSON ({error.msg})", _EXPECTED) from None
+        raise InputFileError(name, place, f"not JSON ({error.msg})", _EXPECTED) from None
     except (ValueError, RecursionError):  # no text, or numbers and nesting beyond measure
-        raise InputFileError(name, "file", "no JSON that can be read", _EXPECTED) from None
+        raise InputFileError(name, "file", "unreadable JSON", _EXPECTED) from None
     if not isinstance(data, dict):
         raise InputFileError(name, "file", f"JSON that is {_kind(data)}", _EXPECTED)
     return data

@@ -1,4 +1,4 @@
-"""Write several files: all of them, or none."""
+"""Write several files: all or none."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ __all__ = ["Outputs"]
 
 
 class Outputs:
-    """Files that get their names together, when the block that this is the context of ends well.
+    """Output files that appear together, when the `with` block ends without an error.
 
     Parameters
     ----------
     *inputs : str
-        Files that are read, and thus cannot be written.
+        Input files, which must not be overwritten.
     """
 
     def __init__(self, *inputs: str) -> None:
@@ -42,7 +42,7 @@ class Outputs:
                 file.discard()
 
     def claim(self, path: str) -> None:
-        """Refuse a name that something else has; every output is claimed before it is written.
+        """Reserve a file name for an output; refuse the name of an input or of another output.
 
         Raises
         ------
@@ -59,12 +59,12 @@ class Outputs:
         self._places.append(place)
 
     def add(self, path: str, content: bytes) -> None:
-        """Write a file that was claimed, as yet without its name.
+        """Write the content of a reserved file under a temporary name.
 
         Raises
         ------
         InputFileError
-            When the place cannot be written.
+            When the file cannot be written.
         """
         file = AtomicFile(path)
         stream = file.open()

@@ -1,4 +1,4 @@
-"""``rodgen add`` and ``rodgen remove``: which effects come into a machine file, or go out of it."""
+"""``rodgen add`` and ``rodgen remove``: add effects to a machine file, or remove one."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ import argparse
 from rodgen.cli._change import Change, Written, carry_out
 from rodgen.cli._console import FAILED, OK, Command, UsageError, notify, show, show_json
 from rodgen.cli._machine import FILES, add_json, add_loss, add_place
+from rodgen.cli._values import whole
 from rodgen.errors import InputFileError
 
 __all__ = ["add_to"]
 
 _ADD = f"""\
-Copy a machine file with one effect of the catalogue more, or with those that a diagnosis found; what else stands in it,
-comments included, stays as it is. With DATA the machine is fitted without and with each of them: the error on the poses
-that the fit saw and on those that it did not, beside the noise, whether the effect is real, and what to do about it.
+Copy a machine file and add an effect of the catalogue, or those that a diagnosis found; the rest of the file, including
+comments, is unchanged. With DATA the machine is fitted without and with each effect: the error on the poses of the fit
+and on poses left out, compared with the noise, whether the effect is significant, and its remedy.
 
 {FILES}
   rodgen add mount.toml gravity_windup stars.csv --joint EL --hold k2=0
@@ -23,16 +24,16 @@ that the fit saw and on those that it did not, beside the noise, whether the eff
 """
 
 _REMOVE = f"""\
-Copy a machine file with one effect less; what else stands in it stays as it is. With DATA both machines are fitted,
-and the error is shown with and without the effect.
+Copy a machine file without one effect; the rest of the file is unchanged. With DATA both machines are fitted, and the
+error is shown with and without the effect.
 
 {FILES}"""
 
 
 def add_to(command: Command) -> None:
     """Add the commands."""
-    add = command("add", _add, "add effects to a machine, and watch the error fall", _ADD)
-    remove = command("remove", _remove, "take an effect out of a machine", _REMOVE)
+    add = command("add", _add, "add effects to a machine, and see the error fall", _ADD)
+    remove = command("remove", _remove, "remove an effect from a machine", _REMOVE)
     for each in (add, remove):
         each.add_argument("machine", metavar="MACHINE", help="the machine file")
         name = "its name; 'rodgen effects' lists them"
@@ -59,7 +60,7 @@ def add_to(command: Command) -> None:
             each.add_argument(
                 "--step",
                 metavar="N",
-                type=_number,
+                type=whole(1),
                 action="append",
                 default=[],
                 help="only this step of the diagnosis, counted from 1; may be given several times",
@@ -68,16 +69,10 @@ def add_to(command: Command) -> None:
             "-o",
             "--output",
             metavar="NEW.toml",
-            help="may be MACHINE itself; default: a new name beside it, which the command prints",
+            help="may be MACHINE itself; default: a new name in the same folder, which is printed",
         )
         add_loss(each)
         add_json(each)
-
-
-def _number(text: str) -> int:
-    if not text.isdecimal() or not int(text):
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 1 up")
-    return int(text)
 
 
 def _usage(found: str, expected: str) -> UsageError:
@@ -123,13 +118,14 @@ def _add_diagnosed(options: argparse.Namespace) -> int:
     from rodgen.machines.machine import Machine
 
     if options.data is not None:
-        expected = "MACHINE and DATA beside --from-diagnosis, which says which effects"
+        expected = "MACHINE and DATA only: --from-diagnosis names the effects"
         raise _usage("three files or names", expected)
-    options.effect, options.data = None, options.effect  # what stands behind MACHINE
+    options.effect, options.data = None, options.effect  # the argument after MACHINE
     for name in ("joint", "target", "hold"):
         if getattr(options, name):
             raise _usage(
-                f"--{name} beside --from-diagnosis", "the diagnosis alone: it says which effects, and where"
+                f"--{name} together with --from-diagnosis",
+                "--from-diagnosis only: it names the effects and places",
             )
     if options.from_diagnosis == options.data == "-":
         raise _usage("the diagnosis and DATA, both on standard input", "the name of a file for one of them")

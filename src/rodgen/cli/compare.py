@@ -1,4 +1,4 @@
-"""``rodgen compare``: where a machine's model is worst, and what the error depends on."""
+"""``rodgen compare``: where a machine's model is worst, and what its error depends on."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from rodgen.cli._machine import FILES, add_files, add_json, add_loss, load_data
 __all__ = ["add_to"]
 
 _COMPARE = f"""\
-Fit a machine, and hold what is left against everything that was noted: each joint, direction of approach, time, run,
-temperatures, load, further columns, and the place in the workspace. Where is the model worst, and how much does each
-explain?
+Fit a machine, and compare the residuals with everything that was recorded: each joint, direction of approach, time,
+run, temperatures, load, further columns, and the position in the workspace. Shows where the model is worst, and how
+much of the error each of them explains.
 
 {FILES}"""
 

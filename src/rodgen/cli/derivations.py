@@ -1,4 +1,4 @@
-"""``rodgen derive``, ``errata`` and ``kernels``: derivations, what they prove, and the code that is made of them."""
+"""``rodgen derive``, ``errata`` and ``kernels``: run derivations, list misprints, generate code."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ if TYPE_CHECKING:
 __all__ = ["add_to"]
 
 _DERIVE = """\
-Run a derivation, prove every statement in it, and print what was proved, what was found wrong in the source,
-and how long it took.
+Run a derivation, prove every statement in it, and print what was proved, what was found wrong in the source, and the
+time taken.
 
 The script is plain Python (jupytext percent format when it is to become a notebook) that leaves a
 rodgen.symbolic.Derivation in the module-level name 'derivation'.
 """
 
 _ERRATA = """\
-Print what is wrong in the sources, with an exact counterexample and the correction. Each claim is marked: 'printed' is
-a formula of the source, 'said' are its words (with their meaning as a formula), 'tacit' is a hypothesis that it needs
-and does not state.
+Print the errors of the sources, with an exact counterexample and the correction. Each claim is marked: 'printed' is a
+formula of the source, 'said' a statement in words (with its meaning as a formula), 'tacit' a hypothesis that the source
+needs and does not state.
 """
 
 _KERNELS = """\
-Write the kernels of a derivation: a NumPy module, C source and header, and for kernels that say where their inputs
-are sampled a test. With --check nothing is written: files that differ are shown as a diff, and the exit code is 1.
+Write the kernels of a derivation: a NumPy module, C source and header, and a test for kernels that specify
+sample inputs. With --check nothing is written: differences are shown as a diff, and the exit code is 1.
 """
 
 
@@ -39,7 +39,7 @@ def add_to(command: Command) -> None:
     derive.add_argument("derivation", metavar="NAME|SCRIPT.py", help="one of rodgen's own, or a script")
     derive.add_argument("--notebook", metavar="FILE.ipynb", help="also run it as a notebook, and write that")
 
-    errata = command("errata", _errata, "what is wrong in the sources", _ERRATA)
+    errata = command("errata", _errata, "errors in the sources", _ERRATA)
     errata.add_argument(
         "derivation", metavar="NAME|SCRIPT.py", nargs="?", help="default: all of rodgen's own derivations"
     )
@@ -133,5 +133,5 @@ def _kernels(options: argparse.Namespace) -> int:
         return OK
     show(difference, end="")
     command = " ".join(["rodgen kernels", *([options.derivation] if not own else []), "-o", options.output])
-    notify(f"{folder}: not what the derivations make; '{command}' writes it anew")
+    notify(f"{folder}: differs from what the derivations generate; '{command}' regenerates it")
     return FAILED

@@ -10,10 +10,10 @@ from rodgen.cli._machine import FILES, add_files, add_json, load_data
 __all__ = ["add_to"]
 
 _DIAGNOSE = f"""\
-Fit a machine, and find out which physical effect its model misses: every effect of the catalogue at every joint is
-tested, those that the data call for are added one after the other, and for each it is told which others these data
-cannot tell it from. What no effect of the catalogue explains is given as a formula. "Nothing is missing" and "these
-data cannot tell" are answers, too. Outliers are found and taken out; readings that depend on each other are known.
+Fit a machine, and find the physical effect that its model lacks. Every effect of the catalogue is tested at every
+joint; those that the data support are added one at a time, each with the effects that these data cannot distinguish
+from it. An error that no effect of the catalogue explains is given as a formula. "Nothing is missing" and "these data
+cannot tell" are possible answers. Outliers are set aside, and the correlation of readings is estimated.
 
 {FILES}
   rodgen diagnose mount.toml stars.csv
@@ -27,7 +27,7 @@ def add_to(command: Command) -> None:
     diagnose = command("diagnose", _run, "which physical effect a machine's model misses", _DIAGNOSE)
     add_files(diagnose)
     diagnose.add_argument(
-        "--test", metavar="FILE", help="further measurements, of which the error before and after is told"
+        "--test", metavar="FILE", help="further measurements, on which the error before and after is reported"
     )
     add_json(diagnose)
 

@@ -15,8 +15,7 @@ __all__ = ["add_to"]
 
 _EFFECTS = """\
 List the effects that a machine may have: what each changes by which formula, its parameters with their units, its
-symbols in ISO 230. With a name: also what is physically there, how large it usually is, what to do about it, and who
-says so.
+symbols in ISO 230. With a name: also its physical cause, typical size, remedy, and source.
 
 In the formulas q is the joint's coordinate, s its direction of approach, v its velocity, T its temperature less the
 reference, t the time, F the load; U, V, N are unit vectors that complete the axis, and the axis; EX, EY, EZ machine
@@ -38,7 +37,7 @@ _WIDTH = 110
 def add_to(command: Command) -> None:
     """Add the command."""
     effects = command("effects", _run, "the catalogue of effects", _EFFECTS)
-    effects.add_argument("name", metavar="NAME", nargs="?", help="say everything about this one")
+    effects.add_argument("name", metavar="NAME", nargs="?", help="show everything about this effect")
     add_json(effects)
 
 
@@ -72,4 +71,4 @@ def _table() -> Iterator[str]:
             symbol = f"   ISO 230: {iso}" if iso else ""
             yield f"{'':{width + 2}}{parameters}{symbol}"
         yield ""
-    yield "rodgen effects NAME: what it is, how large it usually is, what to do about it, who says so."
+    yield "rodgen effects NAME: cause, typical size, remedy, source."

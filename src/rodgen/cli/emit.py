@@ -10,12 +10,11 @@ from rodgen.cli._machine import FILES, add_files, add_json, add_loss, load_data
 __all__ = ["add_to"]
 
 _EMIT = f"""\
-Write a fitted machine as code that needs no rodgen: where it really is, the derivatives, and the commands that bring
-it where it should be, with their own test. C99 without allocation, or NumPy.
+Write a fitted machine as standalone code: its actual positions, their derivatives, the compensated commands, and a
+test. C99 without allocation, or NumPy.
 
-With DATA the machine is fitted first; without, every parameter of MACHINE must have its value, as in a file that
-'rodgen fit -o' wrote. What such a file says is then the nominal machine, which compensation does not correct: with
-DATA, it corrects axes and points, too.
+With DATA the machine is fitted first. Without DATA every parameter of MACHINE must have a value, as in a file from
+'rodgen fit -o'; that file is then the nominal machine, and its axes and points are not compensated.
 
 {FILES}"""
 
@@ -48,6 +47,7 @@ def _run(options: argparse.Namespace) -> int:
         show("\n".join(files))
     if lost > 0:
         notify(
-            f"In {lost:.1%} of the rows the emitted code does not find the platform, and gives NaN or another pose."
+            f"In {lost:.1%} of the rows the emitted code does not find the pose of the platform: it returns NaN or "
+            "another pose."
         )
     return OK if converged else FAILED

@@ -11,8 +11,8 @@ from rodgen.cli._outputs import Outputs
 __all__ = ["add_to"]
 
 _FIT = f"""\
-Adjust a machine's parameters until its model meets the measurements best: the values with their uncertainties, the
-error that is left beside the noise, and what the measurements do not determine.
+Fit a machine's parameters to measurements: values with uncertainties, the remaining error compared with the noise, and
+what the measurements do not determine.
 
 {FILES}"""
 
@@ -25,13 +25,13 @@ def add_to(command: Command) -> None:
         "-o",
         "--output",
         metavar="FITTED.toml",
-        help="write the machine with the fitted numbers in place, and nothing left to estimate",
+        help="write the machine with the fitted values, and nothing to estimate",
     )
     add_loss(fit)
     fit.add_argument(
         "--residuals",
         metavar="FILE",
-        help=".csv, .csv.gz or .parquet: the table as it is, with what the model predicts and what is left",
+        help=".csv, .csv.gz or .parquet: the table with the predictions of the model and the residuals added",
     )
     add_json(fit)
 

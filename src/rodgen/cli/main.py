@@ -1,7 +1,7 @@
-"""The command line: it reads what was asked for, runs the command, and says in one line what went wrong.
+"""Run the command line: parse it, run the command, and report an error in one line.
 
-There is no mathematics here. The commands are in :mod:`rodgen.cli`; what one needs is imported when it runs, so
-that ``rodgen --help`` and ``rodgen solve`` never wait for SymPy.
+The commands are the other modules of :mod:`rodgen.cli`. What a command needs is imported when it runs, so that
+``rodgen --help`` and ``rodgen solve`` never wait for SymPy.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ _COMMANDS = (
     derivations,
 )
 
-# Modules that only some commands need, and the extra that brings them.
+# Modules that only some commands need, and the extra that installs them.
 _EXTRAS = {
     "sympy": "derive",
     "jinja2": "derive",
@@ -83,7 +83,7 @@ _EXTRAS = {
 }
 
 _WITH_A_MINUS = ("--point", "--hold", "--effect", "--q", "--tool")
-"""Options whose value may begin with a minus sign."""
+"""Options whose value may start with a minus sign."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -92,7 +92,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Parameters
     ----------
     arguments : sequence of str, optional
-        What follows the command's name; ``sys.argv[1:]`` when left out.
+        The arguments after ``rodgen``; default: ``sys.argv[1:]``.
 
     Returns
     -------
@@ -113,7 +113,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         notify(str(error))
         return BAD_INPUT
     except BrokenPipeError:
-        # Who read the output has seen enough. What is still buffered must not raise once more at the exit.
+        # The reader of the output has closed it. Buffered output must not raise again at exit.
         with contextlib.suppress(OSError, ValueError, AttributeError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return READER_GONE
@@ -139,11 +139,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 @contextlib.contextmanager
 def _one_line_warnings() -> Iterator[None]:
-    """Show each warning once, on one line, and let none of them stop the command.
+    """Show each warning once, on one line, and never as an error.
 
-    Those for developers stay silent, as they do in Python.
+    Warnings for developers are hidden, as Python does.
     """
-    told: set[str] = set()
+    reported: set[str] = set()
 
     def shown(
         message: Warning | str,
@@ -154,8 +154,8 @@ def _one_line_warnings() -> Iterator[None]:
         line: str | None = None,
     ) -> None:
         text = " ".join(str(message).split())
-        if text not in told:
-            told.add(text)
+        if text not in reported:
+            reported.add(text)
             notify(f"rodgen: warning: {text}")
 
     with warnings.catch_warnings():

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from rodgen.cli._console import OK, Command, fit_progress, notify, show, show_json, show_progress
 from rodgen.cli._machine import FILES, add_files, add_json, add_loss, load_data
 from rodgen.cli._outputs import Outputs
+from rodgen.cli._values import whole
 from rodgen.errors import RodgenError
 
 if TYPE_CHECKING:
@@ -17,10 +18,10 @@ if TYPE_CHECKING:
 __all__ = ["add_to"]
 
 _PLAN = f"""\
-Say what to measure next: readings within the machine's travel that tell apart the effects that a diagnosis finds and
-the data cannot tell from each other, or that determine what is not determined; with --for, those that sharpen chosen
-parameters. Each with the gain that is expected, and in words. The rows are a measurement file that lacks only the
-readings: measure them in this order, and add them to the data.
+Plan what to measure next: readings within the machine's travel that distinguish the effects which the data cannot tell
+apart, or that determine what is undetermined; with --for, those that sharpen chosen parameters. The expected gain of
+each is given, and the reason. The rows are a measurement file that lacks only the readings: measure them in this order,
+and add them to the data.
 
 {FILES}
   rodgen plan mount.toml stars.csv -n 12 -o next.csv
@@ -35,7 +36,7 @@ def add_to(command: Command) -> None:
     plan.add_argument(
         "-n",
         dest="count",
-        type=_count,
+        type=whole(1, 500),
         default=12,
         metavar="N",
         help="readings at most, 12 when left out; fewer where they are enough to tell effects apart",
@@ -50,16 +51,10 @@ def add_to(command: Command) -> None:
         default=[],
         metavar="KEY",
         help="sharpen this parameter, such as C.axis.a, or those of an effect, such as C.backlash, which the machine "
-        "need not have yet; may be given several times, and no diagnosis is made then",
+        "need not have yet; may be repeated; no diagnosis is made then",
     )
     add_loss(plan)
     add_json(plan)
-
-
-def _count(text: str) -> int:
-    if text.isascii() and text.isdigit() and 1 <= int(text[:6]) <= 500:
-        return int(text)
-    raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 1 to 500")
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -82,7 +77,7 @@ def _run(options: argparse.Namespace) -> int:
         try:
             with show_progress("planning"):
                 found = plan(of, options.count, wanted=options.wanted or None)
-        except PlanError as error:  # the number was looked at before, so it is one of these
+        except PlanError as error:  # the count was checked before, so a parameter is wrong
             raise RodgenError(f"command line: --for: {error}") from None
         if options.output and found.count:
             outputs.add(options.output, found.csv().encode())

@@ -1,4 +1,4 @@
-"""``rodgen predict``: where a fitted machine will be, and how sure that is."""
+"""``rodgen predict``: predicted positions of a fitted machine, with their uncertainty."""
 
 from __future__ import annotations
 
@@ -11,18 +11,20 @@ from rodgen.cli._outputs import Outputs
 __all__ = ["add_to"]
 
 _PREDICT = """\
-Fit a machine to measurements, and tell where it will be at other commands, with the standard uncertainty that the fit
-leaves: U_y = J U_x J^T, from the covariance U_x of the fitted parameters.
+Fit a machine to measurements, and predict its positions at other commands, with their standard uncertainty from the
+fit: U_y = J U_x J^T, with the covariance U_x of the fitted parameters.
 
 DESIGN is a measurement file that needs no readings: what is commanded, and what else the effects depend on (target, t,
 T_..., load, run). The output is the same table with the predicted places, their model_u_..., and "determined": 0 where
-the measurements do not tell the place. The uncertainty is that of the model as it is: what it lacks is not in it.
+the measurements do not determine the position. The uncertainty does not include what the model lacks.
 """
 
 
 def add_to(command: Command) -> None:
     """Add the command."""
-    predict = command("predict", _run, "where a fitted machine will be, and how sure that is", _PREDICT)
+    predict = command(
+        "predict", _run, "positions of a fitted machine at other commands, with uncertainty", _PREDICT
+    )
     add_files(predict)
     predict.add_argument("design", metavar="DESIGN", help="what is commanded")
     add_loss(predict)

@@ -13,8 +13,8 @@ from rodgen.errors import InputFileError, RodgenError
 __all__ = ["add_to"]
 
 _REPORT = f"""\
-Diagnose a machine, plan what to measure next, and write both as one HTML page: the verdict, the error falling from
-model to model, what is left before and after, the candidates, what the numbers mean in hardware. The page needs no
+Diagnose a machine, plan what to measure next, and write both as one HTML page: the verdict, the error from model to
+model, the residuals before and after, the candidates, what the numbers mean in hardware. The page needs no
 network, and brings its pictures as PNG and SVG.
 
 {FILES}
@@ -29,7 +29,7 @@ def add_to(command: Command) -> None:
     add_files(report)
     report.add_argument("-o", "--output", metavar="PAGE.html", required=True, help="the page")
     report.add_argument(
-        "--test", metavar="FILE", help="further measurements, of which the error before and after is told"
+        "--test", metavar="FILE", help="further measurements, on which the error before and after is reported"
     )
     report.add_argument("--images", metavar="FOLDER", help="write the page's pictures into this folder, too")
     report.add_argument(
@@ -37,12 +37,12 @@ def add_to(command: Command) -> None:
         metavar="JOINT=LENGTH",
         action="append",
         default=[],
-        help="radius of a joint's scale, such as C=40mm: an eccentricity is then told in micrometres",
+        help="radius of a joint's scale, such as C=40mm: an eccentricity is then given in micrometres",
     )
 
 
 def _run(options: argparse.Namespace) -> int:
-    import matplotlib  # noqa: F401 - that it is missing is told before a long diagnosis, not after
+    import matplotlib  # noqa: F401 - its absence is reported before a long diagnosis, not after
 
     from rodgen.calibration.binding import bind
     from rodgen.calibration.diagnose import diagnose
@@ -57,22 +57,22 @@ def _run(options: argparse.Namespace) -> int:
     test = None
     if options.test:
         test = load_data(options.test)
-        bind(machine, test)  # what is wrong with it is told before a long fit, not after
+        bind(machine, test)  # reports a fault before a long fit, not after
     with fit_progress() as progress:
         found = diagnose(machine, data, test=test, progress=progress)
     planned = None
     with show_progress("planning"), contextlib.suppress(PlanError):
         planned = plan(found)
-    with show_progress("drawing") as told:
+    with show_progress("drawing") as report_progress:
         files = write_report(
-            found, planned, options.output, images=options.images, radii=radii, progress=told
+            found, planned, options.output, images=options.images, radii=radii, progress=report_progress
         )
     show("\n".join(files))
     return OK if all(each.solution.converged for each in found.fits) else FAILED
 
 
 def _check_output(options: argparse.Namespace) -> None:
-    """Find out whether the page can be written before a long diagnosis, not after."""
+    """Check that the page can be written, before a long diagnosis."""
     from rodgen.cli._outputs import Outputs
     from rodgen.files import AtomicFile, is_device
 
@@ -81,7 +81,7 @@ def _check_output(options: argparse.Namespace) -> None:
     if not is_device(options.output):
         if not options.output.lower().endswith((".html", ".htm")):
             raise InputFileError(
-                options.output, "file", "no name of a page", "one that ends in .html or .htm"
+                options.output, "file", "not the name of a page", "one that ends in .html or .htm"
             )
         file = AtomicFile(options.output)
         file.open().close()

@@ -1,4 +1,4 @@
-"""Run a derivation script: one of rodgen's own by its name, or the user's by its file.
+"""Run a derivation script: one of rodgen's own by its name, or a user's by its file.
 
 A derivation script is plain Python that leaves a :class:`rodgen.symbolic.Derivation` in the module-level
 name ``derivation``.
@@ -28,7 +28,7 @@ _OBJECT = "a module-level name 'derivation', a rodgen.symbolic.Derivation"
 
 
 class UnprovedError(RodgenError):
-    """A statement of a derivation is not true, or not shown to be."""
+    """A statement of a derivation is false or not proved."""
 
 
 def packaged_derivations() -> list[str]:
@@ -87,7 +87,7 @@ def load_derivation(name: str) -> Derivation:
     UnprovedError
         When a proof in it fails.
     InputFileError
-        When there is no such script, it does not run, or it leaves no derivation.
+        When the script does not exist, fails, or leaves no derivation.
     """
     from rodgen.symbolic import Derivation, DerivationError
 
@@ -158,9 +158,7 @@ def run_notebook(name: str, output: str | os.PathLike[str]) -> None:
     path = script_path(name)
     file = os.fspath(output)
     if not file.endswith(".ipynb"):
-        raise InputFileError(
-            file, "file", "a name that does not say what to write", "a name that ends in .ipynb"
-        )
+        raise InputFileError(file, "file", "a name without a known ending", "a name that ends in .ipynb")
     if not Path(file).resolve().parent.is_dir():
         raise InputFileError(file, "file", "a name in a folder that is not there", "a folder that is there")
     try:
@@ -182,7 +180,7 @@ def run_notebook(name: str, output: str | os.PathLike[str]) -> None:
         resources={"metadata": {"path": str(path.resolve().parent)}},
     )
     try:
-        # What the kernel itself has to say about its sockets is nothing to the user; errors come by protocol.
+        # Hide the kernel's own messages about its sockets; errors come by protocol.
         client.execute(stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     except nbclient.exceptions.CellExecutionError as error:
         raise UnprovedError(f"{name}: {shown(f'{error.ename}: {error.evalue}', 300)[1:-1]}") from None

@@ -1,4 +1,4 @@
-"""``rodgen simulate``: measurements with something hidden in them."""
+"""``rodgen simulate``: simulated measurements with a hidden effect."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from typing import Any
 from rodgen.cli._console import OK, Command, UsageError, notify, show, show_json
 from rodgen.cli._machine import add_json, load_data
 from rodgen.cli._outputs import Outputs
+from rodgen.cli._values import whole
 from rodgen.errors import InputFileError
 
 __all__ = ["add_to"]
 
 _SIMULATE = """\
-Make up measurements of a machine with effects that its file does not know, to try the tools on yourself:
+Simulate measurements of a machine with effects that its file does not have, to test the tools:
 
   rodgen simulate machine.toml design.csv --hidden -o data.csv --truth truth.json
   rodgen compare machine.toml data.csv
@@ -26,14 +27,14 @@ T_..., load, run). The output is the same table with readings: order, other colu
 in a file of its own that tells nothing at a glance (base64 of JSON); --open reads it.
 
 An effect is NAME@JOINT:a=12arcsec,b=3arcsec, or NAME@TARGET:..., or NAME:... for one of the whole machine. Numbers
-without a unit are in the units of the machine file, parameters that are not mentioned are zero. Without any parameter,
-as NAME@JOINT, it is given a size that shows.
+without a unit are in the units of the machine file, and parameters that are not given are zero. NAME@JOINT without
+parameters gets a size that is visible in the data.
 """
 
 
 def add_to(command: Command) -> None:
     """Add the command."""
-    simulate = command("simulate", _run, "make up measurements, with something hidden in them", _SIMULATE)
+    simulate = command("simulate", _run, "simulated measurements with a hidden effect", _SIMULATE)
     simulate.add_argument("machine", metavar="MACHINE", nargs="?", help="the machine file")
     simulate.add_argument("design", metavar="DESIGN", nargs="?", help="what is commanded")
     simulate.add_argument(
@@ -51,19 +52,13 @@ def add_to(command: Command) -> None:
         metavar="SIZE",
         help="standard deviation of a reading, such as 2um or 0.5arcsec; default: what DESIGN or MACHINE state",
     )
-    simulate.add_argument("--seed", type=_seed, metavar="N", help="the same number gives the same data")
+    simulate.add_argument("--seed", type=whole(0), metavar="N", help="the same number gives the same data")
     simulate.add_argument(
         "-o", "--output", metavar="DATA", help=".csv, .csv.gz or .parquet; default: CSV on standard output"
     )
     simulate.add_argument("--truth", metavar="TRUTH.json", help="what is hidden; needed with --hidden")
     simulate.add_argument("--open", metavar="TRUTH.json", help="print what was hidden; takes no other files")
     add_json(simulate)
-
-
-def _seed(text: str) -> int:
-    if text.isascii() and text.isdigit() and len(text) <= 18:
-        return int(text)
-    raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 0 up")
 
 
 def _usage(found: str, expected: str) -> UsageError:
@@ -107,11 +102,11 @@ def _run(options: argparse.Namespace) -> int:
     if options.json:
         show_json(about)
     else:
-        notify(_told(options, about))
+        notify(_summary(options, about))
     return OK
 
 
-def _told(options: argparse.Namespace, about: Mapping[str, Any]) -> str:
+def _summary(options: argparse.Namespace, about: Mapping[str, Any]) -> str:
     noise = about["noise"]
     said = f"noise {noise['rms']:.3g} {noise['unit']}" if noise["rms"] else "no noise"
     name = options.output if options.output not in (None, "-") else "standard output"
@@ -123,7 +118,7 @@ def _open(options: argparse.Namespace) -> int:
     from rodgen.calibration.simulate import opened
 
     if options.machine:
-        raise _usage("files beside --open", "--open TRUTH.json alone")
+        raise _usage("files together with --open", "--open TRUTH.json alone")
     truth = opened(options.open)
     if options.json:
         show_json(truth)

@@ -63,7 +63,7 @@ def machine_of(options: argparse.Namespace, unit: str = "") -> tuple[Geometry, s
         expected = "all of --R, --r and --h, each with its unit, or --machine"
         raise InputFileError("command line", ", ".join(missing), "nothing", expected)
     for value in given.values():
-        value.to("mm")  # each is a length, and says so under its own name
+        value.to("mm")  # checks the dimension of each under its own name
     unit = unit or given["R"].unit
     R, r, h = (value.to(unit)[0] for value in given.values())
     with located("command line", "--R, --r, --h"):

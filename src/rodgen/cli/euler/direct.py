@@ -23,9 +23,9 @@ The table, CSV (gzip or not) or Parquet, has the columns
   L1 [mm],L2 [mm],L3 [mm]
 
 in any unit of length, and may have further ones. {MACHINE_TEXT}
-Up to eight attitudes have the same legs. Taken is the one nearest to --near, or with --follow nearest to that of the
-row before, or with --all each of them, a row each, the least turned first. The output gets every column of the table,
-then
+Up to eight attitudes have the same legs. The output has the one nearest to --near; with --follow the one nearest to
+that of the row before; with --all every one, a row each, the smallest rotation first. It gets every column of the
+table, then
   q0 qx qy qz               the attitude, a quaternion, scalar part first
   chi_x chi_y chi_z [deg]   its instantaneous Euler angles
   status                    converged; singular (two attitudes meet there); no_assembly (no attitude has these legs);
@@ -59,7 +59,7 @@ def _run(options: argparse.Namespace) -> int:
     from rodgen.kinematics import instantaneous_euler, three_sps_s
 
     if options.all and (options.follow or options.near is not None):
-        raise InputFileError("command line", "--all", "beside --near or --follow", "one of the two")
+        raise InputFileError("command line", "--all", "together with --near or --follow", "one of the two")
     results = [
         *([Result("mode", "count")] if options.all else []),
         *(Result(name, "number") for name in ("q0", "qx", "qy", "qz")),

@@ -17,14 +17,14 @@ _TEXT = f"""\
 Find how fast the instantaneous Euler angles of a turning body change, in every row of a table.
 
 The table is CSV (gzip or not) or Parquet, and may have further columns. {ATTITUDE_TEXT}
-Beside an attitude stands how it changes: the angular velocity in fixed axes,
+Each row also has the angular velocity in fixed axes,
   omega_x [deg/s],omega_y [deg/s],omega_z [deg/s]
 or, with --euler-rates, the rates of the sequence's angles,
   alpha_rate [deg/s],beta_rate [deg/s],gamma_rate [deg/s]
 The output gets every column of the table, then
   chi_x_rate chi_y_rate chi_z_rate [deg/s]   the rates, in the unit of the first rate
-  determinant                                16 q0 qx qy qz; 0 where they do not tell the angular velocity
-  status                                     regular; near_singular (they hardly tell it); singular (they do not);
+  determinant                                16 q0 qx qy qz; 0 where they do not determine the angular velocity
+  status                                     regular; near_singular; singular (undetermined);
                                              kink (an angle is 0 or 180 deg: the rate is that towards later times);
                                              not_normal; invalid
 """

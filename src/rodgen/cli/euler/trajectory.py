@@ -1,4 +1,4 @@
-"""``rodgen euler trajectory``: instantaneous beside conventional Euler angles along a motion."""
+"""``rodgen euler trajectory``: instantaneous and conventional Euler angles along a motion."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ The output gets every column of the table, then
   chi_x chi_y chi_z                  the instantaneous Euler angles
   signed_x signed_y signed_z         the same, continuous: followed by their ridge lines through 0 and 180 deg
   path_x path_y path_z               smooth; turned (passed 0 or 180 deg since the row before); no_ridge; coarse (the
-                                     rows are too far from each other to tell); invalid
+                                     rows are too far apart to decide); invalid
   ZYX_1 ZYX_2 ZYX_3, ZYZ_1 ...       angles of each sequence of --to, continuous
   ZYX_status, ZYZ_status             regular; singular (gimbal lock; the third angle is held); not_normal; invalid
 """
@@ -29,7 +29,7 @@ The output gets every column of the table, then
 
 def add_to(command: Command) -> None:
     """Add the command."""
-    parser = command("trajectory", _run, "instantaneous beside conventional angles along a motion", _TEXT)
+    parser = command("trajectory", _run, "instantaneous and conventional angles along a motion", _TEXT)
     add_table(parser, "MOTION")
     add_form(parser)
     parser.add_argument(

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 __all__ = ["add_to"]
 
 _TEXT = f"""\
-Tell how many freedoms a mechanism has, where the formula that counts them is known to be wrong, the equivalent
-spherical mechanism, and by it the group: how hard the reverse analysis is, and how many solutions it has at most.
+Find the mobility of a mechanism, known exceptions to the mobility formula, the equivalent spherical mechanism, and its
+group: the difficulty of the reverse analysis, and the greatest number of solutions.
 
 {MECHANISM_TEXT}
 

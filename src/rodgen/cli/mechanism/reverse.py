@@ -176,7 +176,7 @@ def _answers(solutions: Any, status: Any, variables: Any = slice(None)) -> Any:
     index = np.repeat(np.arange(len(status)), rows)
     slot = np.arange(len(index)) - np.searchsorted(index, index)
     is_solution = slot < count[index]
-    # Solutions come first; what a row without one says is the status of the slot after them.
+    # Solutions come first; a row without one has the status of the slot after them.
     slot = np.minimum(slot, status.shape[1] - 1)
     codes = np.where(missing[index] & ~is_solution, ReverseStatus.INCOMPLETE, status[index, slot])
     q = np.where(is_solution[:, None], solutions[index, slot], np.nan)[:, variables]
