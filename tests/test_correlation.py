@@ -20,9 +20,9 @@ from scipy import stats
 from simulated_fits import fit_to, joint, machine_file, measure
 
 from rodgen.calibration.diagnose.candidates import candidates
+from rodgen.calibration.diagnose.correlation import Correlation, correlation, covariance_of_estimates
 from rodgen.calibration.diagnose.sensitivities import Carriers, catalogue_effects
-from rodgen.calibration.diagnose.variance_components import Correlation, correlation, covariance_of_estimates
-from rodgen.calibration.diagnose.whitening import Moments, Motion, Part, Poses
+from rodgen.statistics.whitening import Moments, MotionDeviations, Poses, SharedMotion
 
 NOISE = 0.002
 ARCSEC = arcsec(1, "rad")
@@ -33,15 +33,15 @@ ARCSEC = arcsec(1, "rad")
 
 def small(
     m: int, k: int, rows: Sequence[int], random: np.random.Generator
-) -> tuple[Motion, np.ndarray, np.ndarray]:
+) -> tuple[SharedMotion, np.ndarray, np.ndarray]:
     """Make a motion of poses in two runs; give it, the times and the runs."""
     of = np.repeat(np.arange(len(rows)), rows)
     run = (np.arange(len(rows)) >= len(rows) // 3).astype(int)
     at = np.cumsum(random.uniform(0.5, 2, len(rows)))
-    return Motion(Poses._of(of, at, run, True), random.normal(size=(len(of), m, k))), at, run
+    return SharedMotion(Poses._of(of, at, run, True), random.normal(size=(len(of), m, k))), at, run
 
 
-def dense(motion: Motion, part: Part, at: np.ndarray, run: np.ndarray) -> np.ndarray:
+def dense(motion: SharedMotion, part: MotionDeviations, at: np.ndarray, run: np.ndarray) -> np.ndarray:
     """Form V."""
     n, m, k = motion.columns.shape
     H = np.zeros((n * m, len(at) * k))
@@ -61,7 +61,7 @@ def test_whitening_and_likelihood_are_those_of_the_dense_matrix(
 ) -> None:
     random = np.random.default_rng(m * 10 + k)
     motion, at, run = small(m, k, random.integers(1, 4, 12), random)
-    part = Part(
+    part = MotionDeviations(
         shared * random.uniform(0.5, 2, k), wander * random.uniform(0.5, 2, k) * (np.arange(k) != kept), 5.0
     )
     V = dense(motion, part, at, run)
@@ -80,7 +80,7 @@ def test_whitening_and_likelihood_are_those_of_the_dense_matrix(
 def test_where_a_pose_is_one_number_whitening_is_by_the_cholesky_factor() -> None:
     random = np.random.default_rng(1)
     motion, at, run = small(1, 1, [1] * 9, random)
-    part = Part(np.zeros(1), np.ones(1), 3.0)
+    part = MotionDeviations(np.zeros(1), np.ones(1), 3.0)
     L = np.linalg.cholesky(dense(motion, part, at, run))
     np.testing.assert_allclose(motion.whiten(part, L[:, None, :])[:, 0], np.eye(9), atol=1e-12)
 
@@ -88,9 +88,9 @@ def test_where_a_pose_is_one_number_whitening_is_by_the_cholesky_factor() -> Non
 def test_rows_may_come_in_any_order_of_time_and_runs() -> None:
     random = np.random.default_rng(2)
     motion, _, _ = small(2, 3, [2, 1, 3, 1, 2, 2], random)
-    part = Part(np.ones(3), np.ones(3), 2.0)
+    part = MotionDeviations(np.ones(3), np.ones(3), 2.0)
     shuffled = random.permutation(len(motion.poses.of))
-    other = Motion(replace(motion.poses, of=motion.poses.of[shuffled]), motion.columns[shuffled])
+    other = SharedMotion(replace(motion.poses, of=motion.poses.of[shuffled]), motion.columns[shuffled])
     C = random.normal(size=(len(shuffled), 2, 3))
     np.testing.assert_allclose(other.whiten(part, C[shuffled]), motion.whiten(part, C)[shuffled], atol=1e-12)
 
@@ -99,9 +99,9 @@ def test_whitening_20000_rows_takes_no_longer_than_a_diagnosis_can_spare() -> No
     random = np.random.default_rng(3)
     n = 20_000
     poses = Poses._of(np.arange(n), np.arange(n) * 30.0, np.zeros(n, int), True)
-    motion, columns = Motion(poses, random.normal(size=(n, 3, 3))), random.normal(size=(n, 3, 60))
+    motion, columns = SharedMotion(poses, random.normal(size=(n, 3, 3))), random.normal(size=(n, 3, 60))
     start = time.process_time()
-    motion.whiten(Part(np.zeros(3), np.ones(3), 600.0), columns)
+    motion.whiten(MotionDeviations(np.zeros(3), np.ones(3), 600.0), columns)
     assert time.process_time() - start < 5  # 0.5 s; other programs slow it
 
 

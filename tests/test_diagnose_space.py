@@ -21,7 +21,7 @@ from rodgen.calibration.binding import bind
 from rodgen.calibration.diagnose import aliases as _aliases
 from rodgen.calibration.diagnose.candidates import Candidate, candidates
 from rodgen.calibration.diagnose.column_space import Space
-from rodgen.calibration.diagnose.held_out_blocks import FOLDS, Blocks
+from rodgen.calibration.diagnose.held_out_blocks import Blocks
 from rodgen.calibration.diagnose.outliers import gross_errors, together
 from rodgen.calibration.diagnose.sensitivities import (
     MOST_ROWS,
@@ -39,6 +39,7 @@ from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Model
 from rodgen.statistics.f_tests import log_p_of_fall
+from rodgen.statistics.thresholds import EVIDENCE
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "machines"
 QUICK = ("mount", "rotary_table", "positioner", "ballbar_gantry")
@@ -512,7 +513,7 @@ def observed(n: int, rows: int = 1) -> Observations:
 
 def left_out(o: Observations, columns: np.ndarray, residual: np.ndarray) -> np.ndarray:
     """Return the errors (n, m) of fits to all other blocks."""
-    fold = folds_of_rows(o, FOLDS)
+    fold = folds_of_rows(o, EVIDENCE.folds)
     found = np.empty_like(residual)
     for block in np.unique(fold):
         out = fold == block
@@ -540,9 +541,9 @@ def test_errors_are_those_of_fits_without_each_block(rows):
 
 def test_poses_stay_whole():
     o = observed(25, 4)
-    fold = folds_of_rows(o, FOLDS)
+    fold = folds_of_rows(o, EVIDENCE.folds)
     blocks = Blocks(o, np.ones((o.n, 3, 1)), np.ones((o.n, 3)))
-    assert len(blocks.blocks) == FOLDS
+    assert len(blocks.blocks) == EVIDENCE.folds
     assert all(len(set(fold[o.pose == pose])) == 1 for pose in np.unique(o.pose))
 
 

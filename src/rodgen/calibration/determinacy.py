@@ -18,22 +18,15 @@ from numpy.typing import NDArray
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.undetermined import Direction, Elsewhere, describe
 from rodgen.machines.model import Frame
+from rodgen.statistics.thresholds import DETERMINACY
 
 __all__ = ["Determinacy", "Direction", "determinacy"]
 
 Array: TypeAlias = NDArray[np.float64]
 
-NOTHING = 1e-9
-"""A combination whose effect is below this part of the largest one, all parameters scaled alike, changes nothing:
-rounding in the Jacobian of a gauge direction leaves about 1e-14, a combination worth estimating at least 1e-7."""
 SUSPECT = 1e-6
 """Parameters that change the readings by less than this part of what another one does, units left aside, are looked at
 more closely."""
-WEAK = 1e-3
-"""A combination below this is hardly determined: parameters in it have a standard deviation a thousand times that
-which they had if the others were known. So is one that changes the readings so much less than it would others."""
-RESTS = 0.005
-"""A parameter that has a greater part in a direction that is not determined rests on it."""
 
 
 @dataclass(frozen=True)
@@ -107,13 +100,13 @@ def determinacy(problem: Problem, theta: Array, frame: Frame, free: Sequence[int
     scale[scale == 0.0] = 1.0
     _, values, vt = np.linalg.svd(triangle / scale)
     values = np.concatenate([values, np.zeros(len(index) - len(values))])
-    held = values > NOTHING * max(values[0], 1e-300)
+    held = values > DETERMINACY.nothing * max(values[0], 1e-300)
     held &= values > 0
     v = vt[held].T / values[held]
     covariance[np.ix_(index, index)] = (v @ v.T) / np.outer(scale, scale)
     null = vt[~held]
-    undetermined[index] = np.any(np.abs(null) > RESTS, axis=0) if len(null) else False
-    weak = held & (values < WEAK * values[0])
+    undetermined[index] = np.any(np.abs(null) > DETERMINACY.rests, axis=0) if len(null) else False
+    weak = held & (values < DETERMINACY.weak * values[0])
     at = (problem, theta, frame, index, scale, null, vt[weak])
     return Determinacy(covariance, undetermined, int(held.sum()), at)
 
@@ -126,7 +119,7 @@ def _without_effect(
     if not np.any(size < SUSPECT * size.max(initial=0.0)):
         return np.zeros(len(size), bool)
     usual = Elsewhere.of(problem, theta, frame, index).size * float(np.linalg.norm(problem.weight))
-    found: NDArray[np.bool_] = size < NOTHING * usual
+    found: NDArray[np.bool_] = size < DETERMINACY.nothing * usual
     return found
 
 

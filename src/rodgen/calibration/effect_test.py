@@ -15,14 +15,13 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.held_out import NO_SAY
-from rodgen.calibration.lack_of_fit import SMALLEST
 from rodgen.calibration.least_squares import minimise
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.whitened_parameters import Whitened
 from rodgen.statistics.columns import unit_columns
 from rodgen.statistics.f_tests import f_tail
 from rodgen.statistics.leave_out import undo_leverage
+from rodgen.statistics.thresholds import EFFECT_TEST, NEGLIGIBLE_WEIGHT, SMALLEST_P
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
@@ -30,13 +29,6 @@ if TYPE_CHECKING:
 __all__ = ["Step", "step"]
 
 Array: TypeAlias = NDArray[np.float64]
-
-SIGNIFICANT = 0.001
-"""Probability by chance below which an effect is called real: somebody may have tried thirty before."""
-MANY_VALUES = 200
-"""Of a searched parameter, at least: no search tries many more that are unlike each other."""
-MANY_POSES = 20
-"""So many poses for each parameter, and what a pose does to its own residuals does not matter."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +55,7 @@ class Step:
     @property
     def significant(self) -> bool:
         """Whether chance does not do that."""
-        return self.p_value < SIGNIFICANT
+        return self.p_value < EFFECT_TEST.significant
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""
@@ -103,7 +95,7 @@ def step(smaller: Fit, larger: Fit) -> Step | None:
     with np.errstate(divide="ignore", invalid="ignore"):
         statistic = float(np.divide(fall / further, left * effect)) if fall > 0 else 0.0
     p = f_tail(statistic, *freedoms) * _tried(smaller, larger)
-    return Step(min(max(p, SMALLEST), 1.0), statistic, freedoms, effect)
+    return Step(min(max(p, SMALLEST_P), 1.0), statistic, freedoms, effect)
 
 
 def _tried(smaller: Fit, larger: Fit) -> int:
@@ -112,7 +104,7 @@ def _tried(smaller: Fit, larger: Fit) -> int:
     tried = 1
     for parameter in (larger.parameters[i] for i in larger.free):
         if parameter.searched and parameter.key not in before:
-            tried = max(tried, MANY_VALUES)
+            tried = max(tried, EFFECT_TEST.searched_values)
             names = [joint.name for joint in larger.machine.joints]
             if parameter.place in names:  # a period: as many waves as there are places, and those between
                 places = np.unique(larger.observations.q[:, names.index(str(parameter.place))])
@@ -125,7 +117,7 @@ def _cost(smaller: Fit, larger: Fit) -> float:
     if np.array_equal(smaller.outliers, larger.outliers):
         return smaller.chi_square
     problem = Problem(smaller.problem.model, smaller.observations)
-    problem.set_weight(np.where(larger.outliers, NO_SAY, 1.0))
+    problem.set_weight(np.where(larger.outliers, NEGLIGIBLE_WEIGHT, 1.0))
     return float(minimise(problem, smaller.solution.theta, smaller.solution.frame, smaller.free).cost)
 
 
@@ -139,7 +131,7 @@ def _design_effect(smaller: Fit, larger: Fit, left: float) -> float:
     poses, r = int(pose.max()) + 1, len(new)
     residuals = larger.problem.residuals(larger.solution.theta, larger.solution.frame, weighted=True)
     pull = np.zeros((poses, r))
-    shares = np.zeros((poses, r, r)) if poses <= MANY_POSES * r else None
+    shares = np.zeros((poses, r, r)) if poses <= EFFECT_TEST.poses_a_parameter * r else None
     for rows, jacobian in whitened.jacobian_blocks():
         np.add.at(pull, pose[rows], np.einsum("nmr,nm->nr", jacobian, residuals[rows]))
         if shares is not None:

@@ -18,7 +18,7 @@ from rodgen.calibration.lack_of_fit import LackOfFit, lack_of_fit
 from rodgen.calibration.least_squares import Solution
 from rodgen.calibration.noise import NoiseFloor, noise_floor
 from rodgen.calibration.problem import Problem, one_thread_in_blas
-from rodgen.calibration.robust import NO_SAY, robust_fit
+from rodgen.calibration.robust import robust_fit
 from rodgen.calibration.staged_fit import FitError, check_travel, fit_in_stages, measured_along
 from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
@@ -27,6 +27,7 @@ from rodgen.machines.machine import Machine
 from rodgen.machines.model import Model
 from rodgen.machines.parameters import Parameter
 from rodgen.machines.rigid import rotation_vector
+from rodgen.statistics.thresholds import NEGLIGIBLE_WEIGHT
 
 __all__ = ["LOSSES", "Estimate", "FittedModel"]
 
@@ -111,7 +112,7 @@ class FittedModel:
             if loss == "linear":
                 gone = np.zeros(observations.n, bool) if outliers is None else outliers
                 if gone.any():
-                    problem.set_weight(np.where(gone, NO_SAY, 1.0))
+                    problem.set_weight(np.where(gone, NEGLIGIBLE_WEIGHT, 1.0))
                 solution, free = fit_in_stages(problem, progress)
                 return cls._finished(problem, solution, free, gone)
             found = robust_fit(problem, lambda: fit_in_stages(problem, progress))

@@ -26,6 +26,7 @@ from rodgen.calibration.whitened_parameters import Whitened
 from rodgen.data.poses import groups
 from rodgen.errors import RodgenError
 from rodgen.statistics.leave_out import ALONE, deal, undo_leverage
+from rodgen.statistics.thresholds import NEGLIGIBLE_WEIGHT
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
@@ -44,8 +45,6 @@ FOLDS, FOLDS_OF_MANY, MANY_ROWS = 10, 5, 50_000
 """Folds of more poses, and of so many rows that every fit takes seconds."""
 FEWEST_APART = 5
 """Replicates are kept together while so many places are left to tell apart."""
-NO_SAY = 1e-100
-"""Weight of a row that a fit does not see, instead of zero, so that its residual can be had from the weighted one."""
 NAMED = 3
 
 
@@ -152,7 +151,7 @@ def held_out(
             if not (held & wanted).any():
                 continue
             tell = None if progress is None else _told(progress, f"held out {k + 1} of {folds}")
-            problem.set_weight(np.where(held | fit.outliers, NO_SAY, 1.0))
+            problem.set_weight(np.where(held | fit.outliers, NEGLIGIBLE_WEIGHT, 1.0))
             solution = minimise(problem, *without.start(k), fit.free, progress=tell)
             converged &= solution.converged
             residuals = replace(fit, problem=problem, solution=solution).residuals[held & wanted]

@@ -17,18 +17,15 @@ from numpy.typing import NDArray
 from rodgen.calibration.deviations import FEW_POSES, independent_share
 from rodgen.calibration.noise import Replicates, figure, replicates
 from rodgen.statistics.f_tests import f_tail
+from rodgen.statistics.thresholds import LACK_OF_FIT, SMALLEST_P
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
-__all__ = ["SMALLEST", "LackOfFit", "lack_of_fit"]
+__all__ = ["LackOfFit", "lack_of_fit"]
 
-SMALLEST = 1e-300
-"""Smaller probabilities are written so."""
 MOST_COLUMNS = 60
 """Readings of a pose that are held against each other; more count as if they told nothing new."""
-RARE = 0.01
-"""Residuals that chance makes as large with less than this probability are called larger than the noise."""
 
 
 @dataclass(frozen=True)
@@ -61,10 +58,10 @@ class LackOfFit:
     def text(self) -> str:
         """One sentence."""
         noise = "the stated noise" if self.against == "stated" else "the noise"
-        chance = "p < 1e-300" if self.p_value <= SMALLEST else f"p = {self.p_value:.2g}"
-        if self.p_value < RARE:
+        chance = "p < 1e-300" if self.p_value <= SMALLEST_P else f"p = {self.p_value:.2g}"
+        if self.p_value < LACK_OF_FIT.rare:
             return f"The residuals are {figure(self.ratio)} times {noise}: the model misses something ({chance})."
-        if self.against == "stated" and self.p_value > 1 - RARE / 2:
+        if self.against == "stated" and self.p_value > 1 - LACK_OF_FIT.rare / 2:
             return f"The residuals are only {figure(self.ratio)} times {noise}: less than stated would do."
         return f"The residuals agree with {noise} ({figure(self.ratio)} times it, {chance})."
 
@@ -104,7 +101,7 @@ def _against_replicates(fit: Fit, pure: Replicates) -> LackOfFit | None:
     freedoms = (max(share * spare, 1.0), max(share * error.count, 1.0))
     statistic = squares / spare / error.variance
     ratio = float(np.sqrt(pure.cell_squares / cells / error.variance))
-    p = max(f_tail(statistic, *freedoms), SMALLEST)
+    p = max(f_tail(statistic, *freedoms), SMALLEST_P)
     return LackOfFit(p, ratio, "replicates", statistic, freedoms)
 
 
@@ -119,7 +116,7 @@ def _against_stated(fit: Fit) -> LackOfFit | None:
     share = _share(value, o.pose[kept], o.target[kept])
     freedoms = max(share * left, 1.0)
     ratio = float(np.sum(value**2)) / left
-    p = max(float(chdtrc(freedoms, freedoms * ratio)), SMALLEST)
+    p = max(float(chdtrc(freedoms, freedoms * ratio)), SMALLEST_P)
     return LackOfFit(p, float(np.sqrt(ratio)), "stated", freedoms * ratio, (freedoms,))
 
 

@@ -23,6 +23,7 @@ from rodgen.calibration.noise import NoiseFloor
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.data.observations import Observations
 from rodgen.errors import RodgenError
+from rodgen.statistics.thresholds import LACK_OF_FIT
 
 if TYPE_CHECKING:
     from rodgen.data.measurements import Measurements
@@ -32,8 +33,6 @@ __all__ = ["Ladder", "Rung", "ladder", "ladder_of"]
 
 Progress: TypeAlias = Callable[[str, int, float], object]
 
-REMAINS = 1e-3
-"""A lack of fit this improbable is told beside the verdict on an effect."""
 DIGITS = 3
 """Of the smallest error; the others have as many decimals, so that they read as a column."""
 
@@ -73,7 +72,7 @@ class Rung:
             return f"{name} is not in these data: chance does as much ({chance})."
         text = f"{name} explains more than chance does ({chance}); another effect may explain the same."
         left = self.fit.lack_of_fit
-        if left is not None and left.p_value < REMAINS:
+        if left is not None and left.p_value < LACK_OF_FIT.improbable:
             text += f" What is left is {left.ratio:.2g} times the noise: this is not it, or not all."
         return text
 

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.deviations import DRIFTS, Deviations, Estimated
 from rodgen.statistics.f_tests import f_tail
+from rodgen.statistics.thresholds import NOISE
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
@@ -39,10 +40,6 @@ LONGEST = 200_000
 """Poses whose distances are looked at: a standard deviation from them is good to 0.2 %."""
 CLOSE = 10.0
 """Targets nearer than so many scatters of their distance are left out: noise across their line changes it, too."""
-CHANCE = 0.005
-"""A witness contradicts when its figure would be as far off, to this side, so rarely by chance ..."""
-ALIKE = 1.1
-"""... and is off by more than this factor: finer differences do not matter to anybody."""
 
 
 @dataclass(frozen=True)
@@ -380,7 +377,7 @@ def _exceeds(one: Estimated, other: Estimated) -> bool:
     freedoms = min(one.degrees_of_freedom, 1e6), min(other.degrees_of_freedom, 1e6)
     with np.errstate(divide="ignore"):
         ratio = float(np.divide(one.value, other.value))
-    return ratio > ALIKE and f_tail(ratio**2, *freedoms) < CHANCE
+    return ratio > NOISE.alike and f_tail(ratio**2, *freedoms) < NOISE.chance
 
 
 def _times(ratio: float) -> str:

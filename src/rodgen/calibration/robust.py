@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 from rodgen.calibration.least_squares import Solution, minimise
 from rodgen.calibration.problem import Problem
 from rodgen.statistics.f_tests import f_tail
+from rodgen.statistics.thresholds import NEGLIGIBLE_WEIGHT, ROBUST
 
 __all__ = ["Judgement", "gross_rows", "robust_fit"]
 
@@ -43,18 +44,8 @@ Mask: TypeAlias = NDArray[np.bool_]
 
 HUBER = {1: 1.3449975, 2: 1.5011411, 3: 1.6279879}
 """Tuning constant k by m: 95 % efficiency for m normal components."""
-FALSE_ALARM = 0.01
-"""Probability that good data have a row that is called an outlier."""
-NO_SAY = 1e-100
-"""Weight of an outlier, instead of zero, so that its residual can still be had from the weighted one."""
 SAMPLE = 2000
 """Rows on which starts are compared: a median of so many is good to 2 %."""
-BAD = 0.3
-"""Share of bad rows that random sets are prepared for ..."""
-MISS = 1e-3
-"""... of which none is free of bad rows with this probability ..."""
-MOST_SETS = 100
-"""... unless that takes more sets than this."""
 SPARE_ROWS = 2
 """Rows in a random set beyond those that a fit needs: more determine it better, fewer are more often good."""
 HUBER_STEPS, HALVES, BEST_SETS, SETTLED = 20, 6, 3, 50
@@ -166,7 +157,7 @@ class _Judge:
     def _cut(self, spare: int) -> float:
         from scipy.special import chdtri, fdtri
 
-        chance = FALSE_ALARM / self.n
+        chance = ROBUST.false_alarm / self.n
         if self.stated:
             return float(np.sqrt(chdtri(self.m, chance)))
         return float(np.sqrt(self.m * fdtri(self.m, spare, 1 - chance)))
@@ -179,7 +170,7 @@ class _Judge:
 
     def believe(self, inside: Mask) -> None:
         """Give the other rows no say."""
-        self.problem.set_weight(np.where(inside, 1.0, NO_SAY))
+        self.problem.set_weight(np.where(inside, 1.0, NEGLIGIBLE_WEIGHT))
 
     # scale ---------------------------------------------------------------------------------------------------
 
@@ -273,7 +264,7 @@ class _Judge:
             variance = max(best.solution.cost / spare, self.rounding**2)
             p = f_tail(fall / variance, gone, spare)
         ways = gammaln(self.n + 1) - gammaln(k + 1) - gammaln(self.n - k + 1)
-        return p > 0 and math.log(p) + ways > math.log(FALSE_ALARM)
+        return p > 0 and math.log(p) + ways > math.log(ROBUST.false_alarm)
 
     def _badly_predicted(self, best: Judgement) -> Mask:
         """Return the outliers whose size is no wonder: what is fitted to the others predicts them badly."""
@@ -324,7 +315,7 @@ class _Judge:
         for _ in range(HUBER_STEPS):
             size = self.sizes(solution)
             weight = k * self.rough_scale(size) / np.maximum(size, k * self.rough_scale(size))
-            self.problem.set_weight(np.sqrt(np.maximum(weight, NO_SAY)))
+            self.problem.set_weight(np.sqrt(np.maximum(weight, NEGLIGIBLE_WEIGHT)))
             new = minimise(self.problem, solution.theta, solution.frame, self.free, max_iterations=3)
             if np.allclose(self.sizes(new), size, rtol=0.01):
                 return new
@@ -335,7 +326,9 @@ class _Judge:
         needed = math.ceil(self.p / self.m) + SPARE_ROWS
         if needed >= self.n:
             return
-        sets = min(math.ceil(math.log(MISS) / math.log1p(-((1 - BAD) ** needed))), MOST_SETS)
+        sets = min(
+            math.ceil(math.log(ROBUST.miss) / math.log1p(-((1 - ROBUST.bad) ** needed))), ROBUST.most_sets
+        )
         for _ in range(sets):
             rows = np.sort(random.choice(self.n, needed, replace=False))
             part = Problem(self.problem.model, self.problem.observations.take(rows))

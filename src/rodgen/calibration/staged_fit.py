@@ -13,6 +13,7 @@ from rodgen.calibration.starting_values import linear_falls, placed, searched
 from rodgen.errors import InputFileError, RodgenError, shown
 from rodgen.machines.model import Model
 from rodgen.machines.structure import row_effects
+from rodgen.statistics.thresholds import SELECTION
 
 __all__ = ["FitError", "check_travel", "fit_in_stages", "measured_along"]
 
@@ -95,7 +96,7 @@ def _called_for(problem: Problem, solution: Solution, free: list[int]) -> tuple[
         index = waiting[int(np.argmax(promised))]
         left = max(readings - len(free) - 1, 1)
         variance = 1.0 if problem.observations.sigma is not None else solution.cost / left
-        needed = variance * (12 + np.log(problem.rows))
+        needed = variance * SELECTION.parameter_cost(problem.rows)
         if max(promised) < needed:
             break
         better = minimise(problem, solution.theta, solution.frame, [*free, index])

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rodgen.calibration.assembly_modes import in_another_mode, weakest
+from rodgen.statistics.thresholds import DETERMINACY
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Estimate, Fit
 
 __all__ = ["as_dict", "as_text", "geometry"]
 
-STRONG = 0.95
-"""Correlations above this are named: such parameters are hardly told apart."""
 LATE = 0.05
 """Part of the measurement's duration by which its time may begin beside 0 without a word."""
 NAMED = 8
@@ -51,7 +50,8 @@ def _correlated(fit: Fit) -> list[tuple[str, str, float]]:
     keys = [fit.parameters[i].key for i in index]
     matrix = fit.correlation[np.ix_(index, index)]
     pairs = [
-        (keys[i], keys[j], float(matrix[i, j])) for i, j in np.argwhere(np.triu(np.abs(matrix), 1) > STRONG)
+        (keys[i], keys[j], float(matrix[i, j]))
+        for i, j in np.argwhere(np.triu(np.abs(matrix), 1) > DETERMINACY.correlated)
     ]
     return sorted(pairs, key=lambda pair: -abs(pair[2]))
 
@@ -113,7 +113,7 @@ def _lines(fit: Fit) -> Iterator[str]:
     pairs = _correlated(fit)
     if pairs:
         yield ""
-        yield f"Strongly correlated (above {STRONG}):"
+        yield f"Strongly correlated (above {DETERMINACY.correlated}):"
         yield from (f"  {a} and {b}: {r:+.4f}" for a, b, r in pairs[:NAMED])
         if len(pairs) > NAMED:
             yield f"  and {len(pairs) - NAMED} more pairs"

@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.diagnosis import Alias
-from rodgen.calibration.diagnose.selection import Selection, a_parameter, of_one_leg
+from rodgen.calibration.diagnose.selection import Selection, of_one_leg
 from rodgen.calibration.diagnose.sensitivities import Carriers
 from rodgen.calibration.least_squares import minimise
 from rodgen.calibration.problem import Problem
 from rodgen.machines.model import Model
 from rodgen.statistics.columns import project_out
+from rodgen.statistics.thresholds import SELECTION
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
@@ -31,11 +32,6 @@ __all__ = ["aliases_of"]
 
 Array: TypeAlias = NDArray[np.float64]
 
-NEAR, BENT = 3.0, 0.01
-"""A full fit is made of what comes by its columns within so many limits, or within this part of what is explained."""
-HALF = 0.5
-"""What explains less than this part of what the effect explains is not the same in any sense."""
-MOST = 16
 NAMED = 3
 PART = 0.1
 """Parameters are named whose part in the combination changes the readings by this part of the effect."""
@@ -77,7 +73,7 @@ def aliases_of(
     found = []
     for rival, difference in zip(rivals, differences, strict=True):
         worse, better = max(freedoms - rival.freedoms, 1), max(rival.freedoms - freedoms, 1)
-        each = a_parameter(selection.rows)
+        each = SELECTION.parameter_cost(selection.rows)
         if -each * better < difference < each * worse:
             why = _why(selection, carriers, own, others, rival.candidate)
             found.append(Alias(rival.candidate.effect, why, float(difference)))
@@ -105,13 +101,16 @@ def _rivals(
         if score.candidate.key in keys or not score.freedoms:
             continue
         left = min(score.left, _left_alone(selection, residual, total, others, score.candidate))
-        if without - left < HALF * (without - best):
+        if without - left < SELECTION.same * (without - best):
             continue
         difference = (left - best) / variance
-        limit = a_parameter(selection.rows) * max(abs(score.parameters - freedoms), 1)
-        if difference < NEAR * limit + BENT * (without - best) / variance:
+        limit = SELECTION.parameter_cost(selection.rows) * max(abs(score.parameters - freedoms), 1)
+        if (
+            difference
+            < SELECTION.alternative_limits * limit + SELECTION.alternative_bent * (without - best) / variance
+        ):
             found.append(_Rival(score.candidate, score.parameters, difference))
-    return sorted(found, key=lambda rival: rival.linear)[:MOST], freedoms
+    return sorted(found, key=lambda rival: rival.linear)[: SELECTION.most_alternatives], freedoms
 
 
 def _left_alone(

@@ -14,20 +14,15 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.diagnose.column_space import VISIBLE
 from rodgen.calibration.diagnose.sensitivities import Carriers
 from rodgen.statistics.columns import ColumnSpace, Whiten, directions_above, unit_columns
 from rodgen.statistics.f_tests import log_p_of_fall
 from rodgen.statistics.leave_out import undo_leverage
+from rodgen.statistics.thresholds import SELECTION, VARIANCES
 
 __all__ = ["Clusters"]
 
 Array: TypeAlias = NDArray[np.float64]
-
-SEVERAL = 1.5
-"""Readings of a pose, in the mean, from which on this says anything."""
-NOTHING = 1.3
-"""A design effect below is chance."""
 
 
 class Clusters:
@@ -44,7 +39,7 @@ class Clusters:
         _, pose = np.unique(carriers.observations.pose, return_inverse=True)
         self.poses = int(pose.max(initial=0)) + 1
         self.pose = np.repeat(pose, self.residual.shape[1])
-        self.several = len(pose) >= SEVERAL * self.poses
+        self.several = len(pose) >= VARIANCES.several_readings * self.poses
 
     def penalty(self, included: Sequence[Array], columns: Array) -> float:
         """Return by how much the logarithm of an effect's probability by chance is larger than it seems.
@@ -63,7 +58,7 @@ class Clusters:
         white = self.whiten(np.concatenate(parts, axis=2)).reshape(len(self.pose), -1)
         base = ColumnSpace.of(white[:, : -k - 1])
         r = base.project_out(white[:, -1])
-        u = directions_above(base.project_out(unit_columns(white[:, -k - 1 : -1])), VISIBLE)
+        u = directions_above(base.project_out(unit_columns(white[:, -k - 1 : -1])), SELECTION.visible)
         test = base.score_test(r, u)
         if test is None:
             return 0.0
@@ -76,7 +71,7 @@ class Clusters:
         shares = np.zeros((self.poses, freedoms, freedoms))
         np.add.at(shares, self.pose, u[:, :, None] * u[:, None, :])
         effect = float(np.sum(undo_leverage(shares, pulls, 0.5) ** 2)) / (freedoms * variance)
-        if effect < NOTHING:
+        if effect < VARIANCES.design_effect:
             return 0.0
         few = min(spare, self.poses)
         return log_p_of_fall(test.fall / variance / effect, few, freedoms, few) - test.log_p

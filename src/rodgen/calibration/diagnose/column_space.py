@@ -21,14 +21,11 @@ from numpy.typing import NDArray
 from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.statistics.columns import ColumnSpace, Whiten, directions_above, unit_columns
 from rodgen.statistics.multiple_testing import effective_tests
+from rodgen.statistics.thresholds import SELECTION
 
-__all__ = ["VISIBLE", "Score", "Space"]
+__all__ = ["Score", "Space"]
 
 Array: TypeAlias = NDArray[np.float64]
-
-VISIBLE = 0.02
-"""Part of a candidate's column, or combination of columns, that must be left beside the model to be looked at: with
-less an effect would have to be fifty times as large as what it shows."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +124,7 @@ class Space:
         """Return an orthonormal basis of what a candidate does that a base cannot imitate, and how much that is."""
         rest = base.project_out(self.columns(candidate))
         there = max(int((self.sizes(candidate) > 0).sum()), 1)
-        return directions_above(rest, VISIBLE), float(np.linalg.norm(rest) / np.sqrt(there))
+        return directions_above(rest, SELECTION.visible), float(np.linalg.norm(rest) / np.sqrt(there))
 
     def scores(self, residual: Array, total: float, included: Sequence[Candidate] = ()) -> list[Score]:
         """Score every candidate that is not included, the best value of a searched parameter of each; best first.

@@ -11,15 +11,13 @@ from rodgen.calibration.fitted import Estimate
 from rodgen.machines.machine import Effect, Machine
 
 if TYPE_CHECKING:
-    from rodgen.calibration.diagnose.variance_components import Correlation
+    from rodgen.calibration.diagnose.correlation import Correlation
     from rodgen.calibration.fit import Fit
     from rodgen.calibration.plan import Plan
 
 __all__ = ["VERDICTS", "Alias", "DiagnosedEffect", "Diagnosis", "Ranked", "Rms", "Unexplained"]
 
 VERDICTS = ("nothing_missing", "effects_missing", "unknown_effect", "cannot_tell")
-SMALLEST = 1e-300
-"""Smaller probabilities are written so."""
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,9 @@ from numpy.typing import NDArray
 
 from rodgen.data.observations import Observations
 from rodgen.data.poses import groups
+from rodgen.statistics.thresholds import EVIDENCE
 
 __all__ = ["first_of_each"]
-
-FEW = 0.05
-"""Fewer copies than this part may be chance in readings with few digits."""
 
 
 def first_of_each(observations: Observations) -> NDArray[np.int_]:
@@ -25,4 +23,4 @@ def first_of_each(observations: Observations) -> NDArray[np.int_]:
     columns = [*o.q.T, *o.reading.T, o.target, o.run]
     columns += [c for c in (o.t, o.load) if c is not None] + [*o.temperature.values(), *o.covariates.values()]
     _, first = np.unique(groups(columns, o.n), return_index=True)
-    return np.sort(first) if len(first) < (1 - FEW) * o.n else np.arange(o.n)
+    return np.sort(first) if len(first) < (1 - EVIDENCE.copies) * o.n else np.arange(o.n)

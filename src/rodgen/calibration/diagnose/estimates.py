@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.calibration.diagnose.correlation import Correlation, covariance_of_estimates
 from rodgen.calibration.diagnose.sensitivities import Carriers
-from rodgen.calibration.diagnose.variance_components import Correlation, covariance_of_estimates
 from rodgen.calibration.fitted import Estimate
 from rodgen.calibration.problem import Problem
 from rodgen.machines.machine import Effect

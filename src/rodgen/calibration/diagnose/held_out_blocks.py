@@ -16,12 +16,11 @@ from rodgen.calibration.held_out import folds_of_rows
 from rodgen.data.observations import Observations
 from rodgen.statistics.columns import orthonormal_basis, project_out
 from rodgen.statistics.leave_out import LeaveOut, group_slices
+from rodgen.statistics.thresholds import EVIDENCE
 
 __all__ = ["Blocks"]
 
 Array: TypeAlias = NDArray[np.float64]
-
-FOLDS = 10
 
 
 class Blocks:
@@ -43,7 +42,7 @@ class Blocks:
         self, observations: Observations, model: Array, residual: Array, *, stretches: bool = False
     ) -> None:
         self.m = residual.shape[1]
-        fold = _stretches(observations) if stretches else folds_of_rows(observations, FOLDS)
+        fold = _stretches(observations) if stretches else folds_of_rows(observations, EVIDENCE.folds)
         fold = np.repeat(fold, self.m)
         self.order = np.argsort(fold, kind="stable")
         self.blocks = group_slices(fold[self.order])
@@ -70,4 +69,4 @@ class Blocks:
 
 def _stretches(observations: Observations) -> NDArray[np.int_]:
     _, number = np.unique(observations.pose, return_inverse=True)
-    return np.asarray(number * FOLDS // (int(number.max(initial=0)) + 1))
+    return np.asarray(number * EVIDENCE.folds // (int(number.max(initial=0)) + 1))

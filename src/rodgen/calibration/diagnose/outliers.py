@@ -13,24 +13,15 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.statistics.thresholds import EVIDENCE, OUTLIERS
+
 __all__ = ["gross_errors", "together"]
 
 Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
 
-PART = 4
-"""A column for so many readings at most: with more each row would be fitted by itself."""
-VISIBLE = 0.1
-"""Part of a candidate's column that must be left beside the model: a smaller rest is rounding, or mostly noise."""
-MOST_COLUMNS = 120
 STEPS = 30
-SURELY = 0.8
-"""Below this part of the cut, before any row has lost weight, there is nothing to look for."""
 HUBER = 1.345
-FALSE_ALARM = 0.01
-MOST = 0.2
-"""More rows than this part are not wrong by chance: then something is missing."""
-TOGETHER = 1e-3
 
 
 def gross_errors(model: Array, candidates: Array, residual: Array) -> Mask:
@@ -50,8 +41,14 @@ def gross_errors(model: Array, candidates: Array, residual: Array) -> Mask:
     rest = candidates.reshape(n * m, -1)
     size = np.linalg.norm(rest, axis=0)
     rest = rest - base @ (base.T @ rest)
-    rest = rest[:, np.linalg.norm(rest, axis=0) > VISIBLE * size]
-    basis = np.concatenate([base, _leading(rest, min(n * m // PART - base.shape[1], MOST_COLUMNS))], axis=1)
+    rest = rest[:, np.linalg.norm(rest, axis=0) > OUTLIERS.visible * size]
+    basis = np.concatenate(
+        [
+            base,
+            _leading(rest, min(n * m // OUTLIERS.readings_a_column - base.shape[1], OUTLIERS.most_columns)),
+        ],
+        axis=1,
+    )
     spare = n * m - basis.shape[1]
     if n < 8 or spare < 2 * m or not residual.any():
         return np.zeros(n, bool)
@@ -68,7 +65,7 @@ def gross_errors(model: Array, candidates: Array, residual: Array) -> Mask:
         share = np.clip(1 - weight * own / m, 0.05, 1.0)
         size = np.sqrt(np.einsum("nm,nm->n", left, left) / share)
         scale = _scale(size, m)
-        if scale <= 0 or (step == 0 and size.max() < SURELY * cut * scale):
+        if scale <= 0 or (step == 0 and size.max() < OUTLIERS.suspicion * cut * scale):
             return np.zeros(n, bool)
         z = size / scale / np.sqrt(m)
         new = np.where(z < HUBER, 1.0, np.where(z > 3 * HUBER, 1e-8, HUBER / np.maximum(z, 1e-300)))
@@ -76,7 +73,7 @@ def gross_errors(model: Array, candidates: Array, residual: Array) -> Mask:
             break
         weight = new
     found = size > cut * scale
-    if found.mean() > MOST:
+    if found.mean() > EVIDENCE.largest_wrong_part:
         return np.zeros(n, bool)
     return np.asarray(found)
 
@@ -91,7 +88,7 @@ def _cut(n: int, m: int, spare: int) -> float:
     """Return the size, in scales, that the largest of all good rows exceeds in one of a hundred data sets."""
     from scipy.special import fdtri
 
-    return float(np.sqrt(m * fdtri(m, max(spare, 2), 1 - FALSE_ALARM / n))) * (1 + 5 / max(spare, 1))
+    return float(np.sqrt(m * fdtri(m, max(spare, 2), 1 - OUTLIERS.false_alarm / n))) * (1 + 5 / max(spare, 1))
 
 
 def _root_of_inverse(square: Array) -> Array:
@@ -140,4 +137,4 @@ def together(outliers: Mask, drivers: list[Array]) -> bool:
         expected = k * (k - 1) / n
         if pairs:
             chance = min(chance, float(pdtrc(pairs - 1, expected)))
-    return chance * max(len(drivers), 1) < TOGETHER
+    return chance * max(len(drivers), 1) < OUTLIERS.neighbours

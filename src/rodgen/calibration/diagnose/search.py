@@ -19,8 +19,8 @@ from rodgen.calibration.diagnose.aliases import aliases_of
 from rodgen.calibration.diagnose.candidates import Candidate, candidates
 from rodgen.calibration.diagnose.clusters import Clusters
 from rodgen.calibration.diagnose.column_space import Space
+from rodgen.calibration.diagnose.correlation import Correlation, correlation
 from rodgen.calibration.diagnose.diagnosis import (
-    SMALLEST,
     DiagnosedEffect,
     Diagnosis,
     Ranked,
@@ -36,7 +36,6 @@ from rodgen.calibration.diagnose.selection import Selection
 from rodgen.calibration.diagnose.sensitivities import Carriers, catalogue_effects
 from rodgen.calibration.diagnose.uncatalogued import Outside, outside_of
 from rodgen.calibration.diagnose.validation import error_on, further
-from rodgen.calibration.diagnose.variance_components import Correlation, correlation
 from rodgen.calibration.diagnose.verdict import disagreement, in_order_of_time, jump
 from rodgen.calibration.fitted import FittedModel
 from rodgen.calibration.problem import one_thread_in_blas
@@ -47,6 +46,7 @@ from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError
 from rodgen.machines.machine import Machine
 from rodgen.statistics.f_tests import log_p_of_fall
+from rodgen.statistics.thresholds import EVIDENCE, SMALLEST_P, VERDICT
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
@@ -57,17 +57,8 @@ Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
 Progress: TypeAlias = Callable[[str, int, float], object]
 
-FEWEST_SPARE = 6
-"""Readings beyond the parameters that a test needs."""
-FEWEST_POSES = 4
 COMPILE_FROM = 20_000
 """From so many rows on compiling a model that is fitted once pays."""
-FOLDS = 10
-RARE = 0.01
-FEW_CHANGED = 1e-3
-"""Rows of which the final model thinks otherwise than the first look, below which it decides nothing."""
-MOST_WRONG = 0.2
-"""More rows than this part are not wrong by chance: then something is missing."""
 
 
 def diagnose(
@@ -205,7 +196,7 @@ class _Diagnosing:
             if np.array_equal(again, outliers):
                 break
             if (
-                np.count_nonzero(again != outliers) < FEW_CHANGED * self.observations.n
+                np.count_nonzero(again != outliers) < EVIDENCE.changed_rows * self.observations.n
             ):  # no reason to decide anew
                 work.base = self._fit(self.fitted.machine, again)
                 fits = self._fits(work)
@@ -231,13 +222,13 @@ class _Diagnosing:
                     f"The fit stopped where legs do not close: near a singular pose{near}, or far from the right "
                     "geometry."
                 )
-        if base.degrees_of_freedom < FEWEST_SPARE:
+        if base.degrees_of_freedom < EVIDENCE.fewest_spare_readings:
             return (
                 f"{base.degrees_of_freedom} readings more than the parameters that they determine; "
-                f"a test needs {FEWEST_SPARE} at least."
+                f"a test needs {EVIDENCE.fewest_spare_readings} at least."
             )
-        if poses < FEWEST_POSES:
-            return f"Only {poses} pose{'s' * (poses != 1)}; a test needs {FEWEST_POSES} at least."
+        if poses < EVIDENCE.fewest_poses:
+            return f"Only {poses} pose{'s' * (poses != 1)}; a test needs {EVIDENCE.fewest_poses} at least."
         lacking = [d.text for d in base.determinacy.directions if not d.gauge]
         return " ".join(lacking[:3])
 
@@ -324,7 +315,9 @@ class _Diagnosing:
         """Return an effect without which a full fit is as good, although its columns promised otherwise."""
         numbers = Numbers(final, work.carriers, work.correlation)
         for candidate in work.chosen:
-            if numbers.significance(candidate.effect) >= RARE and self._is_as_good_without(final, candidate):
+            if numbers.significance(candidate.effect) >= VERDICT.rare and self._is_as_good_without(
+                final, candidate
+            ):
                 return candidate
         return None
 
@@ -340,19 +333,19 @@ class _Diagnosing:
         if further < 1 or not fall > 0:
             return True
         log = log_p_of_fall(fall, final.chi_square, further, max(final.degrees_of_freedom, 1))
-        return bool(log > np.log(RARE))
+        return bool(log > np.log(VERDICT.rare))
 
     def _judged(self, final: Fit, outliers: Mask) -> Mask:
         """Return which rows the final model, with the forms that it needs, does not believe."""
         found = gross_rows(final.problem, final.solution, final.free)
-        return self._alone(found) if found.mean() < MOST_WRONG else outliers
+        return self._alone(found) if found.mean() < EVIDENCE.largest_wrong_part else outliers
 
     def _rows(self, base: Fit) -> tuple[int, ...]:
         """Return the outliers as rows of the data that were given."""
         return tuple(self.kept[base.outliers].tolist())
 
     def _held_out(self, found: Fit) -> float | None:
-        return found.held_out(folds=FOLDS, progress=self.progress).rms
+        return found.held_out(folds=EVIDENCE.folds, progress=self.progress).rms
 
     # what is told --------------------------------------------------------------------------------------------
 
@@ -377,7 +370,7 @@ class _Diagnosing:
             steps.append(
                 DiagnosedEffect(
                     candidate.effect,
-                    max(10 ** max(log10, -300), SMALLEST),
+                    max(10 ** max(log10, -300), SMALLEST_P),
                     log10,
                     fits[k + 1].rms,
                     held_out[k + 1],
@@ -483,6 +476,6 @@ def _ranking(work: _Work) -> tuple[Ranked, ...]:
         log10 = min((s.log_p + tests) / np.log(10), 0.0)
         freedoms = (float(s.freedoms), float(s.spare))
         explains = s.fall / total if total > 0 else 0.0
-        p = max(10 ** max(log10, -300), SMALLEST)
+        p = max(10 ** max(log10, -300), SMALLEST_P)
         found.append(Ranked(s.candidate.effect, p, float(log10), s.statistic, freedoms, s.visible, explains))
     return tuple(found)

@@ -22,31 +22,11 @@ from rodgen.calibration.diagnose.clusters import Clusters
 from rodgen.calibration.diagnose.column_space import Score, Space
 from rodgen.calibration.diagnose.held_out_blocks import Blocks
 from rodgen.statistics.f_tests import log_p_of_fall
+from rodgen.statistics.thresholds import SELECTION
 
-__all__ = ["FAMILY_WISE", "Selection", "a_parameter", "of_one_leg"]
+__all__ = ["Selection", "of_one_leg"]
 
 Array: TypeAlias = NDArray[np.float64]
-
-FAMILY_WISE = 0.01
-"""Rate of false alarms over all candidates together."""
-NOTICED = 0.005
-"""The error on poses left out must fall by this part: what lowers it less is not worth an effect."""
-IMPERFECT = 0.03
-"""A real effect differs from its formula by this part of its size; so much more at the same place is no effect."""
-STRAIGHT = 5e-3
-"""The columns are good to this part of what they do: large effects are bent, and what that leaves is no effect."""
-ALIKE = 0.005
-"""Effects that take away nearly the same, up to this part of it, are alike: then the simpler one is meant."""
-RARER = {"backlash_gradient": 3.0, "lateral_windup": 3.0}
-"""Effects that are rarer than others that may look the same: so much more, in ln(probability), they must explain."""
-MOST_STEPS = 8
-RIVALS = 40
-"""Candidates that are tried in exchange."""
-
-
-def a_parameter(rows: int) -> float:
-    """Return by how much chi-square must fall for a further parameter."""
-    return float(12 + np.log(rows))
 
 
 @dataclass(frozen=True)
@@ -72,7 +52,7 @@ class Selection:
     rows: int
     clusters: Clusters
     stretches: Blocks | None = None
-    level: float = FAMILY_WISE
+    level: float = SELECTION.family_wise
     _tests: dict[frozenset[tuple[str, str | None]], float] = field(default_factory=dict, repr=False)
 
     def run(self, residual: Array, total: float) -> list[Candidate]:
@@ -107,7 +87,7 @@ class Selection:
 
     def _forward(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
         included = list(included)
-        while len(included) < MOST_STEPS:
+        while len(included) < SELECTION.most_steps:
             best = self.best(residual, total, included)
             if best is None or not self.is_worth(residual, total, included, best):
                 break
@@ -127,14 +107,14 @@ class Selection:
         real = [s for s in scores if s.freedoms and s.log_p + np.log(tests) < level]
         if not real:
             return None
-        real.sort(key=lambda s: s.log_p + RARER.get(s.candidate.effect.name, 0.0))
+        real.sort(key=lambda s: s.log_p + SELECTION.rarer.get(s.candidate.effect.name, 0.0))
         first = real[0]
         variance = first.left / max(first.spare, 1)
-        needed = a_parameter(self.rows) * variance
+        needed = SELECTION.parameter_cost(self.rows) * variance
 
         def alike(score: Score) -> bool:
             saved = first.parameters - score.parameters
-            return saved > 0 and first.fall - score.fall < max(needed * saved, ALIKE * first.fall)
+            return saved > 0 and first.fall - score.fall < max(needed * saved, SELECTION.alike * first.fall)
 
         simpler = [s for s in real if alike(s)]
         return min(simpler, key=lambda s: (s.parameters, -s.fall)) if simpler else first
@@ -145,7 +125,7 @@ class Selection:
         if here:
             others = [c for c in included if not _related(c, best.candidate)]
             explained = self.left(residual, total, others) - self.left(residual, total, included)
-            if best.fall < IMPERFECT**2 * explained:
+            if best.fall < SELECTION.imperfect**2 * explained:
                 return False
         columns = [c.columns for c in included]
         chance = (
@@ -159,7 +139,9 @@ class Selection:
         if self.stretches is not None and _follows_time(candidate):
             kinds.append(self.stretches)
         more = [c.columns for c in (*included, candidate)]
-        return all(blocks.held_out(more) < (1 - NOTICED) * blocks.held_out(more[:-1]) for blocks in kinds)
+        return all(
+            blocks.held_out(more) < (1 - SELECTION.noticed) * blocks.held_out(more[:-1]) for blocks in kinds
+        )
 
     def left(self, residual: Array, total: float, included: Sequence[Candidate]) -> float:
         """Return the sum of squares that is left with some candidates."""
@@ -215,13 +197,13 @@ class Selection:
     def _exchanged(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
         """Exchange one or two for another one while that costs less: chi-square, and so much for each parameter."""
         best = list(included)
-        for _ in range(MOST_STEPS):
+        for _ in range(SELECTION.most_steps):
             found = best
             cost = self.cost(residual, total, best, best)
             for gone in (*combinations(best, 1), *combinations(best, 2)):
                 kept = [c for c in best if c not in gone]
                 left = self.left(residual, total, kept)
-                for score in self.space.scores(residual, left, kept)[:RIVALS]:
+                for score in self.space.scores(residual, left, kept)[: SELECTION.rivals]:
                     if score.candidate in gone or not score.freedoms:
                         continue
                     tried = [*kept, score.candidate]
@@ -244,7 +226,7 @@ class Selection:
             if not all(map(_is_of_a_leg, gone)):
                 continue
             kept = [c for c in included if c not in gone]
-            most = self.cost(residual, total, included, included) + a_parameter(self.rows)
+            most = self.cost(residual, total, included, included) + SELECTION.parameter_cost(self.rows)
             legs = {c.effect.place for c in gone}
             alone = [
                 c
@@ -261,12 +243,12 @@ class Selection:
     ) -> float:
         """Return chi-square, in variances that the best set leaves, and so much for each parameter."""
         rank = self.space.base(best).rank
-        bent = STRAIGHT**2 * self.left(residual, total, [])
+        bent = SELECTION.bent**2 * self.left(residual, total, [])
         variance = max(self.left(residual, total, best), bent) / max(self.space.readings - rank, 1)
         own = self.space.base(included).rank + sum(len(c.searched) for c in included)
-        rare = sum(2 * RARER.get(c.effect.name, 0.0) for c in included)
+        rare = sum(2 * SELECTION.rarer.get(c.effect.name, 0.0) for c in included)
         left = max(self.left(residual, total, included), bent)
-        return float(left / variance + a_parameter(self.rows) * own + rare)
+        return float(left / variance + SELECTION.parameter_cost(self.rows) * own + rare)
 
     def _ordered(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
         """Put those that take away most first."""

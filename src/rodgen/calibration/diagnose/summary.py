@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from rodgen.calibration.noise import figure
+from rodgen.statistics.thresholds import DETERMINACY, SELECTION
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose.diagnosis import DiagnosedEffect, Diagnosis, Unexplained
@@ -14,10 +15,6 @@ if TYPE_CHECKING:
 __all__ = ["as_text", "headline"]
 
 WIDTH = 100
-INVISIBLE = 0.02
-HARDLY, CERTAIN = 20.0, 4.0
-"""A parameter is hardly determined whose standard deviation is so many times that of another of the effect, and whose
-value is within so many of its own: other parameters make up for it."""
 
 
 def headline(diagnosis: Diagnosis) -> str:
@@ -76,7 +73,7 @@ def _lines(d: Diagnosis) -> Iterator[str]:
             f"Of {len(d.ranking)} candidates {best.effect.title} comes nearest, "
             f"and chance does as much with p = {best.p_value:.2g}."
         )
-    unseen = [r.effect.title for r in d.ranking if r.visible < INVISIBLE]
+    unseen = [r.effect.title for r in d.ranking if r.visible < SELECTION.visible]
     if unseen:
         yield ""
         yield from _paragraph(
@@ -116,7 +113,7 @@ def _step(step: DiagnosedEffect) -> Iterator[str]:
             yield f"  {name:<13}{e.value:.5g}{unit}, held"
         elif e.std is None:
             yield f"  {name:<13}not determined by these data"
-        elif e.std > HARDLY * least[e.unit] and abs(e.value) < CERTAIN * e.std:
+        elif e.std > DETERMINACY.hardly * least[e.unit] and abs(e.value) < DETERMINACY.certain * e.std:
             yield f"  {name:<13}hardly determined by these data ({e.value:.3g} ± {figure(e.std)}{unit})"
         else:
             yield f"  {name:<13}{e.value:.5g} ± {figure(e.std)}{unit}"

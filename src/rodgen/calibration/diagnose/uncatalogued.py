@@ -17,20 +17,17 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.column_space import Space
+from rodgen.calibration.diagnose.correlation import Correlation
 from rodgen.calibration.diagnose.forms import Form, find_forms
 from rodgen.calibration.diagnose.held_out_blocks import Blocks
-from rodgen.calibration.diagnose.selection import IMPERFECT, Selection, a_parameter
+from rodgen.calibration.diagnose.selection import Selection
 from rodgen.calibration.diagnose.sensitivities import Carriers
-from rodgen.calibration.diagnose.variance_components import Correlation
 from rodgen.statistics.columns import ColumnSpace
+from rodgen.statistics.thresholds import SELECTION, UNCATALOGUED
 
 __all__ = ["Outside", "outside_of"]
 
 Array: TypeAlias = NDArray[np.float64]
-
-MOST_FORMS = 3
-AN_EFFECT, A_FORM = 8.0, 16.0
-"""What chance gains in chi-square by having so many effects, or so many forms, to choose from: 2 ln(number)."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +90,7 @@ def outside_of(
     scale = min(contest.variance(first), contest.variance(second))
     margin = 0.0
     if not first.forms:  # effects explain all: forms must do clearly better, the more so if they are as many
-        margin = a_parameter(selection.rows) * (2 if second.things == first.things else 1)
+        margin = SELECTION.parameter_cost(selection.rows) * (2 if second.things == first.things else 1)
     better = contest.cost(second, scale) + margin < contest.cost(first, scale)
     return second if better else first
 
@@ -107,7 +104,7 @@ class _Contest:
     def effects_first(self, chosen: Sequence[Candidate], left: Array) -> Outside:
         carriers = replace(self.carriers, residual=left)
         columns = np.concatenate([self.carriers.model, *(c.columns for c in chosen)], axis=2)
-        forms = self._real(find_forms(carriers, self.how, columns, most=MOST_FORMS), chosen)
+        forms = self._real(find_forms(carriers, self.how, columns, most=UNCATALOGUED.most_forms), chosen)
         return self._without_small(chosen, forms)
 
     def _real(self, found: Sequence[Form], kept: Sequence[Candidate]) -> list[Form]:
@@ -122,7 +119,7 @@ class _Contest:
 
     def forms_first(self) -> Outside | None:
         """Return the explanation that begins with forms; None where there are none that the catalogue has not."""
-        found = find_forms(self.carriers, self.how, self.carriers.model, most=MOST_FORMS)
+        found = find_forms(self.carriers, self.how, self.carriers.model, most=UNCATALOGUED.most_forms)
         forms = self._real(found, ())
         if not forms:
             return None
@@ -160,7 +157,7 @@ class _Contest:
         others = [c for c in kept if c not in here]
         explained = self._left(others, ()) - self._left(kept, ())
         gained = self._left(kept, ()) - self._left(kept, (form,))
-        return gained < IMPERFECT**2 * explained
+        return gained < SELECTION.imperfect**2 * explained
 
     # what it costs -------------------------------------------------------------------------------------------
 
@@ -188,6 +185,6 @@ class _Contest:
         left, rank, _ = self._left_and_rank(outside.kept, outside.forms)
         searched = sum(len(f.parameters) - f.columns.shape[2] for f in outside.forms)
         searched += sum(len(c.searched) for c in outside.kept)
-        parameters = a_parameter(self.selection.rows) * (rank + searched)
-        choices = AN_EFFECT * len(outside.kept) + A_FORM * len(outside.forms)
+        parameters = SELECTION.parameter_cost(self.selection.rows) * (rank + searched)
+        choices = UNCATALOGUED.an_effect * len(outside.kept) + UNCATALOGUED.a_form * len(outside.forms)
         return float(left / max(variance, 1e-300) + parameters + choices)

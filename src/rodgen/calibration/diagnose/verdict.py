@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.calibration.diagnose.correlation import Correlation
 from rodgen.calibration.diagnose.sensitivities import Carriers
-from rodgen.calibration.diagnose.variance_components import Correlation
 from rodgen.calibration.noise import figure
+from rodgen.statistics.thresholds import VERDICT
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
@@ -17,16 +18,6 @@ if TYPE_CHECKING:
 __all__ = ["disagreement", "in_order_of_time", "jump"]
 
 Array: TypeAlias = NDArray[np.float64]
-
-RARE = 0.01
-FAR = 2.0
-"""A set-up that wanders beside the noise is nothing that is missing; one that wanders so many times as much may be."""
-OWN = 1.3
-"""The errors that readings do not share may be so many times the stated noise where something wanders beside them."""
-ONE_WAY = 0.9
-"""Part of a joint's way that is progress."""
-JUMP, SUDDEN = 0.3, 1.5
-"""Part of the sum of squares that a single jump takes away, and how many times as much as a steady drift does."""
 
 
 def disagreement(final: Fit, how: Correlation) -> str:
@@ -39,7 +30,7 @@ def disagreement(final: Fit, how: Correlation) -> str:
         Of what it leaves.
     """
     lack = final.lack_of_fit
-    if lack is None or not lack.p_value < RARE:
+    if lack is None or not lack.p_value < VERDICT.rare:
         return ""
     noise = "the stated noise" if lack.against == "stated" else "the noise between replicates"
     if how.independent:
@@ -47,12 +38,12 @@ def disagreement(final: Fit, how: Correlation) -> str:
             f"The residuals are {figure(lack.ratio)} times {noise} (p = {lack.p_value:.2g}), but follow nothing "
             "that was recorded: either the noise is larger than that, or something acts that was not recorded."
         )
-    if lack.ratio > FAR:
+    if lack.ratio > VERDICT.wander:
         return (
             f"The residuals are {figure(lack.ratio)} times {noise}. {how.text} What moves it follows nothing that "
             "was recorded."
         )
-    if lack.against == "stated" and how.white > OWN:
+    if lack.against == "stated" and how.white > VERDICT.own_error:
         return f"What readings do not share is {figure(how.white)} times {noise}, and {_small(how.text)}"
     return ""
 
@@ -76,7 +67,7 @@ def in_order_of_time(carriers: Carriers, how: Correlation) -> str:
     names = []
     for j, joint in enumerate(carriers.fit.machine.joints):
         steps = np.diff(o.q[:, j])
-        if np.ptp(o.q[:, j]) > 0 and np.abs(steps.sum()) > ONE_WAY * np.abs(steps).sum():
+        if np.ptp(o.q[:, j]) > 0 and np.abs(steps.sum()) > VERDICT.one_way * np.abs(steps).sum():
             names.append(joint.name)
     if not names:
         return ""
@@ -120,7 +111,7 @@ def jump(carriers: Carriers, residual: Array) -> str:
     best = int(np.argmax(falls))
     steady = np.concatenate([H, H * np.linspace(-1, 1, len(H))[:, None, None]], axis=2).reshape(-1, 2 * k)
     drift = _fall(steady.T @ residual.ravel(), steady.T @ steady) - _fall(all_pulls, whole)
-    if falls[best] < JUMP * total or falls[best] < SUDDEN * drift:
+    if falls[best] < VERDICT.jump * total or falls[best] < VERDICT.sudden * drift:
         return ""
     row = int(carriers.rows[ends[best]])
     place = carriers.fit.observations.data.place(row)

@@ -9,18 +9,17 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.forms.level import Level
 from rodgen.statistics.leave_out import LeaveOut, deal, group_slices
+from rodgen.statistics.thresholds import EVIDENCE
 
 __all__ = ["PosesLeftOut", "folds_of"]
 
 Array: TypeAlias = NDArray[np.float64]
 
-FOLDS = 10
-
 
 def folds_of(pose: NDArray[np.integer]) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
     """Return the number of each row's pose, from 0, and of its fold."""
     of = np.unique(pose, return_inverse=True)[1]
-    return of, deal(int(of.max()) + 1, FOLDS)[of]
+    return of, deal(int(of.max()) + 1, EVIDENCE.folds)[of]
 
 
 class PosesLeftOut:

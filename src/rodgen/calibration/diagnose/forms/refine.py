@@ -24,14 +24,13 @@ from rodgen.calibration.diagnose.forms.dictionary import (
 )
 from rodgen.calibration.diagnose.forms.level import Level
 from rodgen.data.drivers import Driver
+from rodgen.statistics.thresholds import FORMS
 
 __all__ = ["refined", "short"]
 
 Array: TypeAlias = NDArray[np.float64]
 
 ROUNDS, LAST_ROUNDS = 10, 5
-LOST = 0.3
-"""So much of a fall, in variances of a reading, may be lost for the sake of fewer digits."""
 DIGITS = 9
 
 
@@ -118,7 +117,7 @@ def short(level: Level, term: Term, carrier: int, drivers: Sequence[Driver]) -> 
         return term
     tried = [_rounded(term, digits, drivers) for digits in range(1, DIGITS + 1)]
     falls = level.falls([*tried, term], carrier)
-    lost = LOST * level.total / max(level.freedoms, 1)
+    lost = FORMS.lost * level.total / max(level.freedoms, 1)
     chosen = next((t for t, fall in zip(tried, falls, strict=False) if falls[-1] - fall < lost), term)
     factors = []
     for factor in chosen.factors:

@@ -31,10 +31,11 @@ from rodgen.data.drivers import Driver
 from rodgen.data.observations import Observations
 from rodgen.statistics.columns import Whiten, unchanged
 from rodgen.statistics.f_tests import log10_p_of_fall
+from rodgen.statistics.thresholds import FORMS, SMALLEST_P
 
 if TYPE_CHECKING:
+    from rodgen.calibration.diagnose.correlation import Correlation
     from rodgen.calibration.diagnose.sensitivities import Carriers
-    from rodgen.calibration.diagnose.variance_components import Correlation
 
 __all__ = ["Best", "best_terms", "find_forms"]
 
@@ -55,21 +56,11 @@ DIVIDED = 6
 TOGETHER = 32
 JUDGED = 24
 """Terms of which the error on unseen poses is worked out."""
-CHOICES = 3.0
-"""Factor for each searched value: between the places on the grid are others."""
-SLIGHT = 5.0
-"""Sums of squares on unseen poses are equal within so many variances of a reading: two columns that are all but the
-same differ by less than chance, and by more than its error. Of each searched value as many: it had many chances."""
-NOTICEABLE = 0.01
-"""Part of the mean square on unseen poses that a form takes away at least: half a percent of the error."""
 BETTER = 1.4
 """By how much a search between the values on the grid may raise a fall."""
 HARDLY = 0.3
 """Part of that which the best term on the coarse grid takes away on some rows, at least."""
 COMPONENTS = ("reading", "tx", "ty", "tz", "rx", "ry", "rz")
-SMALLEST = 1e-300
-FEWEST = 4
-"""Readings beyond the parameters that a search needs."""
 NO_RESIDUAL = 1e-13
 """Residuals below this part of the readings are rounding."""
 
@@ -211,14 +202,18 @@ class _Search:
         ]
         problem = carriers.fit.problem
         rounding = NO_RESIDUAL**2 * problem.scale * len(carriers.residual) / max(problem.rows, 1)
-        if not found or carriers.residual.size < FEWEST or np.sum(carriers.residual**2) <= rounding:
+        if (
+            not found
+            or carriers.residual.size < FORMS.fewest_spare
+            or np.sum(carriers.residual**2) <= rounding
+        ):
             return None
         search = cls(
             carriers, whiten, [place for place, _ in found], np.stack([column for _, column in found])
         )
         search.exact.take_out(search.exact.flat(model))
         search.rough.take_out(search.rough.flat(model[search.rows]))
-        if search.exact.freedoms < FEWEST or not search.drivers or not search.exact.total > 0:
+        if search.exact.freedoms < FORMS.fewest_spare or not search.drivers or not search.exact.total > 0:
             return None
         at = {name: [i for i, (place, _) in enumerate(search.places) if place == name] for name in joints}
         search.screen = Screen(search.rough, search.functions, at)
@@ -286,7 +281,7 @@ class _Search:
 
     def _promising(self, pieces: Sequence[Piece], limit: float) -> bool:
         falls = self._falls(pieces)
-        if falls.max(initial=0.0) < HARDLY * NOTICEABLE * self.exact.total:
+        if falls.max(initial=0.0) < HARDLY * FORMS.noticeable * self.exact.total:
             return False
         gains = [BETTER if piece.term.searched else 1.0 for piece in pieces]
         chances = (
@@ -361,19 +356,19 @@ class _Search:
             i
             for i, more in enumerate(errors - errors[best])
             if _excess(more) <= 1.0
-            or more.sum() <= SLIGHT * self.variance * (1 + max(searched[best] - searched[i], 0))
+            or more.sum() <= FORMS.slight * self.variance * (1 + max(searched[best] - searched[i], 0))
         ]
         chosen = min(within, key=lambda i: (self._simplicity(candidates[i][2]), errors[i].sum()))
         _, fall, piece = candidates[chosen]
         found = _Found(piece, fall, self._chance(piece, fall))
         gained = before - errors[chosen]
-        noticeable = gained.sum() > NOTICEABLE * before.sum() and _excess(gained) > 1.0
+        noticeable = gained.sum() > FORMS.noticeable * before.sum() and _excess(gained) > 1.0
         return found if noticeable and found.log10_p < limit else None
 
     def _chance(self, piece: Piece, fall: float) -> float:
         k = piece.parameters
         left = max(self.exact.total - fall, 0.0)
-        tried = np.log10(max(self.screen.tried, 1)) + np.log10(CHOICES) * len(piece.term.searched)
+        tried = np.log10(max(self.screen.tried, 1)) + np.log10(FORMS.choices) * len(piece.term.searched)
         return min(log10_p_of_fall(fall, left, k, self.exact.freedoms - k) + float(tried), 0.0)
 
     def _simplicity(self, piece: Piece) -> tuple[int, int, bool, int, int, int]:
@@ -487,7 +482,7 @@ class _Search:
             text.driver,
             text.formula,
             values_of(text.units, numbers, machine),
-            max(10.0 ** max(log10_p, -300.0), SMALLEST),
+            max(10.0 ** max(log10_p, -300.0), SMALLEST_P),
             log10_p,
             min(sum(one.fall for one in found) / self.start, 1.0),
             np.concatenate([self._columns(piece) for piece in pieces], axis=2),
@@ -504,7 +499,7 @@ class _Search:
             by.setdefault(piece.parameters, []).append((fall, piece))
         found = []
         for several in by.values():
-            enough = max(fall for fall, _ in several) - SLIGHT * self.variance
+            enough = max(fall for fall, _ in several) - FORMS.slight * self.variance
             fall, piece = min(
                 (one for one in several if one[0] >= enough), key=lambda one: self._simplicity(one[1])
             )

@@ -1,4 +1,4 @@
-"""Columns of readings that depend on each other, brought to where errors are independent, in a time that grows with n.
+"""Whitening of readings that depend on each other: those of a pose, and those of neighbours in time; in time O(n).
 
 The errors of the n readings of P poses, with m components each and columns H of a small motion with k freedoms, are
 
@@ -14,15 +14,12 @@ prediction, over the root of the covariance of the pose's predictions, is indepe
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from rodgen.data.observations import Observations
-
-__all__ = ["Moments", "Motion", "Part", "Poses"]
+__all__ = ["Moments", "MotionDeviations", "Poses", "SharedMotion"]
 
 Array: TypeAlias = NDArray[np.float64]
 Index: TypeAlias = NDArray[np.intp]
@@ -57,18 +54,26 @@ class Poses:
     timed: bool
 
     @classmethod
-    def among(cls, o: Observations) -> Poses:
-        """Sort the poses of observations."""
-        number, of = np.unique(o.pose, return_inverse=True)
+    def among(cls, pose: NDArray[Any], run: NDArray[Any], t: Array | None) -> Poses:
+        """Return the poses of rows.
+
+        Parameters
+        ----------
+        pose, run : ndarray of int, shape (n,)
+            Of each row.
+        t : ndarray, shape (n,), or None
+            Time of each row, seconds; None where poses follow each other in the order of their numbers.
+        """
+        number, of = np.unique(pose, return_inverse=True)
         count = np.bincount(of)
-        timed = o.t is not None and bool(np.ptp(o.t) > 0)
-        time = np.bincount(of, o.t) / count if timed and o.t is not None else number.astype(float)
-        run = np.zeros(len(number), np.intp)
-        run[of] = o.run
-        order = np.lexsort((number, time, run))
+        timed = t is not None and bool(np.ptp(t) > 0)
+        time = np.bincount(of, t) / count if timed and t is not None else number.astype(float)
+        run_of_pose = np.zeros(len(number), np.intp)
+        run_of_pose[of] = run
+        order = np.lexsort((number, time, run_of_pose))
         rank = np.empty_like(order)
         rank[order] = np.arange(len(order))
-        return cls._of(rank[of], time[order], run[order], timed)
+        return cls._of(rank[of], time[order], run_of_pose[order], timed)
 
     @classmethod
     def _of(cls, of: Index, time: Array, run: Index, timed: bool) -> Poses:
@@ -99,7 +104,7 @@ class Poses:
         return rows, Poses(found.of, found.gap, self.spacing, self.duration, self.timed)
 
     def total(self, values: Array) -> Array:
-        """Sum values of rows, (n, ...), up over each pose, (P, ...)."""
+        """Return the sums of values of rows, (n, ...), over each pose, (P, ...)."""
         order = np.argsort(self.of, kind="stable")
         if not np.array_equal(order, np.arange(len(order))):
             values = values[order]
@@ -111,8 +116,8 @@ class Poses:
 
 
 @dataclass(frozen=True)
-class Part:
-    """Variances of a motion, beside readings of variance 1.
+class MotionDeviations:
+    """Standard deviations of a motion that readings share, relative to readings of variance 1.
 
     Attributes
     ----------
@@ -139,7 +144,7 @@ class _Filter:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class SharedMotion:
     """A small motion that the readings of poses share.
 
     Attributes
@@ -165,20 +170,20 @@ class Motion:
         """Return Hᵀ values of each pose, (P, k, K), of values (n, m, K)."""
         return self.poses.total(np.swapaxes(self.columns, 1, 2) @ values)
 
-    def whiten(self, part: Part, columns: Array) -> Array:
+    def whiten(self, deviations: MotionDeviations, columns: Array) -> Array:
         """Return L⁻¹ columns, (n, m, K), L Lᵀ = V.
 
         Parameters
         ----------
-        part : Part
+        deviations : MotionDeviations
         columns : ndarray, shape (n, m, K)
         """
         gram = self.gram()
-        shared = _Shared(gram, part.shared)
-        filtered = _filtered(self.poses, shared.gram, part)
-        spread = np.broadcast_to(np.diag(part.shared**2), gram.shape).copy()
+        shared = _Shared(gram, deviations.shared)
+        filtered = _filtered(self.poses, shared.gram, deviations)
+        spread = np.broadcast_to(np.diag(deviations.shared**2), gram.shape).copy()
         if filtered is not None:
-            w = part.wander[filtered.free]
+            w = deviations.wander[filtered.free]
             spread[np.ix_(np.arange(len(gram)), filtered.free, filtered.free)] += (
                 w[:, None] * filtered.covariance * w
             )
@@ -189,14 +194,16 @@ class Motion:
         for start in range(0, K, step):
             some = columns[:, :, start : start + step]
             if filtered is not None:
-                some = some - self._predicted(part, shared, filtered, some)
+                some = some - self._predicted(deviations, shared, filtered, some)
             along = (inner @ self.onto(some))[self.poses.of]
             found[:, :, start : start + step] = some - self.columns @ along
         return found
 
-    def _predicted(self, part: Part, shared: _Shared, filtered: _Filter, columns: Array) -> Array:
+    def _predicted(
+        self, deviations: MotionDeviations, shared: _Shared, filtered: _Filter, columns: Array
+    ) -> Array:
         P, k, K = self.poses.count, len(filtered.free), columns.shape[2]
-        w = part.wander[filtered.free][:, None]
+        w = deviations.wander[filtered.free][:, None]
         known = _forward(
             filtered.factor, (w * shared.onto(self.onto(columns))[:, filtered.free]).reshape(P * k, K)
         )
@@ -206,20 +213,20 @@ class Motion:
         expected[1:] = filtered.keeps[1:, None, None] * mean[:-1]
         return np.asarray(self.columns[:, :, filtered.free] @ (w * expected)[self.poses.of])
 
-    def covariance_of(self, part: Part, columns: Array) -> Array:
+    def covariance_of(self, deviations: MotionDeviations, columns: Array) -> Array:
         """Return Cᵀ V C, (K, K), of columns C, (n, m, K)."""
         flat = columns.reshape(-1, columns.shape[2])
         found = flat.T @ flat
         onto = self.onto(columns)
-        along = part.shared[:, None] * onto
+        along = deviations.shared[:, None] * onto
         found += np.einsum("pkc,pkd->cd", along, along)
-        free = np.flatnonzero(part.wander)
+        free = np.flatnonzero(deviations.wander)
         if len(free):
             from scipy.linalg import solveh_banded
 
-            along = part.wander[free][:, None] * onto[:, free]
+            along = deviations.wander[free][:, None] * onto[:, free]
             P, k, K = along.shape
-            band, _ = _chain(self.poses.gap, part.time, 1)
+            band, _ = _chain(self.poses.gap, deviations.time, 1)
             side = along.reshape(P, k * K)
             found += np.einsum("pkc,pkd->cd", along, solveh_banded(band, side, lower=True).reshape(P, k, K))
         return np.asarray(found)
@@ -230,31 +237,31 @@ class Moments:
 
     Parameters
     ----------
-    motion : Motion
+    motion : SharedMotion
     columns : ndarray, shape (n, m, K)
     """
 
-    def __init__(self, motion: Motion, columns: Array) -> None:
+    def __init__(self, motion: SharedMotion, columns: Array) -> None:
         flat = columns.reshape(-1, columns.shape[2])
         self.poses = motion.poses
         self.gram = motion.gram()
         self.onto = motion.onto(columns)
         self.square = flat.T @ flat
 
-    def inverse(self, part: Part) -> tuple[Array, float]:
+    def inverse(self, deviations: MotionDeviations) -> tuple[Array, float]:
         """Return Cᵀ V⁻¹ C, (K, K), and log |V|."""
-        shared = _Shared(self.gram, part.shared)
+        shared = _Shared(self.gram, deviations.shared)
         found, logarithm, onto = self.square, shared.log_determinant, self.onto
-        if part.shared.any():
+        if deviations.shared.any():
             solved = shared.solved(onto)
             flat = solved.reshape(-1, solved.shape[2])
             found = found - flat.T @ flat
             onto = shared.less(onto, solved)
-        free = np.flatnonzero(part.wander)
+        free = np.flatnonzero(deviations.wander)
         if len(free):
-            band, log_chain = _information(self.poses.gap, shared.gram, part, free)
+            band, log_chain = _information(self.poses.gap, shared.gram, deviations, free)
             factor = _triangle(band)
-            side = part.wander[free][:, None] * onto[:, free]
+            side = deviations.wander[free][:, None] * onto[:, free]
             known = _forward(factor, side.reshape(-1, side.shape[2]))
             found = found - known.T @ known
             logarithm += 2 * float(np.sum(np.log(factor[0]))) + log_chain
@@ -306,11 +313,11 @@ def _chain(gap: Array, time: float, k: int) -> tuple[Array, float]:
     return band, k * float(np.sum(np.log(new)))
 
 
-def _information(gap: Array, gram: Array, part: Part, free: Index) -> tuple[Array, float]:
+def _information(gap: Array, gram: Array, deviations: MotionDeviations, free: Index) -> tuple[Array, float]:
     """Return the lower band of M, and log |cov(x)|."""
     k, P = len(free), len(gap)
-    band, logarithm = _chain(gap, part.time, k)
-    w = part.wander[free]
+    band, logarithm = _chain(gap, deviations.time, k)
+    w = deviations.wander[free]
     block = w[:, None] * gram[:, free][:, :, free] * w
     for i in range(k):
         for j in range(i + 1):
@@ -342,15 +349,15 @@ def _blocks(factor: Array, k: int) -> Array:
     return found
 
 
-def _filtered(poses: Poses, gram: Array, part: Part) -> _Filter | None:
-    free = np.flatnonzero(part.wander)
+def _filtered(poses: Poses, gram: Array, deviations: MotionDeviations) -> _Filter | None:
+    free = np.flatnonzero(deviations.wander)
     if not len(free):
         return None
     k = len(free)
-    band, _ = _information(poses.gap, gram, part, free)
+    band, _ = _information(poses.gap, gram, deviations, free)
     factor = _triangle(band)
-    keeps = np.exp(-poses.gap / part.time)
-    new = -np.expm1(-2 * poses.gap / part.time)
+    keeps = np.exp(-poses.gap / deviations.time)
+    new = -np.expm1(-2 * poses.gap / deviations.time)
     block = _blocks(factor, k)
     precision = block @ np.swapaxes(block, 1, 2)
     onward = np.append(keeps[1:] ** 2 / new[1:], 0.0)

@@ -1,0 +1,233 @@
+"""How the residuals of a fit depend on each other: those of a pose, and those of neighbours in time.
+
+The variance components are estimated by :mod:`rodgen.statistics.variance_components`, with the columns of the model and
+of all candidates; here stand the columns, units and words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.problem import one_thread_in_blas
+from rodgen.statistics.columns import DEPENDENT, orthonormal_basis, project_out
+from rodgen.statistics.thresholds import VARIANCES
+from rodgen.statistics.variance_components import VarianceEstimator
+from rodgen.statistics.whitening import MotionDeviations, Poses, SharedMotion
+
+if TYPE_CHECKING:
+    from rodgen.calibration.diagnose.sensitivities import Carriers
+
+__all__ = ["Correlation", "correlation", "covariance_of_estimates"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+NO_READING = 1e-30
+"""Weights below this part of the largest belong to readings that are not believed."""
+NO_RESIDUAL = 1e-13
+"""Residuals below this part of the readings are rounding."""
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """How errors of readings depend on each other.
+
+    Attributes
+    ----------
+    white : float
+        Standard deviation of a reading's own error, in units of a weighted residual: 1 where the noise that is stated
+        is the readings' own.
+    pose_t, pose_r : float
+        What the readings of a pose share: the same of a translation and a turn of the frame, at the mean reading.
+    wander_t, wander_r : float
+        What changes slowly from pose to pose.
+    time : float
+        After which a wander has forgotten 63 % of what it was; seconds, or poses where there are no times.
+    text : str
+        The same for people; empty where readings are independent.
+    """
+
+    white: float
+    pose_t: float
+    pose_r: float
+    wander_t: float
+    wander_r: float
+    time: float
+    text: str
+    _motion: SharedMotion | None = field(default=None, repr=False, compare=False)
+    _part: MotionDeviations | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def independent(self) -> bool:
+        """Whether readings are taken for independent."""
+        return self._part is None
+
+    def whiten(self, columns: Array) -> Array:
+        """Bring columns of weighted readings to where errors are independent, with the variance `white`².
+
+        Parameters
+        ----------
+        columns : ndarray, shape (n, m, K)
+            In the rows that the correlation was estimated on.
+
+        Returns
+        -------
+        ndarray, shape (n, m, K)
+        """
+        if self._motion is None or self._part is None:
+            return columns
+        with one_thread_in_blas():
+            return self._motion.whiten(self._part, columns)
+
+
+def covariance_of_estimates(correlation: Correlation, jacobian: Array) -> Array:
+    """Return the covariance of what an ordinary least-squares fit estimates where errors are correlated.
+
+    Parameters
+    ----------
+    correlation : Correlation
+    jacobian : ndarray, shape (n, m, p)
+        Derivatives of the weighted residuals.
+
+    Returns
+    -------
+    ndarray, shape (p, p)
+        (JᵀJ)⁺ JᵀVJ (JᵀJ)⁺, V as estimated; zero along directions that change no reading.
+    """
+    p = jacobian.shape[2]
+    if not p:
+        return np.zeros((0, 0))
+    size = np.linalg.norm(jacobian.reshape(-1, p), axis=0)
+    size[size == 0.0] = 1.0
+    scaled = jacobian / size
+    with one_thread_in_blas():
+        triangle = np.linalg.qr(scaled.reshape(-1, p), mode="r")
+        _, values, vt = np.linalg.svd(triangle)
+        kept = values > DEPENDENT * max(values.max(initial=0.0), 1e-300)
+        v = vt[: len(values)][kept].T / values[kept]  # scaled @ v is orthonormal
+        motion, part = correlation._motion, correlation._part
+        middle = np.eye(v.shape[1])
+        if motion is not None and part is not None:
+            middle = motion.covariance_of(part, scaled @ v)
+        v = v / values[kept]
+        return np.asarray(
+            correlation.white**2 * (v * values[kept] @ middle @ (v * values[kept]).T)
+        ) / np.outer(size, size)
+
+
+def correlation(carriers: Carriers, nuisance: Array | Sequence[Array]) -> Correlation:
+    """Estimate how the residuals of a fit depend on each other.
+
+    Parameters
+    ----------
+    carriers : Carriers
+    nuisance : sequence of ndarray, each of shape (n, m, k), or ndarray, shape (n, m, K)
+        Columns of each candidate, or of all, each by itself; those of the fit's own parameters are taken out anyhow.
+    """
+    with one_thread_in_blas():
+        return _correlation(carriers, nuisance)
+
+
+def _correlation(carriers: Carriers, nuisance: Array | Sequence[Array]) -> Correlation:
+    fit, o = carriers.fit, carriers.observations
+    weight = np.broadcast_to(carriers.weight, carriers.residual.shape)
+    believed = weight > NO_READING * weight.max(initial=0.0)
+    poses = Poses.among(o.pose, o.run, o.t)
+    motion, groups = _motion(poses, carriers.frame, believed)
+    rows, some = poses.taken(_chosen(poses.count))
+    residual = np.where(believed, carriers.residual, 0.0)[rows].ravel()
+    readings = int(believed[rows].sum())
+    own = orthonormal_basis(_flat(carriers.model[rows]))
+    residual = project_out(own, residual)
+    freedoms = readings - own.shape[1]
+    scatter = float(residual @ residual)
+    rounding = NO_RESIDUAL**2 * fit.problem.scale * len(some.of) / max(fit.observations.n, 1)
+    if freedoms < 1 or scatter <= rounding:
+        return Correlation(0.0, 0.0, 0.0, 0.0, 0.0, np.inf, "")
+    white = float(np.sqrt(scatter / freedoms))
+    known = np.bincount(poses.of[believed.any(axis=1)], minlength=poses.count)
+    if np.count_nonzero(known) < VARIANCES.least_poses or freedoms < VARIANCES.least_poses:
+        return Correlation(white, 0.0, 0.0, 0.0, 0.0, np.inf, "")
+    effects = (
+        [nuisance[:, :, [i]] for i in range(nuisance.shape[2])]
+        if isinstance(nuisance, np.ndarray)
+        else nuisance
+    )
+    columns = [_flat(effect[rows]) for effect in effects]
+    sample = SharedMotion(some, motion.columns[rows])
+    several = int(np.count_nonzero(known > 1)) >= VARIANCES.least_poses
+    estimator = VarianceEstimator(sample, groups, poses, own, columns, residual / white, readings)
+    found, part = estimator.best(pose=several)
+    if part is None:
+        return Correlation(white, 0.0, 0.0, 0.0, 0.0, np.inf, "")
+    white *= float(np.sqrt(found.variance))
+    sizes = {name: white * size for name, size in zip(found.names, found.sizes, strict=True)}
+    pose_t, pose_r, wander_t, wander_r = (
+        sizes.get(name, 0.0) for name in ("pose t", "pose r", "wander t", "wander r")
+    )
+    time = found.time if wander_t or wander_r else np.inf
+    typical = 1 / (float(np.median(weight[believed])) * fit.unit_factor)
+    text = _text([typical * x for x in (white, pose_t, pose_r, wander_t, wander_r)], fit.unit, time, poses)
+    return Correlation(white, pose_t, pose_r, wander_t, wander_r, time, text, motion, part)
+
+
+def _motion(poses: Poses, frame: Array, believed: NDArray[np.bool_]) -> tuple[SharedMotion, dict[str, slice]]:
+    """Return the frame's motion in units of what it does to the mean reading, and its freedoms by name."""
+    H = np.where(believed[:, :, None], frame, 0.0)
+    named = {"r": slice(0, 3)} if H.shape[2] == 3 else {"t": slice(0, 3), "r": slice(3, 6)}
+    groups = {}
+    for name, of in named.items():
+        size = np.sqrt(np.sum(H[:, :, of] ** 2) / max(int(believed.sum()), 1))
+        if size > 0:
+            H[:, :, of] /= size
+            groups[name] = of
+    return SharedMotion(poses, H), groups
+
+
+def _chosen(count: int) -> NDArray[np.bool_]:
+    """Return which poses are looked at."""
+    kept = np.ones(count, np.bool_)
+    if count > VARIANCES.most_poses:
+        kept[:] = False
+        length = VARIANCES.most_poses // VARIANCES.stretches
+        for start in np.linspace(0, count - length, VARIANCES.stretches).astype(int):
+            kept[start : start + length] = True
+    return kept
+
+
+def _flat(columns: Array) -> Array:
+    """Return columns, (n m, K), of length 1, without those of length 0."""
+    n, m, K = columns.shape
+    flat = columns.reshape(n * m, K)
+    size = np.linalg.norm(flat, axis=0)
+    return np.asarray(flat[:, size > 0] / size[size > 0])
+
+
+def _text(sizes: Sequence[float], unit: str, time: float, poses: Poses) -> str:
+    """Say it in a sentence; sizes in the fit's unit: a reading's own, those of a pose, those that wander."""
+    shared, wander = float(np.linalg.norm(sizes[1:3])), float(np.linalg.norm(sizes[3:5]))
+    said = []
+    if shared:
+        said.append(f"readings of one pose share an error of {shared:.2g} {unit}")
+    if wander:
+        over = _time(time, poses)
+        said.append(f"the set-up wanders by {wander:.2g} {unit} {over}")
+    if not said:
+        return ""
+    text = ", and ".join(said)
+    return f"{text[0].upper()}{text[1:]}, beside {sizes[0]:.2g} {unit} of each reading's own."
+
+
+def _time(time: float, poses: Poses) -> str:
+    if time > 2 * poses.duration:
+        return "from beginning to end, as a random walk does"
+    if not poses.timed:
+        return f"within some {time:.2g} poses" if time < 100 else f"within some {time:.0f} poses"
+    for size, name in ((86400.0, "days"), (3600.0, "hours"), (60.0, "minutes")):
+        if time >= 2 * size:
+            return f"within some {time / size:.2g} {name}"
+    return f"within some {time:.2g} seconds"

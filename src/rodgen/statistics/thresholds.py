@@ -1,0 +1,281 @@
+"""Every value that decides an answer of the calibration, each with its reason; one frozen policy for each question.
+
+Each was chosen on machines with a known answer, by independent simulators: `make study` (`study/run.py`,
+`study/plan.py`) measures the rates of false claims, of hits and of coverage, and tests named with a policy hold them.
+Before and after a change of a value, run the study. Tolerances of an algorithm, which only keep rounding out of a
+result, stand beside that algorithm.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+__all__ = [
+    "DETERMINACY",
+    "EFFECT_TEST",
+    "EVIDENCE",
+    "FORMS",
+    "LACK_OF_FIT",
+    "NEGLIGIBLE_WEIGHT",
+    "NOISE",
+    "OUTLIERS",
+    "ROBUST",
+    "SELECTION",
+    "SMALLEST_P",
+    "UNCATALOGUED",
+    "VARIANCES",
+    "VERDICT",
+]
+
+NEGLIGIBLE_WEIGHT = 1e-100
+"""Weight of a reading that a fit is not to see. Not zero, so that its residual can be had from the weighted one; its
+square, 1e-200, vanishes in any sum with readings of weight 1."""
+SMALLEST_P = 1e-300
+"""Probabilities below are written as this: a double ends at 1e-308, and no reader distinguishes them."""
+
+
+@dataclass(frozen=True)
+class EvidencePolicy:
+    """How much evidence a diagnosis needs before it says anything."""
+
+    fewest_spare_readings: int = 6
+    """Readings beyond the parameters: with fewer an F test has no power."""
+    fewest_poses: int = 4
+    """Poses: with fewer every drift looks like an effect."""
+    folds: int = 10
+    """Blocks of poses for errors on poses left out: 10 lose a tenth of the data each, and ten fits are affordable."""
+    copies: float = 0.05
+    """Part of the rows that may repeat others by chance where readings have few digits; more rows are counted once."""
+    largest_wrong_part: float = 0.2
+    """More rows than this part are not wrong by chance: something is missing in the model instead."""
+    changed_rows: float = 1e-3
+    """Part of the rows whose standing as outliers may differ between two looks without deciding anew."""
+
+
+@dataclass(frozen=True)
+class OutlierPolicy:
+    """Rows that are grossly wrong, before the model is known (tests/test_diagnose_space.py)."""
+
+    readings_a_column: int = 4
+    """Readings for each column of the robust fit at least: with more columns each row would be fitted by itself."""
+    visible: float = 0.1
+    """Part of a candidate's column that must remain outside of the model: a smaller rest is rounding, or noise."""
+    most_columns: int = 120
+    """Leading directions of the candidates that the robust fit has: more take long and explain nothing more."""
+    suspicion: float = 0.8
+    """Part of the cut below which the largest row, before any has lost weight, gives no reason to look further."""
+    false_alarm: float = 0.01
+    """Rate of data sets in which the largest good row is called wrong."""
+    neighbours: float = 1e-3
+    """Probability by chance of as many neighbours among wrong rows, below which they show something and are right."""
+
+
+@dataclass(frozen=True)
+class VariancePolicy:
+    """What readings of a pose share and how a set-up wanders (tests/test_correlation.py)."""
+
+    least_poses: int = 8
+    """Of fewer poses nothing is said of how they depend on each other."""
+    most_poses: int = 300
+    """Poses that the restricted likelihood is evaluated on; more change the variances by less than their errors."""
+    stretches: int = 5
+    """Of more poses so many stretches are taken: neighbours show short correlation times, stretches long ones."""
+    effect_p: float = 0.01
+    """An effect is fixed, whatever wanders, where chance over all effects does as much so rarely."""
+    likelihood_share: float = 2 / 3
+    """Share of the likelihood ratio in the logarithm of that probability where something wanders, too; the rest is that
+    of F with the variances as they are without the effect. The likelihood ratio alone is too sure of slow effects (in
+    up to one of ten data sets with drift), and F nearly blind to them."""
+    most_effects: int = 6
+    """Effects that are fixed one after the other."""
+    tried: int = 3
+    """Effects that are compared with wander alone each time; those that are alike count as one."""
+    alike: float = 0.9
+    """Part of a space that two effects share which count as one: those of one effect with two periods do."""
+    gain: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({"pose": 4.0, "wander": 5.0}))
+    """By how much twice the logarithm of the restricted likelihood grows by chance in one of ten cases: a drift that is
+    overlooked makes false claims, one too many costs a little power."""
+    visible: float = 1e-3
+    """Directions of the candidates' columns of which less remains outside of the others have no column of their own."""
+    smallest: float = 0.03
+    """Standard deviation, in those of a reading's own error, below which a component is zero."""
+    largest: float = 300.0
+    """Beyond it the readings' own error would be unknown."""
+    longest: float = 5.0
+    """Correlation time in durations of a run beyond which the wander is a random walk."""
+    several_readings: float = 1.5
+    """Mean number of readings of a pose from which on a design effect can be estimated."""
+    design_effect: float = 1.3
+    """A smaller design effect is chance."""
+
+
+@dataclass(frozen=True)
+class SelectionPolicy:
+    """Which candidates together explain the residuals (tests/test_diagnose_space.py, tests/test_hidden_effects.py)."""
+
+    family_wise: float = 0.01
+    """Rate of false alarms over all candidates together."""
+    visible: float = 0.02
+    """Part of a candidate's column, or combination of columns, that must remain outside of the model to be tested: with
+    less an effect would have to be fifty times as large as what it shows."""
+    noticed: float = 0.005
+    """The error on poses left out must fall by this part: what lowers it less is not worth an effect."""
+    imperfect: float = 0.03
+    """A real effect differs from its formula by this part of its size; so much more at the same place is no effect."""
+    bent: float = 5e-3
+    """Part of what columns do to which they are good: large effects are bent, and what that leaves is no effect."""
+    alike: float = 0.005
+    """Effects that take away the same up to this part of it are alike: the simpler one is named."""
+    rarer: Mapping[str, float] = field(
+        default_factory=lambda: MappingProxyType({"backlash_gradient": 3.0, "lateral_windup": 3.0})
+    )
+    """Effects that are rarer than others that may look the same: so much more they must explain, in ln(probability)."""
+    parameter: float = 12.0
+    """A further parameter must lower chi-square by this and ln(rows): Schwarz's criterion, and so much more because
+    there are many effects to choose from."""
+    most_steps: int = 8
+    """Effects that are added at most."""
+    rivals: int = 40
+    """Candidates that are tried in exchange for one or two of the set."""
+    same: float = 0.5
+    """Part of what an effect explains that an alternative must explain to be named as one."""
+    alternative_limits: float = 3.0
+    """A full fit is made of an alternative whose columns come within so many limits of the effect, ..."""
+    alternative_bent: float = 0.01
+    """... or within this part of what is explained: columns of large effects are no better."""
+    most_alternatives: int = 16
+    """Alternatives of which full fits are made."""
+
+    def parameter_cost(self, rows: int) -> float:
+        """Return by how much chi-square must fall for a further parameter."""
+        return self.parameter + math.log(rows)
+
+
+@dataclass(frozen=True)
+class UncataloguedPolicy:
+    """Whether something outside of the catalogue acts (tests/test_unexplained.py)."""
+
+    most_forms: int = 3
+    """Forms that are written."""
+    an_effect: float = 8.0
+    """What chance gains in chi-square by having so many effects to choose from: 2 ln(number)."""
+    a_form: float = 16.0
+    """The same of forms, which are more."""
+
+
+@dataclass(frozen=True)
+class FormPolicy:
+    """Which form has what the catalogue does not explain (tests/test_unexplained.py)."""
+
+    noticeable: float = 0.01
+    """Part of the mean square on poses left out that a form takes away at least: half a percent of the error."""
+    choices: float = 3.0
+    """Factor of the number of tests for each searched value: between the values on the grid are others."""
+    slight: float = 5.0
+    """Variances of a reading within which sums of squares on poses left out are equal: two columns that are all but the
+    same differ by less than chance, and by more than its error."""
+    fewest_spare: int = 4
+    """Readings beyond the parameters that a search needs."""
+    lost: float = 0.3
+    """Variances of a reading that a fall may lose for the sake of fewer digits."""
+
+
+@dataclass(frozen=True)
+class VerdictPolicy:
+    """What the findings amount to (tests/test_hidden_effects.py)."""
+
+    rare: float = 0.01
+    """Residuals, or an effect's parameters, that chance makes as large with less than this probability are real."""
+    wander: float = 2.0
+    """A set-up that wanders by less than so many times the noise misses nothing; one that wanders more may."""
+    own_error: float = 1.3
+    """Errors that readings do not share may be so many times the stated noise where something wanders, too."""
+    one_way: float = 0.9
+    """Part of a joint's way that is progress, from which on its slow effects look like a wandering set-up."""
+    jump: float = 0.3
+    """Part of the sum of squares that a single jump of the set-up takes away to be named, ..."""
+    sudden: float = 1.5
+    """... and how many times as much as a steady drift does."""
+
+
+@dataclass(frozen=True)
+class EffectTestPolicy:
+    """Whether an effect takes away more of the error than chance does (tests/test_ladder.py)."""
+
+    significant: float = 0.001
+    """Probability by chance below which an effect is real: the user may have tried thirty before."""
+    searched_values: int = 200
+    """Independent values of a searched parameter at least: no search tries many more that are unlike each other."""
+    poses_a_parameter: int = 20
+    """Poses for each parameter from which on a pose's own leverage on its residuals does not matter."""
+
+
+@dataclass(frozen=True)
+class LackOfFitPolicy:
+    """Whether the residuals are larger than the noise (tests/test_noise.py)."""
+
+    rare: float = 0.01
+    """Residuals that chance makes as large with less than this probability are larger than the noise."""
+    improbable: float = 0.001
+    """A lack of fit this improbable is mentioned with the verdict on an effect."""
+
+
+@dataclass(frozen=True)
+class NoisePolicy:
+    """Whether two estimates of the noise contradict each other (tests/test_noise.py)."""
+
+    chance: float = 0.005
+    """Probability by chance of a figure as far off to one side, ..."""
+    alike: float = 1.1
+    """... which must also be off by more than this factor: finer differences do not matter."""
+
+
+@dataclass(frozen=True)
+class RobustPolicy:
+    """Which rows a robust fit leaves out (tests/test_robust.py)."""
+
+    false_alarm: float = 0.01
+    """Probability that good data have a row that is called an outlier."""
+    bad: float = 0.3
+    """Share of bad rows that random sets are prepared for, ..."""
+    miss: float = 0.001
+    """... of which none is free of bad rows with this probability, ..."""
+    most_sets: int = 100
+    """... unless that takes more sets than this."""
+
+
+@dataclass(frozen=True)
+class DeterminacyPolicy:
+    """Which combinations of parameters the data determine (tests/test_determinacy.py)."""
+
+    nothing: float = 1e-9
+    """A combination whose effect is below this part of the largest one, all parameters scaled alike, changes nothing:
+    rounding in the Jacobian of a gauge direction leaves about 1e-14, a combination worth estimating at least 1e-7."""
+    weak: float = 1e-3
+    """A combination below this part is hardly determined: its parameters have a standard deviation a thousand times as
+    large as if the others were known."""
+    rests: float = 5e-3
+    """A parameter that has a greater part in a direction that is not determined is not determined itself."""
+    correlated: float = 0.95
+    """Parameters whose correlation exceeds this are named: they are hardly distinguished."""
+    hardly: float = 20.0
+    """A parameter of an effect is hardly determined whose standard deviation is so many times that of another, ..."""
+    certain: float = 4.0
+    """... and whose value is within so many of its own: other parameters make up for it."""
+
+
+EVIDENCE = EvidencePolicy()
+OUTLIERS = OutlierPolicy()
+VARIANCES = VariancePolicy()
+SELECTION = SelectionPolicy()
+UNCATALOGUED = UncataloguedPolicy()
+FORMS = FormPolicy()
+VERDICT = VerdictPolicy()
+EFFECT_TEST = EffectTestPolicy()
+LACK_OF_FIT = LackOfFitPolicy()
+NOISE = NoisePolicy()
+ROBUST = RobustPolicy()
+DETERMINACY = DeterminacyPolicy()

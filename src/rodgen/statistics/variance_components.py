@@ -1,0 +1,323 @@
+"""Variance components of readings that depend on each other, by restricted maximum likelihood (REML).
+
+A machine does not repeat a pose exactly, which all readings of the pose share, and a set-up wanders while it is
+measured. To a test that takes readings for independent, both look like effects. So their variances are estimated, by
+restricted maximum likelihood (Patterson and Thompson 1971) with the columns of the model as fixed effects, and those of
+the effects that the data call for: a missing effect is not taken for a drift, and a drift that resembles an effect is
+known from how it wanders otherwise. What :mod:`rodgen.statistics.whitening` calls u is the pose's part, x the wander.
+
+A component stays where the restricted likelihood falls without it by more than chance alone makes of it in one of ten
+cases: a drift that is overlooked makes false claims, one too many costs a little power.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.statistics.columns import visible_part
+from rodgen.statistics.f_tests import log_p_of_fall
+from rodgen.statistics.thresholds import SMALLEST_P, VARIANCES
+from rodgen.statistics.whitening import Moments, MotionDeviations, Poses, SharedMotion
+
+__all__ = ["RestrictedLikelihood", "VarianceComponents", "VarianceEstimator"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+class VarianceEstimator:
+    """Estimates variance components, with effects that the data call for, whatever wanders, as fixed effects.
+
+    Parameters
+    ----------
+    motion : SharedMotion
+    groups : mapping of str to slice
+        Freedoms that share a variance.
+    poses : Poses
+        All of them.
+    own : ndarray, shape (N, q)
+        Orthonormal basis of the model's columns.
+    effects : sequence of ndarray, each of shape (N, k)
+        Columns of candidates, of length 1.
+    residual : ndarray, shape (N,)
+    readings : int
+    """
+
+    def __init__(
+        self,
+        motion: SharedMotion,
+        groups: dict[str, slice],
+        poses: Poses,
+        own: Array,
+        effects: Sequence[Array],
+        residual: Array,
+        readings: int,
+    ) -> None:
+        self.motion, self.groups, self.poses = motion, groups, poses
+        self.own, self.effects, self.residual, self.readings = own, effects, residual, readings
+
+    def best(self, *, pose: bool) -> tuple[VarianceComponents, MotionDeviations | None]:
+        """Return the variances; no part where readings are independent."""
+        basis, effects = self.own, list(self.effects)
+        likelihood = self._likelihood(basis)
+        found = likelihood.best(pose=pose)
+        for _ in range(VARIANCES.most_effects):
+            if not found.names:
+                return found, None
+            called = self._called_for(basis, effects, found)
+            if called is None:
+                break
+            basis = np.concatenate(
+                [basis, visible_part(basis, effects.pop(called), VARIANCES.visible)], axis=1
+            )
+            likelihood = self._likelihood(basis)
+            found = likelihood.best(pose=pose)
+        return found, likelihood.deviations(found) if found.names else None
+
+    def _likelihood(self, fixed: Array, further: Array | None = None) -> RestrictedLikelihood:
+        columns = (
+            [fixed, self.residual[:, None]] if further is None else [fixed, further, self.residual[:, None]]
+        )
+        whole = np.concatenate(columns, axis=1).reshape(*self.motion.columns.shape[:2], -1)
+        return RestrictedLikelihood(
+            Moments(self.motion, whole), self.readings, fixed.shape[1], self.groups, self.poses
+        )
+
+    def _called_for(self, basis: Array, effects: Sequence[Array], now: VarianceComponents) -> int | None:
+        """Return the effect that is there whatever wanders, None where there is none.
+
+        Wander and effect are held against wander alone, each with the variances that suit it best. The restricted
+        likelihood is that of the residuals beside the model's columns alone, or two of them could not be compared.
+        """
+        seen = [visible_part(basis, effect, VARIANCES.visible) for effect in effects]
+        count = sum(1 for u in seen if u.shape[1])
+        order = self._promising(basis, seen, now)
+        best, found = np.log(VARIANCES.effect_p), None
+        for i, log_now in order:
+            k = seen[i].shape[1]
+            likelihood = self._likelihood(basis, seen[i])
+            there = likelihood.again(now)
+            gain = max(2 * (there.likelihood - now.likelihood), 0.0)
+            fall = -np.expm1(-gain / likelihood.freedoms)
+            log = _log_p(fall, k, likelihood.freedoms - k) + np.log(count)
+            if any(name.startswith("wander") for name in there.names):
+                log = VARIANCES.likelihood_share * log + (1 - VARIANCES.likelihood_share) * (
+                    log_now + np.log(count)
+                )
+            if log < best:
+                best, found = log, i
+        return found
+
+    def _promising(
+        self, basis: Array, seen: Sequence[Array], now: VarianceComponents
+    ) -> list[tuple[int, float]]:
+        """Return the effects that explain most, if readings were independent or as they are taken to be now.
+
+        With the logarithm of the probability of the latter.
+        """
+        columns = np.concatenate([basis, *seen, self.residual[:, None]], axis=1)
+        moments = Moments(self.motion, columns.reshape(*self.motion.columns.shape[:2], -1))
+        deviations = _deviations_of(now.names, now.sizes, now.time, self.groups, self.motion.freedoms)
+        chosen: dict[int, float] = {}
+        both = [_log_ps(moments.inverse(deviations)[0], basis.shape[1], seen, self.readings)]
+        both.append(_log_ps(moments.square, basis.shape[1], seen, self.readings))
+        for logs in both:
+            some: list[int] = []
+            for i in sorted(logs, key=lambda i: logs[i]):
+                if len(some) < VARIANCES.tried and not any(_alike(seen[i], seen[j]) for j in some):
+                    some.append(i)
+                    chosen[i] = both[0].get(i, 0.0)
+        return list(chosen.items())
+
+
+def _alike(one: Array, other: Array) -> bool:
+    """Tell whether two orthonormal bases are nearly of the same space, as those of one effect with two periods are."""
+    return one.shape == other.shape and float(np.sum((one.T @ other) ** 2)) > VARIANCES.alike * one.shape[1]
+
+
+def _log_ps(products: Array, q: int, seen: Sequence[Array], readings: int) -> dict[int, float]:
+    """Return the logarithm of the probability of F of each effect, from products of [fixed, effects, residual]."""
+    A, B = products[:q, :q], products[:q, q:]
+    left = products[q:, q:] - (B.T @ np.linalg.solve(A, B) if q else 0.0)
+    total, found, start = float(left[-1, -1]), {}, 0
+    for i, u in enumerate(seen):
+        k = u.shape[1]
+        of = slice(start, start + k)
+        start += k
+        if not k or readings - q - k < 1 or total <= 0:
+            continue
+        along = left[of, -1]
+        fall = float(along @ np.linalg.lstsq(left[of, of], along, rcond=1e-10)[0])
+        found[i] = _log_p(fall / total, k, readings - q - k)
+    return found
+
+
+def _log_p(part: float, k: int, spare: int) -> float:
+    """Return the logarithm of the probability that k columns explain such a part by chance; at least that of 1e-300."""
+    return max(log_p_of_fall(part, max(1 - part, 0.0), k, spare), float(np.log(SMALLEST_P)))
+
+
+@dataclass(frozen=True)
+class VarianceComponents:
+    """Variance components where the restricted likelihood is largest.
+
+    Attributes
+    ----------
+    names : tuple of str
+        ``"pose t"``, ``"wander r"``, ...: kind of component, and group of freedoms that share it.
+    sizes : tuple of float
+        Standard deviation of each, in those of a reading's own error.
+    time : float
+        Correlation time of the wander.
+    likelihood : float
+        Logarithm of the restricted likelihood.
+    variance : float
+        Of a reading's own error.
+    """
+
+    names: tuple[str, ...]
+    sizes: tuple[float, ...]
+    time: float
+    likelihood: float
+    variance: float
+
+
+def _deviations_of(
+    names: Sequence[str], sizes: Sequence[float], time: float, groups: dict[str, slice], freedoms: int
+) -> MotionDeviations:
+    by = {"pose": np.zeros(freedoms), "wander": np.zeros(freedoms)}
+    for name, size in zip(names, sizes, strict=True):
+        what, group = name.split()
+        by[what][groups[group]] = size
+    return MotionDeviations(by["pose"], by["wander"], time)
+
+
+class RestrictedLikelihood:
+    """The restricted likelihood of variance components, and its maxima.
+
+    Parameters
+    ----------
+    moments : Moments
+        Of an orthonormal basis of fixed effects, of further ones, and of the residuals last.
+    readings : int
+    fixed : int
+        Number of fixed effects that are not further ones: what they explain is no evidence of anything.
+    groups : mapping of str to slice
+        Freedoms that share a variance.
+    poses : Poses
+    """
+
+    def __init__(
+        self, moments: Moments, readings: int, fixed: int, groups: dict[str, slice], poses: Poses
+    ) -> None:
+        self.moments = moments
+        self.fixed = fixed
+        self.freedoms = readings - fixed
+        self.groups = groups
+        self.poses = poses
+        self.count = moments.gram.shape[1]
+
+    def deviations(self, found: VarianceComponents) -> MotionDeviations:
+        """Return variances by freedom."""
+        return _deviations_of(found.names, found.sizes, found.time, self.groups, self.count)
+
+    def at(self, names: Sequence[str], sizes: Sequence[float], time: float) -> VarianceComponents:
+        """Evaluate the restricted likelihood, of which the variance of the readings' own errors is the best."""
+        none = VarianceComponents(tuple(names), tuple(sizes), time, -np.inf, 1.0)
+        try:
+            products, logarithm = self.moments.inverse(
+                _deviations_of(names, sizes, time, self.groups, self.count)
+            )
+            triangle = np.linalg.cholesky(products)  # its last entry: what the fixed effects leave
+        except np.linalg.LinAlgError:
+            return none
+        diagonal = np.diagonal(triangle)
+        variance = float(diagonal[-1] ** 2) / self.freedoms
+        if not variance > 0:
+            return none
+        of_fixed = float(np.sum(np.log(diagonal[: self.fixed])))
+        likelihood = -0.5 * (self.freedoms * np.log(variance) + logarithm) - of_fixed
+        return replace(none, likelihood=likelihood, variance=variance)
+
+    def best(self, *, pose: bool) -> VarianceComponents:
+        """Add the part that is worth more, then the other, while they are worth it."""
+        now = self.at((), (), np.inf)
+        waiting: dict[str, Callable[[VarianceComponents], VarianceComponents]] = {"wander": self._with_wander}
+        if pose:
+            waiting["pose"] = self._with_pose
+        while waiting:
+            tried = {name: add(now) for name, add in waiting.items()}
+            gains = {
+                name: 2 * (there.likelihood - now.likelihood) - VARIANCES.gain[name]
+                for name, there in tried.items()
+            }
+            name = max(gains, key=lambda x: gains[x])
+            if not gains[name] > 0:
+                break
+            now = tried[name]
+            del waiting[name]
+        return now
+
+    def again(self, now: VarianceComponents) -> VarianceComponents:
+        """Climb with the parts that there are, from where they are, and from nearly nothing."""
+        starts = [self.at(now.names, now.sizes, now.time)]
+        starts.append(self.at(now.names, [min(size, 4 * VARIANCES.smallest) for size in now.sizes], now.time))
+        return max((self._climbed(start) for start in starts), key=lambda x: x.likelihood)
+
+    def _with_pose(self, now: VarianceComponents) -> VarianceComponents:
+        names = tuple(f"pose {group}" for group in self.groups)
+        started = [
+            self.at((*now.names, *names), (*now.sizes, *[size] * len(names)), now.time) for size in (0.5, 2.0)
+        ]
+        return self._climbed(max(started, key=lambda x: x.likelihood))
+
+    def _with_wander(self, now: VarianceComponents) -> VarianceComponents:
+        names = tuple(f"wander {group}" for group in self.groups)
+        started = [
+            self.at((*now.names, *names), (*now.sizes, *[size] * len(names)), time)
+            for time in np.geomspace(self.shortest, self.longest, 6)[1:]
+            for size in (0.4, 1.5)
+        ]
+        return self._climbed(max(started, key=lambda x: x.likelihood))
+
+    @property
+    def shortest(self) -> float:
+        """The least correlation time."""
+        return self.poses.spacing
+
+    @property
+    def longest(self) -> float:
+        """The greatest correlation time."""
+        return max(VARIANCES.longest * self.poses.duration, 4 * self.shortest)
+
+    def _climbed(self, start: VarianceComponents) -> VarianceComponents:
+        """Climb to a maximum; what is next to nothing there is nothing."""
+        from scipy.optimize import minimize
+
+        timed = any(name.startswith("wander") for name in start.names)
+        low = np.log([*[VARIANCES.smallest / 3] * len(start.sizes), *[self.shortest] * timed])
+        high = np.log([*[VARIANCES.largest] * len(start.sizes), *[self.longest] * timed])
+        x = np.clip(np.log([*start.sizes, *[start.time] * timed]), low, high)
+        simplex = np.vstack([x, x + np.diag(np.where(x < (low + high) / 2, 0.7, -0.7))])
+        best = start
+
+        def cost(x: Array) -> float:
+            nonlocal best
+            sizes = np.exp(np.clip(x, low, high))
+            there = self.at(
+                start.names, sizes[: len(start.sizes)].tolist(), float(sizes[-1]) if timed else np.inf
+            )
+            if there.likelihood > best.likelihood:
+                best = there
+            return -there.likelihood
+
+        limits = {"maxfev": 30 * len(x), "xatol": 0.02, "fatol": 0.01, "initial_simplex": simplex}
+        minimize(cost, x, method="Nelder-Mead", options=limits)
+        kept = [i for i, size in enumerate(best.sizes) if size > VARIANCES.smallest]
+        if len(kept) == len(best.sizes):
+            return best
+        return self.at([best.names[i] for i in kept], [best.sizes[i] for i in kept], best.time)
