@@ -246,7 +246,7 @@ def test_where_directions_are_measured_a_frame_turns_and_a_target_has_two_freedo
 
 
 def test_what_is_searched_and_what_later_joints_add():
-    searched = {(*d.at, d.name): d.searched for d in CATALOGUE if d.searched}
+    searched = {(*d.at, d.name): tuple(d.searched) for d in CATALOGUE if d.searched}
     assert searched == {
         ("revolute", "periodic_drive_error"): ("P",),
         ("prismatic", "periodic_drive_error"): ("P",),

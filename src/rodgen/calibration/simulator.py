@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rodgen.calibration.assembly_modes import open_legs
 from rodgen.calibration.fit import fit
 from rodgen.calibration.problem import Problem
-from rodgen.data.units import ANGLE, LENGTH, UnitError, parse_unit, unit_factor
+from rodgen.data.units import ANGLE, LENGTH, TIME, UnitError, parse_unit, unit_factor
 from rodgen.errors import InputFileError, RodgenError, shown
 from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.effects.typed import number_and_unit
@@ -172,16 +172,14 @@ class Lab:
         self.machine.with_effect(effect)  # the rules for what is held
         parameters = {p.key: p for p in self._parameters(effect)}
         runs = self.observations.run_names
-        if run is not None and (
-            effect.definition.component != "frame_shift" or len(runs) < 2 or run not in runs
-        ):
+        if run is not None and (not effect.definition.per_run or len(runs) < 2 or run not in runs):
             found = f"{effect.name}[{run}]"
             raise InputFileError(
                 "effect", effect.title, found, "a set-up in the column 'run', of frame_shift alone"
             )
         if not effect.hold:
             return None
-        if run is None and effect.definition.component == "frame_shift" and len(runs) > 1:
+        if run is None and effect.definition.per_run and len(runs) > 1:
             found, expected = (
                 "no set-up",
                 f"one of {', '.join(runs[:9])}, such as frame_shift[{runs[-1]}]:x=0.1",
@@ -260,7 +258,7 @@ class Lab:
     def _searched(self, parameter: Parameter) -> float:
         """Draw a time constant or a period; NaN where the design shows none."""
         o = self.observations
-        if parameter.key.endswith(".tau"):
+        if unit_factor(parameter.unit, self.machine.length_unit)[1] == TIME:
             span = 0.0 if o.t is None or not len(o.t) else float(np.ptp(o.t))
             return span * float(self.random.uniform(0.15, 0.5)) if span > 0 else math.nan
         joint = [joint.name for joint in self.machine.joints].index(str(parameter.place))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rodgen.calibration.least_squares import Solution, minimise
 from rodgen.calibration.nearest_frame import nearest_frame
 from rodgen.calibration.problem import Problem
+from rodgen.machines.effects.definition import Search
 from rodgen.machines.model import Frame
 
 __all__ = ["linear_falls", "most_waves", "placed", "searched", "trilaterated", "wave_falls"]
@@ -153,12 +154,7 @@ def searched(problem: Problem, solution: Solution, free: Sequence[int], new: Seq
             continue
         others = [i for i in (*free, *new) if i != index]
         waves = [i for i in new if problem.model.parameters[i].slot[-1] in {"a", "b"}]
-        if (
-            parameter.slot[-1] == "P"
-            and len(waves) == 2
-            and not theta[waves].any()
-            and not _is_own(problem, index)
-        ):
+        if parameter.searched is Search.PERIOD and len(waves) == 2 and not theta[waves].any():
             theta[index] = _period(problem, replace(solution, theta=theta), free, waves, index)
             continue
         best = (np.inf, theta[index])
@@ -261,12 +257,6 @@ def _scaled(columns: Array) -> Array:
     return np.asarray(columns[:, size > 0] / size[size > 0])
 
 
-def _is_own(problem: Problem, index: int) -> bool:
-    """Tell whether a parameter is that of a user's formula."""
-    name = problem.model.parameters[index].effect
-    return any(e.name == name and e.definition.own for e in problem.model.machine.effects)
-
-
 def linear_falls(
     problem: Problem, solution: Solution, free: Sequence[int], new: Sequence[int]
 ) -> list[float]:
@@ -293,14 +283,13 @@ def _fall(cost: float, square: Array, gradient: Array, free: Sequence[int]) -> f
 def _grid(problem: Problem, index: int) -> Array:
     """Return the values that are tried for a parameter."""
     parameter, o = problem.model.parameters[index], problem.observations
-    name = parameter.slot[-1]
-    if _is_own(problem, index):
+    if parameter.searched is Search.ANY:
         return np.concatenate([-ANY_SIZE, ANY_SIZE])
-    if name == "tau" and o.t is not None:
+    if parameter.searched is Search.TIME_CONSTANT and o.t is not None:
         t = np.unique(o.t)
         if len(t) > 1:
             return np.geomspace(np.diff(t).min(), 3 * (t[-1] - t[0]), 60)
-    if name == "P":
+    if parameter.searched is Search.PERIOD:
         joint = [joint.name for joint in problem.model.machine.joints].index(str(parameter.place))
         q = np.unique(o.q[:, joint])
         if len(q) > 3:

@@ -22,9 +22,6 @@ __all__ = ["Frame", "Model"]
 
 Array: TypeAlias = NDArray[np.float64]
 
-NO_DECAY = 1e12
-"""Seconds, longer than any measurement: exp(-t/tau) is 1 with any origin of t."""
-
 
 _TURNS = ("rx", "ry", "rz")
 
@@ -157,8 +154,8 @@ class Model:
         given = self.machine.values
         values = []
         for p in self.parameters:
-            unsearched = NO_DECAY if p.slot[-1] == "tau" else 1.0
-            start = given.get(p.key, unsearched if p.searched else 0.0) if p.slot[0] != "frame" else 0.0
+            unsearched = p.searched.before if p.searched else 0.0
+            start = given.get(p.key, unsearched) if p.slot[0] != "frame" else 0.0
             values.append(start if p.hold is None else p.hold)
         return np.array(values, dtype=float)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rodgen.data.units import unit_factor
+from rodgen.machines.effects.definition import Search
 from rodgen.machines.structure import GEOMETRY, Structure, row_effects
 
 if TYPE_CHECKING:
@@ -35,8 +36,10 @@ class Parameter:
         ("frame", component) or ("e", term number, name).
     place, effect : str or None
         Joint or target, and the effect that it belongs to; no effect for what a base fit adjusts.
-    searched, optional : bool
-        Whether its start comes from a search; whether it is taken in only where the data call for it.
+    searched : Search or None
+        What search its start comes from.
+    optional : bool
+        Whether it is taken in only where the data call for it.
     """
 
     key: str
@@ -46,7 +49,7 @@ class Parameter:
     slot: tuple[object, ...]
     place: str | None = None
     effect: str | None = None
-    searched: bool = False
+    searched: Search | None = None
     optional: bool = False
 
 
@@ -85,7 +88,7 @@ def _parameters(machine: Machine, structure: Structure, runs: Sequence[str]) -> 
             if effect is not None or f"{joint.name}.{component}" in machine.estimate:
                 prefix = f"{joint.name}.{effect.name if effect else component}"
                 for x in "ab":
-                    more = _of_effect(effect, joint.name, x) if effect else {"place": joint.name}
+                    more = _of_effect(machine, effect, x) if effect else {"place": joint.name}
                     yield made(f"{prefix}.{x}", unit, f"{component}.{x}", j, **more)
     for k, target in enumerate(machine.targets):
         effect = geometric.get(("target", target.name))
@@ -95,7 +98,7 @@ def _parameters(machine: Machine, structure: Structure, runs: Sequence[str]) -> 
                 yield made(f"target.{target.name}.{x}", unit, "target", k, x, place=target.name)
             elif effect is not None:
                 key = f"{target.name}.{effect.name}.{x}"
-                yield made(key, unit, "target", k, x, **_of_effect(effect, target.name, x))
+                yield made(key, unit, "target", k, x, **_of_effect(machine, effect, x))
     if structure.frame:
         if moving:
             yield from (made(f"frame.{x}", length, "frame", x) for x in "xyz")
@@ -103,26 +106,20 @@ def _parameters(machine: Machine, structure: Structure, runs: Sequence[str]) -> 
     if structure.shift:
         effect = geometric["frame_shift", None]
         for r, run in enumerate(runs if len(runs) > 1 else [""]):
-            prefix = f"frame_shift[{run}]" if len(runs) > 1 else "frame_shift"
+            prefix = f"{effect.key('')}[{run}]" if len(runs) > 1 else effect.key("")
             names = [(x, length, x) for x in "xyz"] + [(f"r{x}", angle, f"r{x}") for x in "xyz"]
             for x, unit, component in names if moving else [(x, angle, f"r{x}") for x in "xyz"]:
-                yield made(f"{prefix}.{x}", unit, "shift", r, component, **_of_effect(effect, None, x))
+                yield made(f"{prefix}.{x}", unit, "shift", r, component, **_of_effect(machine, effect, x))
     for n, (effect, term) in enumerate(zip(row_effects(machine), structure.terms, strict=True)):
         prefix = f"{effect.place}.{effect.name}" if effect.place else effect.name
         units = effect.units(machine)
         for position, name in enumerate(term.parameters):
             optional = position >= len(term.parameters) - len(term.later_joints)
-            more = _of_effect(effect, effect.place, name) | {"optional": optional}
-            if name == "P" and effect.name == "periodic_drive_error" and more["hold"] is None:
-                period = machine.joint(str(effect.place)).period
-                more |= {"hold": period, "searched": period is None}
+            more = _of_effect(machine, effect, name) | {"optional": optional}
             yield made(f"{prefix}.{name}", units[name], "e", n, name, **more)
 
 
-def _of_effect(effect: Effect, place: str | None, name: str) -> dict[str, object]:
-    return {
-        "effect": effect.name,
-        "place": place,
-        "hold": effect.hold.get(name),
-        "searched": name in effect.definition.searched and name not in effect.hold,
-    }
+def _of_effect(machine: Machine, effect: Effect, name: str) -> dict[str, object]:
+    hold = effect.hold.get(name, effect.given(machine, name))
+    searched = effect.definition.searched.get(name) if hold is None else None
+    return {"effect": effect.name, "place": effect.place, "hold": hold, "searched": searched}

@@ -104,6 +104,15 @@ class Effect:
         prefix = self.key("")
         return key.startswith((f"{prefix}.", f"{prefix}["))
 
+    def is_per_run(self, values: Mapping[str, float]) -> bool:
+        """Tell whether fitted values, by their keys, are of each set-up, such as ``frame_shift[2].x``."""
+        return any(key.startswith(f"{self.key('')}[") for key in values)
+
+    def given(self, machine: Machine, parameter: str) -> float | None:
+        """Return the value of a parameter that the joint's block gives, None where it gives none."""
+        key = self.definition.given_by_joint.get(parameter)
+        return None if key is None else getattr(machine.joint(str(self.place)), key)
+
     def units(self, machine: Machine) -> dict[str, str]:
         """Return every parameter with the unit in which it is shown.
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.sensitivities import MOMENTS, Carriers, is_direct
 from rodgen.calibration.starting_values import most_waves, wave_falls
+from rodgen.machines.effects.definition import Search
 from rodgen.machines.machine import Effect
 from rodgen.machines.rigid import complete_basis
 from rodgen.statistics.columns import orthonormal_basis, project_out
@@ -110,7 +111,7 @@ def _weightless(carriers: Carriers, effect: Effect) -> bool:
 
 
 def _is_wave(effect: Effect) -> bool:
-    return _nonlinear(effect) == {"P"}
+    return list(effect.definition.searched.values()) == [Search.PERIOD]
 
 
 def _direct(carriers: Carriers, effect: Effect) -> Candidate:
@@ -119,7 +120,7 @@ def _direct(carriers: Carriers, effect: Effect) -> Candidate:
 
 
 def _product(carriers: Carriers, effect: Effect, searched: Mapping[str, float]) -> Candidate:
-    linear = [name for name in effect.definition.parameters if name not in _nonlinear(effect)]
+    linear = [name for name in effect.definition.parameters if name not in effect.definition.searched]
     columns = [_column(carriers, effect, {name: 1.0}, searched) for name in linear]
     return Candidate(effect, tuple(map(effect.key, linear)), np.stack(columns, axis=-1), searched)
 
@@ -143,7 +144,7 @@ def promising_waves(
         bases.append(orthonormal_basis(whole))
     for effect in effects:
         tried = list(_tried(carriers, effect))
-        frequencies = 2 * np.pi / np.array([values["P"] for values in tried])
+        frequencies = 2 * np.pi / np.array([value for values in tried for value in values.values()])
         carrier = carriers.component(effect.place, "reading")
         assert carrier is not None
         q = carriers.observations.q[some, _number(carriers, effect)]
@@ -158,33 +159,32 @@ def promising_waves(
             yield replace(_product(carriers, effect, tried[i]), tries=float(len(tried)))
 
 
-def _nonlinear(effect: Effect) -> frozenset[str]:
-    inner = effect.definition.formula.inner_names
-    return frozenset(name for name in effect.definition.parameters if name in inner)
-
-
 def _tried(carriers: Carriers, effect: Effect) -> Iterator[dict[str, float]]:
     """Yield values of the parameters that do not enter linearly."""
-    names = _nonlinear(effect)
-    if not names:
+    searched = effect.definition.searched
+    if not searched:
         yield {}
-    elif names == {"tau"}:
+        return
+    (name, search), *more = searched.items()
+    if more:
+        return
+    if search is Search.TIME_CONSTANT:
         t = carriers.observations.t
         assert t is not None
         times = np.unique(t)
         for tau in np.geomspace(max(np.diff(times).min(), 1e-3 * np.ptp(times)), 3 * np.ptp(times), TAUS):
-            yield {"tau": float(tau)}
-    elif names == {"P"}:
-        joint = carriers.fit.machine.joint(str(effect.place))
-        if joint.period is not None:
-            yield {"P": joint.period}
+            yield {name: float(tau)}
+    elif search is Search.PERIOD:
+        period = effect.given(carriers.fit.machine, name)
+        if period is not None:
+            yield {name: period}
             return
         j = _number(carriers, effect)
         q = np.unique(carriers.observations.q[:, j])
         if len(q) > 3:
             highest = min(most_waves(q), MOST_WAVES)
             for waves in np.arange(FEWEST_WAVES, highest + WAVES_STEP / 2, WAVES_STEP):
-                yield {"P": float((q[-1] - q[0]) / waves)}
+                yield {name: float((q[-1] - q[0]) / waves)}
 
 
 def _number(carriers: Carriers, effect: Effect) -> int:

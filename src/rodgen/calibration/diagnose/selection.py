@@ -279,7 +279,7 @@ def _is_of_a_leg(candidate: Candidate) -> bool:
 
 def _follows_time(candidate: Candidate) -> bool:
     definition = candidate.effect.definition
-    return definition.component == "frame_shift" or "t" in definition.formula.names
+    return definition.per_run or "t" in definition.formula.names
 
 
 def _is_thermal(candidate: Candidate) -> bool:

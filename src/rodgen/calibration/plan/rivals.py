@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rodgen.calibration.fitted import FittedModel
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.errors import InputFileError
-from rodgen.machines.model import NO_DECAY, Model
+from rodgen.machines.model import Model
 from rodgen.machines.structure import row_effects
 
 if TYPE_CHECKING:
@@ -146,14 +146,11 @@ class Rivals:
 
     def _silent(self, effect: Effect) -> Effect:
         """Return an effect that does nothing."""
-        joint = next((j for j in self.machine.joints if j.name == effect.place), None)
         hold = {}
         for name in effect.units(self.machine):
-            if name in effect.definition.searched:
-                if not (name == "P" and joint is not None and joint.period is not None):
-                    hold[name] = NO_DECAY if name == "tau" else 1.0
-            else:
-                hold[name] = 0.0
+            if effect.given(self.machine, name) is None:
+                search = effect.definition.searched.get(name)
+                hold[name] = search.before if search else 0.0
         return replace(effect, hold=hold)
 
     def variance(self, rivals: Sequence[Rival]) -> float:

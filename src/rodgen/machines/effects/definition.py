@@ -7,13 +7,14 @@ import re
 import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from enum import Enum
 from typing import Any
 
 from rodgen.data.units import ANGLE, LENGTH, ONE, Dimension
 from rodgen.machines.effects.formula import Formula
 from rodgen.machines.measured import DIRECTION, POINT, Measurand
 
-__all__ = ["COMPONENTS", "EffectDefinition", "component_dimension"]
+__all__ = ["COMPONENTS", "EffectDefinition", "Search", "component_dimension"]
 
 COMPONENTS = {
     "reading": "reading += {formula}",
@@ -54,6 +55,20 @@ _PLACES = {
 _WIDTH = 100
 
 
+class Search(Enum):
+    """What is searched for: a parameter on which the readings do not depend smoothly enough to start anywhere."""
+
+    PERIOD = "the period of a wave along a joint's way"
+    TIME_CONSTANT = "a time constant"
+    ANY = "a parameter of a user's formula"
+
+    @property
+    def before(self) -> float:
+        """Value before it is found, internal units; the effect's other parameters are zero then."""
+        # longer than any measurement: exp(-t/tau) is 1 with any origin of t
+        return 1e12 if self is Search.TIME_CONSTANT else 1.0
+
+
 @dataclass(frozen=True)
 class EffectDefinition:
     """An effect, of the catalogue or of a user.
@@ -80,8 +95,12 @@ class EffectDefinition:
         Symbols of ISO 230, where there are any.
     slope : Formula or None
         A second formula: the slope of a sag, the rotation vector of a frame shift.
-    searched : tuple of str
-        Parameters that the readings do not depend on smoothly enough to start anywhere.
+    searched : mapping of str to Search
+        Parameters whose start comes from a search.
+    given_by_joint : mapping of str to str
+        Parameters that a key of the joint's block may give, such as ``period``.
+    per_run : bool
+        Whether each set-up of the measurements has parameters of its own.
     own : bool
         Whether a user wrote it.
     later_joints : bool
@@ -101,7 +120,9 @@ class EffectDefinition:
     source: str = ""
     iso: str = ""
     slope: Formula | None = None
-    searched: tuple[str, ...] = ()
+    searched: Mapping[str, Search] = field(default_factory=dict, hash=False)
+    given_by_joint: Mapping[str, str] = field(default_factory=dict, hash=False)
+    per_run: bool = False
     own: bool = False
     later_joints: bool = False
     directions: EffectDefinition | None = None

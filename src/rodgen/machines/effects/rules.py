@@ -214,10 +214,10 @@ def _check_hold(machine: Machine, effect: Effect) -> None:
             raise UnfitEffectError(f"hold.{name}", f"no parameter of {effect.name}", listed(units))
         if name in effect.definition.searched and not effect.definition.own and not value > 0:
             raise UnfitEffectError(f"hold.{name}", f"{value:g}", "a positive number")
-    if effect.name == "periodic_drive_error" and "P" in effect.hold:
-        period = machine.joint(str(effect.place)).period
-        if period is not None:
-            raise UnfitEffectError("hold.P", f"given beside period of joint {effect.place}", "one of the two")
+    for name, key in effect.definition.given_by_joint.items():
+        if name in effect.hold and effect.given(machine, name) is not None:
+            found = f"given beside {key} of joint {effect.place}"
+            raise UnfitEffectError(f"hold.{name}", found, "one of the two")
 
 
 # what a user wrote -----------------------------------------------------------------------------------------------

@@ -77,7 +77,7 @@ def _left_out(machine: Machine) -> Iterator[tuple[Effect, str]]:
             yield effect, "the instrument's error, not the machine's"
         elif effect.place is None and component != "lift" and machine.measured.frame == "free":
             yield effect, "it moves the measuring frame, which is free"
-        elif any(key.startswith(f"{effect.key('')}[") for key in machine.values):
+        elif effect.is_per_run(machine.values):
             yield effect, "of each set-up another"
 
 

@@ -270,7 +270,7 @@ def _check_travel(machine: Machine, effect: Effect) -> None:
 
 def _hold(machine: Machine, effect: Effect) -> dict[str, float]:
     """Return the values of an effect's parameters; a frame shift for each run has none, and is found again."""
-    if any(key.startswith(f"{effect.key('')}[") for key in machine.values):
+    if effect.is_per_run(machine.values):
         return dict(effect.hold)
     found = {}
     for name in effect.units(machine):
