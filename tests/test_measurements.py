@@ -25,7 +25,7 @@ from rodgen.calibration.binding import bind
 from rodgen.data import poses as _poses
 from rodgen.data import spool as _spool
 from rodgen.data.measurements import Measurements
-from rodgen.data.tables import reader as _source
+from rodgen.data.tables import _csv
 from rodgen.errors import InputFileError
 from rodgen.machines.machine import Joint, Machine, Measured, Target
 
@@ -691,7 +691,7 @@ def test_progress_adds_up(tmp_path):
 @settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(blanks=st.lists(st.integers(0, 2), min_size=1, max_size=60))
 def test_row_knows_its_line(size, blanks, monkeypatch, tmp_path):
-    monkeypatch.setattr(_source, "BLOCK_BYTES", size)
+    monkeypatch.setattr(_csv, "BLOCK_BYTES", size)
     lines = ["C [deg],d [mm]"]
     expected = []
     for number, blank in enumerate(blanks):
@@ -1024,7 +1024,7 @@ def test_arrays_in_files_hold_what_arrays_in_memory_hold(size, monkeypatch, tmp_
     path = tmp_path / "data.csv"
     path.write_text(csv_text(table))
     monkeypatch.setattr(_spool, "IN_MEMORY", size)
-    monkeypatch.setattr(_source, "BLOCK_BYTES", 10_000)
+    monkeypatch.setattr(_csv, "BLOCK_BYTES", 10_000)
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     found = bind(machine(), Measurements.load(path))
     for a, b in zip(found.arrays(), expected.arrays(), strict=True):
@@ -1046,7 +1046,7 @@ def test_full_disk_is_told(monkeypatch):
 
 def test_fault_after_much_was_read_leaves_no_file_open(monkeypatch, tmp_path, recwarn):
     monkeypatch.setattr(_spool, "IN_MEMORY", 100)
-    monkeypatch.setattr(_source, "BLOCK_BYTES", 100)
+    monkeypatch.setattr(_csv, "BLOCK_BYTES", 100)
     with pytest.raises(InputFileError, match="line 1002"):
         from_bytes(tmp_path / "data.csv", GOOD + f"{ROW}\n" * 999 + ROW.replace("90", "x"))
     gc.collect()

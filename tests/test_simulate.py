@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from machine_simulator import RADIANS, Simulated
 
 import rodgen
-from rodgen.calibration.annotated_copy import copied_with
 from rodgen.calibration.hidden_truth import opened, sealed
+from rodgen.data.tables import copied_with
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.effects.rules import UnfitEffectError
 from rodgen.machines.effects.typed import assignments, number_and_unit, typed_effect

@@ -17,8 +17,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rodgen.cli.axis import solve_table
-from rodgen.data.tables import PAIR_COLUMNS, open_sink, read_pairs
-from rodgen.data.tables import reader as source
+from rodgen.data.tables import PAIR_COLUMNS, _arrow, _csv, open_sink, read_pairs
 from rodgen.data.units import UnitError, conversion_factor
 from rodgen.errors import InputFileError, RodgenError, shown
 
@@ -402,8 +401,8 @@ def small_blocks(monkeypatch):
     """Blocks so small that every file has many: a cut falls everywhere in turn."""
 
     def use(size):
-        monkeypatch.setattr(source, "BLOCK_BYTES", size)
-        monkeypatch.setattr(source, "BLOCK_ROWS", max(1, size // 50))
+        monkeypatch.setattr(_csv, "BLOCK_BYTES", size)
+        monkeypatch.setattr(_arrow, "BLOCK_ROWS", max(1, size // 50))
 
     return use
 

@@ -9,9 +9,17 @@ from __future__ import annotations
 
 import difflib
 import os
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
-__all__ = ["InputFileError", "RodgenError", "UnexpectedError", "listed", "nearest_name", "shown"]
+__all__ = [
+    "InputFileError",
+    "RodgenError",
+    "UnexpectedError",
+    "listed",
+    "nearest_hint",
+    "nearest_name",
+    "shown",
+]
 
 
 class RodgenError(ValueError):
@@ -114,9 +122,33 @@ def nearest_name(name: str, options: Collection[str]) -> str | None:
     >>> nearest_name("Axsi", ["axis", "point"])
     'axis'
     """
-    folded = {option.casefold(): option for option in options}
+    folded = {option.casefold().replace(" ", "_"): option for option in options}
     similar = difflib.get_close_matches(name.casefold()[:60], folded, n=1, cutoff=0.7)
     return folded[similar[0]] if similar else None
+
+
+def nearest_hint(name: str, options: Mapping[str, str]) -> str:
+    """Return a hint, for an error message, at the option that `name` is probably a misspelling of.
+
+    Parameters
+    ----------
+    name : str
+        What was not found.
+    options : mapping
+        Names, and how each is written in the file.
+
+    Returns
+    -------
+    str
+        Empty when none is similar.
+
+    Examples
+    --------
+    >>> nearest_hint("load", {"Load": "Load [kN]", "t": "t [s]"})
+    " (the nearest is 'Load [kN]')"
+    """
+    near = nearest_name(name, options)
+    return "" if near is None else f" (the nearest is {shown(options[near])})"
 
 
 def _one_line(text: str) -> str:

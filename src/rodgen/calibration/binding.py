@@ -13,13 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.assembly_modes import closed
-from rodgen.data.names import plain_name
+from rodgen.data.measurements import plain_name
 from rodgen.data.observations import Observations
 from rodgen.data.poses import approach, poses
 from rodgen.data.spool import empty
-from rodgen.data.tables import nearest
 from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, Dimension, parse_unit
-from rodgen.errors import InputFileError, shown
+from rodgen.errors import InputFileError, nearest_hint, shown
 from rodgen.machines.measured import MEASURANDS
 
 if TYPE_CHECKING:
@@ -157,7 +156,7 @@ class _Binder:
 
     def _missing(self, name: str, expected: str) -> InputFileError:
         others = {n: c.text for n, c in self.columns.items() if n not in self.own}
-        found = f"no column {name!r}{nearest(name, others)}"
+        found = f"no column {name!r}{nearest_hint(name, others)}"
         return InputFileError(self.data.file, self.data.header_place, found, expected)
 
     def check_names(self) -> None:
@@ -180,7 +179,7 @@ class _Binder:
             ):
                 if name.startswith(prefix):
                     rest = name.removeprefix(prefix)
-                    hint = nearest(rest, {n: n for n in names})
+                    hint = nearest_hint(rest, {n: n for n in names})
                     expected = f"{prefix!r} with one of {', '.join(names)}, or another name for a covariate"
                     raise self._wrong_column(column, f"no {what} {rest!r}{hint}", expected)
 
@@ -296,7 +295,7 @@ class _Binder:
         if found.min(initial=0) < 0:
             row = int(np.argmin(found))
             name = column.names[column.codes[row]]
-            hint = nearest(name, {n: n for n in names})
+            hint = nearest_hint(name, {n: n for n in names})
             expected = "the machine's target" if len(names) == 1 else "one of the machine's targets"
             raise self._wrong_cell(column, row, f"{shown(name)}{hint}", f"{expected}, {_listed(names)}")
         return found

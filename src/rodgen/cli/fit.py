@@ -43,7 +43,7 @@ def _run(options: argparse.Namespace) -> int:
         if options.output:
             outputs.claim(options.output)
         if options.residuals:
-            from rodgen.calibration.annotated_copy import check_output
+            from rodgen.data.tables import check_output
 
             outputs.claim(options.residuals)
             check_output(options.data, options.residuals)
@@ -57,7 +57,8 @@ def _run(options: argparse.Namespace) -> int:
 
             outputs.add(options.output, machine_text(fixed_machine(fit.machine)).encode())
         if options.residuals:
-            from rodgen.calibration.annotated_copy import copied_with, residual_columns
+            from rodgen.calibration.residual_columns import residual_columns
+            from rodgen.data.tables import copied_with
 
             with copied_with(options.data, options.residuals, residual_columns(fit)):
                 pass

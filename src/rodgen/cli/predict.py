@@ -34,7 +34,7 @@ def add_to(command: Command) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from rodgen.calibration.annotated_copy import check_output, copied_with
+    from rodgen.data.tables import check_output, copied_with
     from rodgen.machines.machine import Machine
 
     with Outputs(options.machine, options.data, options.design) as outputs:

@@ -74,8 +74,8 @@ def _run(options: argparse.Namespace) -> int:
         raise _usage("--hidden without --truth", "--truth TRUTH.json, where the answer is kept")
     if options.json and options.output in (None, "-"):
         raise _usage("--json, while standard output has the data", "-o DATA, too")
-    from rodgen.calibration.annotated_copy import check_output, copied_with
     from rodgen.calibration.simulate import sealed, simulate
+    from rodgen.data.tables import check_output, copied_with
     from rodgen.machines.machine import Machine
 
     with Outputs(options.machine, options.design) as outputs:

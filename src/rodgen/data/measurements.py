@@ -8,28 +8,25 @@ the line and the column.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.data.names import plain_name
 from rodgen.data.spool import GrowingArray
-from rodgen.data.tables import EveryColumn, open_frame, open_table
+from rodgen.data.tables import Progress, open_frame, open_table
+from rodgen.data.tables.columns import MEASUREMENTS
 from rodgen.data.units import UnitError
 from rodgen.errors import InputFileError, shown
 
 if TYPE_CHECKING:
     from rodgen.data.tables.reader import Rows, Table
 
-__all__ = ["Column", "Measurements", "Names"]
-
-Progress: TypeAlias = Callable[[int | None, str], Callable[[int], object]]
-
-_COLUMNS = EveryColumn(("target", "run"), "X [mm],C [deg],x [mm],y [mm],z [mm]")
+__all__ = ["Column", "Measurements", "Names", "plain_name"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +165,7 @@ class Measurements:
         >>> data.columns["C"].unit, data.columns["C"].values, data.place(1)
         ('deg', array([ 0., 90.]), 'line 3')
         """
-        with open_table(path, _COLUMNS) as table, ExitStack() as stack:
+        with open_table(path, MEASUREMENTS) as table, ExitStack() as stack:
             return cls._read(table, stack, progress)
 
     @classmethod
@@ -197,7 +194,7 @@ class Measurements:
         >>> data
         Measurements('data', 2 rows: C [deg], d [mm])
         """
-        with open_frame(frame, _COLUMNS, name) as table, ExitStack() as stack:
+        with open_frame(frame, MEASUREMENTS, name) as table, ExitStack() as stack:
             return cls._read(table, stack, None)
 
     @classmethod
@@ -297,3 +294,17 @@ def _check_units(table: Table) -> None:
             except UnitError as error:
                 place = f"{table.header}, column {shown(match.text)}"
                 raise InputFileError(table.file, place, error.found, error.expected) from None
+
+
+def plain_name(name: str) -> str:
+    """Return a name so that a whole number is one name however it is written.
+
+    A run that was noted as 1 reads 1.0 once a table of numbers has held it.
+
+    Examples
+    --------
+    >>> plain_name("1.0"), plain_name("01"), plain_name("1.5"), plain_name("ball_1")
+    ('1', '01', '1.5', 'ball_1')
+    """
+    whole = re.fullmatch(r"([+-]?\d+)\.0*", name)
+    return whole[1] if whole else name

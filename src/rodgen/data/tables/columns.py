@@ -7,23 +7,22 @@ is wanted (`EveryColumn`) each stays in its own unit.
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from rodgen.data.units import Quantity, UnitError, conversion_factor, is_unit
-from rodgen.errors import InputFileError, shown
+from rodgen.errors import InputFileError, nearest_hint, shown
 
 __all__ = [
+    "MEASUREMENTS",
     "Column",
     "EveryColumn",
     "Match",
     "bare_name",
     "match_columns",
-    "nearest",
 ]
 
 _NAME_AND_UNIT = re.compile(r"(?P<name>[^\[\]]*?)\s*\[(?P<unit>[^\[\]]*)\]")
@@ -67,6 +66,10 @@ class EveryColumn:
 
     text: tuple[str, ...]
     example: str
+
+
+MEASUREMENTS = EveryColumn(("target", "run"), "X [mm],C [deg],x [mm],y [mm],z [mm]")
+"""The columns of a measurement file."""
 
 
 @dataclass(frozen=True)
@@ -251,34 +254,11 @@ def _missing(
                 file, where, f"{shown(text)}, a unit in {what}", f"brackets, '{column.name} [{unit}]'"
             )
     taken = {c.name for c in columns}
-    hint = nearest(column.name, {_split(text)[0]: text for text in texts if _split(text)[0] not in taken})
+    hint = nearest_hint(
+        column.name, {_split(text)[0]: text for text in texts if _split(text)[0] not in taken}
+    )
     expected = f"one such as '{example}'" if example != column.name else f"all of {_header_example(columns)}"
     return InputFileError(file, place, f"no column {column.name!r}{hint}", expected)
-
-
-def nearest(name: str, others: Mapping[str, str]) -> str:
-    """Name what comes nearest to what was not found, for an error message.
-
-    Parameters
-    ----------
-    name : str
-        What was not found.
-    others : mapping
-        What there is, and how it is written.
-
-    Returns
-    -------
-    str
-        Empty when nothing comes near.
-
-    Examples
-    --------
-    >>> nearest("load", {"Load": "Load [kN]", "t": "t [s]"})
-    " (the nearest is 'Load [kN]')"
-    """
-    plain = {other.casefold().replace(" ", "_"): text for other, text in others.items()}
-    near = difflib.get_close_matches(name.casefold(), plain, n=1, cutoff=0.75)
-    return f" (the nearest is {shown(plain[near[0]])})" if near else ""
 
 
 def _header_example(columns: Sequence[Column]) -> str:

@@ -23,9 +23,10 @@ from rodgen.data.tables.writer import open_sink
 from rodgen.data.units import conversion_factor
 from rodgen.errors import InputFileError, shown
 
-__all__ = ["Answer", "MapSummary", "Result", "map_table"]
+__all__ = ["Answer", "MapSummary", "Progress", "Result", "map_table"]
 
-Progress = Callable[[int | None, str], Callable[[int], object]]
+Progress: TypeAlias = Callable[[int | None, str], Callable[[int], object]]
+"""Called once with the total (or None) and its unit; returns a function to be called with every advance."""
 
 Answer: TypeAlias = tuple[Sequence[NDArray[Any]], NDArray[np.int64] | None]
 """The result columns, and of which row of the block each result is; None where there is one for each row."""

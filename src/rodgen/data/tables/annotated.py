@@ -1,29 +1,26 @@
-"""Write a measurement file again as it stands, with more columns: order, other columns and text are kept."""
+"""Write a measurement file again with more columns; the order of its rows, its columns and their text are kept."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from rodgen.data.tables import EveryColumn, open_sink, open_table
+from rodgen.data.tables.columns import MEASUREMENTS
+from rodgen.data.tables.reader import open_table
+from rodgen.data.tables.writer import open_sink
 from rodgen.errors import InputFileError, shown
 
-if TYPE_CHECKING:
-    from rodgen.calibration.fit import Fit
-
-__all__ = ["check_output", "copied_with", "residual_columns"]
-
-_COLUMNS = EveryColumn(("target", "run"), "X [mm],C [deg],x [mm],y [mm],z [mm]")
+__all__ = ["check_output", "copied_with"]
 
 
 def check_output(source: str, output: str | os.PathLike[str] | None) -> None:
-    """Refuse early what `copied_with` would refuse by the names alone.
+    """Refuse early what `copied_with` would refuse because of the names alone.
 
     Raises
     ------
@@ -43,7 +40,7 @@ def copied_with(
     *,
     replaced: Mapping[str, str] | None = None,
 ) -> Iterator[None]:
-    """Copy a table with further columns; it gets its name when the block ends well.
+    """Copy a table with further columns; the copy gets its name when the block ends without an error.
 
     Parameters
     ----------
@@ -65,7 +62,7 @@ def copied_with(
     check_output(source, output)
     instead = dict(replaced or {})
     keep_text = output is None or not os.fspath(output).lower().endswith(".parquet")
-    with open_table(source, _COLUMNS, keep_text=keep_text) as table:
+    with open_table(source, MEASUREMENTS, keep_text=keep_text) as table:
         for name in columns:
             if name in table.schema.names and name not in instead:
                 raise InputFileError(
@@ -103,35 +100,3 @@ def copied_with(
 
 def _changed(file: str) -> InputFileError:
     return InputFileError(file, "file", "another number of rows than before", "a file that stays as it is")
-
-
-def residual_columns(fit: Fit) -> dict[str, NDArray[Any]]:
-    """Return what the model predicts and what it leaves, as columns for the measurement file.
-
-    Parameters
-    ----------
-    fit : Fit
-
-    Returns
-    -------
-    dict of str to ndarray
-        ``predicted_x`` … and ``residual_x`` … in the unit of the column ``x``. Of directions the prediction, and the
-        angle between both, split into a horizontal part (to the left) and one towards the zenith. ``outlier``, 1 or 0.
-    """
-    from rodgen.data.units import parse_unit
-
-    measurand = fit.machine.measurand
-    names = measurand.columns
-    found: dict[str, NDArray[Any]] = {}
-    if not measurand.moving:
-        places = fit.problem.places(fit.solution.theta, fit.solution.frame)
-        found |= {f"predicted_{name}": values for name, values in zip(names, places.T, strict=True)}
-        parts = zip(("horizontal", "vertical"), fit.residuals.T, strict=True)
-        found |= {f"residual_{part} [{fit.unit}]": values for part, values in parts}
-    else:
-        residuals = fit.residuals * fit.unit_factor
-        for label, values in (("predicted", fit.observations.reading - residuals), ("residual", residuals)):
-            for name, part in zip(names, values.T, strict=True):
-                unit = str(fit.observations.data.columns[name].unit)
-                found[f"{label}_{name} [{unit}]"] = part / parse_unit(unit).factor(fit.machine.length_unit)
-    return found | {"outlier": fit.outliers.astype(np.int8)}

@@ -1,0 +1,45 @@
+"""Predictions and residuals of a fit, as columns for its measurement file."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.data.units import parse_unit
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fit import Fit
+
+__all__ = ["residual_columns"]
+
+
+def residual_columns(fit: Fit) -> dict[str, NDArray[Any]]:
+    """Return predictions and residuals as columns for the measurement file.
+
+    Parameters
+    ----------
+    fit : Fit
+
+    Returns
+    -------
+    dict of str to ndarray
+        ``predicted_x`` … and ``residual_x`` … in the unit of the column ``x``. Of directions the prediction, and the
+        angle between both, split into a horizontal part (to the left) and one towards the zenith. ``outlier``, 1 or 0.
+    """
+    measurand = fit.machine.measurand
+    names = measurand.columns
+    found: dict[str, NDArray[Any]] = {}
+    if not measurand.moving:
+        places = fit.problem.places(fit.solution.theta, fit.solution.frame)
+        found |= {f"predicted_{name}": values for name, values in zip(names, places.T, strict=True)}
+        parts = zip(("horizontal", "vertical"), fit.residuals.T, strict=True)
+        found |= {f"residual_{part} [{fit.unit}]": values for part, values in parts}
+    else:
+        residuals = fit.residuals * fit.unit_factor
+        for label, values in (("predicted", fit.observations.reading - residuals), ("residual", residuals)):
+            for name, part in zip(names, values.T, strict=True):
+                unit = str(fit.observations.data.columns[name].unit)
+                found[f"{label}_{name} [{unit}]"] = part / parse_unit(unit).factor(fit.machine.length_unit)
+    return found | {"outlier": fit.outliers.astype(np.int8)}

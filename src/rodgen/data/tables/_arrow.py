@@ -1,0 +1,217 @@
+"""Tables whose columns have types: Parquet files, and tables in memory of whatever library."""
+
+from __future__ import annotations
+
+import abc
+from collections.abc import Iterator, Mapping, Sequence
+from typing import IO, Any, cast
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from rodgen.data.tables.columns import Column, EveryColumn
+from rodgen.data.tables.table import Block, Rows, Table, plain
+from rodgen.errors import InputFileError, shown
+
+__all__ = ["FrameTable", "ParquetTable"]
+
+BLOCK_ROWS = 1 << 15
+_ARROW_ERRORS = (pa.ArrowException, OSError, ValueError, KeyError, MemoryError)
+
+
+class _ArrowTable(Table):
+    """A table whose columns have types."""
+
+    amount_unit = " rows"
+    counted = "row"
+    header = "schema"
+
+    def _words(self) -> set[int]:
+        """Return the columns of text."""
+        kinds = [k.value_type if pa.types.is_dictionary(k) else k for k in self.schema.types]
+        return {i for i, kind in enumerate(kinds) if _is_text(kind)}
+
+    def _check_types(self) -> None:
+        for match in (*self.matches, *self.text):
+            kind = self.schema.field(match.index).type
+            kind = kind.value_type if pa.types.is_dictionary(kind) else kind
+            if _is_number(kind) or (match.holds_text and _is_text(kind)):
+                continue
+            expected = "names" if match.holds_text else "numbers"
+            place = f"column {shown(match.text)}"
+            raise InputFileError(self.file, place, f"the type {shown(str(kind))}", expected)
+
+    def _end_place(self) -> str:
+        return "file"
+
+    @abc.abstractmethod
+    def _damaged(self, error: BaseException) -> InputFileError:
+        """Say that what Arrow was given is none of its data."""
+
+    def _parse(self, block: Block) -> Rows:
+        batch: pa.RecordBatch = block.data
+        numbers = np.arange(block.first, block.first + len(batch))
+        try:
+            values, text = self._convert(batch.columns, numbers)
+        except _ARROW_ERRORS as error:
+            if isinstance(error, InputFileError):
+                raise
+            raise self._damaged(error) from None
+        return Rows(values, text, numbers, batch)
+
+    def _floats(self, column: pa.Array) -> NDArray[np.float64]:
+        return cast(
+            "NDArray[np.float64]", plain(column).cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
+        )
+
+    def _fault(self, cell: Any) -> tuple[str, str]:
+        found = "an empty cell" if cell is None or cell == "" else shown(cell)
+        return found, "a finite number (leave out rows without a measurement)"
+
+    def _row_place(self, number: int) -> str:
+        return f"row {number} (from 0)"
+
+
+def _is_number(kind: pa.DataType) -> bool:
+    return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind))
+
+
+def _is_text(kind: pa.DataType) -> bool:
+    return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_string_view(kind))
+
+
+class ParquetTable(_ArrowTable):
+    """A Parquet file."""
+
+    def __init__(self, file: str, raw: IO[bytes], columns: Sequence[Column] | EveryColumn) -> None:
+        import pyarrow.parquet as pq
+
+        self.file = file
+        self._raw = raw
+        self._rows = 0
+        try:
+            # A small read buffer keeps a row group of any size from being read at once.
+            self._parquet = pq.ParquetFile(raw, buffer_size=1 << 20, pre_buffer=False)
+            self.schema = self._parquet.schema_arrow.remove_metadata()
+            self.total = self._parquet.metadata.num_rows
+        except _ARROW_ERRORS as error:
+            raise self._damaged(error) from None
+        self._want(self.schema.names, columns, self._words())
+        self._check_types()
+
+    def close(self) -> None:
+        self._raw.close()
+
+    def _blocks(self) -> Iterator[Block]:
+        try:
+            for batch in self._parquet.iter_batches(batch_size=BLOCK_ROWS, use_threads=False):
+                yield Block(batch, self._rows, len(batch))
+                self._rows += len(batch)
+        except _ARROW_ERRORS as error:
+            if isinstance(error, InputFileError):
+                raise
+            raise self._damaged(error) from None
+
+    def _damaged(self, error: BaseException) -> InputFileError:
+        reason = str(error).partition("\n")[0].rstrip(".")
+        return InputFileError(
+            self.file, "file", f"damaged Parquet data ({shown(reason, 120)[1:-1]})", "a complete Parquet file"
+        )
+
+
+class FrameTable(_ArrowTable):
+    """A table that is in memory."""
+
+    header = "columns"
+
+    def __init__(self, name: str, frame: Any, columns: EveryColumn) -> None:
+        self.file = name
+        self._table = _as_arrow(frame, name)
+        self.schema = self._table.schema
+        self.total = self._table.num_rows
+        self._want(self.schema.names, columns, self._words())
+        self._check_types()
+
+    def close(self) -> None:
+        pass
+
+    def _blocks(self) -> Iterator[Block]:
+        first = 0
+        for batch in self._table.to_batches(max_chunksize=BLOCK_ROWS):
+            yield Block(batch, first, len(batch))
+            first += len(batch)
+
+    def _damaged(self, error: BaseException) -> InputFileError:
+        reason = str(error).partition("\n")[0].rstrip(".")
+        return InputFileError(
+            self.file, "columns", f"what Arrow cannot read ({reason})", "a table of numbers"
+        )
+
+
+def _as_arrow(frame: Any, name: str) -> pa.Table:
+    """Return a table's columns as Arrow's; numbers are not copied where their memory is laid out as Arrow's.
+
+    Parameters
+    ----------
+    frame : mapping, DataFrame or Arrow table
+        See `rodgen.data.tables.open_frame`.
+    name : str
+        What stands for the file's name in error messages.
+
+    Raises
+    ------
+    InputFileError
+        When it is no table, or a column is no sequence of one type as long as the others.
+
+    Examples
+    --------
+    >>> _as_arrow({"C [deg]": [0, 90], "run": ["a", "b"]}, "data").schema.names
+    ['C [deg]', 'run']
+    """
+    if isinstance(frame, pa.RecordBatch):
+        return pa.Table.from_batches([frame])
+    if isinstance(frame, pa.Table):
+        return frame
+    # Before Arrow's interface: through it pandas hands over its index as one more column.
+    if isinstance(frame, Mapping):
+        texts = list(frame)
+    elif hasattr(frame, "columns") and hasattr(frame, "__getitem__"):
+        texts = list(frame.columns)
+    elif hasattr(frame, "__arrow_c_stream__"):
+        return pa.table(frame)
+    else:
+        expected = "a mapping from column names to sequences, a DataFrame or an Arrow table"
+        raise InputFileError(name, "file", f"an object of type {type(frame).__name__}", expected)
+    arrays = []
+    for number, text in enumerate(texts):
+        if text in texts[:number]:  # a DataFrame hands out both at once
+            raise InputFileError(name, "columns", f"column {shown(text)} twice", "every column name once")
+        if not isinstance(text, str):
+            raise InputFileError(name, "columns", f"{shown(text)} as a column's name", "text")
+        arrays.append(_array(frame[text], f"column {shown(text)}", name))
+        if len(arrays[-1]) != len(arrays[0]):
+            found = f"{len(arrays[-1])} row{'s' * (len(arrays[-1]) != 1)}"
+            expected = f"{len(arrays[0])}, as in the column {shown(texts[0])}"
+            raise InputFileError(name, f"column {shown(text)}", found, expected)
+    return pa.Table.from_arrays(arrays, names=texts)
+
+
+def _array(values: Any, place: str, name: str) -> Any:
+    if isinstance(values, pa.Array | pa.ChunkedArray):
+        return values
+    try:
+        mask = np.ma.getmaskarray(values) if np.ma.isMaskedArray(values) else None
+        array = np.asarray(values.to_numpy() if hasattr(values, "to_numpy") else values)
+        if array.ndim != 1:
+            found = f"an array of shape {array.shape}" if array.ndim else "a single value"
+            raise InputFileError(name, place, found, "a sequence of numbers, one for each row")
+        # Arrow takes no foreign byte order, in which FITS files are.
+        array = array.astype(array.dtype.newbyteorder("="), copy=False)
+        return pa.array(array, mask=mask, from_pandas=array.dtype.kind == "O")
+    except InputFileError:
+        raise
+    except (pa.ArrowException, TypeError, ValueError, OverflowError) as error:
+        reason = str(error).partition("\n")[0].rstrip(".")
+        found = f"what is no sequence of numbers or of names ({shown(reason, 100)[1:-1]})"
+        raise InputFileError(name, place, found, "one type in all of its cells") from None

@@ -1,0 +1,270 @@
+"""A table that is open for reading: blocks of rows in, arrays out, and every fault named by its place."""
+
+from __future__ import annotations
+
+import abc
+import os
+from collections import deque
+from collections.abc import Callable, Collection, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar, cast
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
+
+from rodgen.data.tables.columns import Column, EveryColumn, Match, match_columns
+from rodgen.errors import InputFileError, shown
+
+__all__ = ["Block", "NoNumberError", "Rows", "Table", "plain"]
+
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The rows of one block.
+
+    Attributes
+    ----------
+    values : tuple of ndarray
+        Each wanted column of numbers, float64 and finite: lengths in the unit of the first length column,
+        angles in radians; among `EveryColumn` as they stand.
+    text : tuple of pyarrow.StringArray
+        Each wanted column of text, no cell of it blank, without the blanks around it.
+    numbers : ndarray of int
+        Of each row: its line (CSV, from 1) or its place in the file (Parquet, from 0).
+    batch : pyarrow.RecordBatch
+        Every column of the file as it stands there; see `open_table` for a CSV file.
+    """
+
+    values: tuple[NDArray[np.float64], ...]
+    text: tuple[pa.StringArray, ...]
+    numbers: NDArray[np.int64]
+    batch: pa.RecordBatch
+
+
+@dataclass(frozen=True)
+class Block:
+    """Rows of a file that are not parsed yet."""
+
+    data: Any
+    first: int  # line number (CSV, from 1) or row number (Parquet, from 0) of the first row
+    amount: int  # what it adds to the progress
+
+
+class Table(abc.ABC):
+    """A table that is open for reading; `open_table` makes it.
+
+    Attributes
+    ----------
+    file : str
+        The file as the user named it.
+    matches, text : list of Match
+        Where each wanted column of numbers stands, with its unit, and each of text.
+    header : str
+        Where the names of the columns stand, for error messages.
+    counted : str
+        What `Rows.numbers` counts: ``"line"`` or ``"row"``.
+    schema : pyarrow.Schema
+        Of the columns as they are kept.
+    total : int or None
+        How much there is to read, in `amount_unit`; None for a pipe.
+    amount_unit : str
+        ``"B"`` or ``" rows"``.
+    """
+
+    file: str
+    matches: list[Match]
+    text: list[Match]
+    header: str
+    counted: str
+    schema: pa.Schema
+    total: int | None
+    amount_unit: str
+
+    def units(self) -> dict[str, str]:
+        """Return the unit of each wanted column, by its name."""
+        return {match.name: match.unit for match in self.matches}
+
+    def map(
+        self, function: Callable[[Rows], _T], workers: int | None = None, *, empty: bool = False
+    ) -> Iterator[tuple[_T, int]]:
+        """Apply `function` to every block, in the order of the file, a few blocks at a time.
+
+        Parameters
+        ----------
+        function : callable
+            Of one `Rows`; called in threads.
+        workers : int, optional
+            Threads; the number of processors, at most 4, when left out.
+        empty : bool
+            Whether a file without rows will do.
+
+        Yields
+        ------
+        result, amount
+            What `function` returned, and how far the block carries the progress.
+
+        Raises
+        ------
+        InputFileError
+            At the first fault in the file, after the results of the blocks before it; also when the file
+            has no rows, unless that will do.
+        """
+        workers = workers or max(1, min(4, os.cpu_count() or 1))
+        rows = 0
+
+        def work(block: Block) -> tuple[_T | None, int, int]:
+            parsed = self._parse(block)
+            n = parsed.batch.num_rows
+            return (function(parsed) if n else None), n, block.amount
+
+        pending: deque[Future[tuple[_T | None, int, int]]] = deque()
+        blocks = self._blocks()
+        fault: InputFileError | None = None
+        with ThreadPoolExecutor(workers) as pool:
+            try:
+                while True:
+                    # A fault that ends the reading is reported after those in the blocks before it.
+                    try:
+                        block = next(blocks, None)
+                    except InputFileError as error:
+                        fault, block = error, None
+                    if block is not None:
+                        pending.append(pool.submit(work, block))
+                        if len(pending) <= workers:
+                            continue
+                    if not pending:
+                        break
+                    result, n, amount = pending.popleft().result()
+                    rows += n
+                    if n:
+                        yield cast("_T", result), amount
+            finally:
+                for future in pending:
+                    future.cancel()
+        if fault:
+            raise fault
+        if not (rows or empty):
+            raise InputFileError(self.file, self._end_place(), "no rows", "at least one row under the header")
+
+    @abc.abstractmethod
+    def close(self) -> None:
+        """Close the file."""
+
+    def _want(
+        self,
+        texts: Sequence[str],
+        columns: Sequence[Column] | EveryColumn,
+        words: Collection[int] = (),
+        *,
+        numbered: bool = False,
+    ) -> None:
+        """Find the wanted columns among the names of all; `words` are those that hold words where they may."""
+        found = match_columns(texts, columns, self.file, self.header, numbered=numbered)
+        names: tuple[str, ...] = ()
+        if isinstance(columns, EveryColumn):
+            names = columns.text
+            found = [replace(m, holds_text=m.holds_text or (m.index in words and not m.unit)) for m in found]
+        self.matches = [match for match in found if not match.holds_text]
+        self.text = [match for match in found if match.holds_text]
+        # a remark may be missing, the name of a target may not
+        self._needed = {match.index for match in self.text if match.name in names}
+
+    def __enter__(self) -> Table:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    @abc.abstractmethod
+    def _blocks(self) -> Iterator[Block]:
+        """Cut the file into blocks of whole rows."""
+
+    @abc.abstractmethod
+    def _parse(self, block: Block) -> Rows:
+        """Turn a block into numbers; called in threads."""
+
+    @abc.abstractmethod
+    def _end_place(self) -> str:
+        """Return the place where the first row was expected."""
+
+    def _convert(
+        self, columns: Sequence[pa.Array], numbers: NDArray[np.int64]
+    ) -> tuple[tuple[NDArray[np.float64], ...], tuple[pa.StringArray, ...]]:
+        """Return the wanted columns of a block, those of numbers in the units asked for.
+
+        Parameters
+        ----------
+        columns : sequence of pyarrow.Array
+            Every column of the file.
+        numbers : ndarray of int
+            The line or the row of the file that each row is.
+        """
+        values, text = [], []
+        faults: list[tuple[int, int]] = []
+        for match in self.matches:
+            try:
+                column = self._floats(columns[match.index])
+            except NoNumberError as error:
+                faults.append((error.row, match.index))
+                continue
+            if match.factor != 1.0:
+                with np.errstate(over="ignore"):
+                    column = column * match.factor
+            finite = np.isfinite(column)
+            if not finite.all():
+                faults.append((int(np.argmin(finite)), match.index))
+            values.append(column)
+        for match in self.text:
+            column = plain(columns[match.index])
+            names = pc.fill_null(pc.utf8_trim_whitespace(column.cast(pa.string())), "")
+            if match.index in self._needed:
+                missing = pc.equal(names, "").to_numpy(zero_copy_only=False)
+                if pa.types.is_floating(column.type):
+                    missing = missing | ~np.isfinite(column.to_numpy(zero_copy_only=False))
+                if missing.any():
+                    faults.append((int(np.argmax(missing)), match.index))
+            text.append(names)
+        if faults:
+            row, index = min(faults)
+            found, expected = self._fault(columns[index][row].as_py())
+            if index in {match.index for match in self.text}:
+                expected = "a name in every row"
+            place = f"{self._row_place(int(numbers[row]))}, column {shown(self.schema.names[index])}"
+            raise InputFileError(self.file, place, found, expected)
+        return tuple(values), tuple(text)
+
+    @abc.abstractmethod
+    def _floats(self, column: pa.Array) -> NDArray[np.float64]:
+        """Return a column as numbers, in its own unit; `NoNumberError` at the first cell that is none."""
+
+    @abc.abstractmethod
+    def _fault(self, cell: Any) -> tuple[str, str]:
+        """Return what is wrong with a cell that is no finite number, and what is expected instead."""
+
+    @abc.abstractmethod
+    def _row_place(self, number: int) -> str:
+        """Return the place of a row, given its number in `Rows.numbers`."""
+
+
+class NoNumberError(Exception):
+    """A cell that is no number.
+
+    Parameters
+    ----------
+    row : int
+        Of the block, from 0.
+    """
+
+    def __init__(self, row: int) -> None:
+        super().__init__(row)
+        self.row = row
+
+
+def plain(column: pa.Array) -> pa.Array:
+    """Return a column without a dictionary."""
+    return column.dictionary_decode() if pa.types.is_dictionary(column.type) else column
