@@ -410,7 +410,7 @@ def test_simulate_hides_an_effect_and_keeps_the_design(folder, rodgen_command):
         ["+90", "b", "ball_2"],
         ["180", "c", "ball_3"],
     ]
-    assert "eccentricity" not in (folder / "truth.json").read_text()
+    assert "eccentricity" in (folder / "truth.json").read_text()
     code, out, err = rodgen_command("simulate", "--open", "truth.json")
     assert (code, err) == (0, "")
     assert "C.encoder_eccentricity.a  12 arcsec" in out
@@ -501,7 +501,7 @@ REFUSED = {
     "simulate table.toml balls.csv --effect backlash@D": "no joint or target 'D'",
     "simulate table.toml balls.csv --open truth.json": "files together with --open; expected --open TRUTH.json alone",
     "simulate --open none.json": "none.json: file: no such file; expected a file that 'rodgen simulate --truth' wrote",
-    "simulate --open mount.toml": "mount.toml: file: no sealed truth",
+    "simulate --open mount.toml": "mount.toml: file: no truth of a simulation",
 }
 
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from machine_simulator import RADIANS, Simulated
 
 import rodgen
-from rodgen.calibration.hidden_truth import opened, sealed
+from rodgen.calibration.hidden_truth import read_truth, truth_as_json
 from rodgen.data.tables import copied_with
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.effects.rules import UnfitEffectError
@@ -281,34 +281,34 @@ def test_readings_are_in_the_units_of_the_design():
     assert made.replaced == {name: name for name in ("x [m]", "y [um]", "z [inch]")}
 
 
-# the seal ----------------------------------------------------------------------------------------------
+# the truth in a file -----------------------------------------------------------------------------------
 
 
-def test_a_sealed_truth_tells_nothing_at_a_glance_and_opens(tmp_path):
+def test_a_truth_is_read_as_it_was_written(tmp_path):
     machine, data = example("rotary_table")
     truth = rodgen.simulate(machine, data, ["backlash@C:b=20arcsec"], seed=1).truth
-    text = sealed(truth)
-    for word in ("backlash", "C.", "arcsec"):
-        assert word not in json.loads(text)["sealed"]
+    text = truth_as_json(truth)
+    assert json.loads(text)["truth"] == truth
     assert "rodgen simulate --open" in text
     path = tmp_path / "truth.json"
     path.write_text(text)
-    assert opened(path) == truth
-    assert opened(path)["effects"][0]["parameters"]["C.backlash.b"]["value"] == pytest.approx(20)
+    assert read_truth(path) == truth
+    assert read_truth(path)["effects"][0]["parameters"]["C.backlash.b"]["value"] == pytest.approx(20)
 
 
 @pytest.mark.parametrize(
-    "text", ["", "{}", "[]", '{"sealed": "%%%"}', '{"sealed": "W10="}', "\xff", '{"sealed": 5}']
+    "text", ["", "{}", "[]", '{"truth": "%%%"}', '{"truth": []}', "\xff", '{"truth": {"effects": 5}}']
 )
-def test_a_damaged_seal_is_one_line(tmp_path, text):
+def test_a_damaged_truth_is_one_line(tmp_path, text):
     path = tmp_path / "truth.json"
     path.write_bytes(text.encode("latin-1"))
     with pytest.raises(
-        InputFileError, match=r"no sealed truth; expected a file that 'rodgen simulate --truth' wrote"
+        InputFileError,
+        match=r"no truth of a simulation; expected a file that 'rodgen simulate --truth' wrote",
     ):
-        opened(path)
+        read_truth(path)
     with pytest.raises(InputFileError, match="no such file"):
-        opened(tmp_path / "none.json")
+        read_truth(tmp_path / "none.json")
 
 
 # tables that are written again -------------------------------------------------------------------------

@@ -1,8 +1,7 @@
-"""A truth that is told to nobody who does not ask: what is hidden in made-up data, in a file of its own."""
+"""The truth behind simulated measurements, in a file of its own: plain JSON, to be read when the answer is there."""
 
 from __future__ import annotations
 
-import base64
 import json
 import os
 from collections.abc import Mapping
@@ -10,33 +9,30 @@ from typing import Any
 
 from rodgen.errors import InputFileError
 
-__all__ = ["opened", "sealed"]
+__all__ = ["read_truth", "truth_as_json"]
 
-NOTE = "What is hidden in the data. Open it when you have your answer: rodgen simulate --open TRUTH.json"
+NOTE = "What is hidden in the data. Read it when you have your answer: rodgen simulate --open TRUTH.json"
 LARGEST_TRUTH = 1_000_000
 
 
-def sealed(truth: Mapping[str, Any]) -> str:
-    """Return a truth as the text of a file that tells nothing at a glance.
-
-    It keeps eyes out, not thieves: base64 of JSON.
+def truth_as_json(truth: Mapping[str, Any]) -> str:
+    """Return a truth as the text of a JSON file.
 
     Examples
     --------
-    >>> "backlash" in sealed({"effects": ["backlash at C"]})
-    False
+    >>> json.loads(truth_as_json({"effects": []}))["truth"]
+    {'effects': []}
     """
-    content = base64.b64encode(json.dumps(truth, allow_nan=False).encode()).decode("ascii")
-    return json.dumps({"note": NOTE, "sealed": content}, indent=2) + "\n"
+    return json.dumps({"note": NOTE, "truth": truth}, indent=2, allow_nan=False) + "\n"
 
 
-def opened(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Read a sealed truth.
+def read_truth(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return the truth that a file holds.
 
     Raises
     ------
     InputFileError
-        When the file is none.
+        When the file holds none.
     """
     file = os.fspath(path)
     expected = "a file that 'rodgen simulate --truth' wrote"
@@ -49,9 +45,9 @@ def opened(path: str | os.PathLike[str]) -> dict[str, Any]:
         )
         raise InputFileError(file, "file", found, expected) from None
     try:
-        truth = json.loads(base64.b64decode(json.loads(content)["sealed"], validate=True))
+        truth = json.loads(content)["truth"]
         if not isinstance(truth["effects"], list):
             raise TypeError
     except (ValueError, TypeError, KeyError, RecursionError):
-        raise InputFileError(file, "file", "no sealed truth", expected) from None
+        raise InputFileError(file, "file", "no truth of a simulation", expected) from None
     return dict(truth)

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.binding import bind
-from rodgen.calibration.hidden_truth import opened, sealed
 from rodgen.calibration.simulator import Lab, with_reading
 from rodgen.data.measurements import Column, Measurements
 from rodgen.data.units import parse_unit
@@ -27,7 +26,7 @@ from rodgen.machines.effects.typed import hold_of, typed_effect
 if TYPE_CHECKING:
     from rodgen.machines.machine import Effect, Machine
 
-__all__ = ["Simulation", "opened", "sealed", "simulate"]
+__all__ = ["Simulation", "simulate"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -48,7 +47,7 @@ class Simulation:
     replaced : mapping of str to str
         Names of columns of the design, with their units, and which of `columns` stands there instead.
     truth : dict
-        What is hidden in them, as plain data; `sealed` makes it unreadable at a glance.
+        What is hidden in them, as plain data.
     """
 
     data: Measurements

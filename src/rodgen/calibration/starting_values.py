@@ -27,8 +27,6 @@ PERIOD_ROWS = 5_000
 """And that for a period, which tries many more values."""
 LEAST_WAVES, MOST_WAVES = 0.75, 1000.0
 """Waves over the whole way that are tried. Neighbours are half a wave apart: a quarter off leaves 80 % of the fall."""
-SEARCH_STEPS = 2_000
-"""Values that are tried for a searched parameter at most."""
 GRID = 0.01
 """Places are on a grid when all distances are whole multiples of the least one, within this."""
 PEAKS = 10

@@ -23,8 +23,8 @@ Simulate measurements of a machine with effects that its file does not have, to 
   rodgen simulate --open truth.json
 
 DESIGN is a measurement file that needs no readings: what is commanded, and what else the effects depend on (target, t,
-T_..., load, run). The output is the same table with readings: order, other columns and text are kept. The truth stands
-in a file of its own that tells nothing at a glance (base64 of JSON); --open reads it.
+T_..., load, run). The output is the same table with readings: order, other columns and text are kept. The truth goes
+to a JSON file of its own; --open prints it.
 
 An effect is NAME@JOINT:a=12arcsec,b=3arcsec, or NAME@TARGET:..., or NAME:... for one of the whole machine. Numbers
 without a unit are in the units of the machine file, and parameters that are not given are zero. NAME@JOINT without
@@ -74,7 +74,8 @@ def _run(options: argparse.Namespace) -> int:
         raise _usage("--hidden without --truth", "--truth TRUTH.json, where the answer is kept")
     if options.json and options.output in (None, "-"):
         raise _usage("--json, while standard output has the data", "-o DATA, too")
-    from rodgen.calibration.simulate import sealed, simulate
+    from rodgen.calibration.hidden_truth import truth_as_json
+    from rodgen.calibration.simulate import simulate
     from rodgen.data.tables import check_output, copied_with
     from rodgen.machines.machine import Machine
 
@@ -90,7 +91,7 @@ def _run(options: argparse.Namespace) -> int:
             machine, design, options.effect, hidden=options.hidden, noise=options.noise, seed=options.seed
         )
         if options.truth:
-            outputs.add(options.truth, sealed(made.truth).encode())
+            outputs.add(options.truth, truth_as_json(made.truth).encode())
         with copied_with(options.design, options.output, made.columns, replaced=made.replaced):
             pass
     about = {
@@ -115,11 +116,11 @@ def _summary(options: argparse.Namespace, about: Mapping[str, Any]) -> str:
 
 
 def _open(options: argparse.Namespace) -> int:
-    from rodgen.calibration.simulate import opened
+    from rodgen.calibration.hidden_truth import read_truth
 
     if options.machine:
         raise _usage("files together with --open", "--open TRUTH.json alone")
-    truth = opened(options.open)
+    truth = read_truth(options.open)
     if options.json:
         show_json(truth)
     else:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -268,33 +267,6 @@ class Diagnosis:
         from rodgen.calibration.plan import plan
 
         return plan(self, n)
-
-    def report(self, path: str | os.PathLike[str]) -> list[str]:
-        """Write it as one page that works offline, with what to measure next where that can be said.
-
-        Parameters
-        ----------
-        path : str or os.PathLike
-            Ends in ``.html``.
-
-        Returns
-        -------
-        list of str
-            The files.
-
-        Raises
-        ------
-        InputFileError
-            When it cannot be written.
-        """
-        from rodgen.calibration.plan import PlanError
-        from rodgen.output.report import write_report
-
-        try:
-            planned = self.plan()
-        except PlanError:
-            planned = None
-        return write_report(self, planned, path)
 
     def summary(self) -> str:
         """Return it as text."""
