@@ -18,7 +18,8 @@ from scipy.spatial.transform import Rotation
 from rodgen import Machine, Measurements, simulate
 from rodgen.errors import RodgenError
 from rodgen.kinematics import spatial
-from rodgen.kinematics.spatial import Mechanism, Placement, _product_of_exponentials
+from rodgen.kinematics.spatial import Mechanism, Placement
+from rodgen.kinematics.spatial.robots import product_of_exponentials
 from rodgen.machines.machine import Joint, Measured, Target
 
 
@@ -199,7 +200,7 @@ def test_several_axes_that_are_all_but_parallel_lose_no_more_than_two():
 
 def test_links_that_miss_the_axes_are_refused(monkeypatch):
     """What comes out is put back into the poses: with a link that is 1e-5 of the size too long it does not leave."""
-    right = _product_of_exponentials.links_from_axes
+    right = product_of_exponentials.links_from_axes
 
     def wrong(*arguments):
         links = right(*arguments)
@@ -208,7 +209,7 @@ def test_links_that_miss_the_axes_are_refused(monkeypatch):
     screws = spatial.to_product_of_exponentials(
         spatial.from_denavit_hartenberg("RPR", [1, 0, 1], [1, 1, 0], [0, 1, 0])
     )
-    monkeypatch.setattr(_product_of_exponentials, "links_from_axes", wrong)
+    monkeypatch.setattr(product_of_exponentials, "links_from_axes", wrong)
     with pytest.raises(RodgenError, match=r"the links are off by .* of the size, expected at most 3e-07"):
         spatial.from_product_of_exponentials(*screws)
 

@@ -9,7 +9,7 @@ import pytest
 from rodgen.errors import RodgenError
 from rodgen.kinematics import spatial
 from rodgen.kinematics.spatial import Mechanism, ReverseStatus, reverse_loop, reverse_sliding
-from rodgen.kinematics.spatial import _loops as loops_module
+from rodgen.kinematics.spatial.loops import reverse as loops_module
 
 GROUP_1 = ("CCCR", "PCCRR", "CPCRR", "CPRCR", "PPCRRR", "PRPCRR", "PRCRPR", "PRPRPRR")
 GROUP_2 = ("RRRCC", "RCRCR", "RPCRRR", "RCPRRR", "CRRPRR", "RPRPRRR", "RPPRRRR", "RPRRPRR")

@@ -344,12 +344,12 @@ def test_without_ssik_a_general_arm_is_told_what_to_install(monkeypatch: pytest.
 def test_ssik_is_given_the_same_arm(monkeypatch: pytest.MonkeyPatch) -> None:
     """On a Puma, which ssik knows how to solve without preparation, it finds what the closed form finds."""
     pytest.importorskip("ssik")
-    from rodgen.kinematics.spatial import _reverse, _reverse_plan
+    from rodgen.kinematics.spatial.arms import plan, solve
 
     robot = spatial.PUMA_560
     _, T = some_poses(robot, 5, 2)
     wanted = spatial.reverse(robot, T)
-    monkeypatch.setattr(_reverse, "plan", lambda m: _reverse_plan.Plan("general", _reverse_plan.plan(m).arm))
+    monkeypatch.setattr(solve, "plan", lambda m: plan.Plan("general", plan.plan(m).arm))
     found = spatial.reverse(robot, T)
     check_is_solution(robot, T, found)
     for mine, its, status in zip(wanted.solutions, found.solutions, found.status, strict=True):

@@ -8,36 +8,46 @@ arrays of any shape, with the components along the last axes; lengths are in one
 (False, 6)
 """
 
-from rodgen.kinematics.spatial._denavit_hartenberg import (
+from rodgen.kinematics.spatial.arms.solve import Reverse
+from rodgen.kinematics.spatial.arms.status import ReverseStatus
+from rodgen.kinematics.spatial.links.forward import forward, frames, jacobian, link_transform
+from rodgen.kinematics.spatial.links.hypothetical import HypotheticalLink, HypotheticalStatus, close_loop
+from rodgen.kinematics.spatial.links.link_table import link_table, load_mechanism, save_mechanism
+from rodgen.kinematics.spatial.links.mechanism import FREEDOMS, GE_P60, PUMA_560, T3_776, Mechanism
+from rodgen.kinematics.spatial.links.mobility import Mobility, mobility, mobility_of
+from rodgen.kinematics.spatial.links.transforms import (
+    VectorAngle,
+    inverse_transform,
+    transform,
+    vector_and_angle,
+)
+from rodgen.kinematics.spatial.loops.reverse import LoopSolutions, reverse_loop, reverse_sliding
+from rodgen.kinematics.spatial.pairs.solve import Pair, PairStatus, pair_from_biquadratics, solve_pair
+from rodgen.kinematics.spatial.pairs.trig import TrigStatus, solve_trig
+from rodgen.kinematics.spatial.polygons.equivalent import SphericalEquivalent, equivalent_spherical
+from rodgen.kinematics.spatial.polygons.linkages import (
+    PolygonStatus,
+    spherical_pentagon,
+    spherical_quadrilateral,
+)
+from rodgen.kinematics.spatial.polygons.notation import direction_cosines, notation, secondary_notation
+from rodgen.kinematics.spatial.polygons.toolkit import toolkit
+from rodgen.kinematics.spatial.robots.denavit_hartenberg import (
     DenavitHartenberg,
     from_denavit_hartenberg,
     from_modified_denavit_hartenberg,
     to_denavit_hartenberg,
     to_modified_denavit_hartenberg,
 )
-from rodgen.kinematics.spatial._forward import forward, frames, jacobian, link_transform
-from rodgen.kinematics.spatial._hypothetical import HypotheticalLink, HypotheticalStatus, close_loop
-from rodgen.kinematics.spatial._link_table import link_table, load_mechanism, save_mechanism
-from rodgen.kinematics.spatial._loops import LoopSolutions, reverse_loop, reverse_sliding
-from rodgen.kinematics.spatial._machine import from_machine, to_machine
-from rodgen.kinematics.spatial._mechanism import FREEDOMS, GE_P60, PUMA_560, T3_776, Mechanism
-from rodgen.kinematics.spatial._mobility import Mobility, mobility, mobility_of
-from rodgen.kinematics.spatial._notation import direction_cosines, notation, secondary_notation
-from rodgen.kinematics.spatial._pair import Pair, PairStatus, pair_from_biquadratics, solve_pair
-from rodgen.kinematics.spatial._pentagon import spherical_pentagon
-from rodgen.kinematics.spatial._placement import Placement
-from rodgen.kinematics.spatial._product_of_exponentials import (
+from rodgen.kinematics.spatial.robots.group import Group, group
+from rodgen.kinematics.spatial.robots.machine import from_machine, to_machine
+from rodgen.kinematics.spatial.robots.placement import Placement
+from rodgen.kinematics.spatial.robots.product_of_exponentials import (
     ProductOfExponentials,
     from_product_of_exponentials,
     to_product_of_exponentials,
 )
-from rodgen.kinematics.spatial._quadrilateral import PolygonStatus, spherical_quadrilateral
-from rodgen.kinematics.spatial._reverse import Reverse, reverse, reverse_method
-from rodgen.kinematics.spatial._rotations import VectorAngle, inverse_transform, transform, vector_and_angle
-from rodgen.kinematics.spatial._spherical import Group, SphericalEquivalent, equivalent_spherical, group
-from rodgen.kinematics.spatial._status import ReverseStatus
-from rodgen.kinematics.spatial._toolkit import toolkit
-from rodgen.kinematics.spatial._trig import TrigStatus, solve_trig
+from rodgen.kinematics.spatial.robots.reverse import reverse, reverse_method
 
 __all__ = [
     "FREEDOMS",

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rodgen.generated.numpy.rotations import RotationStatus
+from rodgen.kinematics.angles import principal
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.three_sps_s._geometry import Geometry
 
@@ -267,8 +268,4 @@ def tilt_torsion(rotation: ArrayLike) -> Any:
     rounding = 4 * np.finfo(float).eps
     half = np.where(along <= rounding, 0.0, np.arctan2(z, w))
     phase = np.where(across <= rounding, -half, np.arctan2(-x, y))
-
-    def folded(angle: Any) -> Any:
-        return np.arctan2(np.sin(angle), np.cos(angle))
-
-    return np.stack([folded(phase + half), 2 * np.arctan2(across, along), folded(2 * half)], axis=-1)
+    return np.stack([principal(phase + half), 2 * np.arctan2(across, along), principal(2 * half)], axis=-1)

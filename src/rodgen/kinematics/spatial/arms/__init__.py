@@ -1,0 +1,1 @@
+"""Reverse analysis of arms with six revolute joints."""

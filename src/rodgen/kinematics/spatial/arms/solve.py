@@ -1,0 +1,186 @@
+"""All joint angles that bring the end of an arm with six revolute joints to a pose.
+
+Problem: find every q with T_F6(q) = T. There are up to 16 solutions. Three axes that follow each other and meet in one
+point or are parallel make the problem small: then a closed form, or a pair of equations in two angles, has them all.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rodgen.kinematics.angles import principal
+from rodgen.kinematics.backend import kernels
+from rodgen.kinematics.spatial.arms.branches import solved
+from rodgen.kinematics.spatial.arms.general import general
+from rodgen.kinematics.spatial.arms.plan import Plan, plan
+from rodgen.kinematics.spatial.arms.status import ReverseStatus, there_first
+from rodgen.kinematics.spatial.arms.ways import WAYS
+from rodgen.kinematics.spatial.links.forward import forward, jacobian
+from rodgen.kinematics.spatial.links.mechanism import Mechanism
+from rodgen.kinematics.spatial.links.transforms import is_pose
+
+__all__ = ["Reverse", "solve_arm"]
+
+CHUNK = 2048
+"""Poses that are solved at a time by pairs of equations: their arrays stay in the cache."""
+CLOSES = 1e-11
+"""Largest distance of a solution's pose from the one wanted, in rad and relative to the reach; rounding leaves 1e-14,
+and near solutions that meet 1e-13."""
+SETTLED = 1e-14
+TRIES = 72
+"""First angles that are tried where it is free."""
+
+
+class Reverse(NamedTuple):
+    """Joint angles of every solution, and what each slot holds.
+
+    Attributes
+    ----------
+    solutions : array (..., N, 6)
+        Angles in rad, in (-π, π]; those there are come first. NaN where there is none. N is 8 or 16.
+    status : array (..., N) of int8
+        Codes of :class:`ReverseStatus`.
+    """
+
+    solutions: Any
+    status: Any
+
+
+def solve_arm(mechanism: Mechanism, pose: Any) -> Reverse:
+    """Return every set of joint angles that brings an arm of six revolute joints to poses (..., 4, 4).
+
+    Raises
+    ------
+    RodgenError
+        As for :func:`rodgen.kinematics.spatial.arms.plan.plan`, and when the arm needs `ssik`, which is not installed.
+    """
+    chosen = plan(mechanism)
+    if chosen.way in ("wrist", "parallel"):
+        return _closed(mechanism, chosen, pose)
+    flat = pose.reshape(-1, 4, 4)
+    if chosen.way == "general":
+        solve, slots = general(mechanism), 16
+    else:
+        slots = chosen.slots
+
+        def solve(part: Any) -> Any:
+            return solved(WAYS[chosen.way], chosen.arm, part)
+
+    angles = np.full((len(flat), slots, 6), np.nan)
+    status = np.full((len(flat), slots), ReverseStatus.INVALID, np.int8)
+    rows = np.flatnonzero(is_pose(flat))
+    for first in range(0, len(rows), CHUNK):
+        part = rows[first : first + CHUNK]
+        candidates = solve(flat[part])
+        angles[part], status[part] = _proved(mechanism, flat[part], *candidates, slots=slots)
+    shape = pose.shape[:-2]
+    return Reverse(angles.reshape(*shape, slots, 6), status.reshape(*shape, slots))
+
+
+def _closed(mechanism: Mechanism, chosen: Plan, pose: Any) -> Reverse:
+    """Solve by a kernel; what lies near a degenerate pose is put back into the forward analysis and polished."""
+    found, status = _by_kernel(chosen, pose)
+    flat, codes = found.reshape(-1, 8, 6), status.reshape(-1, 8)
+    poses = pose.reshape(-1, 4, 4)
+    if chosen.way == "parallel":
+        _free_first_angle(chosen, poses, flat, codes)
+    row, column = np.nonzero((codes == ReverseStatus.DOUBLE) | (codes == ReverseStatus.FAMILY))
+    if len(row):
+        better, error = _polished(mechanism, poses[row], flat[row, column], steps=40)
+        flat[row, column] = better
+        lost = error > CLOSES
+        flat[row[lost], column[lost]] = np.nan
+        codes[row[lost], column[lost]] = ReverseStatus.NONE
+        rows = np.unique(row[lost])
+        flat[rows], codes[rows] = there_first(flat[rows], codes[rows])
+    return Reverse(found, status)
+
+
+def _by_kernel(chosen: Plan, pose: Any) -> tuple[Any, Any]:
+    arm = chosen.arm
+    kernel = {"wrist": kernels.robot_wrist_reverse, "parallel": kernels.robot_parallel_reverse}[chosen.way]
+    found, status = kernel(arm.pose(pose), arm.a, arm.cosine, arm.sine, arm.offset)
+    return np.ascontiguousarray(arm.angles(found)), status  # written into, row by row
+
+
+def _free_first_angle(chosen: Plan, pose: Any, found: Any, status: Any) -> None:
+    """Try other first angles where any is possible, but zero leaves no solution, with the three parallel axes.
+
+    The point where axes 5 and 6 meet lies on the first axis then; the pose turned about that axis is such a pose, too.
+    """
+    arm = chosen.arm
+    rows = np.flatnonzero(status[:, 0] == ReverseStatus.NONE)
+    if not len(rows):
+        return
+    T = arm.pose(pose[rows])
+    W = T[:, :3, 3] - arm.offset[5] * T[:, :3, 2]
+    height = arm.cosine[0] * (W[:, 2] - arm.offset[0]) - arm.offset[1:4].sum() - arm.cosine[3] * arm.offset[4]
+    size = 1e-12 * (arm.reach + np.abs(T[:, :3, 3]).sum(axis=-1))
+    free = (np.hypot(W[:, 0], W[:, 1]) <= size) & (np.abs(height) <= size)
+    rows, T = rows[free], T[free]
+    for angle in np.linspace(0, 2 * np.pi, TRIES + 1)[1:-1]:
+        if not len(rows):
+            return
+        c, s = np.cos(angle), np.sin(angle)
+        back = np.array([[c, s, 0, 0], [-s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+        q, codes = kernels.robot_parallel_reverse(back @ T, arm.a, arm.cosine, arm.sine, arm.offset)
+        q[..., 0] = principal(q[..., 0] + angle)
+        there = codes[:, 0] <= ReverseStatus.FAMILY
+        found[rows[there]], status[rows[there]] = arm.angles(q[there]), codes[there]
+        rows, T = rows[~there], T[~there]
+
+
+def _proved(
+    mechanism: Mechanism, T: Any, angles: Any, status: Any, missing: Any, *, slots: int
+) -> tuple[Any, Any]:
+    """Polish candidates (n, m, 6), keep those that meet the pose, and put them first: (n, slots, 6), (n, slots)."""
+    n, m, _ = angles.shape
+    there = status <= ReverseStatus.FAMILY
+    row, column = np.nonzero(there)
+    found, error = _polished(mechanism, T[row], angles[row, column])
+    good = error <= CLOSES
+    missing = missing.copy()
+    missing[row[~good & (status[row, column] == ReverseStatus.REGULAR)]] = True
+    there[row[~good], column[~good]] = False
+    angles = np.full((n, max(m, slots), 6), np.nan)
+    angles[row[good], column[good]] = found[good]
+    codes = np.full((n, max(m, slots)), ReverseStatus.NONE, np.int8)
+    codes[:, :m] = np.where(there, status, ReverseStatus.NONE)
+    codes = np.where(missing[:, None] & (codes == ReverseStatus.NONE), ReverseStatus.INCOMPLETE, codes)
+    angles, codes = there_first(angles, codes)
+    return angles[:, :slots], codes[:, :slots]
+
+
+def _polished(mechanism: Mechanism, T: Any, q: Any, steps: int = 3) -> tuple[Any, Any]:
+    """Take Newton steps while they help: angles (k, 6) and how far their poses are off, relative."""
+    reach = np.abs(mechanism.a).sum() + np.abs(mechanism.offset).sum() or 1.0
+    q = principal(q)
+    off, error = _off(forward(mechanism, q), T, reach)
+    for _ in range(steps):
+        rows = np.flatnonzero((error > SETTLED) & (error < 1e-3))
+        if not len(rows):
+            break
+        J = jacobian(mechanism, q[rows]) / np.array([1.0, 1.0, 1.0, reach, reach, reach])[:, None]
+        # near a singular pose only the determined directions are moved
+        step = np.linalg.pinv(J, rcond=1e-7) @ off[rows][..., None]
+        moved = q[rows] + step[..., 0]
+        now, better = _off(forward(mechanism, moved), T[rows], reach)
+        helps = better < error[rows]
+        kept = rows[helps]
+        q[kept], off[kept], error[kept] = moved[helps], now[helps], better[helps]
+        if not len(kept):
+            break
+    return principal(q), error
+
+
+def _off(found: Any, wanted: Any, reach: float) -> tuple[Any, Any]:
+    """Return the small displacement (k, 6) from a pose to the one wanted, in rad and over the reach, and its size."""
+    R, Q = found[..., :3, :3], wanted[..., :3, :3]
+    turn = np.cross(R, Q, axis=-2).sum(axis=-1) / 2
+    # opposite axes have no cross product either
+    turn_size = np.sqrt(np.square(R - Q).sum(axis=(-2, -1)) / 2)
+    shift = (wanted[..., :3, 3] - found[..., :3, 3]) / reach
+    size = np.maximum(turn_size, np.abs(shift).max(axis=-1))
+    return np.concatenate([turn, shift], axis=-1), size

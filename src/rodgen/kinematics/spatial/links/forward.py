@@ -1,0 +1,228 @@
+"""Forward analysis: from the variables of a mechanism to its systems, its end frame, and the Jacobian.
+
+Problem: the chain of the transforms Tx(a) Rx(alpha) Tz(S) Rz(theta), one for each link and joint. Six revolute joints
+have kernels of their own; every other chain is one step of one kernel after the other.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rodgen.errors import RodgenError
+from rodgen.kinematics.backend import kernels
+from rodgen.kinematics.spatial.links.mechanism import Mechanism, check_mechanism
+
+__all__ = ["checked", "forward", "frames", "jacobian", "link_transform"]
+
+RIGHT_ANGLE = 2 * float(np.finfo(float).eps)
+"""A multiple of 90 degrees, up to a turn, is off by the rounding of an angle near 2π: no more than this."""
+
+
+def link_transform(a: ArrayLike, alpha: ArrayLike, offset: ArrayLike, angle: ArrayLike) -> Any:
+    """Return the transform from one link's system to the next.
+
+    Parameters
+    ----------
+    a : array_like (...)
+        Length a_ij of the link.
+    alpha : array_like (...)
+        Its twist alpha_ij in rad.
+    offset : array_like (...)
+        Offset S_j of the joint after it.
+    angle : array_like (...)
+        Angle theta_j of that joint in rad.
+
+    Returns
+    -------
+    array (..., 4, 4)
+        Tx(a) Rx(alpha) Tz(S) Rz(theta).
+
+    Notes
+    -----
+    Crane and Duffy, general link to link transformation matrix; proved in the derivation ``spatial_links``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen import spatial
+    >>> spatial.link_transform(100.0, np.pi / 2, 20.0, 0.0)[:3, 3].round(9) + 0.0
+    array([100., -20.,   0.])
+    """
+    twist = np.asarray(alpha, float)
+    return kernels.link_step(np.eye(4), a, np.cos(twist), np.sin(twist), offset, angle)
+
+
+def forward(mechanism: Mechanism, variables: ArrayLike) -> Any:
+    """Return the end frame of an open chain, or what a closed loop is off by.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Of joints R, P, C and H.
+    variables : array_like (..., v)
+        Angles in rad and offsets, in the order of ``mechanism.variables``.
+
+    Returns
+    -------
+    array (..., 4, 4)
+        Pose of the last joint's frame in the fixed frame F: x along the a after it, z along the joint. Of a closed loop
+        the product all the way round: the unit matrix where, and only where, the variables close the loop.
+
+    Raises
+    ------
+    RodgenError
+        When the number of variables is another one, or the mechanism has joints E, T or S.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen import spatial
+    >>> spatial.forward(spatial.PUMA_560, np.zeros(6))[:3, 3].round(6) + 0.0
+    array([17.8, -5.9, 13. ])
+    """
+    q = checked(mechanism, variables)
+    if _is_6r(mechanism):
+        return kernels.link_forward_6r(*_six(mechanism), q)
+    frame = _all(mechanism, q)[-1]
+    return _closing(mechanism, frame) if mechanism.closed else frame
+
+
+def frames(mechanism: Mechanism, variables: ArrayLike) -> Any:
+    """Return the systems of all links.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Of n joints R, P, C and H.
+    variables : array_like (..., v)
+        Angles in rad and offsets, in the order of ``mechanism.variables``.
+
+    Returns
+    -------
+    array (..., n, 4, 4)
+        System j has x along the link after joint j, z along S_j, and its origin where both meet; in the frame F.
+
+    Raises
+    ------
+    RodgenError
+        As for :func:`forward`.
+
+    Examples
+    --------
+    >>> from rodgen import spatial
+    >>> spatial.frames(spatial.GE_P60, [0.0] * 6)[:, :3, 3].round(6)[3] + 0.0
+    array([160. ,   9.8,   0. ])
+    """
+    q = checked(mechanism, variables)
+    return np.stack(_all(mechanism, q), axis=-3)
+
+
+def jacobian(mechanism: Mechanism, variables: ArrayLike) -> Any:
+    """Return how the end frame moves with each variable.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Of joints R, P, C and H.
+    variables : array_like (..., v)
+        Angles in rad and offsets, in the order of ``mechanism.variables``.
+
+    Returns
+    -------
+    array (..., 6, v)
+        Angular velocity (rows 0 to 2) and velocity of the origin of the end frame (rows 3 to 5), in the frame F, per
+        unit of each variable.
+
+    Raises
+    ------
+    RodgenError
+        As for :func:`forward`.
+
+    Notes
+    -----
+    A column is (S_j; S_j × (P - P_j)) for an angle, with the pitch times S_j more for a screw, and (0; S_j) for an
+    offset; proved in the derivation ``spatial_links``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen import spatial
+    >>> rates = spatial.jacobian(spatial.PUMA_560, [0.3, 0.2, 0.1, 0.4, 0.0, 0.6])
+    >>> int(np.linalg.matrix_rank(rates))  # the wrist is stretched
+    5
+    """
+    q = checked(mechanism, variables)
+    if _is_6r(mechanism):
+        return kernels.link_jacobian_6r(*_six(mechanism), q)
+    chain = _all(mechanism, q)
+    end = (_closing(mechanism, chain[-1]) if mechanism.closed else chain[-1])[..., :3, 3]
+    found = np.zeros((*q.shape[:-1], 6, q.shape[-1]))
+    for column, (j, which) in enumerate(mechanism.variables):
+        axis, origin = chain[j][..., :3, 2], chain[j][..., :3, 3]
+        if which == "theta":
+            found[..., :3, column] = axis
+            found[..., 3:, column] = np.cross(axis, end - origin) + mechanism.pitch[j] * axis
+        else:
+            found[..., 3:, column] = axis
+    return found
+
+
+def checked(mechanism: Mechanism, variables: ArrayLike) -> NDArray[Any]:
+    """Return variables as an array of numbers (..., v), or say what is wrong with them."""
+    check_mechanism(mechanism)
+    expected = len(mechanism.variables)
+    q = np.asarray(variables)
+    if q.dtype.kind not in "fiub":
+        raise TypeError(f"the variables are of the type {q.dtype}; expected real numbers")
+    q = q.astype(float, copy=False)
+    if not q.ndim or q.shape[-1] != expected:
+        raise RodgenError(
+            f"the variables have the shape {q.shape}; expected (..., {expected}), as many as the mechanism has"
+        )
+    return q
+
+
+def _is_6r(mechanism: Mechanism) -> bool:
+    return mechanism.joints == ("R",) * 6 and not mechanism.closed
+
+
+def _six(mechanism: Mechanism) -> tuple[NDArray[Any], ...]:
+    return mechanism.a, *_cosine_and_sine(mechanism.alpha), mechanism.offset
+
+
+def _all(mechanism: Mechanism, q: NDArray[Any]) -> list[NDArray[Any]]:
+    offsets: list[Any] = list(mechanism.offset)
+    angles: list[Any] = list(mechanism.angle)
+    for column, (j, which) in enumerate(mechanism.variables):
+        (angles if which == "theta" else offsets)[j] = q[..., column]
+    for j, kind in enumerate(mechanism.joints):
+        if kind == "H":
+            offsets[j] = offsets[j] + mechanism.pitch[j] * angles[j]
+    cosine, sine = _cosine_and_sine(mechanism.alpha)
+    frame = kernels.link_step(np.eye(4), 0.0, 1.0, 0.0, offsets[0], angles[0])
+    found = [frame]
+    for j in range(1, len(mechanism.joints)):
+        link = mechanism.a[j - 1], cosine[j - 1], sine[j - 1]
+        frame = kernels.link_step(frame, *link, offsets[j], angles[j])
+        found.append(frame)
+    # a chain that begins with fixed numbers has single systems there; every system has the batch's shape
+    shape = (*q.shape[:-1], 4, 4)
+    return [np.broadcast_to(each, shape) for each in found]
+
+
+def _closing(mechanism: Mechanism, frame: NDArray[Any]) -> Any:
+    cosine, sine = _cosine_and_sine(mechanism.alpha[-1])
+    return kernels.link_step(frame, mechanism.a[-1], cosine, sine, 0.0, 0.0)
+
+
+def _cosine_and_sine(twist: Any) -> tuple[Any, Any]:
+    """Return both, exact at right angles, which are no number of radians: no dust in poses and machine files."""
+    cosine, sine = np.cos(twist), np.sin(twist)
+    level, upright = np.abs(sine) <= RIGHT_ANGLE, np.abs(cosine) <= RIGHT_ANGLE
+    return (
+        np.where(level, np.sign(cosine), np.where(upright, 0.0, cosine)),
+        np.where(upright, np.sign(sine), np.where(level, 0.0, sine)),
+    )

@@ -1,0 +1,336 @@
+"""How many freedoms a mechanism has: the mobility formula, and where it is known to be wrong.
+
+n bodies, one of them fixed, would have 6 (n - 1) freedoms; a joint with f freedoms takes away 6 - f:
+
+    M = 6 (n - 1) - sum of (6 - f_i)
+
+which is the sum of the f_i for an open chain, and 6 less for a single loop. The formula counts freedoms and does not
+see the geometry. Where all motions stay within a group of displacements of an order below 6 (planar: 3, spherical: 3),
+that order takes the place of 6; the Bennett loop moves against every count; and a body that is held by two ball joints
+alone spins idly about the line through them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rodgen.errors import RodgenError
+from rodgen.kinematics.spatial.links.mechanism import FREEDOMS, Mechanism
+from rodgen.kinematics.spatial.links.transforms import rx, rz
+
+__all__ = ["Mobility", "mobility", "mobility_of"]
+
+PARALLEL = 1e-9
+"""Sine, or length relative to the largest one, below which axes are parallel and a length is zero: far above what the
+rounding of an angle given in degrees makes, far below what a drawing says."""
+
+ORDERS = {
+    "translational": "no joint turns: all motions are translations",
+    "planar": "all axes are parallel, and all slides perpendicular to them: a planar linkage",
+    "schoenflies": "all axes are parallel: links turn about one direction only",
+    "coaxial": "all axes are one line",
+    "spherical": "all axes meet in one point: a spherical linkage",
+}
+
+
+@dataclass(frozen=True)
+class Mobility:
+    """The freedoms of a mechanism.
+
+    Attributes
+    ----------
+    value : int
+        The mobility: that of the formula, or of the exception where a known one applies.
+    formula : int
+        What the general formula gives, with 6 (n - 1).
+    bodies : int
+        How many there are, the fixed one among them.
+    freedoms : tuple of int
+        Of each joint.
+    exception : str
+        Why the formula does not hold: ``"planar"``, ``"spherical"``, ``"translational"``, ``"coaxial"``,
+        ``"schoenflies"``, ``"bennett"``, or ``""``.
+    passive : int
+        How many of the freedoms in `value` are idle spins of a body between two ball joints.
+    instantaneous : int or None
+        Freedoms of first order in the pose that was given: variables less the rank of the joints' screws.
+    remarks : tuple of str
+        The same in words.
+    """
+
+    value: int
+    formula: int
+    bodies: int
+    freedoms: tuple[int, ...]
+    exception: str = ""
+    passive: int = 0
+    instantaneous: int | None = None
+    remarks: tuple[str, ...] = ()
+
+
+def mobility(mechanism: Mechanism, q: ArrayLike | None = None) -> Mobility:
+    """Count the freedoms of an open chain or a single closed loop, known exceptions among them.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Joints of any kind.
+    q : array_like (v), optional
+        A pose in which the loop is closed: the variables of the mechanism (of ``mechanism.expanded()``, where there are
+        joints E, T or S). With it, the freedoms of first order are counted, too.
+
+    Returns
+    -------
+    Mobility
+
+    Raises
+    ------
+    RodgenError
+        When `q` has not one number for each variable.
+
+    Notes
+    -----
+    Crane and Duffy, "Kinematic Analysis of Robot Manipulators", on mobility. Exceptions that are told: groups of
+    displacements of an order below 6 (all axes parallel, concurrent or one line, no rotations), and the Bennett loop.
+    Others (Bricard's, Goldberg's, Sarrus' loops) are seen by `q` only.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen import spatial
+    >>> four_bar = spatial.Mechanism("RRRR", a=[1.0, 3.0, 2.0, 3.0], alpha=np.zeros(4))
+    >>> found = spatial.mobility(four_bar)
+    >>> found.value, found.formula, found.exception
+    (1, -2, 'planar')
+    """
+    freedoms = mechanism.freedoms
+    n = len(freedoms)
+    if not mechanism.closed:
+        total = sum(freedoms)
+        return Mobility(total, total, n + 1, freedoms, remarks=("an open chain: the sum of the freedoms",))
+    formula = sum(freedoms) - 6
+    full = mechanism.expanded()
+    exception, order = _order(full)
+    value = formula
+    remarks: list[str] = []
+    if exception:
+        value = sum(freedoms) - order
+        remarks.append(f"{ORDERS[exception]}, whose displacements have order {order} instead of 6")
+    elif _is_bennett(full):
+        exception, value = "bennett", 1
+        remarks.append("Bennett's loop: four turning joints that move although the formula gives -2")
+    passive = _idle_spins(mechanism)
+    if passive:
+        remarks.append(f"{passive} of the freedoms {_spins(passive)}")
+    instantaneous = None
+    if q is not None:
+        instantaneous = len(full.variables) - int(np.linalg.matrix_rank(_screws(full, q), tol=PARALLEL))
+        if instantaneous != value:
+            remarks.append(f"in this pose {instantaneous} freedoms of first order, by the rank of the screws")
+    return Mobility(value, formula, n, freedoms, exception, passive, instantaneous, tuple(remarks))
+
+
+def mobility_of(
+    bodies: int, joints: str | Sequence[str | tuple[str, int, int]], *, order: int = 6
+) -> Mobility:
+    """Count the freedoms of any number of bodies and joints.
+
+    Parameters
+    ----------
+    bodies : int
+        How many there are, the fixed one among them.
+    joints : str or sequence
+        Kinds of the joints, such as ``"RRRR"``; or ``(kind, body, body)`` for each, with bodies counted from 0, the
+        fixed one. Only with bodies can idle spins between ball joints, and parts that nothing holds, be told.
+    order : int, optional
+        6, or that of the group in which all motions stay: 3 for planar and for spherical linkages.
+
+    Returns
+    -------
+    Mobility
+
+    Raises
+    ------
+    RodgenError
+        When there is no such joint or body.
+
+    Examples
+    --------
+    A hexapod: a base, a platform, and six legs of two bodies each with ball joints at both ends.
+
+    >>> from rodgen import spatial
+    >>> legs = [[("S", 0, 2 * k), ("P", 2 * k, 2 * k + 1), ("S", 2 * k + 1, 1)] for k in range(1, 7)]
+    >>> hexapod = spatial.mobility_of(14, sum(legs, []))
+    >>> hexapod.value, hexapod.passive
+    (12, 6)
+    """
+    if bodies < 1:
+        raise RodgenError(f"there are {bodies} bodies; expected at least the fixed one")
+    rows: list[tuple[str, int, int] | None] = []
+    kinds: list[str] = []
+    for number, joint in enumerate(joints, 1):
+        kind, i, j = joint if isinstance(joint, tuple) else (joint, -1, -1)
+        if kind not in FREEDOMS:
+            raise RodgenError(f"joint {number} is {kind!r}; expected one of {', '.join(FREEDOMS)}")
+        if isinstance(joint, tuple) and (min(i, j) < 0 or max(i, j) >= bodies or i == j):
+            raise RodgenError(
+                f"joint {number} joins the bodies {i} and {j}; expected two of 0 to {bodies - 1}, not the same"
+            )
+        kinds.append(kind)
+        rows.append((kind, i, j) if isinstance(joint, tuple) else None)
+    freedoms = tuple(min(FREEDOMS[kind], order) for kind in kinds)
+    lost = sum(order - f for f in freedoms)
+    value = order * (bodies - 1) - lost
+    edges = [row for row in rows if row is not None]
+    passive, remarks = 0, []
+    if edges and len(edges) == len(rows):
+        parts = _parts(bodies, edges)
+        if parts > 1:
+            remarks.append(f"the bodies are {parts} parts that no joint connects")
+        passive = _idle_bodies(bodies, edges)
+        if passive:
+            remarks.append(f"{passive} of the freedoms {_spins(passive)}")
+    if value < 1 and order == 6:
+        remarks.append("a planar, spherical or otherwise special geometry may move nevertheless")
+    formula = 6 * (bodies - 1) - sum(6 - FREEDOMS[kind] for kind in kinds)
+    return Mobility(value, formula, bodies, freedoms, "", passive, None, tuple(remarks))
+
+
+def _spins(count: int) -> str:
+    return "is an idle spin between two ball joints" if count == 1 else "are idle spins between ball joints"
+
+
+def _idle_spins(mechanism: Mechanism) -> int:
+    """Links of the loop, and slides in line with both centres, that are held by two ball joints alone."""
+    kinds, n = mechanism.joints, len(mechanism.joints)
+    count = 0
+    for j in range(n):
+        k = (j + 1) % n
+        if kinds[j] != "S" or n < 3:
+            continue
+        in_line = abs(mechanism.a[j]) <= PARALLEL * _size(mechanism)
+        if kinds[k] == "S":
+            count += 1
+        elif kinds[k] in "PC" and kinds[(k + 1) % n] == "S" and k != j and (k + 1) % n != j:
+            # both bodies spin with the slide where its axis goes through both centres
+            count += bool(in_line and abs(mechanism.a[k]) <= PARALLEL * _size(mechanism))
+    return count
+
+
+def _idle_bodies(bodies: int, edges: Sequence[tuple[str, int, int]]) -> int:
+    """How many spins bodies, or pairs of bodies with one slide between them, have between two ball joints."""
+    at: list[list[tuple[str, int]]] = [[] for _ in range(bodies)]
+    for kind, i, j in edges:
+        at[i].append((kind, j))
+        at[j].append((kind, i))
+    count = sum(body > 0 and [kind for kind, _ in held] == ["S", "S"] for body, held in enumerate(at))
+    for kind, i, j in edges:
+        if kind in "PC" and i and j:
+            ends = [sorted(k for k, _ in at[b]) for b in (i, j)]
+            count += ends == [sorted([kind, "S"])] * 2
+    return count
+
+
+def _parts(bodies: int, edges: Sequence[tuple[str, int, int]]) -> int:
+    part = list(range(bodies))
+    for _, i, j in edges:
+        old, new = part[i], part[j]
+        part = [new if p == old else p for p in part]
+    return len(set(part))
+
+
+def _size(mechanism: Mechanism) -> float:
+    lengths = np.concatenate([np.abs(x) for x in (mechanism.a, mechanism.offset, mechanism.pitch)])
+    return float(np.nanmax(lengths, initial=0.0)) or 1.0
+
+
+def _order(mechanism: Mechanism) -> tuple[str, int]:
+    """Tell the group in which all motions of a loop stay, and its order; "" and 6 for the general one."""
+    kinds, n = mechanism.joints, len(mechanism.joints)
+    turning = [j for j in range(n) if kinds[j] != "P"]
+    small = PARALLEL * _size(mechanism)
+    if not turning:
+        R, slides = np.eye(3), []
+        for j in range(n):
+            slides.append(R[:, 2])
+            R = R @ rz(mechanism.angle[j]) @ rx(mechanism.alpha[j])
+        return "translational", int(np.linalg.matrix_rank(np.array(slides), tol=PARALLEL))
+    if set(kinds) == {"R"} and max(np.abs(mechanism.a).max(), np.abs(mechanism.offset).max()) <= small:
+        parallel = np.abs(np.sin(mechanism.alpha)).max() <= PARALLEL
+        return ("coaxial", 1) if parallel else ("spherical", 3)
+    # from one turning joint to the next: is the next axis parallel, the same line, which slides are between?
+    one_line, along, across = True, any(kind in "CH" for kind in kinds), False
+    for number, j in enumerate(turning):
+        following = turning[(number + 1) % len(turning)]
+        R, v = np.eye(3), np.zeros(3)
+        k = j
+        while True:
+            if kinds[k] == "P":
+                along |= bool(abs(R[2, 2]) > PARALLEL)
+                across |= bool(np.hypot(R[0, 2], R[1, 2]) > PARALLEL)
+                R = R @ rz(mechanism.angle[k])
+            v = v + R[:, 0] * mechanism.a[k]
+            if not np.isnan(mechanism.offset[(k + 1) % n]):
+                v = v + (R @ rx(mechanism.alpha[k]))[:, 2] * mechanism.offset[(k + 1) % n]
+            R = R @ rx(mechanism.alpha[k])
+            k = (k + 1) % n
+            if k == following:
+                break
+        if np.hypot(R[0, 2], R[1, 2]) > PARALLEL:
+            return "", 6
+        one_line &= bool(np.hypot(v[0], v[1]) <= small)
+    if one_line and not across:
+        return "coaxial", 1 + along
+    return ("schoenflies", 4) if along else ("planar", 3)
+
+
+def _is_bennett(mechanism: Mechanism) -> bool:
+    """Four turning joints with equal opposite links, no offsets, and a / sin(alpha) of the same size all round."""
+    if "".join(mechanism.joints) != "RRRR":
+        return False
+    a, alpha = np.array(mechanism.a), np.array(mechanism.alpha)
+    # a link is the same one with its length and its twist both reversed
+    flip = np.where(a < 0, -1.0, 1.0)
+    a, alpha = a * flip, alpha * flip
+    small = PARALLEL * _size(mechanism)
+    if np.abs(mechanism.offset).max() > small or np.abs(a[:2] - a[2:]).max() > small or min(a) <= small:
+        return False
+    turned = np.exp(1j * alpha)
+    if np.abs(turned[:2] - turned[2:]).max() > PARALLEL:
+        return False
+    first, second = a[0] * np.sin(alpha[1]), a[1] * np.sin(alpha[0])
+    return bool(abs(abs(first) - abs(second)) <= small and abs(first) > small)
+
+
+def _screws(mechanism: Mechanism, q: ArrayLike) -> np.ndarray:
+    """Screws of the variables in the first frame, (6, v); lengths are measured in the largest one of the loop."""
+    variables = mechanism.variables
+    values = np.asarray(q, float)
+    if values.shape != (len(variables),):
+        raise RodgenError(f"q has the shape {values.shape}; expected one number for each of {len(variables)}")
+    given = dict(zip(variables, values, strict=True))
+    size = _size(mechanism)
+    R, p = np.eye(3), np.zeros(3)
+    columns = []
+    for j, kind in enumerate(mechanism.joints):
+        axis = R[:, 2]
+        angle = given.get((j, "theta"), mechanism.angle[j])
+        offset = given.get((j, "S"), mechanism.offset[j])
+        if kind == "H":
+            offset = offset + mechanism.pitch[j] * angle
+        if (j, "theta") in given:
+            columns.append(
+                np.concatenate([axis, np.cross(p / size, axis) + mechanism.pitch[j] / size * axis])
+            )
+        if (j, "S") in given:
+            columns.append(np.concatenate([np.zeros(3), axis]))
+        p = p + offset * axis
+        R = R @ rz(angle)
+        if j < len(mechanism.a):
+            p = p + mechanism.a[j] * R[:, 0]
+            R = R @ rx(mechanism.alpha[j])
+    return np.array(columns).T

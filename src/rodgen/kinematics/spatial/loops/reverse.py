@@ -1,0 +1,282 @@
+"""All ways in which a closed loop, or a robot with slides, reaches what is given.
+
+A loop of mobility 1 whose equivalent spherical mechanism is a quadrilateral (group 1: RCCC, 2R-P-2C, 3R-2P-C, 4R-3P) or
+a pentagon (group 2: 3R-2C, 4R-P-C, 5R-2P), in any order of the joints, closes in at most two or eight ways once one
+variable is given. When that is an offset, one angle more is unknown, and group 1 needs the method of group 2. A robot
+with three or two slides among its six freedoms is such a loop with its pose as a link.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rodgen.errors import RodgenError
+from rodgen.kinematics.angles import principal
+from rodgen.kinematics.arrays import real_array
+from rodgen.kinematics.spatial.arms.solve import solve_arm
+from rodgen.kinematics.spatial.arms.status import ReverseStatus, there_first
+from rodgen.kinematics.spatial.links.mechanism import Mechanism
+from rodgen.kinematics.spatial.links.transforms import is_pose, rx, rz
+from rodgen.kinematics.spatial.loops.closed_forms import closed_form
+from rodgen.kinematics.spatial.loops.merged import Merged, merge
+from rodgen.kinematics.spatial.loops.solve import solve_merged
+
+__all__ = ["LoopSolutions", "Variable", "reverse_loop", "reverse_sliding"]
+
+Variable = int | tuple[int | str, str]
+"""A variable of a mechanism: its index, or a joint (by number from 0, or by name) and ``"theta"`` or ``"S"``."""
+
+SLOTS = {3: 2, 4: 8}
+
+
+@dataclass(frozen=True)
+class LoopSolutions:
+    """All ways to close a loop.
+
+    Attributes
+    ----------
+    values : array (..., N, v)
+        The variables of each way, in the order of the mechanism's `variables`, the given ones among them; angles in
+        (-pi, pi]. Ways that are there come first. NaN where there is none.
+    status : array (..., N) of int8
+        Codes of :class:`ReverseStatus`.
+    """
+
+    values: NDArray[np.float64]
+    status: NDArray[np.int8]
+
+
+def reverse_loop(mechanism: Mechanism, given: Mapping[Variable, ArrayLike]) -> LoopSolutions:
+    """Find all ways in which a closed loop closes when some of its variables are given.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        A closed loop of joints R, P and C.
+    given : mapping of variable to array_like (...)
+        Values of all but six variables: of one, where the mobility is 1. Lengths in the mechanism's unit, angles in
+        rad; they broadcast against each other. With three unknown angles there are at most two ways, with four eight.
+
+    Returns
+    -------
+    LoopSolutions
+        Every way closes the loop to 1e-11 rad and, relative to its largest length, slides among them, to 1e-11. Ways
+        with a slide longer than a million times the loop are at infinity, and are none.
+
+    Raises
+    ------
+    RodgenError
+        When the chain is open or has other joints, when six unknowns are not left, and when five or six of them are
+        angles (groups 3 and 4), which is not solved here; but a 7R loop is handed to :func:`reverse`, as an arm with
+        six joints.
+
+    Notes
+    -----
+    Crane and Duffy, "Kinematic Analysis of Robot Manipulators", group one and group two solution processes; proved in
+    the derivation ``spatial_loops``. A status FAMILY marks a way that can be moved although the input is held.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen import spatial
+    >>> loop = spatial.Mechanism("CCCR", a=[1.0, 2.0, 3.0, 4.0], alpha=np.radians([40, 70, 85, 70]),
+    ...                          offset=[np.nan, np.nan, np.nan, 0.5])
+    >>> found = spatial.reverse_loop(loop, {(3, "theta"): np.radians(75)})
+    >>> np.degrees(found.values[:, 0]).round(4)
+    array([136.543 ,  63.5047])
+    """
+    if not mechanism.closed:
+        raise RodgenError(
+            "the mechanism is an open chain; expected a closed loop, with a link after every joint"
+        )
+    _check_joints(mechanism)
+    known = {_index(mechanism, key): _number(key, value) for key, value in given.items()}
+    if len(known) != len(given):
+        raise RodgenError("a variable is given twice; expected each once")
+    return _solved(mechanism, known, None)
+
+
+def reverse_sliding(mechanism: Mechanism, T: ArrayLike) -> LoopSolutions:
+    """Find all ways in which a robot with two or three slides among its six freedoms reaches a pose.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        An open chain of joints R, P and C with six freedoms, three or four of them angles.
+    T : array_like (..., 4, 4)
+        Pose of the end frame in the fixed frame.
+
+    Returns
+    -------
+    LoopSolutions
+
+    Raises
+    ------
+    RodgenError
+        When the mechanism is a loop, has other joints, or has not six freedoms with two or three slides.
+
+    Notes
+    -----
+    The pose, inverted, is the link that closes the chain to a loop of group 1 or 2; no hypothetical link is needed.
+
+    Examples
+    --------
+    A gantry: three slides at right angles carry a wrist of three turning joints.
+
+    >>> import numpy as np
+    >>> from rodgen import spatial
+    >>> quarter = np.pi / 2
+    >>> gantry = spatial.Mechanism("PPPRRR", a=np.zeros(5), alpha=[quarter, quarter, 0.0, quarter, quarter],
+    ...                            angle=[0.0, quarter, 0.0, np.nan, np.nan, np.nan])
+    >>> T = np.eye(4)
+    >>> T[:3, 3] = [1.0, 2.0, 3.0]
+    >>> found = spatial.reverse_sliding(gantry, T)
+    >>> found.status.tolist(), np.abs(found.values[0, :3]).round(9).tolist()
+    ([0, 0], [3.0, 2.0, 1.0])
+    """
+    if mechanism.closed:
+        raise RodgenError("the mechanism is a closed loop; expected an open chain")
+    _check_joints(mechanism)
+    pose = real_array("T", T, (4, 4))
+    R, p = pose[..., :3, :3], pose[..., :3, 3]
+    back = np.where(is_pose(pose)[..., None, None], np.swapaxes(R, -1, -2), np.nan)
+    return _solved(mechanism, {}, (back, -np.einsum("...ij,...j->...i", back, p)))
+
+
+def _check_joints(mechanism: Mechanism) -> None:
+    for name, kind in zip(mechanism.names, mechanism.joints, strict=True):
+        if kind == "H":
+            raise RodgenError(
+                f"joint {name} is a screw; expected joints R, P and C: its offset is no polynomial in its angle"
+            )
+        if kind not in "RPC":
+            raise RodgenError(f"joint {name} is {kind!r}; expected R, P or C: call expanded() first")
+
+
+def _index(mechanism: Mechanism, key: Variable) -> int:
+    variables = mechanism.variables
+    names = [f"({mechanism.names[j]!r}, {which!r})" for j, which in variables]
+    if isinstance(key, tuple) and len(key) == 2:
+        joint: Any = key[0]
+        if isinstance(joint, str):
+            joint = mechanism.names.index(joint) if joint in mechanism.names else -1
+        for i, (j, which) in enumerate(variables):
+            if (joint, key[1]) == (j, which):
+                return i
+    elif isinstance(key, int | np.integer) and 0 <= key < len(variables):
+        return int(key)
+    raise RodgenError(f"there is no variable {key!r}; expected one of {', '.join(names)}, or its index")
+
+
+def _number(key: Variable, value: ArrayLike) -> NDArray[np.float64]:
+    try:
+        return np.asarray(value, float)
+    except (TypeError, ValueError):
+        raise RodgenError(f"the value of {key!r} is {value!r}; expected a number") from None
+
+
+def _solved(
+    mechanism: Mechanism,
+    known: Mapping[int, NDArray[np.float64]],
+    closing: tuple[NDArray[np.float64], NDArray[np.float64]] | None,
+) -> LoopSolutions:
+    variables = mechanism.variables
+    unknown = [i for i in range(len(variables)) if i not in known]
+    angles = sum(variables[i][1] == "theta" for i in unknown)
+    if len(unknown) != 6:
+        wanted = len(variables) - 6
+        what = (
+            f"{len(known)} of {len(variables)} variables are given"
+            if closing is None
+            else "it is no pose problem"
+        )
+        raise RodgenError(f"{len(unknown)} unknowns are left ({what}); expected 6, which is {wanted} given")
+    if angles not in SLOTS:
+        if mechanism.joints == ("R",) * 7 and closing is None:
+            return _seven_turning(mechanism, known)
+        if angles > 4:
+            advice = "; use reverse()" if closing is not None and angles == 6 else ""
+            raise RodgenError(
+                f"{angles} of the six unknowns are angles: a problem of group {angles - 2}, of degree 16; "
+                f"expected three or four (groups 1 and 2){advice}"
+            )
+        raise RodgenError(f"only {angles} of the six unknowns are angles; expected three or four")
+    shape = np.broadcast_shapes(
+        *(value.shape for value in known.values()), () if closing is None else closing[1].shape[:-1]
+    )
+    count = int(np.prod(shape))
+    flat = {i: np.broadcast_to(value, shape).reshape(count) for i, value in known.items()}
+    link = None
+    if closing is not None:
+        link = closing[0].reshape(count, 3, 3), closing[1].reshape(count, 3)
+    good = np.ones(count, bool)
+    for value in flat.values():
+        good &= np.isfinite(value)
+    if link is not None:
+        good &= np.isfinite(link[0]).all(axis=(1, 2)) & np.isfinite(link[1]).all(axis=1)
+        link = np.where(good[:, None, None], link[0], np.eye(3)), np.where(good[:, None], link[1], 0.0)
+    clean = {i: np.where(good, value, 0.0) for i, value in flat.items()}
+    merged = merge(mechanism, clean, link)
+    size = _size(mechanism, merged, count)
+    start = None
+    if (form := closed_form(mechanism, clean)) is not None:
+        joints, angles_there, there = form
+        start = angles_there[..., [joints.index(j) for j in merged.joints]], there
+    theta, slides, status = solve_merged(mechanism, merged, count, size, start)
+    values = np.full((count, status.shape[1], len(variables)), np.nan)
+    values[..., list(merged.rotary)] = theta
+    values[..., list(merged.slides)] = slides
+    for i, value in flat.items():
+        values[..., i] = value[:, None]
+    turning = [i for i, (_, which) in enumerate(variables) if which == "theta" and i not in known]
+    values[..., turning] = principal(values[..., turning])
+    status = np.where(good[:, None], status, np.int8(ReverseStatus.INVALID))
+    values = np.where((status < ReverseStatus.NONE)[..., None], values, np.nan)
+    values, kinds = there_first(values, status.astype(np.int8))
+    slots = kinds.shape[1]
+    return LoopSolutions(values.reshape(*shape, slots, len(variables)), kinds.reshape(*shape, slots))
+
+
+def _seven_turning(mechanism: Mechanism, known: Mapping[int, NDArray[np.float64]]) -> LoopSolutions:
+    """Close a 7R loop with one angle given: the other six are an arm whose pose is the two links at that joint."""
+    ((given, value),) = known.items()
+    ring = [(given + k) % 7 for k in range(1, 8)]
+    arm = Mechanism(
+        "R" * 6,
+        mechanism.a[ring[:5]],
+        mechanism.alpha[ring[:5]],
+        mechanism.offset[ring[:6]],
+        unit=mechanism.unit,
+    )
+    good = np.isfinite(value)
+    angle = np.where(good, value, 0.0)
+    before, after = mechanism.alpha[ring[5]], mechanism.alpha[given]
+    turned = rx(before) @ rz(angle)
+    R = turned @ rx(after)
+    v = mechanism.a[ring[5]] * np.array([1.0, 0.0, 0.0]) + mechanism.offset[given] * rx(before)[:, 2]
+    v = v + mechanism.a[given] * turned[..., 0]
+    T = np.zeros((*value.shape, 4, 4))
+    T[..., 3, 3] = 1.0
+    T[..., :3, :3] = np.swapaxes(R, -1, -2)
+    T[..., :3, 3] = -np.einsum("...ji,...j->...i", R, v)
+    solutions, status = solve_arm(arm, T)
+    values = np.empty((*solutions.shape[:-1], 7))
+    values[..., ring[:6]] = solutions
+    values[..., given] = value[..., None]
+    status = np.where(good[..., None], status, np.int8(ReverseStatus.INVALID))
+    values = np.where((status < ReverseStatus.NONE)[..., None], values, np.nan)
+    return LoopSolutions(values, status)
+
+
+def _size(mechanism: Mechanism, merged: Merged, count: int) -> NDArray[np.float64]:
+    """Return what lengths of each loop are compared with: the largest known one, and 1 where all vanish."""
+    found = np.zeros(count)
+    for link in merged.links:
+        found = np.maximum(found, np.abs(link.v).max(axis=-1))
+    found = np.maximum(found, np.abs(mechanism.a).max(initial=0.0))
+    return np.where(found > 0, found, 1.0)

@@ -1,0 +1,259 @@
+"""All ways to close a loop with three or four unknown angles, the rest of the six unknowns being slides.
+
+Three angles (group 1): the rotation closes by itself. With Rz(t1) R1 Rz(t2) R2 Rz(t3) R3 = 1 the angle between the axes
+3 and 1, which R3 keeps, gives A cos t2 + B sin t2 + D = 0; the other angles and the slides are linear.
+
+Four angles (group 2): the angle between the axes 4 and 1 is an equation in t2 and t3, and the projection of the vector
+loop across both slides is the second. Both are bilinear in 1, cos, sin of t2 and t3, whatever the order of the joints,
+wherever the first holds: proved in the derivation ``spatial_loops``, whose kernels compute the coefficients.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.kinematics.angles import angle_between
+from rodgen.kinematics.backend import kernels
+from rodgen.kinematics.spatial.arms.status import ReverseStatus
+from rodgen.kinematics.spatial.links.mechanism import Mechanism
+from rodgen.kinematics.spatial.links.transforms import rz
+from rodgen.kinematics.spatial.loops.closure import offsets, polish
+from rodgen.kinematics.spatial.loops.merged import Link, Merged
+from rodgen.kinematics.spatial.loops.search import different, moves, repeated, search
+from rodgen.kinematics.spatial.pairs.solve import PairStatus, solve_pair
+from rodgen.kinematics.spatial.pairs.trig import TrigStatus, solve_trig
+
+__all__ = ["solve_merged"]
+
+Array = NDArray[np.float64]
+
+CLOSES = 1e-11
+"""Largest error of a loop that is closed, in rad and in the loop's size. Newton's steps leave a few rounding units."""
+FAR = 1e6
+"""Slides beyond this multiple of the loop's size are at infinity: rounding would leave it open by 1e-10 of its size."""
+MEET = 1e-7
+"""Relative smallest singular value of the derivative below which solutions meet: there the rounding of the equations
+moves a solution by more than its own distance to the next one."""
+ODD = 1e-8
+"""Sine of a twist, or share of an equation's coefficients, below which the equation says nothing."""
+NOISE = 2e-15
+"""Coefficients of an equation below this, in its natural scale, are the rounding of zero: sums of a few dozen terms."""
+LINKS = ("12", "23", "34")
+"""Names of a ring's links in the kernels; slides are in the first three."""
+
+
+def solve_merged(
+    mechanism: Mechanism,
+    merged: Merged,
+    count: int,
+    size: Array,
+    start: tuple[Array, NDArray[np.bool_]] | None = None,
+) -> tuple[Array, Array, NDArray[np.int8]]:
+    """Close a loop in all ways.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Whose variables are meant.
+    merged : Merged
+        Rotary joints and links, with one axis of `count` elements before the components.
+    count : int
+        Number of elements.
+    size : array (count)
+        Of each loop: what lengths are compared with.
+    start : array (count, N, m) and bool (count, N), optional
+        All angles from a closed form, and which of them are there.
+
+    Returns
+    -------
+    theta : array (count, N, m)
+    slides : array (count, N, 6 - m)
+    status : array (count, N) of int8
+    """
+    links = [_spread(link, count) for link in merged.links]
+    if start is not None:
+        theta, odd = start[0], np.zeros(count, bool)
+        status = np.where(start[1], ReverseStatus.REGULAR, ReverseStatus.NONE)
+    elif len(links) == 3:
+        theta, status, odd = _three_angles(links)
+    else:
+        theta, status, odd = _four_angles(mechanism, merged, links)
+    wide = [_slot(link) for link in links]
+    with np.errstate(invalid="ignore"):
+        slides = offsets(wide, theta)
+        for _ in range(2):
+            # a slide that is far out makes the loop large, and rounding with it; it may come back in the first round
+            sizes = np.fmax(size[:, None], np.abs(slides).max(axis=-1))
+            theta, slides, error, smallest = polish(wide, theta, slides, sizes)
+        there = status < ReverseStatus.NONE
+        closed = there & (error <= CLOSES) & (sizes <= FAR * size[:, None])
+    status = np.where(there & ~closed, ReverseStatus.NONE, status)
+    for n in map(int, np.flatnonzero(odd)):
+        _add_searched(links, n, float(size[n]), theta, slides, status, smallest)
+    singular = (status < ReverseStatus.NONE) & (smallest <= MEET)
+    with np.errstate(invalid="ignore"):
+        again = repeated(
+            np.where((status < ReverseStatus.NONE)[..., None], theta, np.nan), slides, size, singular
+        )
+    status[again] = ReverseStatus.NONE
+    element, slot = np.nonzero(singular & (status < ReverseStatus.NONE))
+    if len(element):
+        parts = [_rows(link, element) for link in links]
+        movable = moves(parts, theta[element, slot], slides[element, slot], size[element], CLOSES)
+        status[element, slot] = np.where(movable, ReverseStatus.FAMILY, ReverseStatus.DOUBLE)
+    return theta, slides, status.astype(np.int8)
+
+
+def _add_searched(
+    links: list[Link],
+    n: int,
+    size: float,
+    theta: Array,
+    slides: Array,
+    status: NDArray[Any],
+    smallest: Array,
+) -> None:
+    """Fill free slots of a loop for which the equations fail with what a search finds; mark the rest incomplete."""
+    rows = np.array([n])
+    angles, along, ratio, closes = search([_rows(link, rows) for link in links], np.array([size]), CLOSES)
+    free = list(np.flatnonzero(status[n] >= ReverseStatus.NONE))
+    some_singular = bool(((status[n] < ReverseStatus.NONE) & (smallest[n] <= MEET)).any())
+    for k in np.flatnonzero(closes[0]):
+        known = status[n] < ReverseStatus.NONE
+        if not free or (some_singular and ratio[0, k] <= MEET):
+            continue
+        if different(angles[0, k : k + 1], along[0, k : k + 1], size, theta[n, known], slides[n, known])[0]:
+            slot = free.pop(0)
+            theta[n, slot], slides[n, slot], smallest[n, slot] = angles[0, k], along[0, k], ratio[0, k]
+            status[n, slot] = ReverseStatus.REGULAR
+            some_singular |= bool(ratio[0, k] <= MEET)
+    status[n, free] = ReverseStatus.INCOMPLETE
+
+
+def _spread(link: Link, count: int) -> Link:
+    """Give every array of a link the same first axis."""
+    slides = tuple((i, np.broadcast_to(d, (count, 3))) for i, d in link.slides)
+    return Link(np.broadcast_to(link.R, (count, 3, 3)), np.broadcast_to(link.v, (count, 3)), slides)
+
+
+def _slot(link: Link) -> Link:
+    """Make room for the axis of the solutions."""
+    return Link(link.R[:, None], link.v[:, None], tuple((i, d[:, None]) for i, d in link.slides))
+
+
+def _three_angles(links: list[Link]) -> tuple[Array, NDArray[Any], NDArray[np.bool_]]:
+    R = np.stack([link.R for link in links], axis=1)
+    sines = np.hypot(R[:, :, 0, 2], R[:, :, 1, 2])
+    # the amplitude of an angle's equation is the product of the sines on both sides of it
+    first = np.argmax(sines * np.roll(sines, -1, axis=1), axis=1)
+    order = (first[:, None] + np.arange(3)) % 3
+    R = np.take_along_axis(R, order[:, :, None, None], axis=1)
+    row, column = R[:, 0, 2, :], R[:, 1, :, 2]
+    A = row[:, 0] * column[:, 0] + row[:, 1] * column[:, 1]
+    B = row[:, 1] * column[:, 0] - row[:, 0] * column[:, 1]
+    D = row[:, 2] * column[:, 2] - R[:, 2, 2, 2]
+    middle, kind = solve_trig(A, B, D)
+    whole = R[:, None, 0] @ rz(middle) @ R[:, None, 1]
+    rest = R[:, None, 2]
+    last = angle_between(rest[..., 0, 2], rest[..., 1, 2], whole[..., 2, 0], whole[..., 2, 1])
+    start = angle_between(whole[..., 0, 2], whole[..., 1, 2], rest[..., 2, 0], rest[..., 2, 1])
+    parallel = np.hypot(rest[..., 0, 2], rest[..., 1, 2]) <= 8 * np.finfo(float).eps
+    # two parallel axes: only the sum or difference of their angles is determined, and the first one is taken for zero
+    both = np.swapaxes(whole, -1, -2) @ np.swapaxes(rest, -1, -2)
+    start = np.where(parallel, 0.0, start)
+    last = np.where(parallel, np.arctan2(both[..., 1, 0], both[..., 0, 0]), last)
+    found = np.stack([start, middle, last], axis=-1)
+    theta = np.full_like(found, np.nan)
+    np.put_along_axis(theta, np.broadcast_to(order[:, None], found.shape), found, axis=-1)
+    status = np.full(middle.shape, ReverseStatus.NONE)
+    status[kind == TrigStatus.TWO] = ReverseStatus.REGULAR
+    status[kind == TrigStatus.DOUBLE, 0] = ReverseStatus.DOUBLE
+    status[kind == TrigStatus.INVALID] = ReverseStatus.INVALID
+    amplitude = np.hypot(A, B)
+    possible = np.abs(D) <= amplitude + ODD
+    return theta, status, possible & ((amplitude <= ODD) | parallel[:, 0])
+
+
+def _four_angles(
+    mechanism: Mechanism, merged: Merged, links: list[Link]
+) -> tuple[Array, NDArray[Any], NDArray[np.bool_]]:
+    count = len(links[0].v)
+    sines = np.stack([np.hypot(link.R[:, 0, 2], link.R[:, 1, 2]) for link in links], axis=1)
+    possible = []
+    for last in range(4):
+        own = (merged.joints[last], "S")
+        if all(mechanism.variables[i] == own for i, _ in links[last].slides):
+            possible.append(last)
+    worth = np.full(sines.shape, -1.0)
+    worth[:, possible] = np.nan_to_num(sines[:, possible])
+    chosen = np.argmax(worth, axis=1)
+    theta = np.full((count, 8, 4), np.nan)
+    status = np.full((count, 8), ReverseStatus.NONE)
+    odd = (worth.max(axis=1) <= ODD) & _may_turn(links)
+    for last in possible:
+        rows = np.flatnonzero(chosen == last)
+        if not len(rows):
+            continue
+        order = [(last + 1 + k) % 4 for k in range(4)]
+        ring = [_rows(links[k], rows) for k in order]
+        # an axis lies in both of its links, so a slide along the fourth one belongs to the third link as well
+        moved = tuple((i, ring[2].R[:, :, 2]) for i, _ in ring[3].slides)
+        ring[2] = replace(ring[2], slides=ring[2].slides + moved)
+        ring[3] = replace(ring[3], slides=())
+        found, kind, strange = _ring(ring)
+        part = np.empty_like(found)
+        part[..., order] = found
+        theta[rows], status[rows] = part, kind
+        odd[rows] |= strange
+    return theta, status, odd
+
+
+def _may_turn(links: list[Link]) -> NDArray[np.bool_]:
+    """Tell whether the rotation may close: no twist of the four links is larger than the other three together."""
+    twists = np.stack([np.arctan2(np.hypot(k.R[:, 0, 2], k.R[:, 1, 2]), k.R[:, 2, 2]) for k in links], axis=1)
+    total = twists.sum(axis=1)
+    found: NDArray[np.bool_] = (2 * twists.max(axis=1) <= total + ODD) & (
+        total - 2 * twists.min(axis=1) <= 2 * np.pi + ODD
+    )
+    return found
+
+
+def _rows(link: Link, rows: NDArray[np.intp]) -> Link:
+    return Link(link.R[rows], link.v[rows], tuple((i, d[rows]) for i, d in link.slides))
+
+
+def _ring(ring: list[Link]) -> tuple[Array, NDArray[Any], NDArray[np.bool_]]:
+    """Solve for the angles of four axes in a ring; the last link has no slide."""
+    equations = _pair(ring)
+    first = equations[:, 0]
+    pair = solve_pair(equations)
+    theta2, theta3 = pair.theta1, pair.theta2
+    R0, R1, R2, R3 = (link.R[:, None] for link in ring)
+    whole = R0 @ rz(theta2) @ R1 @ rz(theta3) @ R2
+    theta4 = angle_between(R3[..., 0, 2], R3[..., 1, 2], whole[..., 2, 0], whole[..., 2, 1])
+    theta1 = angle_between(whole[..., 0, 2], whole[..., 1, 2], R3[..., 2, 0], R3[..., 2, 1])
+    there = pair.status <= PairStatus.COMMON_FACTOR
+    status = np.where(there, ReverseStatus.REGULAR, ReverseStatus.NONE)
+    strange = (pair.status == PairStatus.COMMON_FACTOR) | (pair.status >= PairStatus.INCOMPLETE)
+    # where the constant outweighs all else there is no solution, whatever the second equation is
+    rest = np.abs(first).sum(axis=(1, 2)) - np.abs(first[:, 0, 0])
+    possible = np.abs(first[:, 0, 0]) <= rest + ODD
+    return np.stack([theta1, theta2, theta3, theta4], axis=-1), status, possible & strange.any(axis=-1)
+
+
+def _pair(ring: list[Link]) -> Array:
+    """Coefficients (count, 2, 3, 3) of both equations, from the kernel for the links that the slides are in."""
+    slides = [(link, direction) for link in range(3) for _, direction in ring[link].slides]
+    (first, p), (second, q) = slides
+    kernel = getattr(kernels, f"loop_pair_{LINKS[first]}_{LINKS[second]}")
+    rotations = np.stack([link.R for link in ring], axis=1)
+    found: Array = kernel(rotations, np.stack([link.v for link in ring], axis=1), p, q)
+    # the first equation has numbers of order 1, the second lengths of the order of the whole loop
+    scale = np.stack([np.ones(len(p)), sum(np.linalg.norm(link.v, axis=-1) for link in ring)], axis=1)
+    found = np.where(np.abs(found) > NOISE * scale[:, :, None, None], found, 0.0)
+    finite = np.isfinite(found.reshape(len(found), 18)).sum(axis=1) == 18
+    return np.where(finite[:, None, None, None], found, 0.0)

@@ -1,0 +1,356 @@
+"""From rough angles to solutions of two equations in two angles that are proved to be there, each once.
+
+Problem: Newton's method brings a start to a point where both equations are rounding. What that is says Kantorovich's
+theorem: with S_e the sum of the sizes of the coefficients of equation e, κ the larger component of |J⁻¹| S and η that
+of J⁻¹ f, there is exactly one solution within 1/(4κ) of the point where 8 κ η <= 1. So two points that are nearer to
+each other are the same solution; and where κ is too large for that, solutions meet to rounding.
+
+There is an independent test. The two equations map the torus of all angle pairs to a plane; a torus has no boundary, so
+each value that no singular point has is taken as often with one sign of det J as with the other, zero included. And
+the octic changes its sign with θ1 only where a solution is.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rodgen.kinematics.angles import principal
+from rodgen.kinematics.backend import kernels
+from rodgen.kinematics.spatial.pairs.status import SLOTS, PairStatus
+
+__all__ = [
+    "ROUNDING",
+    "apart",
+    "basis",
+    "collected",
+    "consistent",
+    "on_lines",
+    "polished",
+    "regular_below",
+]
+
+EPS = float(np.finfo(float).eps)
+ROUNDING = 16 * EPS
+"""Of an equation, over the sum of the sizes of its coefficients: some ten roundings in a product of three factors, and
+a rounding of each angle."""
+CALLS = 30
+"""Calls of the polishing kernel, two steps each. A regular solution takes two to four; where two meet the distance only
+halves in a step, and 27 halvings bring a rough start to where rounding hides the rest."""
+PATIENCE = 3
+"""Calls without a gain: along a narrow curved valley the equations grow before they become less."""
+PROMISING = 1e-6
+"""Residual of a start over S up to which it is near solutions that meet, if Newton's method leads away from it."""
+DOWNHILL = 50
+"""Steps that never lead away; near where solutions meet one gains a bit, as a rule, or finds out that it was too
+long."""
+BETWEEN = 1e-9
+"""Residual over S up to which a place where Newton's method is stuck may be between two solutions."""
+SIDES = np.array([-30.0, -4.0, 4.0, 30.0])
+"""How far from there to start again, over the root of the residual."""
+NEAR = 1e-6
+"""Solutions that meet and are not farther apart are one: rounding moves them by 1e-8 to 1e-7."""
+STRETCH = 1e-2
+"""As far as this they are one if half way between them the equations nearly hold: three solutions meet, or more."""
+CLUSTER = 64
+"""How nearly, over what rounding leaves. Half way between two places 1e-6 apart where two solutions each meet more is
+left than that."""
+HALVINGS = 20
+"""Steps to a line on which both equations hold; where they do to second order, each halves the distance."""
+NEAR_LINE = 1e-3
+"""How far, in rad, solutions that meet may be from such a line to be taken for a part of it."""
+MEETING = 8
+"""Steps of Newton's method for the equations and their determinant together, which are regular where two meet."""
+EXPECTED = 1e-3
+"""Of an eigenvalue that stands alone, in rad: far more than it is off by, and less than it is from others."""
+SAMPLES = 60
+"""Points at which the sign of the octic is looked at."""
+
+
+def regular_below(loss: Any) -> Any:
+    """Return the condition number κ up to which Kantorovich's theorem holds with rounding alone."""
+    return 1 / np.sqrt(8 * ROUNDING * loss)
+
+
+def basis(theta: Any) -> Any:
+    """Return (1, cos, sin) along a new last axis."""
+    return np.stack([np.ones_like(theta), np.cos(theta), np.sin(theta)], axis=-1)
+
+
+def apart(one: Any, other: Any) -> Any:
+    """Return the larger of the two differences of angle pairs (..., 2)."""
+    return np.abs(principal(one - other)).max(axis=-1)
+
+
+def polished(M: Any, angles: Any) -> tuple[Any, Any, Any, Any]:
+    """Bring starts (n, m, 2) to where the equations M (n, 2, 3, 3) hold.
+
+    Returns
+    -------
+    angles (n, m, 2), residual over S, condition number κ, determinant, each (n, m)
+    """
+    n, m, _ = angles.shape
+    now = angles.reshape(-1, 2).copy()
+    results = [np.full(n * m, np.nan) for _ in range(3)]
+    active = np.flatnonzero(np.isfinite(now).all(axis=-1))
+    first = _missed(M[active // m], now[active])
+    promising = active[first <= PROMISING]
+    starts = now[promising]
+    at, best, stuck = now[active], np.full(len(active), np.inf), np.zeros(len(active), int)
+    for _ in range(CALLS):
+        if not len(active):
+            break
+        of = active // m
+        at, *found = kernels.pair_polish(M[of, 0], M[of, 1], at)
+        better = found[0] < best
+        rows = active[better]
+        now[rows] = at[better]
+        for result, value in zip(results, found, strict=True):
+            result[rows] = value[better]
+        best = np.where(better, found[0], best)
+        # done, or no better for long: that is rounding, or the least that the equations have near here
+        stuck = np.where(better, 0, stuck + 1)
+        going = (found[0] > EPS / 4) & (stuck < PATIENCE)
+        active, at, best, stuck = active[going], at[going], best[going], stuck[going]
+    # near solutions that meet a step may lead far away; there it is kept so short that it makes the equations less
+    astray = results[0][promising] > ROUNDING
+    if astray.any():
+        rows = promising[astray]
+        of = rows // m
+        now[rows] = _downhill(M[of], starts[astray])
+        for result, value in zip(results, _quality(M[of], now[rows]), strict=True):
+            result[rows] = value
+    residual, condition, determinant = (result.reshape(n, m) for result in results)
+    return principal(now).reshape(n, m, 2), residual, condition, determinant
+
+
+def _missed(M: Any, angles: Any) -> Any:
+    """Return the residual over S of equations (n, 2, 3, 3) at angles (n, 2)."""
+    size = np.abs(M).sum(axis=(-2, -1))
+    return (np.abs(_values(M, angles)) / size).max(axis=-1, initial=0.0)
+
+
+def _quality(M: Any, angles: Any) -> tuple[Any, Any, Any]:
+    """Return residual over S, condition number κ and determinant of equations (n, 2, 3, 3) at angles (n, 2)."""
+    size = np.abs(M).sum(axis=(-2, -1))
+    J = _derivatives(M, angles)
+    determinant = J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0]
+    first = np.abs(J[:, 1, 1]) * size[:, 0] + np.abs(J[:, 0, 1]) * size[:, 1]
+    second = np.abs(J[:, 1, 0]) * size[:, 0] + np.abs(J[:, 0, 0]) * size[:, 1]
+    above = np.maximum(first, second)
+    flat = determinant == 0
+    condition = np.where(flat, np.inf, above / np.where(flat, 1.0, np.abs(determinant)))
+    return _missed(M, angles), condition, determinant
+
+
+def _derivatives(M: Any, angles: Any) -> Any:
+    """Return the derivatives (n, 2, 2) of equations (n, 2, 3, 3) at angles (n, 2)."""
+    u, v = basis(angles[:, 0]), basis(angles[:, 1])
+    by_first = np.einsum("neij,ni,nj->ne", M, u[:, [0, 2, 1]] * [0, -1, 1], v)
+    by_second = np.einsum("neij,ni,nj->ne", M, u, v[:, [0, 2, 1]] * [0, -1, 1])
+    return np.stack([by_first, by_second], axis=-1)
+
+
+def _downhill(M: Any, angles: Any) -> Any:
+    """Newton's method with steps so short that each makes the equations less."""
+    angles = angles.copy()
+    longest = np.full(len(angles), 0.01)
+    value = _values(M, angles)
+    for _ in range(DOWNHILL):
+        J = _derivatives(M, angles)
+        det = J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0]
+        det = np.where(det == 0, 1e-300, det)
+        step = np.stack([
+            J[:, 1, 1] * value[:, 0] - J[:, 0, 1] * value[:, 1],
+            J[:, 0, 0] * value[:, 1] - J[:, 1, 0] * value[:, 0],
+        ], axis=-1) / det[:, None]  # fmt: skip
+        length = np.abs(step).max(axis=-1)
+        step *= (longest / np.maximum(longest, length))[:, None]
+        trial = angles - step
+        reached = _values(M, trial)
+        better = np.square(reached).sum(axis=-1) < np.square(value).sum(axis=-1)
+        angles[better], value[better] = trial[better], reached[better]
+        longest = np.maximum(np.where(better, 2 * longest, np.minimum(longest, length) / 4), EPS**2)
+    return angles
+
+
+def _values(M: Any, angles: Any) -> Any:
+    """Return equations (n, 2, 3, 3) at angles (n, 2)."""
+    return np.einsum("neij,ni,nj->ne", M, basis(angles[:, 0]), basis(angles[:, 1]))
+
+
+def collected(M: Any, loss: Any, starts: Any) -> tuple[Any, Any]:
+    """Take each solution that starts (n, m, 2) lead to once: angles (n, 8, 2), in order, and statuses (n, 8)."""
+    n = len(M)
+    limit = ROUNDING * loss
+    angles, residual, condition, _ = _with_both_sides(M, limit, polished(M, starts))
+    with np.errstate(invalid="ignore"):
+        there = residual <= limit[:, None]
+        regular = there & (condition <= regular_below(loss)[:, None])
+    free = np.zeros(there.shape, int)
+    of, which = np.nonzero(there & ~regular)
+    if len(of):
+        met = _where_they_meet(M[of], limit[of], angles[of, which])
+        angles[of, which], free[of, which] = on_lines(M[of], limit[of], met)
+    kind = np.select(
+        [regular, free > 0, there],
+        [PairStatus.REGULAR, PairStatus.COMMON_FACTOR, PairStatus.DOUBLE],
+        PairStatus.NONE,
+    )
+    # what is best first stands for those it is the same as
+    order = np.argsort(np.where(there, kind + residual, 9.0), axis=-1, kind="stable")
+    angles = np.take_along_axis(angles, order[..., None], axis=1)
+    kind, condition, free = (np.take_along_axis(x, order, axis=1) for x in (kind, condition, free))
+    found = np.full((n, SLOTS, 2), np.nan)
+    status, known = np.full((n, SLOTS), PairStatus.NONE, np.int8), np.full((n, SLOTS), np.nan)
+    lines = np.zeros((n, SLOTS), int)
+    count = np.zeros(n, int)
+    width = int(there.sum(axis=-1).max(initial=0))
+    for k in range(width):
+        rows = np.flatnonzero((kind[:, k] != PairStatus.NONE) & (count < SLOTS))
+        same = _known(
+            M[rows], limit[rows], angles[rows, k], kind[rows, k], found[rows], status[rows], known[rows]
+        )
+        same |= _line_known(angles[rows, k], free[rows, k], found[rows], lines[rows])
+        rows = rows[~same]
+        place = rows, count[rows]
+        found[place], status[place], known[place] = angles[rows, k], kind[rows, k], condition[rows, k]
+        lines[place] = free[rows, k]
+        count[rows] += 1
+    order = np.lexsort((found[..., 1], found[..., 0]), axis=-1)
+    return np.take_along_axis(found, order[..., None], axis=1), np.take_along_axis(status, order, axis=1)
+
+
+def _where_they_meet(M: Any, limit: Any, angles: Any) -> Any:
+    """Bring angles (n, 2) of solutions that meet to where the determinant vanishes as well, as near as it gets."""
+    now, value = angles.copy(), _values(M, angles)
+    best = angles.copy()
+    lowest = np.full(len(now), np.inf)
+    for _ in range(MEETING):
+        u, v = basis(now[:, 0]), basis(now[:, 1])
+        du, dv = u[:, [0, 2, 1]] * [0, -1, 1], v[:, [0, 2, 1]] * [0, -1, 1]
+        ddu, ddv = -u * [0, 1, 1], -v * [0, 1, 1]
+        value = np.einsum("neij,ni,nj->ne", M, u, v)
+        a, b = np.einsum("neij,ni,nj->ne", M, du, v), np.einsum("neij,ni,nj->ne", M, u, dv)
+        aa, bb = np.einsum("neij,ni,nj->ne", M, ddu, v), np.einsum("neij,ni,nj->ne", M, u, ddv)
+        ab = np.einsum("neij,ni,nj->ne", M, du, dv)
+        det = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+        by_first = aa[:, 0] * b[:, 1] + a[:, 0] * ab[:, 1] - aa[:, 1] * b[:, 0] - a[:, 1] * ab[:, 0]
+        by_second = ab[:, 0] * b[:, 1] + a[:, 0] * bb[:, 1] - ab[:, 1] * b[:, 0] - a[:, 1] * bb[:, 0]
+        missed = np.abs(value).max(axis=-1) / np.abs(M).sum(axis=(-2, -1)).max(axis=-1)
+        better = (missed <= limit) & (np.abs(det) < lowest)
+        best[better], lowest[better] = now[better], np.abs(det)[better]
+        three = np.concatenate([value, det[:, None]], axis=1)
+        J = np.stack([np.column_stack([a, by_first]), np.column_stack([b, by_second])], axis=-1)
+        step = (np.linalg.pinv(J, rcond=1e-5) @ three[..., None])[..., 0]
+        now = now - np.clip(step, -1e-3, 1e-3)
+    return principal(best)
+
+
+def _with_both_sides(M: Any, limit: Any, found: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Add to polished starts those on both sides of places between two solutions, where Newton's method is stuck."""
+    angles, residual = found[:2]
+    with np.errstate(invalid="ignore"):
+        stuck = (residual > limit[:, None]) & (residual <= BETWEEN)
+    rows = np.flatnonzero(stuck.any(axis=-1))
+    if not len(rows):
+        return found
+    some = M[rows]
+    row, column = np.nonzero(stuck[rows])
+    along = np.linalg.svd(_derivatives(some[row], angles[rows[row], column]))[2][:, 1]
+    # the equations grow with the square of the distance along it
+    distance = np.sqrt(residual[rows[row], column])[:, None] * along
+    around = np.full((len(rows), angles.shape[1], len(SIDES), 2), np.nan)
+    around[row, column] = angles[rows[row], column][:, None] + SIDES[:, None] * distance[:, None]
+    more = polished(some, around.reshape(len(rows), -1, 2))
+    added = []
+    for old, new in zip(found, more, strict=True):
+        padded = np.full((len(old), new.shape[1], *old.shape[2:]), np.nan)
+        padded[rows] = new
+        added.append(np.concatenate([old, padded], axis=1))
+    return tuple(added)
+
+
+def on_lines(M: Any, limit: Any, angles: Any) -> tuple[Any, Any]:
+    """Bring angles (n, 2) to lines on which both equations hold, if they are near one: angles, and which one is free.
+
+    The second is 0 for none, 1 where the first angle alone makes the equations hold, 2 where the second does.
+    """
+    angles, free = angles.copy(), np.zeros(len(angles), int)
+    size = np.abs(M).sum(axis=(-2, -1))
+    for which, m in enumerate((M, M.swapaxes(-1, -2))):
+        now = angles[:, which].copy()
+        for _ in range(HALVINGS):  # least squares of all six coefficients of what is left
+            u = basis(now)
+            rest = np.einsum("neij,ni->nej", m, u)
+            slope = np.einsum("neij,ni->nej", m, u[:, [0, 2, 1]] * [0, -1, 1])
+            square = np.square(slope).sum(axis=(-2, -1))
+            now = now - (slope * rest).sum(axis=(-2, -1)) / np.where(square > 0, square, 1.0)
+        rest = np.abs(np.einsum("neij,ni->nej", m, basis(now))).sum(axis=-1) / size
+        near = np.abs(principal(now - angles[:, which])) <= NEAR_LINE
+        there = near & (rest <= 4 * limit[:, None]).all(axis=-1) & (free == 0)
+        angles[there, which], free[there] = now[there], which + 1
+    return principal(angles), free
+
+
+def _line_known(angles: Any, free: Any, found: Any, lines: Any) -> Any:
+    """Tell which candidates (n, 2) are on one of the lines found (n, 8, 2)."""
+    off = np.abs(principal(angles[:, None] - found))
+    with np.errstate(invalid="ignore"):
+        on = [(free == which)[:, None] & (lines == which) & (off[..., which - 1] <= NEAR) for which in (1, 2)]
+    return (on[0] | on[1]).any(axis=-1)
+
+
+def _known(M: Any, limit: Any, angles: Any, kind: Any, found: Any, status: Any, condition: Any) -> Any:
+    """Tell which candidates (n, 2) are among those found (n, 8, 2)."""
+    distance = apart(angles[:, None], found)
+    with np.errstate(invalid="ignore"):
+        both = (kind == PairStatus.REGULAR)[:, None] & (status == PairStatus.REGULAR)
+        same = distance <= np.where(both, 0.25 / condition, NEAR)
+        rows, slots = np.nonzero(~same & ~both & (distance <= STRETCH))
+    if len(rows):
+        turn = principal(angles[rows] - found[rows, slots])
+        half_way = found[rows, slots] + turn / 2
+        for _ in range(2):  # solutions that meet lie along a curve: go across, back to it
+            across = np.linalg.pinv(_derivatives(M[rows], half_way), rcond=1e-2)
+            half_way = half_way - (across @ _values(M[rows], half_way)[..., None])[..., 0]
+        near = apart(half_way, found[rows, slots]) <= distance[rows, slots]
+        same[rows, slots] = near & (_missed(M[rows], half_way) <= CLUSTER * limit[rows])
+    return same.any(axis=-1)
+
+
+def consistent(M: Any, angles: Any, status: Any, expected: Any) -> Any:
+    """Tell where the signs of the determinants balance, and the octic changes its sign at solutions only.
+
+    Each of the angles θ1 that are `expected` (n, m), NaN for none, must be there as well.
+    """
+    n = len(M)
+    flat = np.nan_to_num(angles).reshape(-1, 2)
+    of = np.repeat(np.arange(n), SLOTS)
+    _, _, _, determinant = kernels.pair_polish(M[of, 0], M[of, 1], flat)
+    alone = status == PairStatus.REGULAR
+    meeting = (status == PairStatus.DOUBLE).sum(axis=-1)
+    family = (status == PairStatus.COMMON_FACTOR).any(axis=-1)
+    balance = np.where(alone, np.sign(determinant).reshape(n, SLOTS), 0.0).sum(axis=-1)
+    good = np.abs(balance) <= meeting
+    # between solutions, that is at samples and half way between neighbours, the sign changes with the count
+    first = np.where(alone, angles[..., 0], np.pi)
+    first = np.sort(first, axis=-1)
+    # solutions at one θ1 have none between them
+    neighbours = np.where(np.diff(first, axis=-1) > 2 * NEAR, (first[:, 1:] + first[:, :-1]) / 2, np.pi)
+    samples = np.broadcast_to(np.linspace(-np.pi, np.pi, SAMPLES, endpoint=False) + 0.01, (n, SAMPLES))
+    at = np.concatenate([samples, neighbours], axis=1)
+    rows = np.einsum("neij,nki->nkej", M, basis(at))
+    normal = np.cross(rows[:, :, 0], rows[:, :, 1])
+    octic = (normal[..., 1] - normal[..., 0]) * (normal[..., 1] + normal[..., 0]) + normal[..., 2] ** 2
+    size = np.square(np.linalg.norm(rows, axis=-1).prod(axis=-1))
+    passed = ((angles[..., 0][:, None] < at[..., None]) & alone[:, None]).sum(axis=-1)
+    turned = np.where(passed % 2, -1.0, 1.0) * octic
+    clear = np.abs(octic) > 1e-10 * size
+    up, down = (clear & (turned > 0)).any(axis=-1), (clear & (turned < 0)).any(axis=-1)
+    good &= ~(up & down) | (meeting > 0)
+    with np.errstate(invalid="ignore"):
+        off = np.abs(principal(angles[:, None, :, 0] - expected[..., None]))
+        missing = ~(off <= EXPECTED).any(axis=-1) & np.isfinite(expected)
+    return good & ~missing.any(axis=-1) | family

@@ -1,0 +1,213 @@
+"""All common solutions of two equations in two angles, each linear in (1, cos θ1, sin θ1) and in (1, cos θ2, sin θ2).
+
+Problem: Σ M_e,ij u_i v_j = 0 for e = 1, 2 with u = (1, cos θ1, sin θ1), v = (1, cos θ2, sin θ2). In the tangents of the
+half angles these are Crane and Duffy's two biquadratics, with no more than eight common solutions unless they have a
+common factor. In angles no solution is at infinity: θ = π is one like every other.
+
+The usual rows are solved fast, with a proof that nothing is missing. Where that proof fails, the roles of the two
+angles are exchanged; where it fails again, eigenvalues give starts, and two tests tell whether solutions are missing.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rodgen.kinematics.backend import kernels
+from rodgen.kinematics.spatial.pairs.certain import certain_solutions
+from rodgen.kinematics.spatial.pairs.common_factor import grid, with_common_factor
+from rodgen.kinematics.spatial.pairs.complex_roots import complex_solutions
+from rodgen.kinematics.spatial.pairs.eigenvalues import HALF, starts
+from rodgen.kinematics.spatial.pairs.solutions import collected, consistent
+from rodgen.kinematics.spatial.pairs.status import SLOTS, PairStatus
+
+__all__ = ["Pair", "PairStatus", "pair_from_biquadratics", "solve_pair"]
+
+COMMON = 1e-13
+"""Distance of Sylvester's matrix from being singular everywhere, relative, below which it is: rounding leaves 1e-16
+to 1e-15."""
+DEPENDENT = 1e13
+"""By how much the second equation shrinks when it is made perpendicular to the first, from where on it is the same."""
+
+
+class Pair(NamedTuple):
+    """Solutions of two equations in two angles: theta1, theta2 and status, each (..., 8)."""
+
+    theta1: Any
+    theta2: Any
+    status: Any
+
+
+def pair_from_biquadratics(E: ArrayLike) -> Any:
+    """Bring two biquadratics to the form that :func:`solve_pair` takes.
+
+    Parameters
+    ----------
+    E : array_like (..., 2, 3, 3)
+        Coefficients: equation, power of x2 = tan(theta2/2), power of x1 = tan(theta1/2), powers ascending.
+
+    Returns
+    -------
+    M : array (..., 2, 3, 3)
+        The same equations divided by (1 + x1²)(1 + x2²).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen import spatial
+    >>> E = np.zeros((2, 3, 3))
+    >>> E[0, 0] = E[0, 2] = [-1, 0, 1]  # (x1² - 1)(1 + x2²) = 0
+    >>> E[1, 1] = [-2, 1, 0]  # (x1 - 2) x2 = 0: x2 is 0, or infinite, since x2² is not there
+    >>> pair = spatial.solve_pair(spatial.pair_from_biquadratics(E))
+    >>> np.degrees(pair.theta1[:4]).round(9), np.degrees(pair.theta2[:4]).round(9) + 0.0
+    (array([-90., -90.,  90.,  90.]), array([  0., 180.,   0., 180.]))
+    """
+    given = _coefficients(E, "E")
+    back = np.linalg.inv(HALF)
+    return np.einsum("jb,ia,...ba->...ij", back, back, given)
+
+
+def solve_pair(
+    M: ArrayLike, *, method: Literal["fast", "sylvester", "bezout"] = "fast", complex: bool = False
+) -> Pair:
+    """Find every pair of real angles that solves two equations.
+
+    Parameters
+    ----------
+    M : array_like (..., 2, 3, 3)
+        Equation e is ``sum(M[e, i, j] * u[i] * v[j]) = 0`` with u = (1, cos theta1, sin theta1) and
+        v = (1, cos theta2, sin theta2). Each has its own unit.
+    method : {"fast", "sylvester", "bezout"}, optional
+        How the starts are found. The first takes eigenvalues only where it is in doubt; the others always, of
+        Sylvester's or of Bezout's matrix. What is right to be a solution is the same for all.
+    complex : bool, optional
+        Whether complex solutions are wanted, too: then all eight roots of the octic are given, as complex angles, and a
+        slot with NONE is a root ±i, which is no angle. Where solutions meet both have a slot, as DOUBLE. Where the
+        equations have a common factor there are none, and every slot has COMMON_FACTOR.
+
+    Returns
+    -------
+    Pair
+        theta1, theta2 in rad, from -π to π, and status, each (..., 8). Solutions come first, in the order of theta1,
+        and then of theta2; NaN after them. Two solutions may have one angle in common.
+
+    Raises
+    ------
+    ValueError
+        When the last axes are not (2, 3, 3), or there is no such method.
+    TypeError
+        When a coefficient is not real.
+
+    Notes
+    -----
+    Lecture notes "Robot Geometry" after Crane and Duffy, "Sylvester's Method" and "Bezout's Method"; proved in the
+    derivation ``biquadratic_pair``. A regular solution is one by Kantorovich's theorem, with rounding taken into
+    account, and is right to about its condition number times the rounding unit. With "fast" and where it is not in
+    doubt, that there are no others is proved, too; elsewhere two necessary conditions are tested, and a row of which
+    one fails has INCOMPLETE in its empty slots.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen import spatial
+    >>> M = np.zeros((2, 3, 3))
+    >>> M[0, 1, 0], M[0, 0, 1] = 1.0, 1.0               # cos theta1 + cos theta2 = 0
+    >>> M[1, 2, 0], M[1, 0, 2], M[1, 0, 0] = 1.0, 1.0, -1.0   # sin theta1 + sin theta2 = 1
+    >>> pair = spatial.solve_pair(M)
+    >>> np.degrees(pair.theta1[:3]).round(9), np.degrees(pair.theta2[:3]).round(9)
+    (array([ 30., 150.,  nan]), array([150.,  30.,  nan]))
+    >>> [spatial.PairStatus(s).name for s in pair.status[:3]]
+    ['REGULAR', 'REGULAR', 'NONE']
+    """
+    if method not in ("fast", "sylvester", "bezout"):
+        raise ValueError(f"method is {method!r}; expected 'fast', 'sylvester' or 'bezout'")
+    given = _coefficients(M, "M")
+    flat = given.reshape(-1, 2, 3, 3)
+    one, two, loss = kernels.pair_prepared(flat[:, 0], flat[:, 1])
+    angles = np.full((len(flat), SLOTS, 2), np.nan)
+    status = np.full((len(flat), SLOTS), PairStatus.INVALID, np.int8)
+    valid = np.isfinite(one[:, 0, 0])
+    left = np.flatnonzero(valid)
+    shape = (*given.shape[:-3], SLOTS)
+    if complex:
+        return _all_roots(one, two, loss, left, shape)
+    if method == "fast":
+        for exchanged in (False, True):
+            if len(left):
+                left = _fast(one, two, loss, left, exchanged, angles, status)
+    if len(left):
+        prepared = np.stack([one[left], two[left]], axis=1)
+        angles[left], status[left] = _by_eigenvalues(prepared, loss[left], method)
+    return Pair(angles[..., 0].reshape(shape), angles[..., 1].reshape(shape), status.reshape(shape))
+
+
+def _all_roots(one: Any, two: Any, loss: Any, rows: Any, shape: tuple[int, ...]) -> Pair:
+    """Find the complex solutions of the prepared equations in `rows`."""
+    angles = np.full((len(one), SLOTS, 2), np.nan + 0j)
+    status = np.full((len(one), SLOTS), PairStatus.INVALID, np.int8)
+    if len(rows):
+        M = np.stack([one[rows], two[rows]], axis=1)
+        _, _, distance = starts(M)
+        common = (distance <= COMMON) | (loss[rows] >= DEPENDENT)
+        status[rows[common]] = PairStatus.COMMON_FACTOR
+        usual = rows[~common]
+        if len(usual):
+            angles[usual], status[usual] = complex_solutions(M[~common], loss[usual])
+    return Pair(angles[..., 0].reshape(shape), angles[..., 1].reshape(shape), status.reshape(shape))
+
+
+def _coefficients(M: ArrayLike, name: str) -> Any:
+    given = np.asarray(M)
+    if np.iscomplexobj(given):
+        raise TypeError(f"{name} is complex; expected real numbers")
+    if given.shape[-3:] != (2, 3, 3):
+        raise ValueError(f"{name} has the shape {given.shape}; expected (..., 2, 3, 3)")
+    return given.astype(float)
+
+
+def _fast(one: Any, two: Any, loss: Any, rows: Any, exchanged: bool, angles: Any, status: Any) -> Any:
+    """Fill in what is certain of `rows`; return the others."""
+    a, b = one[rows], two[rows]
+    if exchanged:
+        a, b = a.swapaxes(-1, -2), b.swapaxes(-1, -2)
+    found, certain = certain_solutions(a, b, loss[rows])
+    if exchanged:
+        found = found[..., ::-1]
+        order = np.argsort(found[..., 0], axis=-1, kind="stable")
+        found = np.take_along_axis(found, order[..., None], axis=1)
+    done = rows[certain]
+    angles[done] = found[certain]
+    status[done] = np.where(np.isnan(found[certain, :, 0]), PairStatus.NONE, PairStatus.REGULAR)
+    return rows[~certain]
+
+
+def _by_eigenvalues(M: Any, loss: Any, method: str) -> tuple[Any, Any]:
+    """Solve prepared equations (n, 2, 3, 3): angles (n, 8, 2), statuses (n, 8)."""
+    pencil = "bezout" if method == "bezout" else "sylvester"
+    first, alone, distance = starts(M, pencil)
+    common = (distance <= COMMON) | (loss >= DEPENDENT)
+    angles, status = np.full((len(M), SLOTS, 2), np.nan), np.full((len(M), SLOTS), PairStatus.NONE, np.int8)
+    usual = np.flatnonzero(~common)
+    if len(usual):
+        angles[usual], status[usual] = _from_starts(M[usual], loss[usual], first[usual], alone[usual], pencil)
+    for row in np.flatnonzero(common):
+        # what is left of a dependent equation is rounding, and an equation that is zero says nothing
+        some = M[row, 0] if M[row, 0].any() else M[row, 1]
+        given = np.stack([some, some]) if loss[row] >= DEPENDENT else M[row]
+        angles[row], status[row] = with_common_factor(given)
+    return angles, status
+
+
+def _from_starts(M: Any, loss: Any, first: Any, alone: Any, pencil: str) -> tuple[Any, Any]:
+    """Solve equations without a common factor from starts (n, m, 2), and from more where solutions are missing."""
+    angles, status = collected(M, loss, first)
+    flawed = np.flatnonzero(~consistent(M, angles, status, alone))
+    if len(flawed):
+        other, _, _ = starts(M[flawed].swapaxes(-1, -2), pencil)
+        more = np.concatenate([first[flawed], other[..., ::-1], grid(len(flawed))], axis=1)
+        angles[flawed], status[flawed] = collected(M[flawed], loss[flawed], more)
+        still = flawed[~consistent(M[flawed], angles[flawed], status[flawed], alone[flawed])]
+        status[still] = np.where(status[still] == PairStatus.NONE, PairStatus.INCOMPLETE, status[still])
+    return angles, status

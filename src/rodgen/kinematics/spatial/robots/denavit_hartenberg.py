@@ -1,0 +1,272 @@
+"""Standard and modified Denavit-Hartenberg tables, to and from mechanisms.
+
+Problem: a robot is given as rows of four numbers. In the modified convention (Craig) row j is the link before joint j
+and the joint, Tx(a) Rx(alpha) Tz(d) Rz(theta): Crane and Duffy's transform, with one more link at the base. In the
+standard one row j is the joint and the link after it, Rz(theta) Tz(d) Tx(a) Rx(alpha): the same chain with one more
+link at the end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rodgen.errors import RodgenError
+from rodgen.kinematics.arrays import real_array
+from rodgen.kinematics.spatial.links.forward import link_transform
+from rodgen.kinematics.spatial.links.mechanism import Mechanism
+from rodgen.kinematics.spatial.robots.placement import Placement, at_zero, mechanism_at, placed
+
+__all__ = [
+    "DenavitHartenberg",
+    "from_denavit_hartenberg",
+    "from_modified_denavit_hartenberg",
+    "to_denavit_hartenberg",
+    "to_modified_denavit_hartenberg",
+]
+
+
+class DenavitHartenberg(NamedTuple):
+    """A table of n rows, with the joints at zero, and what stands before and after it.
+
+    Attributes
+    ----------
+    joints : tuple of str
+        Kinds of the joints, the base's first.
+    a, alpha, offset, angle : array (n)
+        Lengths and twists (rad) of the links, offsets d and angles theta (rad) of the joints where the robot's
+        coordinates are zero: a variable is added to its number.
+    pitch : array (n)
+        Length per rad of screws, zero for other joints.
+    base, end : array (4, 4)
+        What the rows are multiplied by from the left and from the right.
+    """
+
+    joints: tuple[str, ...]
+    a: NDArray[np.float64]
+    alpha: NDArray[np.float64]
+    offset: NDArray[np.float64]
+    angle: NDArray[np.float64]
+    pitch: NDArray[np.float64]
+    base: NDArray[np.float64]
+    end: NDArray[np.float64]
+
+
+def from_denavit_hartenberg(
+    joints: str | Sequence[str],
+    a: ArrayLike,
+    alpha: ArrayLike,
+    offset: ArrayLike,
+    angle: ArrayLike | None = None,
+    pitch: ArrayLike | None = None,
+    *,
+    base: ArrayLike | None = None,
+    end: ArrayLike | None = None,
+    unit: str = "mm",
+    name: str = "",
+    names: Iterable[str] = (),
+) -> Placement:
+    """Make a mechanism of a standard Denavit-Hartenberg table.
+
+    Parameters
+    ----------
+    joints : str or sequence of str, length n
+        Kinds of the joints, R, P, C and H, the base's first.
+    a, alpha : array_like (n)
+        Length and twist (rad) of the link after each joint.
+    offset, angle : array_like (n)
+        d and theta (rad) of each joint; of a variable its value where the robot's coordinate is zero. Angles left out
+        are zero.
+    pitch : array_like (n), optional
+        Of screws, length per rad.
+    base, end : array_like (4, 4), optional
+        What the rows are multiplied by from the left and from the right.
+    unit, name, names
+        As of :class:`Mechanism`.
+
+    Returns
+    -------
+    Placement
+        Whose ``forward`` is base · Π Rz(theta) Tz(d) Tx(a) Rx(alpha) · end.
+
+    Raises
+    ------
+    RodgenError
+        When the table does not fit the joints.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rodgen import spatial
+    >>> arm = spatial.from_denavit_hartenberg("RR", a=[300.0, 200.0], alpha=[0.0, 0.0], offset=[0.0, 0.0])
+    >>> arm.forward([0.0, np.pi / 2])[:3, 3].round(9)
+    array([300., 200.,   0.])
+    """
+    kinds, length, twist, d, theta, h = _table(joints, a, alpha, offset, angle, pitch)
+    labels = {"unit": unit, "name": name, "names": names}
+    mechanism, zero = mechanism_at(kinds, length[:-1], twist[:-1], d, theta, h, **labels)
+    last = link_transform(length[-1], twist[-1], 0.0, 0.0)
+    return Placement(mechanism, base, last if end is None else last @ real_array("end", end, (4, 4)), zero)
+
+
+def from_modified_denavit_hartenberg(
+    joints: str | Sequence[str],
+    a: ArrayLike,
+    alpha: ArrayLike,
+    offset: ArrayLike,
+    angle: ArrayLike | None = None,
+    pitch: ArrayLike | None = None,
+    *,
+    base: ArrayLike | None = None,
+    end: ArrayLike | None = None,
+    unit: str = "mm",
+    name: str = "",
+    names: Iterable[str] = (),
+) -> Placement:
+    """Make a mechanism of a modified Denavit-Hartenberg table (Craig's).
+
+    Parameters
+    ----------
+    joints : str or sequence of str, length n
+        Kinds of the joints, R, P, C and H, the base's first.
+    a, alpha : array_like (n)
+        Length and twist (rad) of the link before each joint.
+    offset, angle, pitch, base, end, unit, name, names
+        As of :func:`from_denavit_hartenberg`.
+
+    Returns
+    -------
+    Placement
+        Whose ``forward`` is base · Π Tx(a) Rx(alpha) Tz(d) Rz(theta) · end.
+
+    Raises
+    ------
+    RodgenError
+        When the table does not fit the joints.
+
+    Examples
+    --------
+    >>> from rodgen import spatial
+    >>> arm = spatial.from_modified_denavit_hartenberg("RR", [0.0, 300.0], [0.0, 0.0], [0.0, 50.0])
+    >>> arm.forward([0.0, 0.0])[:3, 3]
+    array([300.,   0.,  50.])
+    """
+    kinds, length, twist, d, theta, h = _table(joints, a, alpha, offset, angle, pitch)
+    labels = {"unit": unit, "name": name, "names": names}
+    mechanism, zero = mechanism_at(kinds, length[1:], twist[1:], d, theta, h, **labels)
+    first = link_transform(length[0], twist[0], 0.0, 0.0)
+    return Placement(
+        mechanism, first if base is None else real_array("base", base, (4, 4)) @ first, end, zero
+    )
+
+
+def to_denavit_hartenberg(robot: Mechanism | Placement) -> DenavitHartenberg:
+    """Write an open chain as a standard Denavit-Hartenberg table.
+
+    Parameters
+    ----------
+    robot : Mechanism or Placement
+
+    Returns
+    -------
+    DenavitHartenberg
+        An end frame that is a link, Tx(a) Rx(alpha), becomes the last row's; any other stays as ``end``.
+
+    Raises
+    ------
+    RodgenError
+        When the chain is closed or has joints E, T or S.
+
+    Examples
+    --------
+    >>> from rodgen import spatial
+    >>> spatial.to_denavit_hartenberg(spatial.PUMA_560).a
+    array([ 0. , 17. ,  0.8,  0. ,  0. ,  0. ])
+    """
+    given = placed(robot)
+    last, rest = _link_in(given.end)
+    offset, angle = at_zero(given)
+    mechanism = given.mechanism
+    return DenavitHartenberg(
+        mechanism.joints,
+        np.append(mechanism.a, last[0]),
+        np.append(mechanism.alpha, last[1]),
+        offset,
+        angle,
+        np.array(mechanism.pitch),
+        np.array(given.base),
+        rest,
+    )
+
+
+def to_modified_denavit_hartenberg(robot: Mechanism | Placement) -> DenavitHartenberg:
+    """Write an open chain as a modified Denavit-Hartenberg table (Craig's).
+
+    Parameters
+    ----------
+    robot : Mechanism or Placement
+
+    Returns
+    -------
+    DenavitHartenberg
+        A base frame that is a link, Tx(a) Rx(alpha), becomes the first row's; any other stays as ``base``.
+
+    Raises
+    ------
+    RodgenError
+        When the chain is closed or has joints E, T or S.
+
+    Examples
+    --------
+    >>> from rodgen import spatial
+    >>> spatial.to_modified_denavit_hartenberg(spatial.PUMA_560).a
+    array([ 0. ,  0. , 17. ,  0.8,  0. ,  0. ])
+    """
+    given = placed(robot)
+    first, rest = _link_in(given.base)
+    offset, angle = at_zero(given)
+    mechanism = given.mechanism
+    return DenavitHartenberg(
+        mechanism.joints,
+        np.append(first[0], mechanism.a),
+        np.append(first[1], mechanism.alpha),
+        offset,
+        angle,
+        np.array(mechanism.pitch),
+        rest,
+        np.array(given.end),
+    )
+
+
+def _table(
+    joints: str | Sequence[str],
+    a: ArrayLike,
+    alpha: ArrayLike,
+    offset: ArrayLike,
+    angle: ArrayLike | None,
+    pitch: ArrayLike | None,
+) -> tuple[Any, ...]:
+    kinds = tuple(joints)
+    columns = [kinds]
+    for what, given in (("a", a), ("alpha", alpha), ("offset", offset), ("angle", angle), ("pitch", pitch)):
+        column = np.zeros(len(kinds)) if given is None else real_array(what, given).copy()
+        if column.shape != (len(kinds),) or not np.isfinite(column).all():
+            raise RodgenError(
+                f"{what} has the shape {column.shape} or a number that is not finite; expected {len(kinds)} numbers, "
+                "one a joint"
+            )
+        columns.append(column)  # type: ignore[arg-type]
+    return tuple(columns)
+
+
+def _link_in(frame: NDArray[Any]) -> tuple[tuple[float, float], NDArray[Any]]:
+    """Return length and twist of a frame that is Tx(a) Rx(alpha), and the unit matrix; else none, and the frame."""
+    length, twist = frame[0, 3], np.arctan2(frame[2, 1], frame[1, 1])
+    size = 1.0 + np.abs(frame[:3, 3]).max()
+    error = np.abs(frame - link_transform(length, twist, 0.0, 0.0)).max()
+    if error <= 8 * np.finfo(float).eps * size:
+        return (float(length), float(twist)), np.eye(4)
+    return (0.0, 0.0), np.array(frame)
