@@ -81,8 +81,7 @@ def quadratic(row: np.ndarray) -> np.ndarray:
 def trig_rows() -> list[str]:
     solvers: dict[str, Solver] = {
         "quadratic formula": quadratic,
-        '`method="half_angle"`': lambda row: spatial.solve_trig(*row, method="half_angle")[0],
-        '`method="trig"`': lambda row: spatial.solve_trig(*row)[0],
+        "`solve_trig`": lambda row: spatial.solve_trig(*row)[0],
     }
     lines = [
         f"| equations, 60 each | solutions | {' | '.join(solvers)} |",

@@ -36,7 +36,6 @@ from rodgen.kinematics.axis_fit._robust import LOSSES, chi_cut
 from rodgen.kinematics.axis_fit._sphere import maximise_on_sphere
 
 EPS = np.finfo(float).eps
-ROBUST = ["huber", "cauchy", "tukey"]
 POSITIONER = Path(__file__).parents[2] / "shared/data/positioner/data.csv"
 
 
@@ -247,15 +246,14 @@ def test_agrees_with_the_best_of_many_scipy_starts(known: bool, noise: float, an
     assert from_line(fit, p, e) < (1e-7 if noise > 1 else 1e-8)
 
 
-@pytest.mark.parametrize("loss", ROBUST)
-def test_robust_loss_is_stationary(loss: str) -> None:
+def test_robust_loss_is_stationary() -> None:
     """Σ w(z) Jᵀ d = 0 at the solution, the defining equation of an M-estimate; sigma fixes z."""
     x, y, a = scene(40, 0.05, 11)
     y[::5] += 3
-    fit = fit_axis(x, y, a, loss=loss, sigma=0.05)
+    fit = fit_axis(x, y, a, loss="huber", sigma=0.05)
     d, jacobian = residual_and_jacobian(x, y, a, fit.axis, fit.point)
     z = np.linalg.norm(d, axis=1) / (0.05 * math.sqrt(2))
-    share = LOSSES[loss].weight(z)
+    share = LOSSES["huber"].weight(z)
     assert fit.weights == pytest.approx(share, abs=1e-9)
     force = share[:, None] * d
     U = tangents(fit.axis)
@@ -264,13 +262,12 @@ def test_robust_loss_is_stationary(loss: str) -> None:
     assert np.abs(np.r_[pull[:3] @ U, pull[3:] @ U]).max() < 1e-8
 
 
-@pytest.mark.parametrize("loss", ROBUST)
-def test_loss_slope_and_efficiency(loss: str) -> None:
-    kernel = LOSSES[loss]
+def test_loss_slope_and_efficiency() -> None:
+    kernel = LOSSES["huber"]
     z = np.linspace(0, 12, 120001)
     psi = z * kernel.weight(z)
     middle = (z[1:] + z[:-1]) / 2
-    kink = (np.abs(middle - 1.6279879) < 1e-3) | (np.abs(middle - 5.4902492) < 1e-3)
+    kink = np.abs(middle - 1.6279879) < 1e-3
     assert kernel.slope(middle)[~kink] == pytest.approx(np.diff(psi)[~kink] / np.diff(z)[~kink], abs=1e-6)
     density = chi_distribution(3).pdf(z)
     gain = np.trapezoid((kernel.slope(z) + 2 * kernel.weight(z)) / 3 * density, z)
@@ -379,20 +376,17 @@ def robust_interval_share(loss: str, bad: float, count: int, n: int = 60) -> flo
     return float(np.mean(np.abs(z) < student.ppf(0.975, np.median([f.dof for f in fits]))))
 
 
-@pytest.mark.parametrize(
-    ("loss", "bad", "n"), [("tukey", 0.25, 60), ("huber", 0.25, 60), ("cauchy", 0.0, 60), ("tukey", 0.0, 12)]
-)
-def test_robust_95_percent_intervals(loss: str, bad: float, n: int) -> None:
+@pytest.mark.parametrize(("bad", "n"), [(0.25, 60), (0.0, 60), (0.0, 12)])
+def test_robust_95_percent_intervals(bad: float, n: int) -> None:
     # 500 nearly independent components; 1 % more for the asymptotic formula in small samples.
-    share = robust_interval_share(loss, bad, 250, n)
+    share = robust_interval_share("huber", bad, 250, n)
     assert share == pytest.approx(0.95, abs=binomial(500) + 0.01)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("loss", ROBUST)
 @pytest.mark.parametrize("bad", [0.0, 0.25])
-def test_robust_95_percent_intervals_sharply(loss: str, bad: float) -> None:
-    share = robust_interval_share(loss, bad, 2000)
+def test_robust_95_percent_intervals_sharply(bad: float) -> None:
+    share = robust_interval_share("huber", bad, 2000)
     assert share == pytest.approx(0.95, abs=binomial(4000) + 0.01)
 
 
@@ -491,15 +485,14 @@ def test_condition_is_one_for_the_best_arrangement_and_grows_with_a_short_lever(
 # Outliers -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("loss", ROBUST)
 @pytest.mark.parametrize("share", [0.05, 0.2, 0.3])
 @pytest.mark.parametrize("known", [False, True])
-def test_gross_errors_are_named_and_do_not_move_the_axis(loss: str, share: float, known: bool) -> None:
+def test_gross_errors_are_named_and_do_not_move_the_axis(share: float, known: bool) -> None:
     x, y, a = scene(100, 0.01, 40)
     bad = np.arange(100) < 100 * share
     rng = np.random.default_rng(41)
     y[bad] += rng.normal(size=(int(bad.sum()), 3)) * 5
-    fit = fit_axis(x, y, a, loss=loss, point=POINT if known else "free")
+    fit = fit_axis(x, y, a, loss="huber", point=POINT if known else "free")
     assert np.array_equal(fit.outliers, bad)
     assert fit.sigma == pytest.approx(0.01, rel=0.15)  # 1/sqrt(2·3·70) = 5 %, three of them
     error = np.linalg.norm(fit.axis - AXIS)
@@ -507,12 +500,11 @@ def test_gross_errors_are_named_and_do_not_move_the_axis(loss: str, share: float
     assert fit.axis_uncertainty[0] < 5e-4
 
 
-@pytest.mark.parametrize("loss", ROBUST)
-def test_conspiring_outliers_lose(loss: str) -> None:
+def test_conspiring_outliers_lose() -> None:
     """Three pairs in ten that agree among themselves on another axis."""
     x, y, a = scene(60, 0.01, 42)
     y[:18] = turned(x[:18], unit([1, 1, 0]), [5, 5, 5], a[:18])
-    fit = fit_axis(x, y, a, loss=loss)
+    fit = fit_axis(x, y, a, loss="huber")
     assert np.array_equal(np.flatnonzero(fit.outliers), np.arange(18))
     assert np.linalg.norm(fit.axis - AXIS) < 5 * fit.axis_uncertainty[0]
 
@@ -521,7 +513,7 @@ def test_wrong_angles_are_outliers_too() -> None:
     x, y, a = scene(40, 0.01, 43)
     wrong = a.copy()
     wrong[5] = -wrong[5]
-    fit = fit_axis(x, y, wrong, loss="tukey")
+    fit = fit_axis(x, y, wrong, loss="huber")
     assert np.flatnonzero(fit.outliers).tolist() == [5]
 
 
@@ -541,7 +533,7 @@ def test_good_data_have_an_outlier_once_in_a_hundred() -> None:
     assert 1 - chi_distribution(3).cdf(chi_cut(50)) == pytest.approx(0.01 / 50, rel=1e-6)
 
 
-@pytest.mark.parametrize("loss", ["linear", *ROBUST])
+@pytest.mark.parametrize("loss", ["linear", "huber"])
 def test_same_answer_every_time_and_in_any_order(loss: str) -> None:
     x, y, a = scene(300, 0.01, 45)
     y[::4] += 2
@@ -554,10 +546,9 @@ def test_same_answer_every_time_and_in_any_order(loss: str) -> None:
     assert shuffled.axis == pytest.approx(first.axis, abs=1e-9)
 
 
-@pytest.mark.parametrize("loss", ROBUST)
 @pytest.mark.parametrize("sigma", [None, 0.01])
 @pytest.mark.parametrize("known", [False, True])
-def test_the_fewest_pairs_and_one_gross_error_name_it(loss: str, sigma: float | None, known: bool) -> None:
+def test_the_fewest_pairs_and_one_gross_error_name_it(sigma: float | None, known: bool) -> None:
     """Three good pairs determine an axis with a free point, two one through a known point."""
     before = np.array([[100, 0, 0], [0, 100, 0], [0, 0, 100], [60, 60, 60]])[known:].astype(float)
     for seed in range(10):
@@ -565,26 +556,17 @@ def test_the_fewest_pairs_and_one_gross_error_name_it(loss: str, sigma: float | 
         after = turned(before, AXIS, POINT, 1.0) + 0.01 * rng.normal(size=before.shape)
         bad = seed % len(before)
         after[bad, seed % 3] += 5
-        fit = fit_axis(before, after, 1.0, loss=loss, sigma=sigma, point=POINT if known else "free")
+        fit = fit_axis(before, after, 1.0, loss="huber", sigma=sigma, point=POINT if known else "free")
         assert fit.outliers[bad]
-        if loss == "tukey":  # the others give a gross error a say, among so few a large one
-            assert np.flatnonzero(fit.outliers).tolist() == [bad]
-            assert np.linalg.norm(fit.axis - AXIS) < 1e-3
 
 
-def test_a_sigma_that_rejects_nearly_all_pairs_is_told() -> None:
-    with pytest.raises(RodgenError, match=r"leaves 0 of 30 pairs: sigma is too small .* or too many pairs"):
-        fit_axis(*scene(30, 0.01, 49), loss="tukey", sigma=1e-9)
-
-
-@pytest.mark.parametrize("loss", ROBUST)
 @pytest.mark.parametrize(("n", "reversed_"), [(6, 3), (8, 4), (10, 4), (20, 6), (60, 30)])
-def test_pairs_that_hold_two_answers_are_told(loss: str, n: int, reversed_: int) -> None:
+def test_pairs_that_hold_two_answers_are_told(n: int, reversed_: int) -> None:
     """Signs of angles reversed from three in ten to half: whichever axis is taken, a remark says so."""
     for seed in range(8):
         x, y, a = scene(n, 0.01, 500 + seed, 1.0)
         a = np.where(np.arange(n) < reversed_, -a, a)
-        remarks = fit_axis(x * 10, y * 10, a, loss=loss).remarks
+        remarks = fit_axis(x * 10, y * 10, a, loss="huber").remarks
         told = [sentence for sentence in remarks if f"of {n} pairs contradict" in sentence]
         assert len(told) == 1
         assert "not safe" in told[0]
@@ -594,37 +576,33 @@ def test_pairs_that_hold_two_answers_are_told(loss: str, n: int, reversed_: int)
 
 def test_half_of_the_pairs_are_counted_and_both_axes_named() -> None:
     x, y, a = scene(8, 0.01, 48, 1.0, axis=np.array([0.0, 0.0, 1.0]))
-    fit = fit_axis(x, y, np.where(np.arange(8) < 4, -a, a), loss="tukey")
+    fit = fit_axis(x, y, np.where(np.arange(8) < 4, -a, a), loss="huber")
     told = next(sentence for sentence in fit.remarks if "4 of 8 pairs contradict" in sentence)
     axes = [[float(c) for c in axis.split(", ")] for axis in re.findall(r"\((-?[0-9][^)]*)\)", told)]
     assert sorted(axis[2] for axis in axes) == pytest.approx([-1, 1], abs=1e-3)
 
 
-@pytest.mark.parametrize("loss", ROBUST)
 @pytest.mark.parametrize("n", [6, 8, 30])
-def test_good_pairs_rarely_contradict(loss: str, n: int) -> None:
-    fits = [fit_axis(*scene(n, 0.01, 900 + seed), loss=loss) for seed in range(40)]
+def test_good_pairs_rarely_contradict(n: int) -> None:
+    fits = [fit_axis(*scene(n, 0.01, 900 + seed), loss="huber") for seed in range(40)]
     # Six pairs with two outliers by chance: one data set in a hundred.
     assert sum("contradict" in " ".join(fit.remarks) for fit in fits) <= (2 if n < 8 else 0)
 
 
-@pytest.mark.parametrize("loss", ROBUST)
-def test_groups_of_repeated_readings_do_not_contradict(loss: str) -> None:
+def test_groups_of_repeated_readings_do_not_contradict() -> None:
     """Readings of one ball agree with one another on many axes: that is no second answer."""
     rng = np.random.default_rng(50)
     balls = np.repeat([[30.0, 0, 0], [0, 40.0, 5], [-20, 9, 60]], 4, axis=0)
     after = turned(balls, AXIS, POINT, 1.0) + np.repeat(rng.normal(size=(3, 3)) * 0.01, 4, axis=0)
-    fit = fit_axis(balls, after, 1.0, loss=loss)
+    fit = fit_axis(balls, after, 1.0, loss="huber")
     assert "contradict" not in " ".join(fit.remarks)
 
 
-@pytest.mark.parametrize("loss", ROBUST)
-def test_exact_pairs_and_one_gross_error(loss: str) -> None:
+def test_exact_pairs_and_one_gross_error() -> None:
     x, y, a = scene(20, 0.0, 47)
     y[3] += 7
-    fit = fit_axis(x, y, a, loss=loss)
+    fit = fit_axis(x, y, a, loss="huber")
     assert np.flatnonzero(fit.outliers).tolist() == [3]
-    # Noise of rounding, and Cauchy's loss gives a pair 1e16 of them off its say of 1e-16.
     assert fit.axis == pytest.approx(AXIS, abs=1e-14)
 
 
@@ -661,7 +639,7 @@ def test_exact_pairs_give_the_axis_to_rounding(angle: Any, known: bool) -> None:
 
 
 @pytest.mark.parametrize("scale", [1e-120, 1e-30, 1e30, 1e120])
-@pytest.mark.parametrize("loss", ["linear", "tukey"])
+@pytest.mark.parametrize("loss", ["linear", "huber"])
 @pytest.mark.parametrize("known", [False, True])
 def test_lengths_from_tiny_to_huge(scale: float, loss: str, known: bool) -> None:
     x, y, a = scene(20, 0.01, 51)
@@ -696,7 +674,7 @@ vectors = arrays(float, 3, elements=st.floats(-10, 10))
     turn=vectors,
     shift=vectors,
     exponent=st.integers(-40, 40),
-    loss=st.sampled_from(["linear", "tukey"]),
+    loss=st.sampled_from(["linear", "huber"]),
     seed=st.integers(0, 5),
 )
 def test_turning_shifting_and_scaling_the_data_does_the_same_to_the_fit(
@@ -998,9 +976,9 @@ def test_result_is_frozen_and_goes_to_json() -> None:
 def test_summary_reads_like_a_protocol() -> None:
     x, y, a = scene(30, 0.01, 73)
     y[4] += 1
-    text = str(fit_axis(x, y, a, loss="tukey", sigma=0.01))
+    text = str(fit_axis(x, y, a, loss="huber", sigma=0.01))
     lines = text.splitlines()
-    assert lines[0] == "Axis fitted to 30 pairs (point free, loss tukey): DETERMINED"
+    assert lines[0] == "Axis fitted to 30 pairs (point free, loss huber): DETERMINED"
     for word in ("direction", "µrad", "point", "centroid", "rms", "noise", "chi-square", "condition"):
         assert word in text
     assert "  outliers    1: pair 4 (counted from 0)" in lines
@@ -1054,8 +1032,7 @@ def test_bad_input_is_refused_in_words(arguments: Any, sentence: str) -> None:
         ({"sigma": math.nan}, "sigma, row 0"),
         ({"weights": [1, -1, 1]}, "weights, row 1 .* negative"),
         ({"weights": 0}, "all weights are zero"),
-        ({"loss": "tukey"}, "needs at least 4"),
-        ({"loss": "tukey", "point": POINT, "sigma": 1e-9}, "leaves 0 of 3 pairs: sigma is too small"),
+        ({"loss": "huber"}, "needs at least 4"),
     ],
 )
 def test_bad_options_are_refused_in_words(options: dict[str, Any], sentence: str) -> None:
@@ -1064,7 +1041,7 @@ def test_bad_options_are_refused_in_words(options: dict[str, Any], sentence: str
         fit_axis(x, y, a, **options)
 
 
-@pytest.mark.parametrize("loss", ["linear", "tukey"])
+@pytest.mark.parametrize("loss", ["linear", "huber"])
 def test_a_hundred_thousand_pairs_in_well_under_a_second(loss: str) -> None:
     x, y, a = scene(100_000, 0.01, 77)
     y[::5] += 1
@@ -1116,7 +1093,7 @@ def test_positioner_axis_is_found_in_every_group(positioner: Any) -> None:
     axes = {}
     for p1, group in positioner.items():
         x, y, a = pairs_of(group, math.pi)
-        fit = fit_axis(x, y, a, loss="tukey")
+        fit = fit_axis(x, y, a, loss="huber")
         assert fit.status is AxisFitStatus.DETERMINED
         assert fit.rms < 0.6  # mm; the camera's own repeatability is a few tenths
         assert fit.axis_uncertainty[0] < 1.2e-4

@@ -403,7 +403,7 @@ def test_robust_loss_leaves_out_what_is_grossly_wrong(tmp_path, capsys):
     path = tmp_path / "pairs.csv"
     rows = np.column_stack([rho, rho_prime, np.rad2deg(angle)])
     np.savetxt(path, rows, delimiter=",", header=HEADER, comments="")
-    assert json_fit(capsys, path, "--loss", "tukey")["outliers"] == [7]
+    assert json_fit(capsys, path, "--loss", "huber")["outliers"] == [7]
 
 
 def test_fit_that_cannot_be_done_is_one_line(pairs, capsys):

@@ -21,6 +21,7 @@ from rodgen.kinematics import spatial
 from rodgen.kinematics.spatial import Mechanism, Placement
 from rodgen.kinematics.spatial.robots import product_of_exponentials
 from rodgen.machines.machine import Joint, Measured, Target
+from rodgen.machines.mechanism import from_mechanism, to_mechanism
 
 
 def rx(angle):
@@ -357,7 +358,7 @@ def machine_of(screws, targets) -> Machine:
 
 
 def test_machine_files_of_robots_at_right_angles_have_no_dust():
-    for joint in spatial.to_machine(spatial.PUMA_560).joints:
+    for joint in from_mechanism(spatial.PUMA_560).joints:
         assert set(np.abs(joint.axis)) <= {0.0, 1.0}
         assert set(np.abs(joint.point)) <= {0.0, 5.9, 17.0, 0.8 + 17.0}
 
@@ -370,7 +371,7 @@ def test_a_rigid_machine_and_its_mechanism_see_targets_alike():
             [xi if not xi[:3].any() else [*xi[:3], *(xi[3:] - xi[:3] * (xi[:3] @ xi[3:]))] for xi in screws]
         )
         machine = machine_of(screws, 10 * rng.normal(size=(2, 3)))
-        robot = spatial.from_machine(machine)
+        robot = to_mechanism(machine)
         q = rng.uniform(-3, 3, size=(5, 4))
         points = np.array([[*target.point, 1.0] for target in machine.targets])
         expected = np.einsum("nij,tj->nti", robot.forward(q), points)[..., :3]
@@ -382,7 +383,7 @@ def test_a_mechanism_and_its_machine_see_the_end_alike_and_come_back(tmp_path):
     scara = Mechanism("RRCP", [300.0, 200.0, 0.0], [0.0, np.pi, np.pi / 2], names=("J1", "J2", "quill", "Z"))
     placement = Placement(spatial.GE_P60, random_frame(rng), random_frame(rng), rng.normal(size=6))
     for robot in (spatial.PUMA_560, spatial.T3_776, scara, placement, Mechanism("RS", [10.0], [0.3])):
-        machine = spatial.to_machine(robot, {"end": [0, 0, 0], "tool": [1.0, -2.0, 3.0]})
+        machine = from_mechanism(robot, {"end": [0, 0, 0], "tool": [1.0, -2.0, 3.0]})
         q = rng.uniform(-2, 2, size=(4, len(machine.joints)))
         chain = robot if isinstance(robot, Placement) else Placement(robot.expanded())
         mechanism = chain.mechanism
@@ -393,7 +394,7 @@ def test_a_mechanism_and_its_machine_see_the_end_alike_and_come_back(tmp_path):
 
         machine.save(tmp_path / "machine.toml")
         read = Machine.load(tmp_path / "machine.toml")
-        again = spatial.from_machine(read)
+        again = to_mechanism(read)
         assert again.mechanism.unit == mechanism.unit
         tools = np.array([[*target.point, 1.0] for target in read.targets])
         back = np.einsum("nij,tj->nti", again.forward(q), tools)[..., :3]
@@ -405,7 +406,7 @@ def test_a_mechanism_and_its_machine_see_the_end_alike_and_come_back(tmp_path):
 )
 def test_robots_come_back_from_machines_with_their_exact_zeros(robot):
     """Lengths that are zero are zero again, so that a reverse analysis finds the same special geometry."""
-    back = spatial.from_machine(spatial.to_machine(robot)).mechanism
+    back = to_mechanism(from_mechanism(robot)).mechanism
     np.testing.assert_allclose(back.a, robot.a, atol=1e-13)
     np.testing.assert_array_equal(back.a == 0, robot.a == 0)
     # between parallel axes it is free where the link stands, and S6 is part of the end frame
@@ -417,16 +418,16 @@ def test_robots_come_back_from_machines_with_their_exact_zeros(robot):
 
 def test_a_screw_an_effect_a_loop_and_no_target_are_told():
     with pytest.raises(RodgenError, match="is a screw, for which a machine file has no joint"):
-        spatial.to_machine(Mechanism("RH", [1.0], [0.0], pitch=[0.0, 2.0]))
+        from_mechanism(Mechanism("RH", [1.0], [0.0], pitch=[0.0, 2.0]))
     with pytest.raises(RodgenError, match="closed loop"):
-        spatial.to_machine(Mechanism("RRRR", [1.0] * 4, [0.0] * 4))
+        from_mechanism(Mechanism("RRRR", [1.0] * 4, [0.0] * 4))
     with pytest.raises(RodgenError, match="no targets"):
-        spatial.to_machine(spatial.PUMA_560, {})
+        from_mechanism(spatial.PUMA_560, {})
     with pytest.raises(RodgenError, match="two joints are called 'C_S'"):
-        spatial.to_machine(Mechanism("CP", [1.0], [0.0], names=("C", "C_S")))
-    worn = spatial.to_machine(spatial.PUMA_560).add("backlash", joint="R1")
+        from_mechanism(Mechanism("CP", [1.0], [0.0], names=("C", "C_S")))
+    worn = from_mechanism(spatial.PUMA_560).add("backlash", joint="R1")
     with pytest.raises(RodgenError, match=r"has effects \(backlash at R1\)"):
-        spatial.from_machine(worn)
+        to_mechanism(worn)
 
 
 def test_a_closed_chain_of_the_workbench_is_no_mechanism(tmp_path):
@@ -435,12 +436,12 @@ def test_a_closed_chain_of_the_workbench_is_no_mechanism(tmp_path):
         'q = [0, 0, 200]\n[measured]\nkind = "point"\nframe = "machine"\n'
     )
     with pytest.raises(RodgenError, match="closed chain"):
-        spatial.from_machine(Machine.load(tmp_path / "tricept.toml"))
+        to_mechanism(Machine.load(tmp_path / "tricept.toml"))
 
 
 def test_fitted_numbers_are_taken_along():
     """A fitted axis is where the machine of the fixed numbers has it."""
-    machine = spatial.to_machine(spatial.PUMA_560, {"end": [0, 0, 10.0]})
+    machine = from_mechanism(spatial.PUMA_560, {"end": [0, 0, 10.0]})
     fitted = dataclasses.replace(
         machine,
         estimate=("R2.axis", "R2.point"),
@@ -448,8 +449,8 @@ def test_fitted_numbers_are_taken_along():
     )
     q = np.random.default_rng(5).uniform(-2, 2, size=(3, 6))
     points = np.array([*fitted.targets[0].point, 1.0])
-    expected = (spatial.from_machine(fitted).forward(q) @ points)[:, :3]
+    expected = (to_mechanism(fitted).forward(q) @ points)[:, :3]
     in_mm = dataclasses.replace(fitted, length_unit="mm")
     np.testing.assert_allclose(seen(in_mm, q)[:, 0], expected, atol=1e-10)
-    plain = (spatial.from_machine(machine).forward(q) @ points)[:, :3]
+    plain = (to_mechanism(machine).forward(q) @ points)[:, :3]
     assert np.abs(plain - expected).max() > 0.01

@@ -31,11 +31,7 @@ LOOPED = 300
 COUNT = 256  # trig_limit.c's COUNT
 BYTES = 41
 """Three coefficients in, two angles and a status out."""
-OWN_TRIG, OWN_CACHED, OWN_HALF = (
-    "rodgen: solve_trig",
-    "rodgen: solve_trig, 4,000 at a time",
-    "rodgen: half_angle",
-)
+OWN_TRIG, OWN_CACHED = "rodgen: solve_trig", "rodgen: solve_trig, 4,000 at a time"
 OWN_PAIR, OWN_STABLE = "rodgen: solve_pair", "rodgen: solve_pair, eigenvalues throughout"
 ARITHMETIC, BANDWIDTH = "limit: arithmetic", "limit: memory"
 
@@ -70,7 +66,6 @@ def _trig(n: int, rounds: int) -> dict:
             lambda: spatial.solve_trig(A[part], B[part], D[part], out=(out[0][part], out[1][part])),
             CACHED,
         ),
-        OWN_HALF: (lambda: spatial.solve_trig(A, B, D, "half_angle", out=out), n),
         "NumPy, vectorised": (lambda: trig_vectorised(A, B, D), n),
         ARITHMETIC: _arithmetic(A, B, D),
         # as many bytes as a solve moves, at the speed of the triad

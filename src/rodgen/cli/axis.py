@@ -73,9 +73,9 @@ def add_to(command: Command) -> None:
     )
     fit.add_argument(
         "--loss",
-        choices=("linear", "huber", "cauchy", "tukey"),
+        choices=("linear", "huber"),
         default="linear",
-        help="what a large residual costs: linear is least squares (default), the others resist outliers",
+        help="what a large residual costs: linear is least squares (default), huber resists outliers",
     )
     fit.add_argument(
         "--sigma",

@@ -1,7 +1,7 @@
-"""Call a kernel on array-likes, NumPy or Dask.
+"""Call a kernel on array-likes, NumPy or Dask, with errors that name the argument.
 
-NumPy's gufuncs take care of broadcasting, types and ``out``. Dask knows how to spread a gufunc over chunks, except
-that it must be told the sizes that appear only in the result.
+NumPy's gufuncs take care of broadcasting, types and ``out``. Dask spreads a gufunc over chunks once it knows the sizes
+that appear only in the result.
 """
 
 from __future__ import annotations
@@ -16,7 +16,15 @@ __all__ = ["call"]
 
 
 def call(kernel: Any, arguments: tuple[Any, ...], out: Any) -> Any:
-    """Evaluate `kernel`; see :class:`numpy.ufunc` for what is raised."""
+    """Return the results of a kernel.
+
+    Raises
+    ------
+    TypeError
+        When an argument is not real.
+    ValueError
+        When the last axes of an argument have another shape than the kernel's, or the other axes do not broadcast.
+    """
     if "dask.array" in sys.modules:
         from dask.array import Array, apply_gufunc
 
@@ -24,7 +32,21 @@ def call(kernel: Any, arguments: tuple[Any, ...], out: Any) -> Any:
             if out is not None:
                 raise TypeError("out is for NumPy arrays; a Dask array is computed later")
             return _spread(kernel, arguments, apply_gufunc)
-    return kernel(*arguments) if out is None else kernel(*arguments, out=out)
+    try:
+        return kernel(*arguments) if out is None else kernel(*arguments, out=out)
+    except (TypeError, ValueError):
+        _check(kernel.__name__, arguments)
+        raise
+
+
+def _check(name: str, arguments: tuple[Any, ...]) -> None:
+    """Raise the error of the NumPy kernel, which names the argument, where the compiled one speaks of operands."""
+    from rodgen.generated import numpy as generated
+
+    try:
+        getattr(generated.ALL, name)(*arguments)
+    except (TypeError, ValueError) as error:
+        raise type(error)(str(error).removeprefix(f"{name}: ")) from None
 
 
 def _spread(kernel: Any, arguments: tuple[Any, ...], apply_gufunc: Any) -> Any:

@@ -98,11 +98,11 @@ def chain_of(name: str, *, expand: bool = True) -> Chain:
 
 
 def _of_machine(file: str) -> Chain:
-    from rodgen.kinematics import spatial
     from rodgen.machines.machine import Machine
+    from rodgen.machines.mechanism import to_mechanism
 
     with located(file, "mechanism"):
-        found = spatial.from_machine(Machine.load(file))
+        found = to_mechanism(Machine.load(file))
     return Chain(file, found.mechanism, found)
 
 

@@ -46,8 +46,7 @@ def information_of(pairs: Pairs, noise: Noise, loss: Loss, line: Line, basis: Fl
     weight = loss.weight(z)
     # Over the three directions: ψ′ along the residual, ψ/z across it; and E[ψ²] a direction.
     slope = float(((loss.slope(z) + 2 * weight) / 3).sum())
-    # Tukey's loss bends down where a sigma too small puts most pairs; the information stays positive.
-    slope = max(slope, 0.1 * float(weight.sum())) / int(good.sum())
+    slope /= int(good.sum())
     square = float(((weight * z) ** 2 / 3).sum()) / int(good.sum())
     H = Moments.of(x, y, angle, pairs.weight * good, pairs.point).hessian(line.axis, line.point, basis)
     # The fit has made the residuals smaller than the errors by its own degrees of freedom.

@@ -74,9 +74,9 @@ def fit_axis(
         gives covariance and chi-square their scale. Left out, it is estimated from the residuals.
     weights : (N,) array_like, optional
         Factors on the inverse variances; 0 leaves a pair out (its residual is still told).
-    loss : {"linear", "huber", "cauchy", "tukey"}
-        What a large residual costs. All but "linear" have 95 % efficiency on good data and start from a
-        least-median fit; "tukey" gives gross errors no say at all.
+    loss : {"linear", "huber"}
+        What a large residual costs: its square, or beyond Huber's threshold its size. "huber" has 95 % efficiency on
+        good data and starts from a least-median fit.
 
     Returns
     -------
@@ -89,8 +89,8 @@ def fit_axis(
     ------
     RodgenError
         (a ValueError) Shapes that do not fit together, no pairs, a number that is not finite (with its
-        row), a sigma that is not positive, a negative weight, an unknown loss; with a robust loss fewer than
-        four pairs (three for a known point), or fewer than three (two) that "tukey" does not reject.
+        row), a sigma that is not positive, a negative weight, an unknown loss; with "huber" fewer than
+        four pairs (three for a known point).
 
     Notes
     -----

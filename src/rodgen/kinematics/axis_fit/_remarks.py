@@ -44,8 +44,8 @@ def remarks_on(
     bad, used = int(noise.outliers.sum()), int(noise.used.sum())
     if bad and loss.name == "linear":
         told.append(
-            f"{bad} of {used} pairs are farther off than noise explains and still count: loss='tukey' would "
-            "give them no say."
+            f"{bad} of {used} pairs are farther off than noise explains and still count fully: loss='huber' "
+            "would limit their influence."
         )
     told += contradiction(pairs, loss, noise, line)
     if determined and pairs.variance is None and 0 < noise.dof < _FEW_FREEDOMS:

@@ -34,9 +34,9 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
-# Tuning constants k: 95 % efficiency for vectors of three normal components, that is
+# Tuning constant k: 95 % efficiency for vectors of three normal components, that is
 # (E[ψ′/3 + 2ψ/(3z)])² / (E[ψ²]/3) = 0.95 with z chi-distributed, three degrees of freedom.
-_HUBER, _CAUCHY, _TUKEY = 1.6279879, 2.6655683, 5.4902492
+_HUBER = 1.6279879
 
 # Median of the chi distribution with three degrees of freedom.
 _CHI_MEDIAN = 1.5381722544550522
@@ -61,30 +61,18 @@ class Loss:
 
     def weight(self, z: Floats) -> Floats:
         """ψ(z)/z: 1 for small z."""
-        match self.name:
-            case "huber":
-                return np.minimum(1.0, _HUBER / np.maximum(z, _HUBER))
-            case "cauchy":
-                return 1 / (1 + (z / _CAUCHY) ** 2)
-            case "tukey":
-                return np.where(z < _TUKEY, (1 - np.minimum(z / _TUKEY, 1) ** 2) ** 2, 0.0)
+        if self.name == "huber":
+            return np.minimum(1.0, _HUBER / np.maximum(z, _HUBER))
         return np.ones_like(z)
 
     def slope(self, z: Floats) -> Floats:
         """ψ′(z)."""
-        match self.name:
-            case "huber":
-                return np.where(z < _HUBER, 1.0, 0.0)
-            case "cauchy":
-                u = (z / _CAUCHY) ** 2
-                return (1 - u) / (1 + u) ** 2
-            case "tukey":
-                u = np.minimum(z / _TUKEY, 1) ** 2
-                return (1 - u) * (1 - 5 * u)
+        if self.name == "huber":
+            return np.where(z < _HUBER, 1.0, 0.0)
         return np.ones_like(z)
 
 
-LOSSES = {name: Loss(name) for name in ("linear", "huber", "cauchy", "tukey")}
+LOSSES = {name: Loss(name) for name in ("linear", "huber")}
 
 
 @dataclass(frozen=True, eq=False)

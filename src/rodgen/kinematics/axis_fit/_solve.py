@@ -74,7 +74,7 @@ def solve(pairs: Pairs, loss: Loss) -> Solution:
     Raises
     ------
     RodgenError
-        Too few pairs for a robust loss, or too few that it leaves any weight.
+        When there are too few pairs for a robust loss.
     """
     used = pairs.weight > 0
     arrays = (pairs.rho, pairs.rho_prime, pairs.angle, pairs.weight)
@@ -101,14 +101,6 @@ def solve(pairs: Pairs, loss: Loss) -> Solution:
             pairs.variance,
             pairs.rounding**2,
         )
-        left = np.count_nonzero(share)
-        if left < needed - 1:  # of the fewest pairs allowed one may be bad
-            if pairs.variance is None:
-                cause = f"no {needed - 1} of them agree with one axis; use loss='linear'"
-            else:
-                cause = "sigma is too small (check its unit, or leave it out to have it estimated), or too "
-                cause += "many pairs are wrong"
-            raise RodgenError(f"loss={loss.name!r} leaves {left} of {len(w)} pairs: {cause}")
     best, other = _optima(x, y, angle, w * share, point, near)
     everyone = np.zeros(len(used))
     everyone[used] = share

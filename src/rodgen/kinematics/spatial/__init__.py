@@ -40,7 +40,6 @@ from rodgen.kinematics.spatial.robots.denavit_hartenberg import (
     to_modified_denavit_hartenberg,
 )
 from rodgen.kinematics.spatial.robots.group import Group, group
-from rodgen.kinematics.spatial.robots.machine import from_machine, to_machine
 from rodgen.kinematics.spatial.robots.placement import Placement
 from rodgen.kinematics.spatial.robots.product_of_exponentials import (
     ProductOfExponentials,
@@ -77,7 +76,6 @@ __all__ = [
     "forward",
     "frames",
     "from_denavit_hartenberg",
-    "from_machine",
     "from_modified_denavit_hartenberg",
     "from_product_of_exponentials",
     "group",
@@ -101,7 +99,6 @@ __all__ = [
     "spherical_pentagon",
     "spherical_quadrilateral",
     "to_denavit_hartenberg",
-    "to_machine",
     "to_modified_denavit_hartenberg",
     "to_product_of_exponentials",
     "toolkit",

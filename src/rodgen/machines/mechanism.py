@@ -1,14 +1,13 @@
-"""Mechanisms as machines of the workbench, and rigid machines as mechanisms.
+"""Conversions between rigid machines and mechanisms.
 
-Problem: a machine file gives each joint by its axis in machine axes, with all joints at zero, and what is measured by
-targets; a mechanism has links. They are one chain where the base, the end and the joints' zeros are taken along.
+A machine file gives each joint by its axis in machine axes, with all joints at zero, and the measured points as targets;
+a mechanism has links. A placement adds base frame, end frame and zeros to the mechanism, so that both are one chain.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,15 +19,15 @@ from rodgen.kinematics.spatial.robots.product_of_exponentials import (
     placement_from_axes,
     to_product_of_exponentials,
 )
+from rodgen.machines.files.write import fixed_machine
+from rodgen.machines.machine import Machine
+from rodgen.machines.parts import Joint, Measured, Target
 
-if TYPE_CHECKING:
-    from rodgen.machines.machine import Machine
-
-__all__ = ["from_machine", "to_machine"]
+__all__ = ["from_mechanism", "to_mechanism"]
 
 
-def from_machine(machine: Machine, *, tolerance: float = PARALLEL) -> Placement:
-    """Make a mechanism of a rigid machine.
+def to_mechanism(machine: Machine, *, tolerance: float = PARALLEL) -> Placement:
+    """Return the mechanism of a rigid machine.
 
     Parameters
     ----------
@@ -51,8 +50,9 @@ def from_machine(machine: Machine, *, tolerance: float = PARALLEL) -> Placement:
     Examples
     --------
     >>> from rodgen import spatial
-    >>> machine = spatial.to_machine(spatial.PUMA_560)
-    >>> spatial.from_machine(machine).mechanism.a.round(9)
+    >>> from rodgen.machines.mechanism import from_mechanism, to_mechanism
+    >>> machine = from_mechanism(spatial.PUMA_560)
+    >>> to_mechanism(machine).mechanism.a.round(9)
     array([ 0. , 17. ,  0.8,  0. ,  0. ])
     """
     if machine.kinematics.is_closed:
@@ -61,8 +61,6 @@ def from_machine(machine: Machine, *, tolerance: float = PARALLEL) -> Placement:
         titles = ", ".join(effect.title for effect in machine.effects)
         raise RodgenError(f"{machine.name!r} has effects ({titles}); expected a rigid machine without")
     if machine.values:
-        from rodgen.machines.files.write import fixed_machine
-
         machine = fixed_machine(machine)
     kinds = tuple("R" if joint.type == "revolute" else "P" for joint in machine.joints)
     directions = np.array([joint.axis for joint in machine.joints], float)
@@ -76,13 +74,13 @@ def from_machine(machine: Machine, *, tolerance: float = PARALLEL) -> Placement:
     return placement_from_axes(kinds, directions, points, np.zeros(len(kinds)), np.eye(4), tolerance, labels)
 
 
-def to_machine(
+def from_mechanism(
     robot: Mechanism | Placement,
     targets: Mapping[str, Sequence[float]] | None = None,
     *,
     name: str | None = None,
 ) -> Machine:
-    """Make a machine of the workbench, which can be fitted to measurements, of an open chain.
+    """Return the machine, which can be fitted to measurements, of an open chain.
 
     Parameters
     ----------
@@ -107,7 +105,8 @@ def to_machine(
     Examples
     --------
     >>> from rodgen import spatial
-    >>> print(spatial.to_machine(spatial.Mechanism("RP", [100.0], [0.0], name="Lift")).describe())
+    >>> from rodgen.machines.mechanism import from_mechanism
+    >>> print(from_mechanism(spatial.Mechanism("RP", [100.0], [0.0], name="Lift")).describe())
     Lift (mm, deg)
       R1  revolute about [0, 0, 1] through [0, 0, 0]
       P2  prismatic along [0, 0, 1]
@@ -116,8 +115,6 @@ def to_machine(
     estimated: nothing but the effects
     effects: none
     """
-    from rodgen.machines.machine import Joint, Machine, Measured, Target
-
     given = _of_r_p_c(robot)
     mechanism = given.mechanism
     product = to_product_of_exponentials(given)
