@@ -150,9 +150,9 @@ def test_interface():
     np.testing.assert_array_equal(out[0], theta[0])
     single, _ = spatial.solve_trig(*(np.float32(x) for x in (1.0, 2.0, 0.5)))
     assert single.dtype == np.float32
-    with pytest.raises(TypeError, match="a has type complex128; expected real numbers"):
+    with pytest.raises(TypeError, match="A has type complex128; expected real numbers"):
         spatial.solve_trig(1j, 2.0, 0.5)
-    with pytest.raises(TypeError, match="b has type <U1; expected real numbers"):
+    with pytest.raises(TypeError, match="B has type <U1; expected real numbers"):
         spatial.solve_trig(1.0, ["x"], 0.5)
     with pytest.raises(ValueError, match=r"arg 0 with shape \(3,\) and arg 2 with shape \(2,\)"):
         spatial.solve_trig(np.ones(3), 2.0, np.ones(2))

@@ -442,13 +442,13 @@ def test_shapes_scalars_lists_and_single_precision():
 def test_wrong_arguments_are_told():
     with pytest.raises(RodgenError, match=r"R is -1\.0; expected a positive length"):
         Geometry(-1, 1, 1)
-    with pytest.raises(RodgenError, match="h is nan; expected a finite length"):
+    with pytest.raises(RodgenError, match="h is nan; expected a finite number"):
         Geometry(1, 1, float("nan"))
     with pytest.raises(RodgenError, match="r is 'x'"):
         Geometry(1, "x", 1)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=r"legs has the shape \(2,\)"):
         three_sps_s.direct_all([1, 2], MACHINE)
-    with pytest.raises(TypeError, match="legs are complex"):
+    with pytest.raises(TypeError, match="legs has the type complex128"):
         three_sps_s.direct_all([1j, 2, 3], MACHINE)
     with pytest.raises(ValueError, match=r"near has the shape \(3,\)"):
         three_sps_s.direct([2, 2, 2], MACHINE, near=[1, 0, 0])

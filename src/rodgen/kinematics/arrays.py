@@ -1,15 +1,17 @@
-"""Is what was given an array of real numbers of the shape that is needed? If not, one sentence says what it is."""
+"""Arrays of real numbers, checked: what is given has the type and the last axes that a function expects."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
 
-__all__ = ["real_array"]
+__all__ = ["NotRealError", "real_array"]
+
+
+class NotRealError(RodgenError, TypeError):
+    """Raised for an array whose numbers are not real; caught as a TypeError, too."""
 
 
 def real_array(what: str, given: ArrayLike, ending: tuple[int, ...] = ()) -> NDArray[np.float64]:
@@ -18,15 +20,17 @@ def real_array(what: str, given: ArrayLike, ending: tuple[int, ...] = ()) -> NDA
     Parameters
     ----------
     what : str
-        What the error calls it, such as ``"the pose"``.
+        The name in an error, such as ``"the pose"``.
     given : array_like (..., *ending)
     ending : tuple of int, optional
         Its last axes.
 
     Raises
     ------
+    NotRealError
+        When it does not hold real numbers.
     RodgenError
-        When it is no array of real numbers, or of another shape.
+        When it is no array, or its last axes have another shape.
 
     Examples
     --------
@@ -36,13 +40,11 @@ def real_array(what: str, given: ArrayLike, ending: tuple[int, ...] = ()) -> NDA
     """
     expected = f"(..., {', '.join(map(str, ending))})" if ending else "real numbers"
     try:
-        found: NDArray[Any] = np.asarray(given)
+        found = np.asarray(given)
     except ValueError:  # rows of different lengths
         raise RodgenError(f"{what} is no array; expected {expected}") from None
     if found.dtype.kind not in "fiub":
-        raise RodgenError(
-            f"{what} is not of real numbers, but of the type {found.dtype}; expected {expected}"
-        )
+        raise NotRealError(f"{what} has the type {found.dtype}; expected real numbers")
     if ending and found.shape[-len(ending) :] != ending:
         raise RodgenError(f"{what} has the shape {found.shape}; expected {expected}")
     return found.astype(float, copy=False)

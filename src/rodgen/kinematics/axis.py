@@ -35,7 +35,7 @@ def solve_axis(
     length_tolerance: ArrayLike = 1e-8,
     out: tuple[Any, Any] | None = None,
 ) -> tuple[Any, Any]:
-    """Find the unit axes through the origin that turn `rho` into `rho_prime` by `angle`.
+    """Return the unit axes through the origin that turn `rho` into `rho_prime` by `angle`.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def solve_axis(
     angle : array_like (...)
         Angle of the rotation in rad; negative and beyond π as it comes.
     length_tolerance : array_like (...), optional
-        Largest ``abs(length_mismatch(rho, rho_prime))`` that is no fault. It is never less than 8 rounding units of the
+        Largest ``abs(length_mismatch(rho, rho_prime))`` that is accepted. It is never less than 8 rounding units of the
         number type. Measured points need about six times their relative uncertainty.
     out : tuple of two arrays, optional
         Where the results go: (..., 2, 3) and (...) int8.
@@ -52,8 +52,8 @@ def solve_axis(
     Returns
     -------
     axes : array (..., 2, 3)
-        Two unit axes, the one at an acute angle to `rho` first. What the rows are where there are not two says
-        the status. NaN where, and only where, the status is INVALID.
+        Two unit axes, the one at an acute angle to `rho` first. Where there are not two, the status says what the rows
+        are. NaN where, and only where, the status is INVALID.
     status : array (...) of int8
         Codes of :class:`AxisStatus`.
 
@@ -85,7 +85,7 @@ def solve_axis(
 
 
 def length_mismatch(rho: ArrayLike, rho_prime: ArrayLike) -> Any:
-    """Tell by how much the second length is greater, relative to the first: ``|rho_prime| / |rho| - 1``.
+    """Return the relative difference of the lengths, ``|rho_prime| / |rho| - 1``.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def axis_condition(rho: ArrayLike, rho_prime: ArrayLike, angle: ArrayLike) -> An
 def axis_jacobian(
     rho: ArrayLike, rho_prime: ArrayLike, angle: ArrayLike, *, length_tolerance: ArrayLike = 1e-8
 ) -> tuple[Any, Any]:
-    """Differentiate both axes with respect to both points and the angle.
+    """Return the derivatives of both axes with respect to both points and the angle.
 
     Parameters
     ----------
@@ -173,7 +173,7 @@ def axis_covariance(
     *,
     length_tolerance: ArrayLike = 1e-8,
 ) -> tuple[Any, Any]:
-    """Propagate the uncertainty of the points and the angle to both axes, to first order.
+    """Return the covariance of both axes from that of the points and the angle, to first order.
 
     Parameters
     ----------

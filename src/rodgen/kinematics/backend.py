@@ -1,4 +1,4 @@
-"""Where the public functions take their kernels from: the compiled gufuncs, or NumPy where there are none.
+"""The kernels of the public functions: compiled gufuncs, or NumPy functions when there are no compiled ones.
 
 Set ``RODGEN_CPU`` to ``numpy``, ``baseline`` or ``avx2`` before the import to use less than the processor has;
 that is for tests and comparisons.
@@ -26,19 +26,19 @@ def _load() -> tuple[str, Any]:
             reason = str(error)
     from rodgen.generated import numpy as generated
 
-    return "numpy", generated.ALL if reason is None else _telling_once(generated.ALL, reason)
+    return "numpy", generated.ALL if reason is None else _warning_once(generated.ALL, reason)
 
 
-def _telling_once(functions: SimpleNamespace, reason: str) -> SimpleNamespace:
-    """Let the first call of any function say that it is the slower one: a notice at import could not be caught."""
-    told = False
+def _warning_once(functions: SimpleNamespace, reason: str) -> SimpleNamespace:
+    """Return functions of which the first call warns that NumPy is slower: a warning at import could not be caught."""
+    warned = False
 
-    def telling(function: Any) -> Any:
+    def warning(function: Any) -> Any:
         @wraps(function)
         def call(*arguments: Any, **options: Any) -> Any:
-            nonlocal told
-            if not told:
-                told = True
+            nonlocal warned
+            if not warned:
+                warned = True
                 warnings.warn(
                     f"rodgen runs on NumPy, which is slower: it has no compiled kernels ({reason}); "
                     "install a C compiler and then rodgen again",
@@ -49,7 +49,7 @@ def _telling_once(functions: SimpleNamespace, reason: str) -> SimpleNamespace:
 
         return call
 
-    return SimpleNamespace(**{name: telling(function) for name, function in vars(functions).items()})
+    return SimpleNamespace(**{name: warning(function) for name, function in vars(functions).items()})
 
 
 backend, kernels = _load()

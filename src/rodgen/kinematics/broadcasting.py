@@ -6,6 +6,7 @@ that appear only in the result.
 
 from __future__ import annotations
 
+import inspect
 import re
 import sys
 from typing import Any
@@ -43,8 +44,13 @@ def _check(name: str, arguments: tuple[Any, ...]) -> None:
     """Raise the error of the NumPy kernel, which names the argument, where the compiled one speaks of operands."""
     from rodgen.generated import numpy as generated
 
+    evaluate = getattr(generated.ALL, name)
+    for port, argument in zip(inspect.signature(evaluate).parameters, arguments, strict=False):
+        kind = np.asarray(argument).dtype
+        if kind.kind not in "fiub":
+            raise TypeError(f"{port} has type {kind}; expected real numbers")
     try:
-        getattr(generated.ALL, name)(*arguments)
+        evaluate(*arguments)
     except (TypeError, ValueError) as error:
         raise type(error)(str(error).removeprefix(f"{name}: ")) from None
 

@@ -1,4 +1,4 @@
-"""Rotate vectors, and convert between the ways to write a rotation.
+"""Rotated vectors, and conversions between the representations of a rotation.
 
 A rotation by the angle χ about the unit axis e is also its Rodrigues vector θ = 2 tan(χ/2) e, its matrix, or
 its unit quaternion (cos χ/2, sin χ/2 e), scalar part first. Conversions return the value and a status for each
@@ -34,7 +34,7 @@ __all__ = [
 
 
 def rotate(rho: ArrayLike, theta: ArrayLike, *, out: Any = None) -> Any:
-    """Rotate vectors by Rodrigues' formula.
+    """Return vectors rotated by Rodrigues' formula.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def rodrigues_vector(axis: ArrayLike, angle: ArrayLike) -> tuple[Any, Any]:
     Parameters
     ----------
     axis : array_like (..., 3)
-        Axis e; of unit length, or the status says so.
+        Axis e, of unit length; otherwise the status is NOT_NORMAL.
     angle : array_like (...)
         Angle χ in rad.
 
@@ -96,7 +96,7 @@ def matrix_from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> tuple[Any, Any]
     Parameters
     ----------
     axis : array_like (..., 3)
-        Axis e; of unit length, or the status says so.
+        Axis e, of unit length; otherwise the status is NOT_NORMAL.
     angle : array_like (...)
         Angle χ in rad.
 
@@ -116,7 +116,7 @@ def quaternion_from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> tuple[Any, 
     Parameters
     ----------
     axis : array_like (..., 3)
-        Axis e; of unit length, or the status says so.
+        Axis e, of unit length; otherwise the status is NOT_NORMAL.
     angle : array_like (...)
         Angle χ in rad.
 

@@ -17,6 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rodgen.kinematics.arrays import real_array
+
 __all__ = [
     "ReciprocalSystem",
     "ScrewAxis",
@@ -80,12 +82,12 @@ def line_through(a: ArrayLike, b: ArrayLike) -> Any:
 
     Examples
     --------
-    >>> from rodgen.screws import line_through
+    >>> from rodgen.kinematics.screws import line_through
     >>> line_through([0.0, 1.0, 0.0], [2.0, 1.0, 0.0])
     array([ 2.,  0.,  0.,  0.,  0., -2.])
     """
-    start = _vectors(a, 3, "a")
-    direction = _vectors(b, 3, "b") - start
+    start = real_array("a", a, (3,))
+    direction = real_array("b", b, (3,)) - start
     # a × (b - a), not a × b: near points far from the origin keep their digits
     return _joined(direction, np.cross(start, direction))
 
@@ -107,12 +109,12 @@ def line_along(point: ArrayLike, direction: ArrayLike, pitch: ArrayLike = 0.0) -
 
     Examples
     --------
-    >>> from rodgen.screws import line_along
+    >>> from rodgen.kinematics.screws import line_along
     >>> line_along([0.0, 0.0, 2.0], [1.0, 0.0, 0.0], 0.5)
     array([1. , 0. , 0. , 0.5, 2. , 0. ])
     """
-    along = _vectors(direction, 3, "direction")
-    moment = np.cross(_vectors(point, 3, "point"), along)
+    along = real_array("direction", direction, (3,))
+    moment = np.cross(real_array("point", point, (3,)), along)
     return _joined(along, moment + np.asarray(pitch, float)[..., None] * along)
 
 
@@ -135,11 +137,11 @@ def line_of_planes(
 
     Examples
     --------
-    >>> from rodgen.screws import line_of_planes
+    >>> from rodgen.kinematics.screws import line_of_planes
     >>> line_of_planes([0.0, 0.0, 1.0], 0.0, [1.0, 0.0, 0.0], 3.0)  # z = 0 and x = 3
     array([0., 1., 0., 0., 0., 3.])
     """
-    n, m = _vectors(normal, 3, "normal"), _vectors(other_normal, 3, "other_normal")
+    n, m = real_array("normal", normal, (3,)), real_array("other_normal", other_normal, (3,))
     d, e = np.asarray(distance, float)[..., None], np.asarray(other_distance, float)[..., None]
     return _joined(np.cross(n, m), e * n - d * m)
 
@@ -159,12 +161,12 @@ def reciprocal_product(a: ArrayLike, b: ArrayLike) -> Any:
 
     Examples
     --------
-    >>> from rodgen.screws import line_along, reciprocal_product
+    >>> from rodgen.kinematics.screws import line_along, reciprocal_product
     >>> x = line_along([0.0, 0.0, 0.0], [1.0, 0.0, 0.0])
     >>> float(reciprocal_product(x, line_along([0.0, 0.0, 5.0], [0.0, 1.0, 0.0])))
     -5.0
     """
-    s, t = _vectors(a, 6, "a"), _vectors(b, 6, "b")
+    s, t = real_array("a", a, (6,)), real_array("b", b, (6,))
     return np.einsum("...i,...i", s[..., :3], t[..., 3:]) + np.einsum("...i,...i", s[..., 3:], t[..., :3])
 
 
@@ -190,15 +192,13 @@ def transform(rotation: ArrayLike, origin: ArrayLike) -> Any:
     Examples
     --------
     >>> import numpy as np
-    >>> from rodgen.screws import line_along, transform
+    >>> from rodgen.kinematics.screws import line_along, transform
     >>> T = transform(np.eye(3), [0.0, 0.0, 2.0])
     >>> T @ line_along([0.0, 0.0, 0.0], [1.0, 0.0, 0.0])
     array([1., 0., 0., 0., 2., 0.])
     """
-    turned = np.asarray(rotation, float)
-    if turned.ndim < 2 or turned.shape[-2:] != (3, 3):
-        raise ValueError(f"rotation has the shape {turned.shape}; expected (..., 3, 3)")
-    at = _vectors(origin, 3, "origin")
+    turned = real_array("rotation", rotation, (3, 3))
+    at = real_array("origin", origin, (3,))
     matrix = np.zeros((*np.broadcast_shapes(turned.shape[:-2], at.shape[:-1]), 6, 6))
     matrix[..., :3, :3] = matrix[..., 3:, 3:] = turned
     # column by column: p^ R e_i = p × (R e_i)
@@ -227,14 +227,14 @@ def screw_axis(screw: ArrayLike, *, length: float = 1.0) -> ScrewAxis:
 
     Examples
     --------
-    >>> from rodgen.screws import line_along, screw_axis
+    >>> from rodgen.kinematics.screws import line_along, screw_axis
     >>> axis = screw_axis(line_along([1.0, 0.0, 2.0], [0.0, 3.0, 0.0], 0.25))
     >>> axis.direction, axis.point + 0.0, float(axis.pitch)
     (array([0., 1., 0.]), array([1., 0., 2.]), 0.25)
     """
     if not 0 < length < np.inf:
         raise ValueError(f"length is {length}; expected a positive number")
-    given = _vectors(screw, 6, "screw")
+    given = real_array("screw", screw, (6,))
     finite: Any = np.isfinite(given).all(axis=-1)
     size = np.where(finite, np.abs(given).max(axis=-1), 1.0)
     # scaled, so that no square overflows or vanishes
@@ -291,7 +291,7 @@ def reciprocal_system(
 
     Examples
     --------
-    >>> from rodgen.screws import line_along, reciprocal_system
+    >>> from rodgen.kinematics.screws import line_along, reciprocal_system
     >>> axes = line_along([0.0, 0.0, 0.0], [[1.0, 0, 0], [0, 1.0, 0], [1.0, 1.0, 0]])
     >>> system = reciprocal_system(axes)
     >>> int(system.rank), system.basis.shape, int((system.basis[:, 0] == system.basis[:, 0]).sum())
@@ -299,7 +299,7 @@ def reciprocal_system(
     """
     if not 0 < length < np.inf:
         raise ValueError(f"length is {length}; expected a positive number")
-    given = _vectors(screws, 6, "screws")
+    given = real_array("screws", screws, (6,))
     if given.ndim < 2:
         raise ValueError(f"screws has the shape {given.shape}; expected (..., n, 6)")
     count = given.shape[-2]
@@ -324,16 +324,6 @@ def reciprocal_system(
         np.where(keep[..., None], basis, np.nan),
         np.where(finite & (rank > 0), least / largest, np.nan),
     )
-
-
-def _vectors(values: ArrayLike, size: int, name: str) -> Any:
-    array = np.asarray(values)
-    if np.iscomplexobj(array):
-        raise TypeError(f"{name} is complex; expected real numbers")
-    array = array.astype(float)
-    if array.ndim == 0 or array.shape[-1] != size:
-        raise ValueError(f"{name} has the shape {array.shape}; expected (..., {size})")
-    return array
 
 
 def _joined(direction: Any, moment: Any) -> Any:

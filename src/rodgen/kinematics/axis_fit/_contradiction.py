@@ -1,10 +1,10 @@
-"""Problem: tell a user whose pairs hold two answers that the fit had to take one of them.
+"""The remark that many pairs contradict the fitted axis, when they do.
 
-A robust loss is safe while the bad pairs are a minority without a plan. Where a large part contradicts the
-rest consistently, for example with the sign of the angle reversed, two axes are supported about equally, and
-the fit either takes one of them or lies between both with a noise that hides what happened. So the two fifths
-of the pairs that agree best with one another are asked: if they do so far better than the fit with all, and
-the others contradict them, then the noise of the fit is no noise.
+A robust loss is safe while the bad pairs are a minority without a common answer. When many pairs contradict the rest
+consistently, for example because the sign of their angle is reversed, the data support two axes about equally; the fit
+then takes one of them, or lies between both and estimates a noise that hides the conflict. So the two fifths of the
+pairs that agree best with one another are fitted alone: if their noise is far smaller than that of the fit with all
+pairs, and the other pairs contradict them, the remark says so.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Bools = NDArray[np.bool_]
 
 # Share of the pairs whose contradiction leaves no answer safe.
 _MANY = 0.3
-# The agreeing pairs that are looked for: fewer than half, so that one of two camps is enough.
+# Share of the pairs that are searched for as agreeing: fewer than half, so that one of two camps is enough.
 _CAMP = 0.4
 # By how much the fit's noise must exceed that of the agreeing pairs. They are the best of many choices, so
 # their own noise is already taken at a multiple.
@@ -38,7 +38,7 @@ _LEAST_INFORMATION = 1e-4
 
 
 def contradiction(pairs: Pairs, loss: Loss, noise: Noise, line: Line) -> list[str]:
-    """One sentence where three pairs in ten or more contradict the others; else none."""
+    """Return one sentence when three pairs in ten or more contradict the others, else none."""
     count = int(noise.used.sum())
     bad = noise.outliers
     hidden = loss.name != "linear" and pairs.variance is None
@@ -65,7 +65,7 @@ def contradiction(pairs: Pairs, loss: Loss, noise: Noise, line: Line) -> list[st
 
 
 def _hidden_camp(pairs: Pairs, noise: Noise) -> tuple[Line, Bools] | None:
-    """Line of the pairs that agree far better than the fit, and which pairs contradict it."""
+    """Return the line of the pairs that agree far better than the fit, and which pairs contradict it."""
     used = np.flatnonzero(noise.used)
     parameters = _parameters(pairs)
     count = max(math.ceil(_CAMP * len(used)), 3)
@@ -86,7 +86,7 @@ def _hidden_camp(pairs: Pairs, noise: Noise) -> tuple[Line, Bools] | None:
 
 
 def _axis_of(pairs: Pairs, bad: Bools, variance: float) -> Floats | None:
-    """Axis on which the contradicting pairs agree, to three times the noise of the others; None if on none."""
+    """Return the axis on which the contradicting pairs agree, to three times the noise of the others, or None."""
     chosen = np.flatnonzero(bad)
     if 3 * len(chosen) - _parameters(pairs) < 5:
         return None
@@ -105,7 +105,7 @@ def _variance(pairs: Pairs, chosen: Bools, line: Line) -> float:
 
 
 def _is_axis(pairs: Pairs, chosen: NDArray[np.intp], line: Line) -> bool:
-    """Whether these pairs alone determine the line, and not by the noise of readings that are all alike."""
+    """Return whether these pairs alone determine the line, and not by the noise of repeated readings."""
     x, y, angle = pairs.rho[chosen], pairs.rho_prime[chosen], pairs.angle[chosen]
     H = Moments.of(x, y, angle, pairs.weight[chosen], pairs.point).hessian(
         line.axis, line.point, tangents(line.axis)

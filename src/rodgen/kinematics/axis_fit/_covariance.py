@@ -1,4 +1,4 @@
-"""Problem: how uncertain the axis and its point are.
+"""The covariance of the axis and its point.
 
 With H the second derivatives of ½ Σ w |d|² by axis and point, and v the variance of a coordinate at weight 1,
 the score's variance is H/(2v) plus, in the direction's block, Σ (1 - cos χ) I: the noise of ρ, turned by
@@ -32,7 +32,7 @@ Floats = NDArray[np.float64]
 
 
 def information_of(pairs: Pairs, noise: Noise, loss: Loss, line: Line, basis: Floats) -> tuple[Floats, float]:
-    """Information H on axis and point along the basis, and the factor of the score's variance on it.
+    """Return the information H on axis and point along the basis, and the factor of the score's variance on it.
 
     Of a robust loss every good pair gets the mean slope and the mean square of all pairs: pair by pair
     they would follow the noise of a small sample, and claim too much.
@@ -55,7 +55,7 @@ def information_of(pairs: Pairs, noise: Noise, loss: Loss, line: Line, basis: Fl
 
 
 def parameter_covariance(information: Floats, score: float, variance: float, versines: float) -> Floats:
-    """Covariance (4, 4) or (2, 2) of axis and point along the basis: the module's formula.
+    """Return the covariance (4, 4) or (2, 2) of axis and point along the basis, by the formula above.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def parameter_covariance(information: Floats, score: float, variance: float, ver
 
 
 def joint_covariance(covariance: Floats, line: Line, centroid: Floats, basis: Floats, scale: float) -> Floats:
-    """(6, 6) covariance of the axis and of its point nearest to the centroid, lengths times `scale`."""
+    """Return the covariance (6, 6) of the axis and of its point nearest to the centroid, lengths times `scale`."""
     size = len(covariance)
     jacobian = np.zeros((6, size))
     jacobian[:3, :2] = basis
@@ -91,7 +91,7 @@ def joint_covariance(covariance: Floats, line: Line, centroid: Floats, basis: Fl
 
 
 def condition_number(information: Floats, arm: float) -> float:
-    """Ratio of the extreme uncertainties of direction times arm, and point."""
+    """Return the ratio of the extreme uncertainties of direction times arm, and point."""
     units = np.ones(len(information))
     units[:2] = 1 / arm
     values = np.linalg.eigvalsh(information * np.outer(units, units))

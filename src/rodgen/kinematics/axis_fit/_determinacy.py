@@ -1,8 +1,8 @@
-"""Problem: which turns of the axis leave the residuals as they are, and whether a second axis fits as well.
+"""The turns of the axis that the pairs do not determine, and a second axis that fits as well.
 
 The direction's own information matrix (the Hessian with the point eliminated) has an eigenvalue for each
 of the two ways to turn. An eigenvalue that rounding can have made counts as zero; one that is positive but
-leaves an uncertainty of a third of a radian is told as hidden in the noise: no linearised figure can be
+leaves an uncertainty of a third of a radian is reported as hidden in the noise: no linearised figure can be
 trusted there. The quadratic on the sphere has at most two local maxima; the second one is a candidate when
 the likelihood ratio does not speak against it.
 """
@@ -47,7 +47,7 @@ _OPPOSITE = -0.99
 
 @dataclass(frozen=True)
 class PairFacts:
-    """What verdicts and messages need to know about the pairs.
+    """Facts about the pairs on which statuses and messages depend.
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ class PairFacts:
 
     @classmethod
     def of(cls, pairs: Pairs, good: NDArray[np.bool_], line: Line) -> PairFacts:
-        """Collect them."""
+        """Return the facts about the good pairs at a line."""
         x, y, angle = pairs.rho[good], pairs.rho_prime[good], pairs.angle[good]
         points = np.concatenate([x, y])
         middle = points.mean(axis=0) if pairs.point is None else pairs.point
@@ -111,12 +111,12 @@ class PairFacts:
 
     @property
     def turns(self) -> bool:
-        """Whether there is a turn at all."""
+        """Whether any angle is not zero."""
         return self.largest_half_sine > ZERO_TURN
 
     @property
     def tolerance(self) -> float:
-        """Relative size of information that rounding of the coordinates can make."""
+        """Relative size of the information that rounding of the coordinates can produce."""
         return 64 * _EPS * (1 + self.size / self.arm) / self.largest_half_sine
 
 
@@ -130,15 +130,15 @@ class Freedoms:
 
     @property
     def directions(self) -> Floats:
-        """(F, 3) all of them."""
+        """All turns (F, 3)."""
         return np.concatenate([self.exact, self.hidden], axis=1).T
 
 
 def choose(pairs: Pairs, solution: Solution) -> list[Line]:
-    """Lines that fit as well as can be told, best first: one or two.
+    """Return the one or two lines that fit equally well within the noise, best first.
 
-    Two optima that differ by rounding only are put in an order that does not hang on it: the one first
-    that is greater along the coordinate in which their axes differ most.
+    Two optima that differ by rounding only are put in an order that does not depend on it: the first is the one that is
+    greater along the coordinate in which their axes differ most.
     """
     best, other = solution.best, solution.other
     if other is None:
@@ -171,7 +171,7 @@ def choose(pairs: Pairs, solution: Solution) -> list[Line]:
 
 
 def axis_information(information: Floats) -> Floats:
-    """(2, 2) information on the direction: the point's share eliminated."""
+    """Return the information (2, 2) on the direction, with the point eliminated."""
     if len(information) == 2 or not information[2, 2] > 0:
         return information[:2, :2]
     alone: Floats = information[:2, :2] - information[:2, 2:] @ information[2:, :2] / information[2, 2]
@@ -179,7 +179,7 @@ def axis_information(information: Floats) -> Floats:
 
 
 def is_determined(information: Floats, reference: float, facts: PairFacts) -> bool:
-    """Whether every turn of the axis tells more than rounding does; arguments as :func:`find_freedoms`."""
+    """Return whether every turn of the axis changes the residuals by more than rounding; see :func:`find_freedoms`."""
     if not facts.turns or not facts.arm > 0:
         return False
     return bool((np.linalg.eigvalsh(information) > facts.tolerance * reference).all())
@@ -188,7 +188,7 @@ def is_determined(information: Floats, reference: float, facts: PairFacts) -> bo
 def find_freedoms(
     information: Floats, reference: float, covariance: Floats, basis: Floats, facts: PairFacts
 ) -> Freedoms:
-    """Find the turns that the pairs do not determine.
+    """Return the turns that the pairs do not determine.
 
     Parameters
     ----------
@@ -215,7 +215,7 @@ def find_freedoms(
 
 
 def status_of(freedoms: Freedoms, lines: list[Line]) -> AxisFitStatus:
-    """Name what is free."""
+    """Return the status: how much of the direction is free."""
     free = len(freedoms.directions)
     if free:
         return AxisFitStatus.ONE_FREEDOM if free == 1 else AxisFitStatus.ANY_AXIS
@@ -226,7 +226,7 @@ def status_of(freedoms: Freedoms, lines: list[Line]) -> AxisFitStatus:
 
 
 def sentences(status: AxisFitStatus, freedoms: Freedoms, lines: list[Line], facts: PairFacts) -> list[str]:
-    """Say in words what is not determined, and why."""
+    """Return sentences that say what is not determined, and why."""
     told: list[str] = []
     if freedoms.exact.shape[1]:
         told.append(f"the axis direction: {_why_free(status, freedoms, facts)}.")

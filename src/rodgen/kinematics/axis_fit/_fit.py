@@ -1,10 +1,10 @@
-"""Problem: the axis e and a point p on it that N noisy pairs (ρ, ρ′) with known angles χ make most likely.
+"""The most likely axis e, and point p on it, of N noisy pairs (ρ, ρ′) with known angles χ.
 
     minimise  Σ w |ρ′ - p - R(e, χ)(ρ - p)|²  over  |e| = 1 and p
 
 Isotropic noise σ² on every coordinate of ρ and of ρ′ makes this the maximum-likelihood estimate exactly: the
 residual has covariance 2σ² I whatever the rotation. The optimum is :mod:`._solve`'s, the
-uncertainty :mod:`._covariance`'s, what stays open :mod:`._determinacy`'s.
+uncertainty :mod:`._covariance`'s; :mod:`._determinacy` says what the pairs leave undetermined.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def fit_axis(
         Standard uncertainty of one coordinate of one reading, of ρ and of ρ′ alike, in the length unit. It
         gives covariance and chi-square their scale. Left out, it is estimated from the residuals.
     weights : (N,) array_like, optional
-        Factors on the inverse variances; 0 leaves a pair out (its residual is still told).
+        Factors on the inverse variances; 0 leaves a pair out (its residual is still reported).
     loss : {"linear", "huber"}
         What a large residual costs: its square, or beyond Huber's threshold its size. "huber" has 95 % efficiency on
         good data and starts from a least-median fit.
@@ -81,7 +81,7 @@ def fit_axis(
     Returns
     -------
     AxisFit
-        Frozen; ``print(fit)`` tells an engineer what there is to know, ``fit.to_dict()`` is for JSON. What
+        Frozen; ``print(fit)`` is a summary, ``fit.to_dict()`` is for JSON. What
         the pairs do not determine is in ``fit.status`` and, as sentences, in ``fit.undetermined``: a fit
         does not raise because of it.
 
@@ -95,7 +95,7 @@ def fit_axis(
     Notes
     -----
     Pairs must not share readings: a reading that stands in several pairs makes their errors dependent, and
-    the uncertainties told come out too small. A known point is taken as exact, and so are the angles.
+    the reported uncertainties come out too small. A known point is taken as exact, and so are the angles.
 
     Source: equation (1) of Stebulyanin and Pimushkin, "Solution of the Rodriguez Equation in Modeling
     Volumetric Geometric Accuracy of Multi-Coordinate Systems", for many pairs at once.
@@ -118,7 +118,7 @@ def fit_axis(
 
 
 def _assess(pairs: Pairs, loss: Loss, solution: Solution) -> AxisFit:
-    """Uncertainty, outliers and what is open, in the user's unit."""
+    """Return the result in the user's unit: uncertainty, outliers, and what is not determined."""
     free = pairs.point is None
     lines = choose(pairs, solution)
     squares = half_squares(pairs, lines[0])

@@ -1,4 +1,4 @@
-"""Problem: what of all the pairs the likelihood of an axis depends on. A handful of sums.
+"""The sums over all pairs on which the likelihood of an axis depends.
 
 With r = ρ′ - ρ, m = ρ′ + ρ, weights w, κ = 1 - cos χ and s = sin χ, R(e, χ) is quadratic in e, and
 
@@ -62,7 +62,7 @@ class Moments:
     def of(
         cls, rho: Floats, rho_prime: Floats, angle: Floats, weight: Floats, point: Floats | None
     ) -> Moments:
-        """Sum over the second last axis of (…, N, 3) points; `point` is None where it is free."""
+        """Return the sums over the second last axis of points (…, N, 3); `point` is None where it is free."""
         by_versine = 2 * weight * np.sin(angle / 2) ** 2
         by_sine = weight * np.sin(angle)
         D = 2 * by_versine.sum(axis=-1)
@@ -90,7 +90,7 @@ class Moments:
         )
 
     def quadratic(self) -> tuple[Floats, Floats]:
-        """Give A and b of the quadratic in the axis, with a free point already at its best."""
+        """Return A and b of the quadratic in the axis, with a free point eliminated."""
         if not self.free:
             return self.A, self.b
         D = np.where(self.D > 0, self.D, 1.0)[..., None]
@@ -98,7 +98,7 @@ class Moments:
         return self.A - lost / (2 * D[..., None]), self.b + cross(self.S, self.M) / D
 
     def point(self, axis: Floats) -> Floats:
-        """Point on the axis: the known one, or the best one in the plane through `centre`."""
+        """Return the point on the axis: the known one, or the best one in the plane through `centre`."""
         if not self.free:
             return self.centre
         D = np.where(self.D > 0, self.D, 1.0)[..., None]
@@ -106,7 +106,7 @@ class Moments:
         return self.centre + (across + cross(axis, self.S)) / D
 
     def hessian(self, axis: Floats, point: Floats, basis: Floats) -> Floats:
-        """Second derivatives of ½ Σ w |d|² by (axis, point) along `basis`.
+        """Return the second derivatives of ½ Σ w |d|² by (axis, point) along `basis`.
 
         Parameters
         ----------
@@ -133,7 +133,7 @@ class Moments:
 
 
 def tangents(axis: Floats) -> Floats:
-    """Two unit vectors (3, 2) that make a right-handed basis (u, v, axis)."""
+    """Return two unit vectors (3, 2) that make a right-handed basis (u, v, axis)."""
     start = np.eye(3)[np.argmin(np.abs(axis))]
     u = cross(axis, start)
     u = u / np.sqrt(u @ u)
@@ -141,7 +141,7 @@ def tangents(axis: Floats) -> Floats:
 
 
 def _axial(T: Floats) -> Floats:
-    """Σ x × r from T = Σ x rᵀ."""
+    """Return Σ x × r from T = Σ x rᵀ."""
     return np.stack(
         [T[..., 1, 2] - T[..., 2, 1], T[..., 2, 0] - T[..., 0, 2], T[..., 0, 1] - T[..., 1, 0]], axis=-1
     )

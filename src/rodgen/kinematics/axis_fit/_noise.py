@@ -1,4 +1,4 @@
-"""Problem: how large the noise is, and which pairs are too far off to be noise."""
+"""The size of the noise, and the pairs that are too far off to be noise."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Problem: turn what a user hands over into checked pairs of moderate size about a common origin."""
+"""The pairs of a fit: checked, broadcast, and brought to moderate size about a common origin."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ class Pairs:
         x, y = x - middle, y - middle
         second = _exponent(np.array([_largest(x), _largest(y)]))
         if sigma is not None:
-            # Lengths that vanish beside sigma must not make its square overflow.
+            # Lengths that are negligible against sigma must not make its square overflow.
             second = max(second, _exponent(np.abs(_numbers("sigma", sigma))) - exponent - _WIDEST)
         x, y = np.ldexp(x, -second), np.ldexp(y, -second)
 

@@ -1,4 +1,4 @@
-"""Problem: what a user of a fitted axis should know besides the numbers."""
+"""Remarks on a fitted axis: suspicious angles, outliers, noise, a wrong known point."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _DEGREES = 4 * math.pi
 def remarks_on(
     pairs: Pairs, solution: Solution, loss: Loss, noise: Noise, line: Line, determined: bool
 ) -> list[str]:
-    """Sentences, the weightiest first; none where there is nothing to tell."""
+    """Return sentences, the most important first."""
     told: list[str] = []
     largest = float(np.abs(pairs.angle).max())
     if largest > _DEGREES:
@@ -54,7 +54,7 @@ def remarks_on(
     if noise.dof > 0 and abs(excess) > _NO_ACCIDENT * math.sqrt(2 * noise.dof):
         told.append(
             f"The residuals are {math.sqrt(1 + excess / noise.dof):.3g} times what sigma leads to expect; "
-            "the uncertainties told are those of sigma."
+            "the reported uncertainties are those of sigma."
         )
     if not solution.converged:
         told.append(f"The weights of loss={loss.name!r} had not settled after {MOST_REWEIGHTINGS} solutions.")
@@ -64,7 +64,7 @@ def remarks_on(
 
 
 def _few_freedoms(dof: int) -> str:
-    """Say how far the 95 % region reaches when the noise is estimated with `dof` degrees of freedom.
+    """Return how far the 95 % region reaches when the noise is estimated with `dof` degrees of freedom.
 
     The direction has two components: the region is where their squares, in units of the uncertainties, sum
     to less than twice the quantile of F with 2 and `dof` degrees of freedom, dof (0.05^(-2/dof) - 1) in
@@ -81,7 +81,7 @@ def _few_freedoms(dof: int) -> str:
 
 
 def _point_off(pairs: Pairs, solution: Solution, noise: Noise, line: Line) -> list[str]:
-    """Say so when a free point fits better than two more parameters do by chance."""
+    """Return a remark when a free point fits better than two more parameters do by chance."""
     good = noise.good
     freedoms = 3 * int(good.sum()) - 4
     if freedoms <= 0:
@@ -110,7 +110,7 @@ def _point_off(pairs: Pairs, solution: Solution, noise: Noise, line: Line) -> li
 
 
 def _lengths_differ(pairs: Pairs, noise: Noise, line: Line) -> list[str]:
-    """Say so when distances from the known point change more than the rest of the residuals explains."""
+    """Return a remark when distances from the known point change more than the rest of the residuals explains."""
     good = noise.good
     change = np.sqrt((pairs.rho_prime[good] ** 2).sum(axis=-1)) - np.sqrt((pairs.rho[good] ** 2).sum(axis=-1))
     count = len(change)

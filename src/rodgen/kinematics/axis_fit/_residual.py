@@ -1,4 +1,4 @@
-"""Problem: by how much a pair misses an axis, d = ρ′ - p - R(e, χ)(ρ - p), and how that changes with e and p.
+"""Residuals of pairs against an axis, d = ρ′ - p - R(e, χ)(ρ - p), and their derivatives by e and p.
 
 With noise of covariance σ² I on both ρ and ρ′, d has covariance 2σ² I whatever the rotation, and half of
 Σ |d|²/(2σ²) is the negative log-likelihood of e and p once the true ρ are eliminated. The kernel is derived,
@@ -24,7 +24,7 @@ _BLOCK = 4096
 def residual_and_jacobian(
     rho: Floats, rho_prime: Floats, angle: Floats, axis: Floats, point: Floats
 ) -> tuple[Floats, Floats]:
-    """Residual of pairs against one axis, and its derivatives.
+    """Return the residuals of pairs against one axis, and their derivatives.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def residual_and_jacobian(
 
 
 def residual(rho: Floats, rho_prime: Floats, angle: Floats, axis: Floats, point: Floats) -> Floats:
-    """Residual (N, 3) alone; as :func:`residual_and_jacobian`."""
+    """Return the residuals (N, 3) alone; arguments as :func:`residual_and_jacobian`."""
     d = np.empty_like(rho)
     for first in range(0, len(d), _BLOCK):
         block = slice(first, first + _BLOCK)
@@ -59,7 +59,7 @@ def residual(rho: Floats, rho_prime: Floats, angle: Floats, axis: Floats, point:
 def residual_gradient(
     rho: Floats, rho_prime: Floats, angle: Floats, weight: Floats, axis: Floats, point: Floats
 ) -> tuple[Floats, Floats]:
-    """Differentiate ½ Σ w |d|² by axis (3,) and point (3,); arguments as :func:`residual_and_jacobian`."""
+    """Return the derivatives of ½ Σ w |d|² by axis (3,) and point (3,); arguments as :func:`residual_and_jacobian`."""
     gradient = np.zeros(6)
     for first in range(0, len(rho), _BLOCK):
         block = slice(first, first + _BLOCK)

@@ -1,4 +1,4 @@
-"""Problem: say what a fitted axis is, how well it is known, and what the data do not tell about it."""
+"""The result of a fit: the axis, its uncertainty, and what the pairs do not determine."""
 
 from __future__ import annotations
 
@@ -20,8 +20,7 @@ _ARCSEC = math.pi / 648000
 class AxisFitStatus(IntEnum):
     """How far the pairs determine the direction of the axis.
 
-    A free point is determined exactly when the direction is: every turn that tells something about the
-    one tells it about the other.
+    A free point is determined exactly when the direction is.
     """
 
     DETERMINED = 0
@@ -69,9 +68,9 @@ class AxisFit:
     residuals : (N, 3) array
         ρ′ - p - R(ρ - p) of every pair.
     weights : (N,) array
-        What each pair counted: 1, less where the loss reduced it, 0 where it was left out.
+        Weight of each pair: 1, less where the loss reduced it, 0 where it was left out.
     outliers : (N,) bool array
-        Pairs so far off that in one good data set of this size out of a hundred the worst is; with
+        Pairs beyond the limit that the worst pair of one good data set in a hundred exceeds; with
         ``loss="linear"`` they are named but still count.
     centroid : (3,) array
         Mean of all points of the pairs that are not outliers, by what each pair counted.
@@ -85,7 +84,7 @@ class AxisFit:
     remarks : tuple of str
         What else a user should know, one sentence each.
     candidate_axes, candidate_points : (K, 3) arrays
-        All axes that fit as well as can be told, best first; K is 1 or 2.
+        All axes that fit equally well within the noise, best first; K is 1 or 2.
     candidate_rms : (K,) array
     free_directions : (F, 3) array
         Unit vectors towards which the axis can turn freely; F is 0, 1 or 2.
@@ -128,26 +127,26 @@ class AxisFit:
 
     @property
     def axis_covariance(self) -> Floats:
-        """(3, 3) covariance of `axis`, of rank 2: a unit vector does not change along itself."""
+        """Covariance (3, 3) of `axis`, of rank 2: a unit vector does not change along itself."""
         return self.covariance[:3, :3]
 
     @property
     def point_covariance(self) -> Floats:
-        """(3, 3) covariance of `point`; zero where it is known."""
+        """Covariance (3, 3) of `point`; zero where it is known."""
         return self.covariance[3:, 3:]
 
     @property
     def axis_uncertainty(self) -> Floats:
-        """(2,) standard uncertainties of the direction in rad: the largest, and the one square to it."""
+        """Standard uncertainties (2,) of the direction in rad: the largest, and that at right angles to it."""
         return _sizes(self.axis_covariance)[:2]
 
     @property
     def point_uncertainty(self) -> Floats:
-        """(3,) standard uncertainties of the coordinates of `point`."""
+        """Standard uncertainties (3,) of the coordinates of `point`."""
         return np.sqrt(np.maximum(np.diag(self.point_covariance), 0))
 
     def nearest_point(self, to: ArrayLike) -> tuple[Floats, Floats]:
-        """Point of the axis nearest to a given one, with its uncertainty.
+        """Return the point of the axis nearest to a given one, and its covariance.
 
         Parameters
         ----------
@@ -168,7 +167,7 @@ class AxisFit:
         return self.point + along * self.axis, jacobian @ self.covariance @ jacobian.T
 
     def summary(self) -> str:
-        """Text of a few lines for an engineer."""
+        """Return a summary of a few lines."""
         point = "point known" if self.point_known else "point free"
         used = int(np.count_nonzero(self.weights))
         lines = [f"Axis fitted to {self.pairs} pairs ({point}, loss {self.loss}): {self.status.name}"]
@@ -202,7 +201,7 @@ class AxisFit:
         return self.summary()
 
     def to_dict(self, *, pairwise: bool = True) -> dict[str, Any]:
-        """All results as plain Python values that :mod:`json` writes; what is not a finite number is None.
+        """Return all results as plain Python values for :mod:`json`; numbers that are not finite are None.
 
         Parameters
         ----------
@@ -241,7 +240,7 @@ class AxisFit:
 
 
 def _sizes(covariance: Floats) -> Floats:
-    """Give standard uncertainties along the principal directions, largest first; NaN where unknown."""
+    """Return standard uncertainties along the principal directions, largest first; NaN where unknown."""
     if not np.isfinite(covariance).all():
         return np.full(len(covariance), np.nan)
     sizes: Floats = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[::-1], 0))
@@ -259,7 +258,7 @@ def _plain_value(value: Any) -> Any:
 
 
 def _vector(value: Floats, uncertainty: float) -> str:
-    """Coordinates to two digits of their uncertainty, as far as double precision has them."""
+    """Return coordinates to two digits of their uncertainty, as far as double precision has them."""
     size = float(np.abs(value).max())
     if size == 0:
         return "(0, 0, 0)"

@@ -1,8 +1,8 @@
-"""Problem: an axis from pairs of which some are grossly wrong, the same answer every time.
+"""Robust losses, and a start that gross errors cannot move, the same in every run.
 
 A loss replaces the square of z = |d|/(σ sqrt 2), which for good pairs is chi-distributed with three degrees
-of freedom. A loss that pulls bad pairs down to nothing has many minima, so it needs a start that bad pairs
-cannot move: axes are solved for exactly from a few hundred smallest sets of pairs, ranked by the median of
+of freedom. Its weights need a noise and a start that bad pairs cannot
+move: axes are solved for exactly from a few hundred smallest sets of pairs, ranked by the median of
 |d| over all pairs (least median of squares, P. J. Rousseeuw, J. Am. Stat. Assoc. 79 (1984) 871-880), and the
 best are improved on the better half of the pairs (concentration steps). The sets come from a hash of
 a counter, not from a random generator: no state, no seed, no pattern in the data that they can fall in with.
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from rodgen.kinematics.axis_fit._moments import Moments
 from rodgen.kinematics.axis_fit._residual import residual
 from rodgen.kinematics.axis_fit._sphere import global_maximum
+from rodgen.statistics.chi_distribution import chi3_quantile, chi_share
 
 __all__ = [
     "LOSSES",
@@ -49,7 +50,7 @@ _BEST_SETS, _CONCENTRATIONS = 8, 6
 # A set of three from one of two equal camps has probability 1/4: 60 sets all fail with 3e-8.
 _CAMP_SETS = 60
 
-# Beyond this z a pair has no say in the estimated noise; 0.2 % of good pairs are there.
+# Beyond this z a pair does not count in the estimated noise; 0.2 % of good pairs are there.
 _TRIM = 3.8
 
 
@@ -60,13 +61,13 @@ class Loss:
     name: str
 
     def weight(self, z: Floats) -> Floats:
-        """ψ(z)/z: 1 for small z."""
+        """Return ψ(z)/z: 1 for small z."""
         if self.name == "huber":
             return np.minimum(1.0, _HUBER / np.maximum(z, _HUBER))
         return np.ones_like(z)
 
     def slope(self, z: Floats) -> Floats:
-        """ψ′(z)."""
+        """Return ψ′(z)."""
         if self.name == "huber":
             return np.where(z < _HUBER, 1.0, 0.0)
         return np.ones_like(z)
@@ -84,27 +85,13 @@ class RobustStart:
     variance: float
 
 
-def chi_share(cut: float, freedoms: int) -> float:
-    """Probability that a chi variable with 3 or 5 degrees of freedom is below `cut`."""
-    density = math.sqrt(2 / math.pi) * math.exp(-(cut**2) / 2)
-    share = math.erf(cut / math.sqrt(2)) - density * cut
-    return share if freedoms == 3 else share - density * cut**3 / 3
-
-
 def chi_cut(pairs: int) -> float:
     """Return the z that the largest of `pairs` good pairs exceeds with 1 % probability."""
-    tail = 0.01 / max(pairs, 1)
-    low, high = 0.0, 40.0
-    for _ in range(60):
-        middle = (low + high) / 2
-        density = math.sqrt(2 / math.pi) * math.exp(-(middle**2) / 2)
-        above = math.erfc(middle / math.sqrt(2)) + density * middle
-        low, high = (middle, high) if above > tail else (low, middle)
-    return high
+    return chi3_quantile(0.01 / max(pairs, 1))
 
 
 def median_variance(squares: Floats, freedoms_used: int) -> float:
-    """Variance of unit weight from the median, rather too large; arguments as :func:`trimmed_variance`.
+    """Return the variance of unit weight from the median, rather too large; arguments as :func:`trimmed_variance`.
 
     A fit that makes the median small makes it too small in a small sample, and a trim that begins there
     throws out good pairs; the factor is Rousseeuw's for the least median of squares.
@@ -114,7 +101,7 @@ def median_variance(squares: Floats, freedoms_used: int) -> float:
 
 
 def trimmed_variance(squares: Floats, freedoms_used: int, start: float) -> float:
-    """Variance of unit weight from the pairs within the trim, corrected for what the trim cuts off.
+    """Return the variance of unit weight from the pairs within the trim, corrected for what the trim cuts off.
 
     Parameters
     ----------
@@ -143,7 +130,7 @@ def trimmed_variance(squares: Floats, freedoms_used: int, start: float) -> float
 def robust_start(
     rho: Floats, rho_prime: Floats, angle: Floats, weight: Floats, point: Floats | None
 ) -> RobustStart:
-    """Find axis, point and noise from pairs of which up to two in five may be wrong.
+    """Return axis, point and noise from pairs of which up to two in five may be wrong.
 
     Parameters
     ----------
@@ -178,7 +165,7 @@ def robust_start(
 def best_agreement(
     rho: Floats, rho_prime: Floats, angle: Floats, weight: Floats, point: Floats | None, share: float
 ) -> tuple[Floats, Floats]:
-    """Axis and point on which that share of the pairs, three at least, agree best with one another.
+    """Return axis and point on which that share of the pairs, three at least, agree best with one another.
 
     Other arguments as :func:`robust_start`. Of more than 2000 pairs some are looked at.
     """
@@ -204,20 +191,20 @@ def best_agreement(
 def _solve_sets(
     x: Floats, y: Floats, angle: Floats, w: Floats, sets: NDArray[np.int64], point: Floats | None
 ) -> tuple[Floats, Floats]:
-    """Best axis and point (S, 3) of each of S sets of pairs."""
+    """Return the best axis and point (S, 3) of each of S sets of pairs."""
     moments = Moments.of(x[sets], y[sets], angle[sets], w[sets], point)
     axes = global_maximum(*moments.quadratic())
     return axes, moments.point(axes)
 
 
 def _half_squares(x: Floats, y: Floats, angle: Floats, w: Floats, axes: Floats, points: Floats) -> Floats:
-    """Halve the weighted squares (S, N) of all pairs against each of the lines (S, 3)."""
+    """Return half the weighted squares (S, N) of all pairs against each of the lines (S, 3)."""
     lines = zip(axes, points, strict=True)
     return np.array([w * (residual(x, y, angle, e, p) ** 2).sum(axis=-1) / 2 for e, p in lines])
 
 
 def _sets(n: int, size: int) -> NDArray[np.int64]:
-    """Choose sets of `size` different pairs: all of them, or as many as are enough."""
+    """Return sets of `size` different pairs: all of them, or as many as are enough."""
     if math.comb(n, size) <= _MOST_SETS:
         return np.array(list(itertools.combinations(range(n), size)))
     drawn = (_hash(np.arange(3 * _MOST_SETS * size)) % n).reshape(-1, size)
@@ -226,7 +213,7 @@ def _sets(n: int, size: int) -> NDArray[np.int64]:
 
 
 def _hash(counter: NDArray[np.int64]) -> NDArray[np.int64]:
-    """SplitMix64 of a counter, as non-negative integers."""
+    """Return SplitMix64 of a counter, as non-negative integers."""
     with np.errstate(over="ignore"):
         z = (counter.astype(np.uint64) + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
         z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)

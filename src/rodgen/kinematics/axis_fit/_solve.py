@@ -1,6 +1,6 @@
-"""Problem: the axis and point of least weighted squares, or of least robust loss, with the other optimum.
+"""The axis and point of least weighted squares, or of least robust loss, and the other local optimum.
 
-Route: the global minimum in closed form (:mod:`._moments`, :mod:`._sphere`); a
+The solution is the global minimum in closed form (:mod:`._moments`, :mod:`._sphere`); a
 robust loss repeats it with reduced weights from a start that gross errors cannot move
 (:mod:`._robust`); Newton steps on the residuals themselves remove what rounding of the
 sums has left: the sums lose the square of the condition number, the residuals only its first power.
@@ -25,7 +25,7 @@ __all__ = ["MOST_REWEIGHTINGS", "Line", "Solution", "half_squares", "solve"]
 
 Floats = NDArray[np.float64]
 
-# Reweighting converges by a factor of three to ten a solution; not to be done by then is told, not hidden.
+# Reweighting converges by a factor of three to ten a solution; a fit that has not converged by then gets a remark.
 MOST_REWEIGHTINGS = 100
 _SETTLED = 1e-12
 # Two optima of one data set are farther apart than the step from one solution to the next.
@@ -47,18 +47,18 @@ class Line:
     point: Floats
 
     def nearest(self, to: Floats) -> Line:
-        """Give the same line by its point nearest to `to`."""
+        """Return the same line with its point nearest to `to`."""
         return Line(self.axis, self.point + self.axis * (self.axis @ (to - self.point)))
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """The optimum, the other local optimum if there is one worth a look, and what each pair counted."""
+    """The optimum, the other local optimum if it is worth a comparison, and the weight of each pair."""
 
     best: Line
     other: Line | None
     share: Floats
-    """(N,) what the loss leaves of each pair's weight; 0 for pairs that are left out."""
+    """(N,) factor of the loss on each pair's weight; 0 for pairs that are left out."""
     iterations: int
     converged: bool
 
@@ -69,7 +69,7 @@ def half_squares(pairs: Pairs, line: Line) -> Floats:
 
 
 def solve(pairs: Pairs, loss: Loss) -> Solution:
-    """Find the optimum.
+    """Return the optimum, the other local optimum, and the weight that the loss leaves each pair.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def solve(pairs: Pairs, loss: Loss) -> Solution:
 def _optima(
     x: Floats, y: Floats, angle: Floats, w: Floats, point: Floats | None, near: Line | None
 ) -> tuple[Line, Line | None]:
-    """Both optima for given weights; `near` says which one the weights belong to."""
+    """Return both optima for given weights; `near` says to which one the weights belong."""
     moments = Moments.of(x, y, angle, w, point)
     A, b = moments.quadratic()
     first, second = maximise_on_sphere(A, b)
@@ -173,7 +173,7 @@ def _reweight(
 
 
 def _polish(x: Floats, y: Floats, angle: Floats, w: Floats, moments: Moments, axis: Floats) -> Line:
-    """Newton steps on the residuals, in the turns and shifts that are determined."""
+    """Return the line after Newton steps on the residuals, in the turns and shifts that are determined."""
     point = moments.point(axis)
     arm = math.sqrt(3 * float(np.mean((x - point) ** 2))) or 1.0
     last = _LONGEST_STEP

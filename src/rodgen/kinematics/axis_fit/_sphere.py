@@ -1,4 +1,4 @@
-"""Problem: the unit vector e that maximises eᵀA e + b·e, for symmetric 3×3 A.
+"""The unit vectors e that maximise eᵀA e + b·e, for symmetric 3×3 A.
 
 Stationary unit vectors obey 2 A e + b = 2 μ e. With the eigenvalues λ₁ ≥ λ₂ ≥ λ₃ of A and the
 components γ = b/2 in its eigenbasis,
@@ -40,7 +40,7 @@ class Maxima(NamedTuple):
 
 
 def maximise_on_sphere(A: Floats, b: Floats) -> Maxima:
-    """Find every local maximum of eᵀA e + b·e on the unit sphere.
+    """Return every local maximum of eᵀA e + b·e on the unit sphere.
 
     Parameters
     ----------
@@ -59,14 +59,14 @@ def maximise_on_sphere(A: Floats, b: Floats) -> Maxima:
 
 
 def global_maximum(A: Floats, b: Floats) -> Floats:
-    """`best` of :func:`maximise_on_sphere` alone, in half the time."""
+    """Return `best` of :func:`maximise_on_sphere` alone, in half the time."""
     gap, gamma, vectors = _in_eigenbasis(A, b)
     best: Floats = (vectors @ _global_root(gap, gamma)[..., None])[..., 0]
     return best
 
 
 def _in_eigenbasis(A: Floats, b: Floats) -> tuple[Floats, Floats, Floats]:
-    """λ₁ - λ_k and γ_k, scaled alike, and the eigenvectors; the largest eigenvalue first."""
+    """Return λ₁ - λ_k and γ_k, scaled alike, and the eigenvectors; the largest eigenvalue first."""
     eigenvalues, vectors = np.linalg.eigh(A)
     vectors = vectors[..., ::-1]
     gap = eigenvalues[..., -1:] - eigenvalues[..., ::-1]
@@ -77,7 +77,7 @@ def _in_eigenbasis(A: Floats, b: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def _quotient(a: Floats, b: Floats) -> Floats:
-    """Divide; 0 where b is 0: there a is 0 too, or the caller replaces the value."""
+    """Return a / b; 0 where b is 0: there a is 0 too, or the caller replaces the value."""
     good = b != 0
     if good.all():
         return a / b
@@ -85,7 +85,7 @@ def _quotient(a: Floats, b: Floats) -> Floats:
 
 
 def _unit_with_first(first_sign: Floats, t: Floats, components: Floats) -> Floats:
-    """Give the hard case (t = 0) the first component that makes a unit vector; normalise the rest."""
+    """Return unit vectors; in the hard case (t = 0) the first component makes up the length."""
     rest = (components[..., 1:] ** 2).sum(axis=-1)
     hard = np.sqrt(np.maximum(1 - rest, 0))
     first = np.where(t > 0, np.abs(components[..., 0]), hard) * first_sign
@@ -96,7 +96,7 @@ def _unit_with_first(first_sign: Floats, t: Floats, components: Floats) -> Float
 
 
 def _global_root(gap: Floats, gamma: Floats) -> Floats:
-    """Solve Σ (γ_k/(t + gap_k))² = 1 for t = μ - λ₁ ≥ 0."""
+    """Return the maximum for the root t = μ - λ₁ ≥ 0 of Σ (γ_k/(t + gap_k))² = 1."""
     size = np.abs(gamma)
     t = np.maximum((size - gap).max(axis=-1), 0)  # each term alone is at most 1
     for _ in range(_MOST_STEPS):
@@ -114,7 +114,7 @@ def _global_root(gap: Floats, gamma: Floats) -> Floats:
 
 
 def _local_root(gap: Floats, gamma: Floats) -> Floats:
-    """Solve γ₁²/t² + Σ_{k>1} γ_k²/(gap_k - t)² = 1 for the smallest t = λ₁ - μ in (0, gap₂)."""
+    """Return the maximum for the root t = λ₁ - μ of γ₁²/t² + Σ_{k>1} γ_k²/(gap_k - t)² = 1, least in (0, gap₂)."""
     first = np.abs(gamma[..., 0])
     t = first.copy()
     alive = gap[..., 1] > t

@@ -11,13 +11,13 @@ Floats = NDArray[np.float64]
 
 
 def dot(a: Floats, b: Floats) -> Floats:
-    """Scalar product (…)."""
+    """Return scalar products (…)."""
     product: Floats = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
     return product
 
 
 def cross(a: Floats, b: Floats) -> Floats:
-    """Cross product; numpy.cross takes several times as long on (N, 3)."""
+    """Return cross products; numpy.cross takes several times as long on (N, 3)."""
     out = np.empty(np.broadcast_shapes(a.shape, b.shape))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         out[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
@@ -25,7 +25,7 @@ def cross(a: Floats, b: Floats) -> Floats:
 
 
 def skew(a: Floats) -> Floats:
-    """(…, 3, 3) matrix with skew(a) @ b = a × b."""
+    """Return the matrices (…, 3, 3) with skew(a) @ b = a × b."""
     out = np.zeros((*a.shape, 3))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         out[..., k, j] = a[..., i]

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rodgen.generated.numpy.rotations import RotationStatus
+from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.three_sps_s._geometry import Geometry
 from rodgen.kinematics.three_sps_s._legs import SINGULAR, proper
@@ -109,7 +110,7 @@ def direct_all(legs: ArrayLike, geometry: Geometry) -> tuple[Any, Any, Any]:
     >>> bool(abs(three_sps_s.legs(rotations, machine) - 2.578759391645525).max() < 1e-14)
     True
     """
-    given = _legs(legs)
+    given = real_array("legs", legs, (3,))
     flat = given.reshape(-1, 3)
     quaternions = np.full((len(flat), MODES, 4), np.nan)
     count, status = np.zeros(len(flat), np.int8), np.zeros(len(flat), np.int8)
@@ -218,10 +219,7 @@ def follow(legs: ArrayLike, geometry: Geometry, *, start: ArrayLike) -> tuple[An
 
 def _start(rotation: ArrayLike, name: str) -> Any:
     """Return rotations to start from, NaN for what is none."""
-    try:
-        matrix, kind = proper(rotation)
-    except (TypeError, ValueError) as error:
-        raise type(error)(str(error).replace("the rotation", name)) from None
+    matrix, kind = proper(rotation, name)
     rough = (kind == RotationStatus.NOT_NORMAL)[..., None, None]
     nearest = kernels.matrix_from_quaternion(kernels.quaternion_from_matrix(matrix)[0])[0]
     return np.where(rough, nearest, matrix)
@@ -249,16 +247,6 @@ def _nearest(rotations: Any, status: Any, start: Any, geometry: Geometry) -> tup
     status = np.where(np.isfinite(start).all(axis=(-2, -1)), status, DirectStatus.INVALID)
     chosen = np.where((status == DirectStatus.INVALID)[..., None, None], np.nan, chosen)
     return chosen, status.astype(np.int8)[()]
-
-
-def _legs(legs: ArrayLike) -> Any:
-    given = np.asarray(legs)
-    if np.iscomplexobj(given):
-        raise TypeError("legs are complex; expected real numbers")
-    given = given.astype(float)
-    if given.ndim == 0 or given.shape[-1] != 3:
-        raise ValueError(f"legs has the shape {given.shape}; expected (..., 3)")
-    return given
 
 
 def _modes(legs: Any, geometry: Geometry) -> tuple[Any, Any, Any]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from rodgen.errors import RodgenError
+from rodgen.kinematics.dimensions import finite_number, positive_length
 
 __all__ = ["Geometry"]
 
@@ -42,16 +42,8 @@ class Geometry:
     h: float
 
     def __post_init__(self) -> None:
-        for name in ("R", "r", "h"):
-            value = getattr(self, name)
-            try:
-                number = float(value)
-            except (TypeError, ValueError):
-                raise RodgenError(f"{name} is {value!r}; expected a length") from None
-            if not math.isfinite(number) or (name != "h" and number <= 0):
-                expected = "a finite length" if name == "h" else "a positive length"
-                raise RodgenError(f"{name} is {number}; expected {expected}")
-            object.__setattr__(self, name, number)
+        for name, check in (("R", positive_length), ("r", positive_length), ("h", finite_number)):
+            object.__setattr__(self, name, check(name, getattr(self, name)))
 
     @property
     def lengths(self) -> tuple[float, float, float]:

@@ -14,7 +14,9 @@ from numpy.typing import ArrayLike
 
 from rodgen.generated.numpy.rotations import RotationStatus
 from rodgen.kinematics.angles import principal
+from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.backend import kernels
+from rodgen.kinematics.gains import gains_and_condition
 from rodgen.kinematics.three_sps_s._geometry import Geometry
 
 __all__ = [
@@ -38,14 +40,9 @@ NO_ROTATION = 1e-3
 """Largest entry of RᵀR - 1 beyond which a matrix is taken for a slip, not for a rotation with few digits."""
 
 
-def proper(rotation: ArrayLike) -> tuple[Any, Any]:
+def proper(rotation: ArrayLike, what: str = "the rotation") -> tuple[Any, Any]:
     """Return matrices as they are, with NaN for what is no rotation by far, and codes of `RotationStatus`."""
-    given = np.asarray(rotation)
-    if np.iscomplexobj(given):
-        raise TypeError("the rotation is complex; expected real numbers")
-    matrix = given.astype(float, copy=False)
-    if matrix.ndim < 2 or matrix.shape[-2:] != (3, 3):
-        raise ValueError(f"the rotation has the shape {matrix.shape}; expected (..., 3, 3)")
+    matrix = real_array(what, rotation, (3, 3))
     kind = np.array(kernels.quaternion_from_matrix(matrix)[1])
     rough = kind == RotationStatus.NOT_NORMAL
     if rough.any():
@@ -204,14 +201,7 @@ def singularity(rotation: ArrayLike, geometry: Geometry) -> Singularity:
     """
     matrix, _ = proper(rotation)
     determinant = kernels.sps_singularity(matrix, geometry.R, geometry.h)
-    rows = np.asarray(kernels.sps_jacobian(matrix, *geometry.lengths))
-    good = np.isfinite(rows).all(axis=(-2, -1))
-    gains = np.linalg.svd(np.where(good[..., None, None], rows, 0.0), compute_uv=False)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        condition = np.where(gains[..., 2] > 0, gains[..., 0] / gains[..., 2], np.inf)
-    return Singularity(
-        determinant, np.where(good[..., None], gains, np.nan), np.where(good, condition, np.nan)
-    )
+    return Singularity(determinant, *gains_and_condition(kernels.sps_jacobian(matrix, *geometry.lengths)))
 
 
 def rotation_from_tilt_torsion(azimuth: ArrayLike, tilt: ArrayLike, torsion: ArrayLike) -> Any:

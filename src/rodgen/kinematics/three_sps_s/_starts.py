@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from rodgen.kinematics.backend import kernels
+from rodgen.kinematics.polynomials import roots
 from rodgen.kinematics.three_sps_s._geometry import Geometry
 
 __all__ = ["spread", "starts"]
@@ -32,11 +33,11 @@ CLEARLY = 1e3
 def starts(legs: Any, geometry: Geometry) -> Any:
     """Quaternions (n, m, 4) near every mode of the legs (n, 3); NaN where a column is not needed."""
     octic, quartic, phase_sine, size = kernels.sps_octic_scaled(legs, *geometry.lengths)
-    found = [_from_roots(_eigenvalues(octic), legs, geometry)]
+    found = [_from_roots(_nearly_real(octic), legs, geometry)]
     rows = np.abs(phase_sine) <= NEARLY_SQUARE
     if rows.any():
         some = np.full((len(legs), 8, 4), np.nan)
-        some[rows] = _from_roots(_eigenvalues(quartic[rows]), legs[rows], geometry)
+        some[rows] = _from_roots(_nearly_real(quartic[rows]), legs[rows], geometry)
         found.append(some)
     eta = geometry.h / geometry.R
     cos_sum, Z = kernels.sps_invariants(legs, *geometry.lengths)
@@ -64,23 +65,15 @@ def spread() -> Any:
     return np.array(rows)
 
 
-def _eigenvalues(coefficients: Any) -> Any:
-    """Roots of polynomials (n, m + 1), of rising powers; NaN where the leading coefficient is zero."""
-    degree = coefficients.shape[-1] - 1
-    with np.errstate(all="ignore"):
-        last = -coefficients[:, :-1] / coefficients[:, -1:]
-    good = np.isfinite(last).all(axis=-1)
-    companion = np.zeros((len(coefficients), degree, degree))
-    companion[:, np.arange(1, degree), np.arange(degree - 1)] = 1.0
-    companion[:, :, -1] = np.where(good[:, None], last, 0.0)
-    roots = np.linalg.eigvals(companion)
-    real = np.abs(roots.imag) <= COMPLEX * (1 + np.abs(roots.real))
-    return np.where(real & good[:, None], roots.real, np.nan)
+def _nearly_real(coefficients: Any) -> Any:
+    """Return the roots of polynomials (n, m + 1) that may be real, (n, m); NaN for the others."""
+    found = roots(coefficients)
+    return np.where(np.abs(found.imag) <= COMPLEX * (1 + np.abs(found.real)), found.real, np.nan)
 
 
-def _from_roots(roots: Any, legs: Any, geometry: Geometry) -> Any:
+def _from_roots(found: Any, legs: Any, geometry: Geometry) -> Any:
     """Both rotations of each root (n, m): (n, 2m, 4); only one where the other's legs are clearly worse."""
-    arguments = legs[:, None, None], *geometry.lengths, roots[..., None], np.array([1.0, -1.0])
+    arguments = legs[:, None, None], *geometry.lengths, found[..., None], np.array([1.0, -1.0])
     quaternions = kernels.sps_mode(*arguments)
     again = kernels.sps_legs_from_quaternion(quaternions, *geometry.lengths)
     wrong = np.abs(np.square(again) - np.square(legs[:, None, None])).max(axis=-1)

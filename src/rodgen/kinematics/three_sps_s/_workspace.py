@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from rodgen.errors import RodgenError
 from rodgen.generated.numpy.rotations import RotationStatus
 from rodgen.kinematics.backend import kernels
+from rodgen.kinematics.dimensions import length_limits
 from rodgen.kinematics.three_sps_s._geometry import Geometry
 from rodgen.kinematics.three_sps_s._legs import SINGULAR, proper, rotation_from_tilt_torsion
 
@@ -115,7 +116,7 @@ def orientation_status(
     >>> three_sps_s.OrientationStatus(int(status)).name  # the home pose
     'NEAR_SINGULAR'
     """
-    low, high = _limits(limits)
+    low, high = length_limits(limits, "leg")
     _check(side, margin)
     matrix, kind = proper(rotation)
     rough = (kind == RotationStatus.NOT_NORMAL)[..., None, None]
@@ -237,14 +238,6 @@ def _spread(joined: Any, allowed: Any, round_torsion: bool) -> None:
             joined[..., 1:] |= joined[..., :-1] & allowed[..., 1:]
             joined[..., :-1] |= joined[..., 1:] & allowed[..., :-1]
             joined[..., 0] |= joined[..., 0].any(axis=1, keepdims=True) & allowed[..., 0]
-
-
-def _limits(limits: Sequence[float] | None) -> tuple[float, float]:
-    if limits is None:
-        return 0.0, np.inf
-    if len(limits) != 2 or not 0 <= float(limits[0]) <= float(limits[1]):
-        raise RodgenError(f"limits are {limits!r}; expected the least and the greatest length of a leg")
-    return float(limits[0]), float(limits[1])
 
 
 def _check(side: int, margin: float) -> None:

@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.errors import RodgenError
+from rodgen.kinematics.dimensions import length_limits
 from rodgen.kinematics.tricept._bounds import rod_bounds
 from rodgen.kinematics.tricept._branch import Extremes
-from rodgen.kinematics.tricept._geometry import Geometry, kernel_limits
+from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept._kinematics import inverse
 
 __all__ = ["Cube", "largest_cube"]
@@ -109,7 +110,7 @@ def largest_cube(
     >>> round(found.edge, 3), found.centre.round(2)
     (182.705, array([  0.  ,   0.  , 683.14]))
     """
-    low, high = kernel_limits(limits)
+    low, high = length_limits(limits, "rod")
     if not high < np.inf:
         raise RodgenError("the rods have no greatest length; expected limits, between which a cube ends")
     if isinstance(centre, str):

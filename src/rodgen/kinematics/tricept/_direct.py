@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rodgen.errors import RodgenError
+from rodgen.kinematics.arrays import real_array
+from rodgen.kinematics.polynomials import Polynomials, roots
 from rodgen.kinematics.tricept._geometry import Geometry
 
 __all__ = ["MOST_POSES", "direct_all"]
@@ -81,9 +82,7 @@ def direct_all(legs: ArrayLike, geometry: Geometry) -> tuple[Any, Any]:
            [ 172.786,    2.565,  607.058],
            [ 171.387, -167.626,  526.682]])
     """
-    lengths = np.asarray(legs, dtype=float)
-    if lengths.ndim == 0 or lengths.shape[-1] != 3:
-        raise RodgenError(f"legs have the shape {lengths.shape}; expected three lengths along the last axis")
+    lengths = real_array("legs", legs, (3,))
     rows = lengths.reshape(-1, 3)
     poses = np.full((len(rows), MOST_POSES, 3), np.nan)
     count = np.zeros(len(rows), int)
@@ -153,13 +152,10 @@ def _candidates(rods: _Rods) -> tuple[NDArray[np.int64], Numbers]:
     k2 = some.c2 / some.R
 
     f = _circle_of_beta(omega, m, e, some.r, h)
-    companion = np.zeros((len(omega), 4, 4))
-    companion[:, 0, :] = -np.stack(f[1:], axis=1) / f[0][:, None]
-    companion[:, (1, 2, 3), (0, 1, 2)] = 1.0
-    roots = np.linalg.eigvals(companion) if len(omega) else np.zeros((0, 4))
-    near = np.abs(roots.imag) < 0.03 * (1 + np.abs(roots))
+    quartic = roots(np.stack(f[::-1], axis=1))
+    near = np.abs(quartic.imag) < 0.03 * (1 + np.abs(quartic))
     at, which = np.nonzero(near)
-    s, row, omega, m, e, k2 = roots.real[at, which], row[at], omega[at], m[at], e[at], k2[at]
+    s, row, omega, m, e, k2 = quartic.real[at, which], row[at], omega[at], m[at], e[at], k2[at]
     r, h = some.r[at], h[at]
 
     root_of_omega = np.sqrt(omega)
@@ -237,35 +233,6 @@ def _eigenvalues(rods: _Rods, top: Numbers, middle: Numbers, half: Numbers) -> N
     companion[:, :7] = -np.linalg.solve(sylvester[0], np.concatenate(list(sylvester[1:]), axis=2))
     companion[:, np.arange(7, 28), np.arange(21)] = 1.0
     return np.asarray(_SHIFT + 1 / np.linalg.eigvals(companion))
-
-
-class Polynomials:
-    """Polynomials of many rows, coefficients along the last axis, the constant first."""
-
-    def __init__(self, values: NDArray[Any]) -> None:
-        self.values = values
-
-    def __add__(self, other: Any) -> Polynomials:
-        a, b = self.values, other.values if isinstance(other, Polynomials) else np.full((1, 1), other)
-        size = max(a.shape[1], b.shape[1])
-        a, b = (np.pad(x, ((0, 0), (0, size - x.shape[1]))) for x in (a, b))
-        return Polynomials(a + b)
-
-    __radd__ = __add__
-
-    def __sub__(self, other: Polynomials) -> Polynomials:
-        return self + other * -1.0
-
-    def __mul__(self, other: Any) -> Polynomials:
-        if not isinstance(other, Polynomials):
-            return Polynomials(self.values * other)
-        a, b = self.values, other.values
-        product = np.zeros((max(len(a), len(b)), a.shape[1] + b.shape[1] - 1), np.result_type(a, b))
-        for power in range(a.shape[1]):
-            product[:, power : power + b.shape[1]] += a[:, power, None] * b
-        return Polynomials(product)
-
-    __rmul__ = __mul__
 
 
 # polish ------------------------------------------------------------------------------------------------

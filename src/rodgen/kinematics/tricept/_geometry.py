@@ -6,23 +6,12 @@ on one of the radius r in the same directions. The point whose position counts i
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rodgen.errors import RodgenError
+from rodgen.kinematics.dimensions import finite_number, positive_length
 
-__all__ = ["LEG_LIMITS", "PAPER", "Geometry", "kernel_limits"]
-
-
-def _number(value: object, name: str) -> float:
-    try:
-        number = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        raise RodgenError(f"{name} is {value!r}; expected a number") from None
-    if not math.isfinite(number):
-        raise RodgenError(f"{name} is {number}; expected a finite number")
-    return number
+__all__ = ["LEG_LIMITS", "PAPER", "Geometry"]
 
 
 @dataclass(frozen=True)
@@ -53,12 +42,10 @@ class Geometry:
 
     def __post_init__(self) -> None:
         for name in ("R", "r"):
-            object.__setattr__(self, name, _number(getattr(self, name), name))
-            if not getattr(self, name) > 0:
-                raise RodgenError(f"{name} is {getattr(self, name)}; expected a positive length")
+            object.__setattr__(self, name, positive_length(name, getattr(self, name)))
         if not hasattr(self.q, "__len__") or len(self.q) != 3:
             raise RodgenError(f"q is {self.q!r}; expected three lengths")
-        object.__setattr__(self, "q", tuple(_number(x, "q") for x in self.q))
+        object.__setattr__(self, "q", tuple(finite_number("q", x) for x in self.q))
 
     @property
     def radii(self) -> tuple[float, float]:
@@ -71,18 +58,3 @@ PAPER = Geometry(330.0, 140.0)
 
 LEG_LIMITS = (568.0, 858.0)
 """Least and greatest length of its rods, in mm."""
-
-
-def kernel_limits(limits: Sequence[float] | None) -> tuple[float, float]:
-    """Return limits of the rods as the kernels take them.
-
-    Raises
-    ------
-    RodgenError
-        When they are not two numbers, the smaller first.
-    """
-    if limits is None:
-        return 0.0, math.inf
-    if len(limits) != 2 or not 0 <= float(limits[0]) <= float(limits[1]):
-        raise RodgenError(f"limits are {limits!r}; expected the least and the greatest length of a rod")
-    return float(limits[0]), float(limits[1])

@@ -15,8 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
 from rodgen.kinematics.backend import kernels
+from rodgen.kinematics.dimensions import length_limits
+from rodgen.kinematics.polynomials import Polynomials, roots
 from rodgen.kinematics.tricept._bounds import ELEMENTS
-from rodgen.kinematics.tricept._geometry import Geometry, kernel_limits
+from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept._kinematics import point, pose
 from rodgen.kinematics.tricept._parameters import PARAMETERS
 from rodgen.kinematics.tricept._workspace import assembled
@@ -121,25 +123,21 @@ def influence_map(
     angles = np.broadcast_arrays(np.asarray(alpha, float), np.asarray(beta, float))
     shape = angles[0].shape
     a, b = (x.ravel() for x in angles)
-    numerator, D, squares = (
+    numerator, denominator, squares = (
         np.asarray(x, float) for x in kernels.tricept_beam(a, b, geometry.R, geometry.r, geometry.q)
     )
     S, P = _parts(numerator, squares, i, j, *ELEMENTS[element])
     low, high, pieces = _pieces(a, b, geometry, squares, limits, box)
     length = np.where(high > low, high - low, 1.0)
-    S, P, D = (_on_beam(p, low, length) for p in (S, P, D))
-    dS, dP, dD = _slope(S), _slope(P), _slope(D)
-    stationary = _add(
-        _product(dS, _product(P, D)),
-        2 * _product(S, _add(_product(dP, D), -2 * _product(P, dD))),
-    )
-    roots = _roots(stationary)
+    beam = Polynomials(np.stack([low + length / 2, length / 2], axis=1))  # z from -1 to 1 along the beam
+    S, P, D = S.of(beam), P.of(beam), Polynomials(denominator).of(beam)
+    stationary = S.derivative() * P * D + S * (P.derivative() * D - P * D.derivative() * 2.0) * 2.0
     ends = (pieces - low[:, None]) * 2 / length[:, None] - 1
-    places = np.concatenate([ends, roots], axis=1)
+    places = np.concatenate([ends, _roots_on_beam(stationary.values)], axis=1)
     z = low[:, None] + (places + 1) / 2 * length[:, None]
     inside = np.isfinite(places) & _allowed(z, a, b, geometry, squares, limits, box)
     with np.errstate(all="ignore"):
-        values = np.sqrt(np.maximum(_value(S, places), 0)) * _value(P, places) / _value(D, places) ** 2
+        values = np.sqrt(np.maximum(S(places), 0)) * P(places) / D(places) ** 2
     inside &= np.isfinite(values)
     some = inside.any(axis=1)
     rows = np.arange(len(a))
@@ -190,57 +188,23 @@ def _parameters(pair: Sequence[str]) -> tuple[int, int]:
     return i, j
 
 
-def _product(p: Floats, q: Floats) -> Floats:
-    made = np.zeros((len(p), p.shape[1] + q.shape[1] - 1))
-    for n in range(q.shape[1]):
-        made[:, n : n + p.shape[1]] += p * q[:, n, None]
-    return made
-
-
-def _add(p: Floats, q: Floats) -> Floats:
-    made = np.zeros((len(p), max(p.shape[1], q.shape[1])))
-    made[:, : p.shape[1]] += p
-    made[:, : q.shape[1]] += q
-    return made
-
-
-def _slope(p: Floats) -> Floats:
-    if p.shape[1] == 1:
-        return np.zeros_like(p)
-    made: Floats = p[:, 1:] * np.arange(1, p.shape[1])
-    return made
-
-
-def _value(p: Floats, x: Floats) -> Floats:
-    made = np.zeros_like(x)
-    for n in range(p.shape[1] - 1, -1, -1):
-        made = made * x + p[:, n, None]
-    return made
-
-
-def _on_beam(p: Floats, low: Floats, length: Floats) -> Floats:
-    """Write a polynomial in z in the variable that goes from -1 to 1 along the beam."""
-    line = np.stack([low + length / 2, length / 2], axis=1)
-    made = p[:, -1:]
-    for n in range(p.shape[1] - 2, -1, -1):
-        made = _product(made, line)
-        made[:, 0] += p[:, n]
-    return made
-
-
-def _parts(numerator: Floats, squares: Floats, i: int, j: int, k: int, m: int) -> tuple[Floats, Floats]:
+def _parts(
+    numerator: Floats, squares: Floats, i: int, j: int, k: int, m: int
+) -> tuple[Polynomials, Polynomials]:
     """Return S and P of the influence of (i, j) on (k, m)."""
-    n = numerator
-    one = np.ones((len(n), 1))
+
+    def entry(row: int, column: int) -> Polynomials:
+        return Polynomials(numerator[:, row, column])
+
+    one = Polynomials(np.ones((len(numerator), 1)))
     if i == j:
-        P = _product(n[:, k, i], n[:, m, i])
-        return one, (_product(P, squares[:, i]) if i < 3 else P)
-    P = _product(n[:, k, i], n[:, m, j]) + _product(n[:, k, j], n[:, m, i])
+        P = entry(k, i) * entry(m, i)
+        return one, (P * Polynomials(squares[:, i]) if i < 3 else P)
     S = one
     for index in (i, j):
         if index < 3:
-            S = _product(S, squares[:, index])
-    return S, P
+            S = S * Polynomials(squares[:, index])
+    return S, entry(k, i) * entry(m, j) + entry(k, j) * entry(m, i)
 
 
 def _line(a: Floats, b: Floats, geometry: Geometry) -> tuple[Floats, Floats]:
@@ -262,7 +226,7 @@ def _pieces(
     marks = []
     with np.errstate(all="ignore"):
         if limits is not None:
-            for limit in kernel_limits(limits):
+            for limit in length_limits(limits, "rod"):
                 p = squares[:, :, 1] / 2
                 root = np.sqrt(p**2 - squares[:, :, 0] + limit**2)
                 marks += [-p - root, -p + root]
@@ -294,7 +258,7 @@ def _allowed(
     good = np.isfinite(z)
     with np.errstate(invalid="ignore"):
         if limits is not None:
-            least, greatest = kernel_limits(limits)
+            least, greatest = length_limits(limits, "rod")
             rods = squares[:, None, :, 0] + z[..., None] * (squares[:, None, :, 1] + z[..., None])
             room = 1e-9 * geometry.R**2
             good = good & (rods >= least**2 - room).all(axis=-1) & (rods <= greatest**2 + room).all(axis=-1)
@@ -307,7 +271,7 @@ def _allowed(
     return np.asarray(good)
 
 
-def _roots(p: Floats) -> Floats:
+def _roots_on_beam(p: Floats) -> Floats:
     """Return the real roots between -1 and 1, NaN for the others; as many columns as the greatest degree."""
     found = np.full((len(p), max(p.shape[1] - 1, 1)), np.nan)
     size = np.abs(p).max(axis=1, keepdims=True)
@@ -316,10 +280,7 @@ def _roots(p: Floats) -> Floats:
     degree = np.where(big.any(axis=1), p.shape[1] - 1 - big[:, ::-1].argmax(axis=1), 0)
     for d in np.unique(degree[degree > 0]):
         rows = np.flatnonzero(degree == d)
-        companion = np.zeros((len(rows), d, d))
-        companion[:, np.arange(1, d), np.arange(d - 1)] = 1.0
-        companion[:, :, -1] = -scaled[rows, :d] / scaled[rows, d, None]
-        roots = np.linalg.eigvals(companion)
-        real = (np.abs(roots.imag) < _NEARLY_REAL) & (np.abs(roots.real) <= 1)
-        found[rows, :d] = np.where(real, roots.real, np.nan)
+        all_roots = roots(scaled[rows, : d + 1])
+        real = (np.abs(all_roots.imag) < _NEARLY_REAL) & (np.abs(all_roots.real) <= 1)
+        found[rows, :d] = np.where(real, all_roots.real, np.nan)
     return found

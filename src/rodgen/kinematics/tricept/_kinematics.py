@@ -16,8 +16,9 @@ from numpy.typing import ArrayLike
 from rodgen.generated.numpy.tricept import TriceptStatus
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.broadcasting import call
+from rodgen.kinematics.dimensions import length_limits
 from rodgen.kinematics.tricept._direct import direct_all
-from rodgen.kinematics.tricept._geometry import Geometry, kernel_limits
+from rodgen.kinematics.tricept._geometry import Geometry
 
 __all__ = ["behind", "direct", "inverse", "legs", "point", "pose", "rotation"]
 
@@ -147,7 +148,7 @@ def inverse(
     >>> [tricept.TriceptStatus(code).name for code in status]
     ['REACHABLE', 'REACHABLE', 'REACHABLE', 'REACHABLE']
     """
-    arguments = (point, *geometry.radii, *geometry.q, *kernel_limits(limits))
+    arguments = (point, *geometry.radii, *geometry.q, *length_limits(limits, "rod"))
     return call(kernels.tricept_inverse, arguments, None)  # type: ignore[no-any-return]
 
 
@@ -180,7 +181,7 @@ def pose(point: ArrayLike, geometry: Geometry, limits: Sequence[float] | None = 
     >>> legs.round(3)
     array([637.318, 689.585, 730.485])
     """
-    arguments = (point, *geometry.radii, *geometry.q, *kernel_limits(limits))
+    arguments = (point, *geometry.radii, *geometry.q, *length_limits(limits, "rod"))
     found, rods, status = call(kernels.tricept_pose, arguments, None)
     lost = (status <= TriceptStatus.OUT_OF_LIMITS) & behind(point, geometry)
     if isinstance(lost, np.ndarray | np.bool_) and not lost.any():

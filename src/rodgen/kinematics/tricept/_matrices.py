@@ -16,7 +16,9 @@ from numpy.typing import ArrayLike
 from rodgen.generated.numpy.tricept import TriceptStatus
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.broadcasting import call
-from rodgen.kinematics.tricept._geometry import Geometry, kernel_limits
+from rodgen.kinematics.dimensions import length_limits
+from rodgen.kinematics.gains import gains_and_condition
+from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept._kinematics import behind
 
 __all__ = ["Matrices", "Singularity", "matrices", "propagate", "sensitivity", "singularity"]
@@ -163,7 +165,7 @@ def propagate(
     >>> (np.sqrt(np.diagonal(U_y)) * 1000).round(2)  # in µm
     array([5.18, 5.18, 2.81])
     """
-    arguments = (point, *geometry.radii, *geometry.q, *kernel_limits(limits), U_x)
+    arguments = (point, *geometry.radii, *geometry.q, *length_limits(limits, "rod"), U_x)
     U_y, status = call(kernels.tricept_propagate, arguments, None)
     lost = (status <= TriceptStatus.OUT_OF_LIMITS) & behind(point, geometry)
     if isinstance(lost, np.ndarray | np.bool_) and not lost.any():
@@ -203,9 +205,7 @@ def singularity(pose: ArrayLike, geometry: Geometry) -> Singularity:
     arguments = (pose, *geometry.radii, *geometry.q)
     det_w33, ratio, det_m33 = call(kernels.tricept_singularity, arguments, None)
     rods = np.asarray(call(kernels.tricept_sensitivity, arguments, None))[..., :3]
-    known = np.isfinite(rods).all(axis=(-1, -2))
-    gains = np.linalg.svd(np.where(known[..., None, None], rods, 0.0), compute_uv=False)
-    gains = np.where(known[..., None], gains, np.where(np.isnan(det_w33), np.nan, np.inf)[..., None])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        condition = np.where(np.isinf(gains[..., 0]), np.inf, gains[..., 0] / gains[..., 2])
+    gains, condition = gains_and_condition(rods)
+    free = np.isnan(condition) & ~np.isnan(det_w33)
+    gains, condition = np.where(free[..., None], np.inf, gains), np.where(free, np.inf, condition)
     return Singularity(det_w33, ratio, det_m33, gains, condition[()])

@@ -21,6 +21,7 @@ from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept._kinematics import pose
 from rodgen.kinematics.tricept._matrices import propagate
 from rodgen.kinematics.tricept._parameters import PARAMETERS, joints
+from rodgen.statistics.chi_distribution import chi3_quantile
 
 __all__ = ["Ellipsoid", "coverage_factor", "ellipsoid", "parameter_sensitivity", "place_covariance"]
 
@@ -215,13 +216,6 @@ def coverage_factor(probability: float) -> float:
     >>> round(coverage_factor(0.95), 4)
     2.7955
     """
-    from math import erf, exp, pi, sqrt
-
     if not 0 < probability < 1:
         raise RodgenError(f"the probability is {probability}; expected a number between 0 and 1")
-    low, high = 0.0, 40.0
-    for _ in range(200):
-        k = (low + high) / 2
-        inside = erf(k / sqrt(2)) - sqrt(2 / pi) * k * exp(-k * k / 2)
-        low, high = (k, high) if inside < probability else (low, k)
-    return k
+    return chi3_quantile(1 - probability)

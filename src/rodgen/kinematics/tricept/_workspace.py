@@ -19,7 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
 from rodgen.generated.numpy.tricept import TriceptStatus
-from rodgen.kinematics.tricept._geometry import Geometry, kernel_limits
+from rodgen.kinematics.dimensions import length_limits
+from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept._kinematics import pose
 from rodgen.kinematics.tricept._matrices import singularity
 
@@ -178,7 +179,7 @@ def beams(
     >>> found.ends[part : part + 2].round(3)
     array([535.279, 836.698])
     """
-    low, high = kernel_limits(limits)
+    low, high = length_limits(limits, "rod")
     a, b = np.broadcast_arrays(np.asarray(alpha, float), np.asarray(beta, float))
     sa, ca, sb, cb = np.sin(a), np.cos(a), np.sin(b), np.cos(b)
     R, r = geometry.R, geometry.r
@@ -239,7 +240,7 @@ def workspace(geometry: Geometry, limits: Sequence[float], samples: int = 400) -
     >>> round(found.volume / 1e6, 1)  # litres
     47.5
     """
-    low, high = kernel_limits(limits)
+    low, high = length_limits(limits, "rod")
     if not np.isfinite(high):
         raise RodgenError("limits are infinite; expected the greatest length of a rod")
     box = _tilts(geometry, (low, high))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rodgen.errors import RodgenError
+from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.spatial.links.mechanism import Mechanism, check_mechanism
 
@@ -173,16 +173,7 @@ def jacobian(mechanism: Mechanism, variables: ArrayLike) -> Any:
 def checked(mechanism: Mechanism, variables: ArrayLike) -> NDArray[Any]:
     """Return variables as an array of numbers (..., v), or say what is wrong with them."""
     check_mechanism(mechanism)
-    expected = len(mechanism.variables)
-    q = np.asarray(variables)
-    if q.dtype.kind not in "fiub":
-        raise TypeError(f"the variables are of the type {q.dtype}; expected real numbers")
-    q = q.astype(float, copy=False)
-    if not q.ndim or q.shape[-1] != expected:
-        raise RodgenError(
-            f"the variables have the shape {q.shape}; expected (..., {expected}), as many as the mechanism has"
-        )
-    return q
+    return real_array("the array of variables", variables, (len(mechanism.variables),))
 
 
 def _is_6r(mechanism: Mechanism) -> bool:

@@ -12,7 +12,13 @@ import numpy as np
 
 from rodgen.kinematics.angles import principal
 from rodgen.kinematics.spatial.pairs.eigenvalues import eigenvalues
-from rodgen.kinematics.spatial.pairs.solutions import ROUNDING, basis, regular_below
+from rodgen.kinematics.spatial.pairs.solutions import (
+    ROUNDING,
+    basis,
+    condition_number,
+    newton_step,
+    regular_below,
+)
 from rodgen.kinematics.spatial.pairs.status import PairStatus
 
 __all__ = ["complex_solutions"]
@@ -40,22 +46,12 @@ def complex_solutions(M: Any, loss: Any) -> tuple[Any, Any]:
     angles = np.stack([theta1, np.where(far, 0.0, theta2)], axis=-1)
     for _ in range(STEPS):
         value, J, _ = _at(M, angles)
-        det = J[..., 0, 0] * J[..., 1, 1] - J[..., 0, 1] * J[..., 1, 0]
-        det = np.where(det == 0, np.inf, det)
-        step = np.stack([
-            (J[..., 1, 1] * value[..., 0] - J[..., 0, 1] * value[..., 1]) / det,
-            (J[..., 0, 0] * value[..., 1] - J[..., 1, 0] * value[..., 0]) / det,
-        ], axis=-1)  # fmt: skip
+        step = newton_step(J, value, np.inf)
         length = np.abs(step).max(axis=-1, keepdims=True)
         angles = angles - step * np.minimum(1.0, 0.1 / np.maximum(length, 1e-300))
     value, J, size = _at(M, angles)
-    det = np.abs(J[..., 0, 0] * J[..., 1, 1] - J[..., 0, 1] * J[..., 1, 0])
-    size_1, size_2 = size[..., 0], size[..., 1]
     with np.errstate(all="ignore"):
-        condition = np.maximum(
-            np.abs(J[..., 1, 1]) * size_1 + np.abs(J[..., 0, 1]) * size_2,
-            np.abs(J[..., 1, 0]) * size_1 + np.abs(J[..., 0, 0]) * size_2,
-        ) / det  # fmt: skip
+        condition = condition_number(J, size)
         right = (np.abs(value) / size).max(axis=-1) <= 4 * ROUNDING * loss[:, None]
         regular = right & (condition <= regular_below(loss)[:, None])
     status = np.select([far, regular], [PairStatus.NONE, PairStatus.REGULAR], PairStatus.DOUBLE).astype(

@@ -25,7 +25,9 @@ __all__ = [
     "apart",
     "basis",
     "collected",
+    "condition_number",
     "consistent",
+    "newton_step",
     "on_lines",
     "polished",
     "regular_below",
@@ -135,13 +137,29 @@ def _quality(M: Any, angles: Any) -> tuple[Any, Any, Any]:
     """Return residual over S, condition number κ and determinant of equations (n, 2, 3, 3) at angles (n, 2)."""
     size = np.abs(M).sum(axis=(-2, -1))
     J = _derivatives(M, angles)
-    determinant = J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0]
-    first = np.abs(J[:, 1, 1]) * size[:, 0] + np.abs(J[:, 0, 1]) * size[:, 1]
-    second = np.abs(J[:, 1, 0]) * size[:, 0] + np.abs(J[:, 0, 0]) * size[:, 1]
-    above = np.maximum(first, second)
+    return _missed(M, angles), condition_number(J, size), _determinant(J)
+
+
+def _determinant(J: Any) -> Any:
+    return J[..., 0, 0] * J[..., 1, 1] - J[..., 0, 1] * J[..., 1, 0]
+
+
+def condition_number(J: Any, size: Any) -> Any:
+    """Return κ, the larger component of |J⁻¹| S, for derivatives (..., 2, 2) and sizes S (..., 2)."""
+    determinant = np.abs(_determinant(J))
+    first = np.abs(J[..., 1, 1]) * size[..., 0] + np.abs(J[..., 0, 1]) * size[..., 1]
+    second = np.abs(J[..., 1, 0]) * size[..., 0] + np.abs(J[..., 0, 0]) * size[..., 1]
     flat = determinant == 0
-    condition = np.where(flat, np.inf, above / np.where(flat, 1.0, np.abs(determinant)))
-    return _missed(M, angles), condition, determinant
+    return np.where(flat, np.inf, np.maximum(first, second) / np.where(flat, 1.0, determinant))
+
+
+def newton_step(J: Any, value: Any, singular: float) -> Any:
+    """Return J⁻¹ f for derivatives (..., 2, 2) and values (..., 2); `singular` replaces a determinant of zero."""
+    determinant = _determinant(J)
+    determinant = np.where(determinant == 0, singular, determinant)
+    first = J[..., 1, 1] * value[..., 0] - J[..., 0, 1] * value[..., 1]
+    second = J[..., 0, 0] * value[..., 1] - J[..., 1, 0] * value[..., 0]
+    return np.stack([first, second], axis=-1) / determinant[..., None]
 
 
 def _derivatives(M: Any, angles: Any) -> Any:
@@ -159,12 +177,7 @@ def _downhill(M: Any, angles: Any) -> Any:
     value = _values(M, angles)
     for _ in range(DOWNHILL):
         J = _derivatives(M, angles)
-        det = J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0]
-        det = np.where(det == 0, 1e-300, det)
-        step = np.stack([
-            J[:, 1, 1] * value[:, 0] - J[:, 0, 1] * value[:, 1],
-            J[:, 0, 0] * value[:, 1] - J[:, 1, 0] * value[:, 0],
-        ], axis=-1) / det[:, None]  # fmt: skip
+        step = newton_step(J, value, 1e-300)
         length = np.abs(step).max(axis=-1)
         step *= (longest / np.maximum(longest, length))[:, None]
         trial = angles - step

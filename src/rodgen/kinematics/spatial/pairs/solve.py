@@ -15,6 +15,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.spatial.pairs.certain import certain_solutions
 from rodgen.kinematics.spatial.pairs.common_factor import grid, with_common_factor
@@ -64,7 +65,7 @@ def pair_from_biquadratics(E: ArrayLike) -> Any:
     >>> np.degrees(pair.theta1[:4]).round(9), np.degrees(pair.theta2[:4]).round(9) + 0.0
     (array([-90., -90.,  90.,  90.]), array([  0., 180.,   0., 180.]))
     """
-    given = _coefficients(E, "E")
+    given = real_array("E", E, (2, 3, 3))
     back = np.linalg.inv(HALF)
     return np.einsum("jb,ia,...ba->...ij", back, back, given)
 
@@ -123,7 +124,7 @@ def solve_pair(
     """
     if method not in ("fast", "sylvester", "bezout"):
         raise ValueError(f"method is {method!r}; expected 'fast', 'sylvester' or 'bezout'")
-    given = _coefficients(M, "M")
+    given = real_array("M", M, (2, 3, 3))
     flat = given.reshape(-1, 2, 3, 3)
     one, two, loss = kernels.pair_prepared(flat[:, 0], flat[:, 1])
     angles = np.full((len(flat), SLOTS, 2), np.nan)
@@ -156,15 +157,6 @@ def _all_roots(one: Any, two: Any, loss: Any, rows: Any, shape: tuple[int, ...])
         if len(usual):
             angles[usual], status[usual] = complex_solutions(M[~common], loss[usual])
     return Pair(angles[..., 0].reshape(shape), angles[..., 1].reshape(shape), status.reshape(shape))
-
-
-def _coefficients(M: ArrayLike, name: str) -> Any:
-    given = np.asarray(M)
-    if np.iscomplexobj(given):
-        raise TypeError(f"{name} is complex; expected real numbers")
-    if given.shape[-3:] != (2, 3, 3):
-        raise ValueError(f"{name} has the shape {given.shape}; expected (..., 2, 3, 3)")
-    return given.astype(float)
 
 
 def _fast(one: Any, two: Any, loss: Any, rows: Any, exchanged: bool, angles: Any, status: Any) -> Any:

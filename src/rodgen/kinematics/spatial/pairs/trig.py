@@ -47,13 +47,14 @@ def solve_trig(
 
     Notes
     -----
-    Lecture notes "Robot Geometry" after Crane and Duffy, "Solve A c + B s + D = 0", by the angle of (A, B); proved in the
-    derivation ``trig_equation``. With g = √(1 - D²/r²) an angle is right to about 2/g rounding units: near g = 0, where
-    two angles meet, every method loses as much. DOUBLE is where g² is not above four rounding units.
+    Lecture notes "Robot Geometry" after Crane and Duffy, "Solve A c + B s + D = 0", by the angle of (A, B); derivation
+    ``trig_equation``. With g = √(1 - D²/r²) an angle is right to about 2/g rounding units: near g = 0, where two angles
+    meet, every method loses as much. DOUBLE is where g² is not above four rounding units.
 
     Examples
     --------
-    >>>     >>> from rodgen import spatial
+    >>> import numpy as np
+    >>> from rodgen import spatial
     >>> theta, status = spatial.solve_trig(1.0, 0.0, [0.0, -1.0, -2.0])
     >>> np.degrees(theta)
     array([[ 90., -90.],

@@ -1,0 +1,77 @@
+"""Polynomials of many rows at a time: sums, products, values, derivatives and roots."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Polynomials", "roots"]
+
+
+class Polynomials:
+    """Polynomials of n rows (or one for all rows), coefficients along the last axis, the constant first."""
+
+    def __init__(self, values: NDArray[Any]) -> None:
+        self.values = values
+
+    def __add__(self, other: Any) -> Polynomials:
+        a, b = self.values, other.values if isinstance(other, Polynomials) else np.full((1, 1), other)
+        size = max(a.shape[1], b.shape[1])
+        a, b = (np.pad(x, ((0, 0), (0, size - x.shape[1]))) for x in (a, b))
+        return Polynomials(a + b)
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Polynomials) -> Polynomials:
+        return self + other * -1.0
+
+    def __mul__(self, other: Any) -> Polynomials:
+        if not isinstance(other, Polynomials):
+            return Polynomials(self.values * other)
+        a, b = self.values, other.values
+        product = np.zeros((max(len(a), len(b)), a.shape[1] + b.shape[1] - 1), np.result_type(a, b))
+        for power in range(a.shape[1]):
+            product[:, power : power + b.shape[1]] += a[:, power, None] * b
+        return Polynomials(product)
+
+    __rmul__ = __mul__
+
+    def __call__(self, x: Any) -> Any:
+        """Return the values (n, m) at points (n, m)."""
+        made = np.zeros_like(x)
+        for coefficient in self.values.T[::-1]:
+            made = made * x + coefficient[:, None]
+        return made
+
+    def of(self, inner: Polynomials) -> Polynomials:
+        """Return the polynomials of which the variable is itself a polynomial."""
+        made = Polynomials(self.values[:, -1:])
+        for power in range(self.values.shape[1] - 2, -1, -1):
+            made = made * inner + Polynomials(self.values[:, power, None])
+        return made
+
+    def derivative(self) -> Polynomials:
+        """Return the derivatives."""
+        count = self.values.shape[1]
+        return Polynomials(
+            self.values[:, 1:] * np.arange(1, count) if count > 1 else np.zeros_like(self.values)
+        )
+
+
+def roots(coefficients: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Return all complex roots (n, m) of polynomials (n, m + 1), the constant first.
+
+    They are eigenvalues of companion matrices; a row whose leading coefficient is zero, or with one that is not finite,
+    has NaN.
+    """
+    degree = coefficients.shape[-1] - 1
+    with np.errstate(all="ignore"):
+        last = -coefficients[:, :-1] / coefficients[:, -1:]
+    good: Any = np.isfinite(last).all(axis=-1)
+    companion = np.zeros((len(coefficients), degree, degree))
+    companion[:, np.arange(1, degree), np.arange(degree - 1)] = 1.0
+    companion[:, :, -1] = np.where(good[:, None], last, 0.0)
+    found = np.linalg.eigvals(companion) if len(companion) else np.zeros((0, degree))
+    return np.where(good[:, None], found, np.nan + 0j)
