@@ -30,10 +30,10 @@ from scipy.stats import t as student
 
 from rodgen.errors import RodgenError
 from rodgen.kinematics.axis_fit import AxisFitStatus, fit_axis
-from rodgen.kinematics.axis_fit._moments import Moments, tangents
-from rodgen.kinematics.axis_fit._residual import residual, residual_and_jacobian
-from rodgen.kinematics.axis_fit._robust import LOSSES, chi_cut
-from rodgen.kinematics.axis_fit._sphere import maximise_on_sphere
+from rodgen.kinematics.axis_fit.moments import Moments, tangents
+from rodgen.kinematics.axis_fit.residual import residual, residual_and_jacobian
+from rodgen.kinematics.axis_fit.robust import LOSSES, chi_cut
+from rodgen.kinematics.axis_fit.sphere import maximise_on_sphere
 
 EPS = np.finfo(float).eps
 POSITIONER = Path(__file__).parents[2] / "shared/data/positioner/data.csv"

@@ -30,7 +30,7 @@ Attitudes are, by --from,
 
 
 def _form(text: str) -> str:
-    from rodgen.kinematics.instantaneous_euler._sequences import sequence_of
+    from rodgen.kinematics.instantaneous_euler.sequences import sequence_of
 
     if text not in ("quaternion", "matrix"):
         try:

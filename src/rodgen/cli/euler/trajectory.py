@@ -43,7 +43,7 @@ def add_to(command: Command) -> None:
 
 def _sequences(text: str) -> tuple[str, ...]:
     from rodgen.errors import UnexpectedError
-    from rodgen.kinematics.instantaneous_euler._sequences import sequence_of
+    from rodgen.kinematics.instantaneous_euler.sequences import sequence_of
 
     names = tuple(text.split(","))
     for name in names:

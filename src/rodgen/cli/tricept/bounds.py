@@ -202,7 +202,7 @@ def _write_bounds(path: str, found: Any, unit: str) -> None:
 
 
 def _influence(options: argparse.Namespace, geometry: Any, limits: Any, box: Any, unit: str) -> int:
-    from rodgen.kinematics.tricept._influence import search_angles
+    from rodgen.kinematics.tricept.influence import search_angles
 
     if options.plot:
         from rodgen.output import figures

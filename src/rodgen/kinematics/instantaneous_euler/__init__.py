@@ -45,8 +45,8 @@ from rodgen.kinematics.instantaneous_euler._rotations import (
     choose,
     rotations,
 )
-from rodgen.kinematics.instantaneous_euler._sequences import SEQUENCES
 from rodgen.kinematics.instantaneous_euler._trajectory import PathStatus, Trajectory, trajectory
+from rodgen.kinematics.instantaneous_euler.sequences import SEQUENCES
 
 __all__ = [
     "SEQUENCES",

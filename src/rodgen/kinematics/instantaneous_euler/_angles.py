@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.broadcasting import call
-from rodgen.kinematics.instantaneous_euler._sequences import sequence_of
+from rodgen.kinematics.instantaneous_euler.sequences import sequence_of
 
 __all__ = ["angles_from_euler", "angles_from_matrix", "angles_from_quaternion"]
 

@@ -11,7 +11,7 @@ from rodgen.generated.numpy.instantaneous_euler_motion import MotionStatus
 from rodgen.generated.numpy.rotations import RotationStatus
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.broadcasting import call
-from rodgen.kinematics.instantaneous_euler._sequences import sequence_of
+from rodgen.kinematics.instantaneous_euler.sequences import sequence_of
 
 __all__ = [
     "Rates",

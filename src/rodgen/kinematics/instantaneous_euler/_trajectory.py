@@ -20,7 +20,7 @@ from rodgen.generated.numpy.instantaneous_euler_motion import MotionStatus
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.instantaneous_euler._angles import angles_from_quaternion
 from rodgen.kinematics.instantaneous_euler._rates import euler_from_quaternion
-from rodgen.kinematics.instantaneous_euler._sequences import Sequence, sequence_of
+from rodgen.kinematics.instantaneous_euler.sequences import Sequence, sequence_of
 
 __all__ = ["PathStatus", "Trajectory", "trajectory"]
 

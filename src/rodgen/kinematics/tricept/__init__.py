@@ -18,7 +18,6 @@ from rodgen.kinematics.tricept._covariance import check_covariance, covariance, 
 from rodgen.kinematics.tricept._cube import Cube, largest_cube
 from rodgen.kinematics.tricept._direct import direct_all
 from rodgen.kinematics.tricept._geometry import LEG_LIMITS, PAPER, Geometry
-from rodgen.kinematics.tricept._influence import Influence, influence_map
 from rodgen.kinematics.tricept._kinematics import direct, inverse, legs, point, pose, rotation
 from rodgen.kinematics.tricept._matrices import (
     Matrices,
@@ -52,6 +51,7 @@ from rodgen.kinematics.tricept._workspace import (
     workspace,
     workspace_slice,
 )
+from rodgen.kinematics.tricept.influence import Influence, influence_map
 
 __all__ = [
     "ANGLES",

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
-from rodgen.kinematics.tricept._branch import Extremes, certified_extremes, lattice
 from rodgen.kinematics.tricept._covariance import check_covariance
-from rodgen.kinematics.tricept._enclosure import enclose
 from rodgen.kinematics.tricept._geometry import Geometry
-from rodgen.kinematics.tricept._interval import Jet, stack
 from rodgen.kinematics.tricept._kinematics import behind
+from rodgen.kinematics.tricept.branch_and_bound import Extremes, certified_extremes, lattice
+from rodgen.kinematics.tricept.enclosure import enclose
+from rodgen.kinematics.tricept.interval import Jet, stack
 
 __all__ = ["ELEMENTS", "Bounds", "bounds", "rod_bounds"]
 

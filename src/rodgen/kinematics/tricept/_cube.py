@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from rodgen.errors import RodgenError
 from rodgen.kinematics.dimensions import length_limits
 from rodgen.kinematics.tricept._bounds import rod_bounds
-from rodgen.kinematics.tricept._branch import Extremes
 from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept._kinematics import inverse
+from rodgen.kinematics.tricept.branch_and_bound import Extremes
 
 __all__ = ["Cube", "largest_cube"]
 

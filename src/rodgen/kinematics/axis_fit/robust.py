@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.kinematics.axis_fit._moments import Moments
-from rodgen.kinematics.axis_fit._residual import residual
-from rodgen.kinematics.axis_fit._sphere import global_maximum
+from rodgen.kinematics.axis_fit.moments import Moments
+from rodgen.kinematics.axis_fit.residual import residual
+from rodgen.kinematics.axis_fit.sphere import global_maximum
 from rodgen.statistics.chi_distribution import chi3_quantile, chi_share
 
 __all__ = [

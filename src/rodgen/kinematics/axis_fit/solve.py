@@ -1,8 +1,8 @@
 """The axis and point of least weighted squares, or of least robust loss, and the other local optimum.
 
-The solution is the global minimum in closed form (:mod:`._moments`, :mod:`._sphere`); a
+The solution is the global minimum in closed form (:mod:`.moments`, :mod:`.sphere`); a
 robust loss repeats it with reduced weights from a start that gross errors cannot move
-(:mod:`._robust`); Newton steps on the residuals themselves remove what rounding of the
+(:mod:`.robust`); Newton steps on the residuals themselves remove what rounding of the
 sums has left: the sums lose the square of the condition number, the residuals only its first power.
 """
 
@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.errors import RodgenError
-from rodgen.kinematics.axis_fit._moments import Moments, tangents
-from rodgen.kinematics.axis_fit._pairs import Pairs
-from rodgen.kinematics.axis_fit._residual import residual, residual_gradient
-from rodgen.kinematics.axis_fit._robust import Loss, robust_start, trimmed_variance
-from rodgen.kinematics.axis_fit._sphere import global_maximum, maximise_on_sphere
+from rodgen.kinematics.axis_fit.moments import Moments, tangents
+from rodgen.kinematics.axis_fit.pairs import Pairs
+from rodgen.kinematics.axis_fit.residual import residual, residual_gradient
+from rodgen.kinematics.axis_fit.robust import Loss, robust_start, trimmed_variance
+from rodgen.kinematics.axis_fit.sphere import global_maximum, maximise_on_sphere
 
 __all__ = ["MOST_REWEIGHTINGS", "Line", "Solution", "half_squares", "solve"]
 

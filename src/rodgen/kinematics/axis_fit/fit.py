@@ -3,8 +3,8 @@
     minimise  Σ w |ρ′ - p - R(e, χ)(ρ - p)|²  over  |e| = 1 and p
 
 Isotropic noise σ² on every coordinate of ρ and of ρ′ makes this the maximum-likelihood estimate exactly: the
-residual has covariance 2σ² I whatever the rotation. The optimum is :mod:`._solve`'s, the
-uncertainty :mod:`._covariance`'s; :mod:`._determinacy` says what the pairs leave undetermined.
+residual has covariance 2σ² I whatever the rotation. The optimum is :mod:`.solve`'s, the
+uncertainty :mod:`.covariance`'s; :mod:`.determinacy` says what the pairs leave undetermined.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
-from rodgen.kinematics.axis_fit._covariance import (
+from rodgen.kinematics.axis_fit.covariance import (
     condition_number,
     information_of,
     joint_covariance,
     parameter_covariance,
 )
-from rodgen.kinematics.axis_fit._determinacy import (
+from rodgen.kinematics.axis_fit.determinacy import (
     PairFacts,
     axis_information,
     choose,
@@ -31,14 +31,14 @@ from rodgen.kinematics.axis_fit._determinacy import (
     sentences,
     status_of,
 )
-from rodgen.kinematics.axis_fit._moments import tangents
-from rodgen.kinematics.axis_fit._noise import Noise
-from rodgen.kinematics.axis_fit._pairs import Pairs
-from rodgen.kinematics.axis_fit._remarks import remarks_on
-from rodgen.kinematics.axis_fit._residual import residual
-from rodgen.kinematics.axis_fit._result import AxisFit, AxisFitStatus
-from rodgen.kinematics.axis_fit._robust import LOSSES, Loss
-from rodgen.kinematics.axis_fit._solve import Solution, half_squares, solve
+from rodgen.kinematics.axis_fit.moments import tangents
+from rodgen.kinematics.axis_fit.noise import Noise
+from rodgen.kinematics.axis_fit.pairs import Pairs
+from rodgen.kinematics.axis_fit.remarks import remarks_on
+from rodgen.kinematics.axis_fit.residual import residual
+from rodgen.kinematics.axis_fit.result import AxisFit, AxisFitStatus
+from rodgen.kinematics.axis_fit.robust import LOSSES, Loss
+from rodgen.kinematics.axis_fit.solve import Solution, half_squares, solve
 
 __all__ = ["fit_axis"]
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.kinematics.axis_fit._pairs import Pairs
-from rodgen.kinematics.axis_fit._robust import Loss, chi_cut, median_variance, trimmed_variance
+from rodgen.kinematics.axis_fit.pairs import Pairs
+from rodgen.kinematics.axis_fit.robust import Loss, chi_cut, median_variance, trimmed_variance
 
 __all__ = ["Noise"]
 

@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.kinematics.tricept._interval import Jet, outward
+from rodgen.kinematics.tricept.interval import Jet, outward
 
 __all__ = ["Extremes", "Functions", "certified_extremes", "lattice"]
 

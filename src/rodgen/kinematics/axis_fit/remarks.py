@@ -7,14 +7,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.kinematics.axis_fit._contradiction import contradiction
-from rodgen.kinematics.axis_fit._moments import Moments
-from rodgen.kinematics.axis_fit._noise import Noise
-from rodgen.kinematics.axis_fit._pairs import Pairs
-from rodgen.kinematics.axis_fit._residual import residual
-from rodgen.kinematics.axis_fit._robust import Loss
-from rodgen.kinematics.axis_fit._solve import MOST_REWEIGHTINGS, Line, Solution, half_squares
-from rodgen.kinematics.axis_fit._sphere import global_maximum
+from rodgen.kinematics.axis_fit.contradiction import contradiction
+from rodgen.kinematics.axis_fit.moments import Moments
+from rodgen.kinematics.axis_fit.noise import Noise
+from rodgen.kinematics.axis_fit.pairs import Pairs
+from rodgen.kinematics.axis_fit.residual import residual
+from rodgen.kinematics.axis_fit.robust import Loss
+from rodgen.kinematics.axis_fit.solve import MOST_REWEIGHTINGS, Line, Solution, half_squares
+from rodgen.kinematics.axis_fit.sphere import global_maximum
 
 __all__ = ["remarks_on"]
 

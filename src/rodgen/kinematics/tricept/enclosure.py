@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.kinematics.tricept._geometry import Geometry
-from rodgen.kinematics.tricept._interval import Jet, cross, dot, matmul, stack
+from rodgen.kinematics.tricept.interval import Jet, cross, dot, matmul, stack
 
 __all__ = ["Enclosed", "enclose"]
 

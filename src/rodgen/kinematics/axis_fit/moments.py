@@ -14,7 +14,7 @@ and putting it back leaves a quadratic in e again:
     A′ = A - (M Mᵀ + S Sᵀ)/(2D),    b′ = b + (S × M)/D.
 
 So the maximum-likelihood axis is the maximum of a quadratic on the sphere in both cases, with nothing to
-iterate and no local minimum to fall into (:mod:`._sphere`); ``derivation/axis_fit.py`` proves it.
+iterate and no local minimum to fall into (:mod:`.sphere`); ``derivation/axis_fit.py`` proves it.
 The sums are taken about the centre that makes M vanish: then A′ and b′ do not suffer from points far from
 the origin.
 """
@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.kinematics.axis_fit._vectors import cross, dot, skew
+from rodgen.kinematics.axis_fit.vectors import cross, dot, skew
 
 __all__ = ["Moments", "tangents"]
 

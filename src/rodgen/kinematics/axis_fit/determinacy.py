@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.kinematics.axis_fit._pairs import ZERO_TURN, Pairs
-from rodgen.kinematics.axis_fit._residual import residual
-from rodgen.kinematics.axis_fit._result import AxisFitStatus
-from rodgen.kinematics.axis_fit._solve import Line, Solution, half_squares
+from rodgen.kinematics.axis_fit.pairs import ZERO_TURN, Pairs
+from rodgen.kinematics.axis_fit.residual import residual
+from rodgen.kinematics.axis_fit.result import AxisFitStatus
+from rodgen.kinematics.axis_fit.solve import Line, Solution, half_squares
 
 __all__ = [
     "Freedoms",

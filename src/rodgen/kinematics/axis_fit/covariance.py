@@ -20,11 +20,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.kinematics.axis_fit._moments import Moments
-from rodgen.kinematics.axis_fit._noise import Noise
-from rodgen.kinematics.axis_fit._pairs import Pairs
-from rodgen.kinematics.axis_fit._robust import Loss
-from rodgen.kinematics.axis_fit._solve import Line
+from rodgen.kinematics.axis_fit.moments import Moments
+from rodgen.kinematics.axis_fit.noise import Noise
+from rodgen.kinematics.axis_fit.pairs import Pairs
+from rodgen.kinematics.axis_fit.robust import Loss
+from rodgen.kinematics.axis_fit.solve import Line
 
 __all__ = ["condition_number", "information_of", "joint_covariance", "parameter_covariance"]
 

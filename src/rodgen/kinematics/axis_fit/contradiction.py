@@ -14,12 +14,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.kinematics.axis_fit._moments import Moments, tangents
-from rodgen.kinematics.axis_fit._noise import Noise
-from rodgen.kinematics.axis_fit._pairs import Pairs
-from rodgen.kinematics.axis_fit._robust import Loss, best_agreement, chi_cut
-from rodgen.kinematics.axis_fit._solve import Line, half_squares
-from rodgen.kinematics.axis_fit._sphere import global_maximum
+from rodgen.kinematics.axis_fit.moments import Moments, tangents
+from rodgen.kinematics.axis_fit.noise import Noise
+from rodgen.kinematics.axis_fit.pairs import Pairs
+from rodgen.kinematics.axis_fit.robust import Loss, best_agreement, chi_cut
+from rodgen.kinematics.axis_fit.solve import Line, half_squares
+from rodgen.kinematics.axis_fit.sphere import global_maximum
 
 __all__ = ["contradiction"]
 
