@@ -1,4 +1,4 @@
-"""Spatial mechanisms after Crane and Duffy: rotations, links, loops, and their forward and reverse analysis.
+"""Spatial mechanisms after Crane and Duffy: links, loops, robots, and their forward and reverse analysis.
 
 A :class:`Mechanism` is a row of joints with the links between them: an open chain or a closed loop. Functions take
 arrays of any shape, with the components along the last axes; lengths are in one unit, angles in rad.

@@ -1,4 +1,4 @@
-"""Solutions of an arm's two equations, and the branches that each of them has.
+"""Joint angles of an arm from its two equations: solutions of the pair, and the branches of each.
 
 Where one of the equations holds one angle only (an arm of Pieper whose first axes meet), it is solved by itself; the
 pair would have a double root for each of its roots. All other rows go to :func:`solve_pair`.
@@ -20,11 +20,11 @@ from rodgen.kinematics.spatial.pairs.solve import PairStatus, solve_pair
 __all__ = ["solved"]
 
 ABSENT = 1e-14
-"""An angle whose coefficients are below this, relative to the equation, is not in it."""
+"""An equation does not depend on an angle whose coefficients, relative to the others, are below this."""
 
 
 def solved(way: Way, arm: Arm, T: Any) -> tuple[Any, Any, Any]:
-    """Find all candidates for poses (n, 4, 4): angles (n, m, 6), statuses (n, m), and whether one may be missing (n).
+    """Return all candidates for poses (n, 4, 4): angles (n, m, 6), statuses (n, m), and whether one may be missing (n).
 
     The angles are those of the mechanism that the arm was made of.
     """
@@ -45,7 +45,7 @@ def solved(way: Way, arm: Arm, T: Any) -> tuple[Any, Any, Any]:
 
 
 def _pairs(M: Any) -> tuple[Any, Any, Any]:
-    """Solve pairs (n, 2, 3, 3): angles (n, 8) and (n, 8), and statuses as of :class:`PairStatus`."""
+    """Return solutions of pairs (n, 2, 3, 3): angles (n, 8) and (n, 8), and statuses as of :class:`PairStatus`."""
     n = len(M)
     size = np.abs(M).max(axis=(-2, -1), keepdims=True)
     M = M / np.where(size > 0, size, 1.0)
@@ -73,7 +73,7 @@ def _pairs(M: Any) -> tuple[Any, Any, Any]:
 
 
 def _one_by_one(first: Any, second: Any) -> tuple[Any, Any, Any]:
-    """Solve an equation (n, 3) in one angle, and then the other (n, 3, 3) in the other angle."""
+    """Return solutions of an equation (n, 3) in one angle, and then the other (n, 3, 3) in the other angle."""
     theta, there, double, free = _roots(first)
     u = np.stack([np.ones_like(theta), np.cos(theta), np.sin(theta)], axis=-1)
     other, also, double_2, free_2 = _roots(np.einsum("nki,nij->nkj", u, second))
@@ -85,7 +85,10 @@ def _one_by_one(first: Any, second: Any) -> tuple[Any, Any, Any]:
 
 
 def _roots(u: Any) -> tuple[Any, Any, Any, Any]:
-    """Angles with u · (1, cos, sin) = 0 for u (..., 3) of size one: (..., 2), each with there, double and free."""
+    """Return the angles (..., 2) with u · (1, cos, sin) = 0, and whether each exists, is double, is free.
+
+    `u` (..., 3) is of size one.
+    """
     D, A, B = u[..., 0], u[..., 1], u[..., 2]
     r = np.hypot(A, B)
     room = r - np.abs(D)

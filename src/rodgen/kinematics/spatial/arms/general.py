@@ -1,4 +1,4 @@
-"""Arms without special geometry, handed to ssik: Raghavan and Roth's 16 solutions of any six revolute joints.
+"""Arms without special geometry, solved by ssik: Raghavan and Roth's 16 solutions of any six revolute joints.
 
 ssik is an optional dependency (``pip install 'rodgen[ik]'``). The first pose of an arm costs it up to a minute and a
 half of preparation, which it keeps on disk; each further pose costs milliseconds.
@@ -24,9 +24,9 @@ SLOTS = 16
 
 @lru_cache(maxsize=16)
 def general(mechanism: Mechanism) -> Callable[[Any], tuple[Any, Any, Any]]:
-    """Prepare an arm; the function returned takes poses (n, 4, 4).
+    """Return the function that solves an arm for poses (n, 4, 4).
 
-    It gives candidates: angles (n, 16, 6), statuses (n, 16), and whether one may be missing (n).
+    It returns candidates: angles (n, 16, 6), statuses (n, 16), and whether one may be missing (n).
 
     Raises
     ------

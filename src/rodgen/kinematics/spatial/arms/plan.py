@@ -1,4 +1,4 @@
-"""The way to the joint angles that the geometry of an arm with six revolute joints offers.
+"""The method that solves an arm with six revolute joints, chosen by its geometry.
 
 An arm has a closed form, or a pair of equations in two angles, when three axes that follow each other meet in one
 point or are parallel. Where that is at the far end, the chain is read from its end: the transforms are inverted, the
@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """A chain of six revolute joints as the solvers take it, and how to get from it to the given one.
+    """A chain of six revolute joints in the form of the solvers, and the conversion from and to the given one.
 
     Links a (5) and offsets (6) as in a mechanism; cosine and sine (5) of the twists are exact at right angles. Parallel
     axes point the same way. The angles of the given chain are ``sign * angles[order]``.
@@ -57,7 +57,7 @@ class Arm:
         return float(np.abs(self.a).sum() + np.abs(self.offset).sum())
 
     def pose(self, T: Any) -> Any:
-        """Bring poses (..., 4, 4) of the given chain to those of this one."""
+        """Return the poses of this chain for poses (..., 4, 4) of the given one."""
         if self.unit != 1:
             T = T.copy()
             T[..., :3, 3] *= self.unit
@@ -71,7 +71,7 @@ class Arm:
         return T * np.array([1.0, -1.0, -1.0, 1.0]) if self.turned else T
 
     def angles(self, q: Any) -> Any:
-        """Bring angles (..., 6) of this chain to those of the given one."""
+        """Return the angles of the given chain for angles (..., 6) of this one."""
         if not self.backwards and (self.sign > 0).all():
             return q
         found = (q * self.sign)[..., self.order]
@@ -105,7 +105,7 @@ class Plan:
 
     @property
     def slots(self) -> int:
-        """How many solutions there may be."""
+        """The largest number of solutions."""
         return 8 if self.way in ("wrist", "parallel", "meet 456") else 16
 
     @property
@@ -138,7 +138,7 @@ def _in_order(words: str) -> str:
 
 
 def plan(mechanism: Mechanism) -> Plan:
-    """Choose the way; see :class:`Plan`.
+    """Return the method that solves a mechanism.
 
     Raises
     ------
@@ -216,7 +216,7 @@ def _arms(mechanism: Mechanism) -> Iterator[Arm]:
 
 
 def _aligned(a: Array, alpha: Array, offset: Array, unit: float, *, backwards: bool) -> Arm:
-    """Let parallel axes point the same way: Rx(π) Tz(S) Rz(θ) = Tz(-S) Rz(-θ) Rx(π), and so on."""
+    """Return the arm with parallel axes pointing the same way: Rx(π) Tz(S) Rz(θ) = Tz(-S) Rz(-θ) Rx(π), and so on."""
     cosine, sine = np.cos(alpha), np.sin(alpha)
     sign, offset = np.ones(6), offset.copy()
     turned = 1.0

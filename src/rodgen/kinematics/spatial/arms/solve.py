@@ -30,16 +30,16 @@ CLOSES = 1e-11
 and near solutions that meet 1e-13."""
 SETTLED = 1e-14
 TRIES = 72
-"""First angles that are tried where it is free."""
+"""First angles to try where the first angle is free."""
 
 
 class Reverse(NamedTuple):
-    """Joint angles of every solution, and what each slot holds.
+    """Joint angles of every solution, with the status of each slot.
 
     Attributes
     ----------
     solutions : array (..., N, 6)
-        Angles in rad, in (-π, π]; those there are come first. NaN where there is none. N is 8 or 16.
+        Angles in rad, in (-π, π]; solutions come first. NaN in empty slots. N is 8 or 16.
     status : array (..., N) of int8
         Codes of :class:`ReverseStatus`.
     """
@@ -80,7 +80,7 @@ def solve_arm(mechanism: Mechanism, pose: Any) -> Reverse:
 
 
 def _closed(mechanism: Mechanism, chosen: Plan, pose: Any) -> Reverse:
-    """Solve by a kernel; what lies near a degenerate pose is put back into the forward analysis and polished."""
+    """Return the solutions of a kernel; those near a degenerate pose are checked by forward analysis and polished."""
     found, status = _by_kernel(chosen, pose)
     flat, codes = found.reshape(-1, 8, 6), status.reshape(-1, 8)
     poses = pose.reshape(-1, 4, 4)
@@ -106,7 +106,7 @@ def _by_kernel(chosen: Plan, pose: Any) -> tuple[Any, Any]:
 
 
 def _free_first_angle(chosen: Plan, pose: Any, found: Any, status: Any) -> None:
-    """Try other first angles where any is possible, but zero leaves no solution, with the three parallel axes.
+    """Try other first angles where any is possible but zero has no solution, for arms with three parallel axes.
 
     The point where axes 5 and 6 meet lies on the first axis then; the pose turned about that axis is such a pose, too.
     """
@@ -135,7 +135,7 @@ def _free_first_angle(chosen: Plan, pose: Any, found: Any, status: Any) -> None:
 def _proved(
     mechanism: Mechanism, T: Any, angles: Any, status: Any, missing: Any, *, slots: int
 ) -> tuple[Any, Any]:
-    """Polish candidates (n, m, 6), keep those that meet the pose, and put them first: (n, slots, 6), (n, slots)."""
+    """Return polished candidates that meet the pose, first in (n, slots, 6), and their statuses (n, slots)."""
     n, m, _ = angles.shape
     there = status <= ReverseStatus.FAMILY
     row, column = np.nonzero(there)
@@ -154,7 +154,7 @@ def _proved(
 
 
 def _polished(mechanism: Mechanism, T: Any, q: Any, steps: int = 3) -> tuple[Any, Any]:
-    """Take Newton steps while they help: angles (k, 6) and how far their poses are off, relative."""
+    """Return angles (k, 6) after Newton steps, and the relative errors of their poses."""
     reach = np.abs(mechanism.a).sum() + np.abs(mechanism.offset).sum() or 1.0
     q = principal(q)
     off, error = _off(forward(mechanism, q), T, reach)

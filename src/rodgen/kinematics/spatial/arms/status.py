@@ -1,4 +1,4 @@
-"""What each slot of a reverse analysis holds."""
+"""The status of each slot in the solutions of a reverse analysis."""
 
 from enum import IntEnum
 from typing import Any
@@ -9,13 +9,13 @@ __all__ = ["ReverseStatus", "there_first"]
 
 
 class ReverseStatus(IntEnum):
-    """What one slot of the solutions of a reverse analysis is.
+    """The status of one slot in the solutions of a reverse analysis.
 
     REGULAR: a solution that stands alone.
     DOUBLE: two solutions meet here.
     FAMILY: the representative of a one-parameter family of solutions.
     NONE: there is no solution in this slot; the value is NaN.
-    INCOMPLETE: there is none here, but one may be missing; the value is NaN.
+    INCOMPLETE: this slot is empty, but a solution may be missing; the value is NaN.
     INVALID: an input is not finite or no pose; the value is NaN.
     """
 
@@ -28,6 +28,6 @@ class ReverseStatus(IntEnum):
 
 
 def there_first(values: Any, status: Any) -> tuple[Any, Any]:
-    """Put the slots that hold a solution first, in their order: values (n, m, v) and statuses (n, m)."""
+    """Return slots that hold a solution first, in their order: values (n, m, v) and statuses (n, m)."""
     order = np.argsort(status >= ReverseStatus.NONE, axis=-1, kind="stable")
     return np.take_along_axis(values, order[..., None], axis=1), np.take_along_axis(status, order, axis=1)

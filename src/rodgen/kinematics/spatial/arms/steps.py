@@ -1,4 +1,4 @@
-"""What the ways to the joint angles share: a wrist, a triangle in a plane, and rotations of arrays."""
+"""Steps that several arms share: a wrist, a triangle in a plane, and rotations of vectors."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ EPS = float(np.finfo(float).eps)
 MEETING = 64 * EPS
 """Solutions meet within this, relative to what an equation is made of: the rounding of some thirty operations."""
 FREE = 4096 * EPS
-"""A direction is none below this: a pose that is written with 12 digits is that exact."""
+"""A vector shorter than this, relative to all lengths, has no direction: poses with 12 digits are that exact."""
 
 
 class Branch(NamedTuple):
@@ -27,32 +27,32 @@ class Branch(NamedTuple):
 
 
 def about_x(c: Any, s: Any, v: Any) -> Any:
-    """Rotate vectors (..., 3) about x."""
+    """Return vectors (..., 3) rotated about x."""
     x, y, z = v[..., 0], v[..., 1], v[..., 2]
     return np.stack([x, c * y - s * z, s * y + c * z], axis=-1)
 
 
 def back_x(c: Any, s: Any, v: Any) -> Any:
-    """Rotate vectors (..., 3) about x, the other way."""
+    """Return vectors (..., 3) rotated about x by the opposite angle."""
     return about_x(c, -s, v)
 
 
 def about_z(theta: Any, v: Any) -> Any:
-    """Rotate vectors (..., 3) about z by angles (...)."""
+    """Return vectors (..., 3) rotated about z by angles (...)."""
     c, s = np.cos(theta), np.sin(theta)
     x, y, z = v[..., 0], v[..., 1], v[..., 2]
     return np.stack([c * x - s * y, s * x + c * y, np.broadcast_to(z, np.shape(c * x))], axis=-1)
 
 
 def back_z(theta: Any, v: Any) -> Any:
-    """Rotate vectors (..., 3) about z by angles (...), the other way."""
+    """Return vectors (..., 3) rotated about z by the opposite angles."""
     return about_z(-np.asarray(theta), v)
 
 
 def wrist(N: Any, cosine: Any, sine: Any) -> Branch:
-    """Angles of three axes that meet: N = Rz(first) Rx(alpha) Rz(middle) Rx(beta) Rz(last); derivation robots_6r.
+    """Return the angles of three axes that meet: N = Rz(first) Rx(alpha) Rz(middle) Rx(beta) Rz(last).
 
-    `N` is (..., 3, 3), `cosine` and `sine` of alpha and beta (2). The angles are (..., 2, 3).
+    Derivation ``robots_6r``. `N` is (..., 3, 3), `cosine` and `sine` of alpha and beta (2). The angles are (..., 2, 3).
     """
     (ca, cb), (sa, sb) = cosine, sine
     h = np.hypot(N[..., 0, 2], N[..., 1, 2])
@@ -81,7 +81,7 @@ def wrist(N: Any, cosine: Any, sine: Any) -> Branch:
 
 
 def triangle(end: Any, upper: float, forearm: float, spare: Any) -> Branch:
-    """Both angles of two links in a plane that reach `end` (..., 2); `spare` is the size of all lengths."""
+    """Return both angles of two links in a plane that reach `end` (..., 2); `spare` is the size of all lengths."""
     square = np.square(end).sum(axis=-1)
     size = 2 * upper * forearm
     cosine = (square - upper**2 - forearm**2) / size

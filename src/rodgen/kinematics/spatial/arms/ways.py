@@ -1,4 +1,4 @@
-"""Arms without a closed form: two equations in two angles, each linear in their cosines and sines, and what follows.
+"""Arms without a closed form: two equations, linear in cosine and sine of two angles, and the other angles.
 
 Three axes that meet or are parallel leave two scalar products of the vector loop that do not change when the chain
 turns about these three axes and about one more. They hold two angles; the pair has up to eight solutions (four where
@@ -58,12 +58,12 @@ def _back(R: Any, v: Any) -> Any:
 
 
 def _twice(*angles: Any) -> list[Any]:
-    """Angles for both branches."""
+    """Return angles for both branches."""
     return [np.repeat(angle[..., None], 2, axis=-1) for angle in angles]
 
 
 def _outer(R: Any, steps: Any) -> Any:
-    """Rotate each column of a matrix: steps are functions of a vector, the first one first."""
+    """Return a matrix with each column rotated: steps are functions of a vector, the first one first."""
     columns = []
     for k in range(3):
         v = R[..., :, k]
@@ -164,7 +164,7 @@ def _from_parallel_123(arm: Arm, R: Any, P: Any, five: Any, six: Any) -> Branch:
     four = np.arctan2(s34 * seen[..., 0], s34 * seen[..., 1])
 
     def outwards(v: Any, c: float, s: float, theta: Any, length: float, offset: float) -> Any:
-        """Bring a point of one link into the frame of the next."""
+        """Return a point of one link in the frame of the next."""
         found = back_x(c, s, v - length * X)
         return back_z(theta, found - offset * Z)
 

@@ -1,6 +1,6 @@
-"""From the axes of joints in space to links on their common perpendiculars.
+"""Links on the common perpendiculars of the axes of joints.
 
-Problem: joints are given as lines in space; which links and joints of Crane and Duffy's convention have these axes? Two
+Joints are given as lines in space, links are wanted in Crane and Duffy's convention. Two
 axes that are neither parallel nor meet have one common perpendicular. Where they meet, it is the direction across both
 that counts; where they are parallel, it may stand anywhere, and where they are one, it may have any direction, too.
 """
@@ -22,8 +22,8 @@ times the distance over that sine; to take the axes for parallel is off by dista
 alike."""
 
 MEETING = 64 * np.finfo(float).eps
-"""Distance between axes, or along one, relative to the size of the chain, that is none: what computing it may have
-lost."""
+"""Distance between axes, or along one, relative to the size of the chain, that counts as zero: the rounding of its
+computation."""
 
 FAR = 100.0
 """Height of a foot, relative to the size of the chain, beyond which nothing else is put there: where axes that are
@@ -43,7 +43,7 @@ class Links(NamedTuple):
 def links_from_axes(
     kinds: Sequence[str], directions: NDArray[Any], points: NDArray[Any], tolerance: float = PARALLEL
 ) -> Links:
-    """Put links on the common perpendiculars of axes.
+    """Return the links on the common perpendiculars of axes.
 
     Parameters
     ----------

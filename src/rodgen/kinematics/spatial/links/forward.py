@@ -1,6 +1,6 @@
-"""Forward analysis: from the variables of a mechanism to its systems, its end frame, and the Jacobian.
+"""Forward analysis: systems, end frame and Jacobian of a mechanism from its variables.
 
-Problem: the chain of the transforms Tx(a) Rx(alpha) Tz(S) Rz(theta), one for each link and joint. Six revolute joints
+The pose is a product of transforms Tx(a) Rx(alpha) Tz(S) Rz(theta), one for each link and joint. Six revolute joints
 have kernels of their own; every other chain is one step of one kernel after the other.
 """
 
@@ -56,7 +56,7 @@ def link_transform(a: ArrayLike, alpha: ArrayLike, offset: ArrayLike, angle: Arr
 
 
 def forward(mechanism: Mechanism, variables: ArrayLike) -> Any:
-    """Return the end frame of an open chain, or what a closed loop is off by.
+    """Return the end frame of an open chain, or the closure error of a closed loop.
 
     Parameters
     ----------
@@ -171,7 +171,13 @@ def jacobian(mechanism: Mechanism, variables: ArrayLike) -> Any:
 
 
 def checked(mechanism: Mechanism, variables: ArrayLike) -> NDArray[Any]:
-    """Return variables as an array of numbers (..., v), or say what is wrong with them."""
+    """Return variables as an array of numbers (..., v).
+
+    Raises
+    ------
+    TypeError, RodgenError
+        When they are no real numbers, or another number of them.
+    """
     check_mechanism(mechanism)
     return real_array("the array of variables", variables, (len(mechanism.variables),))
 

@@ -1,6 +1,6 @@
-"""Close a robot into a loop with a hypothetical link.
+"""The hypothetical link that closes a robot into a loop.
 
-Problem: the end frame of a robot is given, S6, a67 and its origin P. A seventh joint and two links bring the chain back
+The end frame of a robot is given, S6, a67 and its origin P. A seventh joint and two links bring the chain back
 to the fixed frame; what are S7, theta7, a71, alpha71, S1 and gamma1? Where S7 and S1 are not parallel, a71 is along
 S7 × S1 and P + S7 S7 + a71 a71 + S1 S1 = 0 is solved by triple products. Where they are (special case 1) S7 = 0, and
 where they are on one line (special case 2) theta7 = 0, too.
@@ -24,7 +24,7 @@ __all__ = ["HypotheticalLink", "HypotheticalStatus", "close_loop"]
 
 
 class HypotheticalLink(NamedTuple):
-    """What closes a robot into a loop, of :func:`close_loop`; every field has the shape of the poses."""
+    """Links and joint that close a robot into a loop, of :func:`close_loop`; every field has the shape of the poses."""
 
     S7: Any
     theta7: Any
@@ -90,7 +90,7 @@ def close_loop(
     *,
     tolerance: float = 1e-8,
 ) -> HypotheticalLink:
-    """Close a robot into a loop with a hypothetical link.
+    """Return the hypothetical link that closes a robot into a loop.
 
     Parameters
     ----------

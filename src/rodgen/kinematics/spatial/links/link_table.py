@@ -1,4 +1,4 @@
-"""A mechanism as a table that is read and typed by hand: a row a joint, with the link after it.
+"""A mechanism as a table for reading and typing: a row for each joint, with the link after it.
 
     joint,type,S [mm],theta [deg],pitch [mm/rad],a [mm],alpha [deg]
     base,R,0,,,120,90
@@ -26,7 +26,7 @@ __all__ = ["link_table", "load_mechanism", "save_mechanism"]
 
 
 def load_mechanism(path: str | os.PathLike[str]) -> Mechanism:
-    """Read a mechanism from a link table.
+    """Return the mechanism of a link table.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Read a link table, and name whatever is wrong with it by line and column."""
+"""Reader of link tables; its errors name line and column."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _LONGEST_FILE = 1 << 20
 
 @dataclass(frozen=True)
 class _Field:
-    """A column that is there: where, how its header reads, and what brings its numbers to the mechanism's units."""
+    """A column of the file: its place, its header, and the factor to the mechanism's units."""
 
     index: int
     header: str
@@ -34,7 +34,7 @@ class _Field:
 
 
 def read_link_table(file: str) -> Mechanism:
-    """Read a mechanism; see `rodgen.spatial.load_mechanism`."""
+    """Return the mechanism of a file; see `rodgen.spatial.load_mechanism`."""
     (place, header), *rows = _rows(file, _text(file))
     fields, unit = _fields(file, f"line {place}", header)
     if not rows:
@@ -93,7 +93,7 @@ def _rows(file: str, text: str) -> list[tuple[int, list[str]]]:
 
 
 def _fields(file: str, place: str, header: Sequence[str]) -> tuple[dict[str, _Field], str]:
-    """Find the columns; return them by name, and the unit of length."""
+    """Return the columns by name, and the unit of length."""
     if len(header) == 1 and (mark := next((m for m in ";\t|" if m in header[0]), None)):
         what = {";": "semicolons", "\t": "tabs", "|": "bars"}[mark]
         raise InputFileError(file, place, f"{what} between the columns", f"commas: {_EXAMPLE}")
@@ -152,7 +152,7 @@ def _factor(file: str, where: str, unit: str, quantity: str, target: str) -> flo
 
 
 class _Row:
-    """One joint's row, which is asked for its numbers."""
+    """The row of one joint."""
 
     def __init__(self, file: str, line: int, cells: Sequence[str], fields: dict[str, _Field]) -> None:
         self.file, self.line, self.cells, self.fields = file, line, cells, fields

@@ -1,4 +1,4 @@
-"""What a spatial mechanism is made of: joints in a row, and the rigid links between them.
+"""Spatial mechanisms: joints in a row, and the rigid links between them.
 
 Joint j lies on the axis S_j; link jk, from joint j to the next, lies on the common perpendicular a_jk of their axes. A
 link has a length a_jk and a twist alpha_jk; a joint has an offset S_j, along its axis from the link before to the link
@@ -54,9 +54,9 @@ class Mechanism:
     unit : str, optional
         Of the lengths.
     name : str, optional
-        What it is called.
+        Its name.
     names : sequence of str (n), optional
-        What the joints are called; left out: the kind and the number, such as ``R1``.
+        Names of the joints; left out: the kind and the number, such as ``R1``.
 
     Raises
     ------
@@ -173,7 +173,7 @@ class Mechanism:
         return tuple((j, which) for j, kind in enumerate(self.joints) for which in _VARIABLES[kind])
 
     def length_in(self, unit: str) -> float:
-        """Return what lengths are multiplied by to be in another unit.
+        """Return the factor from the mechanism's unit of length to another.
 
         Parameters
         ----------
@@ -187,7 +187,7 @@ class Mechanism:
         Raises
         ------
         RodgenError
-            When it, or the mechanism's, is none.
+            When it, or the mechanism's, is no unit of length.
         """
         from rodgen.data.units import conversion_factor
 
@@ -208,7 +208,7 @@ class Mechanism:
         Raises
         ------
         RodgenError
-            When it is none.
+            When it is no unit of length.
 
         Examples
         --------
@@ -222,7 +222,7 @@ class Mechanism:
         return replace(self, a=self.a * k, offset=self.offset * k, pitch=self.pitch * k, unit=unit)
 
     def expanded(self) -> Mechanism:
-        """Write joints E, T and S as joints R and P whose axes meet or are parallel.
+        """Return the mechanism with joints E, T and S replaced by joints R and P.
 
         Returns
         -------
@@ -272,7 +272,7 @@ class Mechanism:
 
 
 def check_mechanism(given: object) -> None:
-    """Raise a TypeError for what is no mechanism, as a placement is none."""
+    """Raise a TypeError for anything but a mechanism, such as a placement."""
     if not isinstance(given, Mechanism):
         kind = type(given).__name__
         hint = ": its .mechanism, or the placement's own functions" if kind == "Placement" else ""

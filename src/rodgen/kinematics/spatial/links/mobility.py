@@ -1,4 +1,4 @@
-"""How many freedoms a mechanism has: the mobility formula, and where it is known to be wrong.
+"""The mobility of a mechanism: the general formula, and the known exceptions.
 
 n bodies, one of them fixed, would have 6 (n - 1) freedoms; a joint with f freedoms takes away 6 - f:
 
@@ -59,7 +59,7 @@ class Mobility:
     instantaneous : int or None
         Freedoms of first order in the pose that was given: variables less the rank of the joints' screws.
     remarks : tuple of str
-        The same in words.
+        These findings in words.
     """
 
     value: int
@@ -73,7 +73,7 @@ class Mobility:
 
 
 def mobility(mechanism: Mechanism, q: ArrayLike | None = None) -> Mobility:
-    """Count the freedoms of an open chain or a single closed loop, known exceptions among them.
+    """Return the mobility of an open chain or a single closed loop, with known exceptions.
 
     Parameters
     ----------
@@ -94,9 +94,9 @@ def mobility(mechanism: Mechanism, q: ArrayLike | None = None) -> Mobility:
 
     Notes
     -----
-    Crane and Duffy, "Kinematic Analysis of Robot Manipulators", on mobility. Exceptions that are told: groups of
+    Crane and Duffy, "Kinematic Analysis of Robot Manipulators", on mobility. Known exceptions: groups of
     displacements of an order below 6 (all axes parallel, concurrent or one line, no rotations), and the Bennett loop.
-    Others (Bricard's, Goldberg's, Sarrus' loops) are seen by `q` only.
+    Others (Bricard's, Goldberg's, Sarrus' loops) appear only in the count at `q`.
 
     Examples
     --------
@@ -137,7 +137,7 @@ def mobility(mechanism: Mechanism, q: ArrayLike | None = None) -> Mobility:
 def mobility_of(
     bodies: int, joints: str | Sequence[str | tuple[str, int, int]], *, order: int = 6
 ) -> Mobility:
-    """Count the freedoms of any number of bodies and joints.
+    """Return the mobility of any number of bodies and joints.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ def _spins(count: int) -> str:
 
 
 def _idle_spins(mechanism: Mechanism) -> int:
-    """Links of the loop, and slides in line with both centres, that are held by two ball joints alone."""
+    """Return how many links, or slides in line with both centres, are held by two ball joints alone."""
     kinds, n = mechanism.joints, len(mechanism.joints)
     count = 0
     for j in range(n):
@@ -222,7 +222,7 @@ def _idle_spins(mechanism: Mechanism) -> int:
 
 
 def _idle_bodies(bodies: int, edges: Sequence[tuple[str, int, int]]) -> int:
-    """How many spins bodies, or pairs of bodies with one slide between them, have between two ball joints."""
+    """Return the idle spins of bodies, or of pairs with one slide between them, between two ball joints."""
     at: list[list[tuple[str, int]]] = [[] for _ in range(bodies)]
     for kind, i, j in edges:
         at[i].append((kind, j))
@@ -249,7 +249,7 @@ def _size(mechanism: Mechanism) -> float:
 
 
 def _order(mechanism: Mechanism) -> tuple[str, int]:
-    """Tell the group in which all motions of a loop stay, and its order; "" and 6 for the general one."""
+    """Return the group in which all motions of a loop stay, and its order; "" and 6 for the general one."""
     kinds, n = mechanism.joints, len(mechanism.joints)
     turning = [j for j in range(n) if kinds[j] != "P"]
     small = PARALLEL * _size(mechanism)
@@ -289,7 +289,7 @@ def _order(mechanism: Mechanism) -> tuple[str, int]:
 
 
 def _is_bennett(mechanism: Mechanism) -> bool:
-    """Four turning joints with equal opposite links, no offsets, and a / sin(alpha) of the same size all round."""
+    """Return whether a loop RRRR has equal opposite links, no offsets, and a / sin(alpha) of one size all round."""
     if "".join(mechanism.joints) != "RRRR":
         return False
     a, alpha = np.array(mechanism.a), np.array(mechanism.alpha)
@@ -307,7 +307,7 @@ def _is_bennett(mechanism: Mechanism) -> bool:
 
 
 def _screws(mechanism: Mechanism, q: ArrayLike) -> np.ndarray:
-    """Screws of the variables in the first frame, (6, v); lengths are measured in the largest one of the loop."""
+    """Return the screws of the variables in the first frame, (6, v); lengths in units of the largest one."""
     variables = mechanism.variables
     values = np.asarray(q, float)
     if values.shape != (len(variables),):

@@ -1,6 +1,6 @@
 """Transformation matrices, and the vector and the angle of a rotation matrix.
 
-Problem: a rotation matrix R turns about the unit vector m by the angle theta; what are they? The arccosine of the
+A rotation matrix R turns about the unit vector m by the angle theta. The arccosine of the
 trace loses half of the digits near 0 and near a half turn, and the differences r_ji - r_ij = 2 m_k sin(theta) lose the
 vector near a half turn. Both come from the quaternion's largest component here, which loses nothing.
 """
@@ -31,7 +31,7 @@ class VectorAngle(NamedTuple):
 
 
 def vector_and_angle(matrix: ArrayLike) -> VectorAngle:
-    """Find the vector and the angle of a rotation matrix.
+    """Return the vector and the angle of a rotation matrix.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def vector_and_angle(matrix: ArrayLike) -> VectorAngle:
     Returns
     -------
     VectorAngle
-        vector (..., 3): unit vector m; NaN where there is no turn, since every vector is right there. angle (...): 0
+        vector (..., 3): unit vector m; NaN where the angle is zero, since the vector is arbitrary there. angle (...): 0
         to π in rad. status (...) of int8: codes of :class:`rodgen.RotationStatus`, IDENTITY for no turn, HALF_TURN
         for π to rounding, where m and -m are the same and the first component that is not zero is positive, NOT_NORMAL
         where the matrix is orthogonal only roughly, INVALID with NaN where it is not finite, or a reflection.
@@ -77,7 +77,7 @@ def vector_and_angle(matrix: ArrayLike) -> VectorAngle:
 
 
 def transform(rotation: ArrayLike | None = None, origin: ArrayLike | None = None) -> Any:
-    """Make transformation matrices of rotation matrices and origins.
+    """Return the transformation matrices of rotation matrices and origins.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def transform(rotation: ArrayLike | None = None, origin: ArrayLike | None = None
     Returns
     -------
     array (..., 4, 4)
-        What takes homogeneous coordinates in B to those in A.
+        Matrices from homogeneous coordinates in B to those in A.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def transform(rotation: ArrayLike | None = None, origin: ArrayLike | None = None
 
 
 def inverse_transform(transformation: ArrayLike) -> Any:
-    """Invert transformation matrices.
+    """Return the inverses of transformation matrices.
 
     Parameters
     ----------

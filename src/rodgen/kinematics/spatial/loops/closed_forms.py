@@ -1,4 +1,4 @@
-"""RCCC and RRRCC loops by the kernels of their closed forms: where a loop is one of these, and which joint is which."""
+"""Closed forms of RCCC and RRRCC loops, and the order of the joints for which they apply."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ __all__ = ["closed_form"]
 Array = NDArray[np.float64]
 
 PLAIN = 1e-3
-"""Sine of a twist from which the closed forms are taken: they divide by it. With less the general way is, which chooses
-by what to divide."""
+"""Least sine of a twist for the closed forms, which divide by it. For smaller ones the general method is used, which
+chooses its divisor."""
 
 
 def closed_form(
     mechanism: Mechanism, known: Mapping[int, Array]
 ) -> tuple[tuple[int, ...], Array, NDArray[np.bool_]] | None:
-    """Close an RCCC or RRRCC loop, when the angle of the R before, or after, the C is given.
+    """Return all angles of an RCCC or RRRCC loop in which the angle of the R before, or after, the C is given.
 
-    Returns the joints, their angles (count, N, joints), and which of them are there; None for any other loop, and where
+    These are the joints, their angles (count, N, joints), and which solutions exist; None for any other loop, and where
     the closed form may fail.
     """
     if len(known) != 1 or not mechanism.closed:

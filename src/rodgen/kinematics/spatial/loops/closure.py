@@ -1,6 +1,6 @@
-"""How far a loop of rotary joints and links is from closed, and by which small step it closes better.
+"""The closure error of a loop of rotary joints and links, and Newton's method on it.
 
-The loop is Rz(theta_1) G_1 ... Rz(theta_m) G_m = 1 with G_k = (R_k, v_k + sum of S_i d_i). What is left over is a small
+The loop is Rz(theta_1) G_1 ... Rz(theta_m) G_m = 1 with G_k = (R_k, v_k + sum of S_i d_i). The error is a small
 rotation and a vector; its derivative has the joints' screws as columns. Solutions come from elimination, which loses
 digits; a few steps of Newton's method on the six equations themselves bring them back.
 """
@@ -21,13 +21,13 @@ Array = NDArray[np.float64]
 
 STEPS = 4
 """Newton steps: the error is squared by each, and elimination leaves half of the digits at least, except where two
-solutions meet; there each step halves the error, and what is left is lost to the conditioning anyway."""
+solutions meet; there each step halves the error, and the rest is lost to the conditioning anyway."""
 RANK = 1e-11
-"""Singular values below this share of the largest are taken for zero: a step along a family of solutions is none."""
+"""Singular values below this share of the largest are taken for zero: no step goes along a family of solutions."""
 
 
 def _chain(links: Sequence[Link], theta: Array) -> tuple[Array, list[Array], list[Array]]:
-    """Rotation of the whole loop, the rotation before each link (after its joint), and each link's axis."""
+    """Return the rotation of the whole loop, the rotation before each link (after its joint), and each link's axis."""
     R = np.broadcast_to(np.eye(3), (*theta.shape[:-1], 3, 3))
     before, axes = [], []
     for k, link in enumerate(links):
@@ -44,7 +44,7 @@ def _apply(R: Array, v: Array) -> Array:
 
 
 def offsets(links: Sequence[Link], theta: Array) -> Array:
-    """Find the slides (..., number of them), in the order of the links, that close the vector loop best."""
+    """Return the slides (..., number of them), in the order of the links, that close the vector loop best."""
     _, before, _ = _chain(links, theta)
     columns, rest = [], np.zeros((*theta.shape[:-1], 3))
     for R, link in zip(before, links, strict=True):
@@ -59,7 +59,7 @@ def offsets(links: Sequence[Link], theta: Array) -> Array:
 
 
 def closure(links: Sequence[Link], theta: Array, slides: Array) -> tuple[Array, Array, Array]:
-    """Tell what is left of the loop: a rotation vector (..., 3), a vector (..., 3), their derivative (..., 6, 6)."""
+    """Return the closure error, a rotation vector (..., 3) and a vector (..., 3), and its derivative (..., 6, 6)."""
     R, before, axes = _chain(links, theta)
     p = np.zeros((*theta.shape[:-1], 3))
     points, columns = [], []
@@ -91,14 +91,14 @@ def polish(
     steps: int = STEPS,
     longest: float = np.inf,
 ) -> tuple[Array, Array, Array, Array]:
-    """Improve solutions by Newton's method; `size` is what lengths are measured in, `longest` the longest step.
+    """Return solutions improved by Newton's method; `size` is what lengths are measured in, `longest` the longest step.
 
     Returns
     -------
     theta, slides : array
         As given, or better.
     error : array (...)
-        What is left: the larger of the rotation in rad and of the vector in `size`.
+        Closure error: the larger of the rotation in rad and of the vector in `size`.
     smallest : array (...)
         Smallest singular value of the derivative, lengths in `size`, relative to the largest.
 

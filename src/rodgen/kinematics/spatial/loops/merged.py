@@ -1,7 +1,7 @@
 """A chain of joints as rotary joints with rigid links between them, in which slides are unknown lengths.
 
 A joint that keeps its angle (a P, or one whose angle is given) turns nothing: the links on both sides of it are one
-link. What is left are m rotary joints and m links between them, and the chain is
+link. The result is m rotary joints and m links between them, and the chain is
 
     Rz(theta_1) G_1 Rz(theta_2) G_2 ... Rz(theta_m) G_m,    G_k = (R_k, v_k + sum of S_i d_i)
 
@@ -71,7 +71,7 @@ class Merged:
 def merge(
     mechanism: Mechanism, known: Mapping[int, Array], closing: tuple[Array, Array] | None = None
 ) -> Merged:
-    """Write a mechanism as rotary joints with links between them.
+    """Return a mechanism as rotary joints with links between them.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""All ways in which a closed loop, or a robot with slides, reaches what is given.
+"""All ways to close a loop with given variables, and all ways in which a robot with slides reaches a pose.
 
 A loop of mobility 1 whose equivalent spherical mechanism is a quadrilateral (group 1: RCCC, 2R-P-2C, 3R-2P-C, 4R-3P) or
 a pentagon (group 2: 3R-2C, 4R-P-C, 5R-2P), in any order of the joints, closes in at most two or eight ways once one
@@ -42,7 +42,7 @@ class LoopSolutions:
     ----------
     values : array (..., N, v)
         The variables of each way, in the order of the mechanism's `variables`, the given ones among them; angles in
-        (-pi, pi]. Ways that are there come first. NaN where there is none.
+        (-pi, pi]. Ways that exist come first; other slots hold NaN.
     status : array (..., N) of int8
         Codes of :class:`ReverseStatus`.
     """
@@ -52,7 +52,7 @@ class LoopSolutions:
 
 
 def reverse_loop(mechanism: Mechanism, given: Mapping[Variable, ArrayLike]) -> LoopSolutions:
-    """Find all ways in which a closed loop closes when some of its variables are given.
+    """Return all ways to close a loop, some of whose variables are given.
 
     Parameters
     ----------
@@ -66,14 +66,13 @@ def reverse_loop(mechanism: Mechanism, given: Mapping[Variable, ArrayLike]) -> L
     -------
     LoopSolutions
         Every way closes the loop to 1e-11 rad and, relative to its largest length, slides among them, to 1e-11. Ways
-        with a slide longer than a million times the loop are at infinity, and are none.
+        with a slide longer than a million times the loop are at infinity and do not count.
 
     Raises
     ------
     RodgenError
         When the chain is open or has other joints, when six unknowns are not left, and when five or six of them are
-        angles (groups 3 and 4), which is not solved here; but a 7R loop is handed to :func:`reverse`, as an arm with
-        six joints.
+        angles (groups 3 and 4), which is not solved here, except that a 7R loop is solved as an arm with six joints.
 
     Notes
     -----
@@ -102,7 +101,7 @@ def reverse_loop(mechanism: Mechanism, given: Mapping[Variable, ArrayLike]) -> L
 
 
 def reverse_sliding(mechanism: Mechanism, T: ArrayLike) -> LoopSolutions:
-    """Find all ways in which a robot with two or three slides among its six freedoms reaches a pose.
+    """Return all ways in which a robot with two or three slides among its six freedoms reaches a pose.
 
     Parameters
     ----------
@@ -243,7 +242,7 @@ def _solved(
 
 
 def _seven_turning(mechanism: Mechanism, known: Mapping[int, NDArray[np.float64]]) -> LoopSolutions:
-    """Close a 7R loop with one angle given: the other six are an arm whose pose is the two links at that joint."""
+    """Return all ways to close a 7R loop with one angle given: the others are an arm posed by that joint."""
     ((given, value),) = known.items()
     ring = [(given + k) % 7 for k in range(1, 8)]
     arm = Mechanism(
@@ -274,7 +273,7 @@ def _seven_turning(mechanism: Mechanism, known: Mapping[int, NDArray[np.float64]
 
 
 def _size(mechanism: Mechanism, merged: Merged, count: int) -> NDArray[np.float64]:
-    """Return what lengths of each loop are compared with: the largest known one, and 1 where all vanish."""
+    """Return the unit of length of each loop: its largest known length, and 1 where all vanish."""
     found = np.zeros(count)
     for link in merged.links:
         found = np.maximum(found, np.abs(link.v).max(axis=-1))

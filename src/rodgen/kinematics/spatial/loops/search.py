@@ -1,9 +1,9 @@
-"""Loops that elimination says nothing of: where axes are parallel or meet, equations vanish or have factors in common.
+"""Search for solutions of loops that elimination cannot solve, because axes are parallel or meet.
 
-Two questions are left there. Is a solution whose derivative is singular the meeting point of two, or one of a family?
-It is one of a family when the loop closes again at a distance along the free direction. And is there a family, or a
-solution, that no equation shows? Newton's method from a number of fixed starting points finds it; that there is none
-it cannot tell for certain.
+The equations vanish there or have common factors. Two questions remain. Is a solution whose derivative is singular the
+meeting point of two, or one of a family? It is one of a family when the loop closes again at a distance along the free
+direction. And is there a family, or a solution, that no equation shows? Newton's method from a number of fixed starting
+points finds it; it cannot prove that there is none.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ EQUAL = 1e-9
 def moves(
     links: Sequence[Link], theta: Array, slides: Array, size: Array, closes: float
 ) -> NDArray[np.bool_]:
-    """Tell for solutions (..., m) with a singular derivative whether they can be moved."""
+    """Return which solutions (..., m) with a singular derivative can be moved."""
     m = len(links)
     _, _, J = closure(links, theta, slides)
     J = J.copy()
@@ -53,9 +53,9 @@ def moves(
 def search(
     links: Sequence[Link], size: Array, closes: float
 ) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
-    """Search loops (count, ...) from STARTS points each.
+    """Return what Newton's method finds for loops (count, ...) from STARTS points each.
 
-    Returns angles (count, STARTS, m), slides, the relative smallest singular value of the derivative, and which of them
+    These are angles (count, STARTS, m), slides, the relative smallest singular value of the derivative, and which
     close the loop.
     """
     m, count = len(links), len(size)
@@ -71,7 +71,7 @@ def search(
 def different(
     theta: Array, slides: Array, size: float, known_theta: Array, known_slides: Array
 ) -> NDArray[np.bool_]:
-    """Tell which solutions (k, m) are not among the known ones (l, m)."""
+    """Return which solutions (k, m) are not among the known ones (l, m)."""
     turn = np.abs(principal(theta[:, None] - known_theta[None])).max(axis=-1)
     shift = np.abs(slides[:, None] - known_slides[None]).max(axis=-1) / size
     found: NDArray[np.bool_] = (np.maximum(turn, shift) > SAME).all(axis=1)
@@ -79,7 +79,7 @@ def different(
 
 
 def repeated(theta: Array, slides: Array, size: Array, singular: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Tell which solutions (count, N) are the same as one in a slot before; singular ones are less certain."""
+    """Return which solutions (count, N) are the same as one in a slot before; singular ones are less certain."""
     turn = np.abs(principal(theta[:, :, None] - theta[:, None])).max(axis=-1)
     shift = np.abs(slides[:, :, None] - slides[:, None]).max(axis=-1) / size[:, None, None]
     same = np.maximum(turn, shift) <= np.where(singular[:, :, None] & singular[:, None], SAME, EQUAL)

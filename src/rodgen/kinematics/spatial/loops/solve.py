@@ -39,7 +39,7 @@ MEET = 1e-7
 """Relative smallest singular value of the derivative below which solutions meet: there the rounding of the equations
 moves a solution by more than its own distance to the next one."""
 ODD = 1e-8
-"""Sine of a twist, or share of an equation's coefficients, below which the equation says nothing."""
+"""Sine of a twist, or share of an equation's coefficients, below which the equation determines nothing."""
 NOISE = 2e-15
 """Coefficients of an equation below this, in its natural scale, are the rounding of zero: sums of a few dozen terms."""
 LINKS = ("12", "23", "34")
@@ -53,7 +53,7 @@ def solve_merged(
     size: Array,
     start: tuple[Array, NDArray[np.bool_]] | None = None,
 ) -> tuple[Array, Array, NDArray[np.int8]]:
-    """Close a loop in all ways.
+    """Return all ways to close a loop.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def solve_merged(
     count : int
         Number of elements.
     size : array (count)
-        Of each loop: what lengths are compared with.
+        Unit of length of each loop.
     start : array (count, N, m) and bool (count, N), optional
         All angles from a closed form, and which of them are there.
 
@@ -135,13 +135,13 @@ def _add_searched(
 
 
 def _spread(link: Link, count: int) -> Link:
-    """Give every array of a link the same first axis."""
+    """Return a link whose arrays have the same first axis."""
     slides = tuple((i, np.broadcast_to(d, (count, 3))) for i, d in link.slides)
     return Link(np.broadcast_to(link.R, (count, 3, 3)), np.broadcast_to(link.v, (count, 3)), slides)
 
 
 def _slot(link: Link) -> Link:
-    """Make room for the axis of the solutions."""
+    """Return a link with an axis for the solutions."""
     return Link(link.R[:, None], link.v[:, None], tuple((i, d[:, None]) for i, d in link.slides))
 
 
@@ -213,7 +213,7 @@ def _four_angles(
 
 
 def _may_turn(links: list[Link]) -> NDArray[np.bool_]:
-    """Tell whether the rotation may close: no twist of the four links is larger than the other three together."""
+    """Return whether the rotation may close: no twist of the four links is larger than the other three together."""
     twists = np.stack([np.arctan2(np.hypot(k.R[:, 0, 2], k.R[:, 1, 2]), k.R[:, 2, 2]) for k in links], axis=1)
     total = twists.sum(axis=1)
     found: NDArray[np.bool_] = (2 * twists.max(axis=1) <= total + ODD) & (
@@ -227,7 +227,7 @@ def _rows(link: Link, rows: NDArray[np.intp]) -> Link:
 
 
 def _ring(ring: list[Link]) -> tuple[Array, NDArray[Any], NDArray[np.bool_]]:
-    """Solve for the angles of four axes in a ring; the last link has no slide."""
+    """Return the angles of four axes in a ring; the last link has no slide."""
     equations = _pair(ring)
     first = equations[:, 0]
     pair = solve_pair(equations)
@@ -246,7 +246,7 @@ def _ring(ring: list[Link]) -> tuple[Array, NDArray[Any], NDArray[np.bool_]]:
 
 
 def _pair(ring: list[Link]) -> Array:
-    """Coefficients (count, 2, 3, 3) of both equations, from the kernel for the links that the slides are in."""
+    """Return the coefficients (count, 2, 3, 3) of both equations, from the kernel for the links with the slides."""
     slides = [(link, direction) for link in range(3) for _, direction in ring[link].slides]
     (first, p), (second, q) = slides
     kernel = getattr(kernels, f"loop_pair_{LINKS[first]}_{LINKS[second]}")

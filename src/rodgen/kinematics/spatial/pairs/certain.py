@@ -1,9 +1,9 @@
-"""The usual pairs of equations, fast: all eight roots of the octic at once, with a proof of which are real.
+"""Fast solution of the usual pairs: all eight roots of the octic at once, with a proof of which are real.
 
 The kernels of the derivation ``biquadratic_pair`` work on blocks of rows. From eight starts that are spread over the
 sphere of complex numbers, Ehrlich and Aberth's method brings all roots near. Discs around them prove which are real,
 and that each of those stands alone; Newton's method on the two equations makes them right to rounding, and proves that
-there is a solution. A row of which anything of that is in doubt is left to others.
+there is a solution. Rows for which any of this fails are left to the eigenvalue method.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ __all__ = ["certain_solutions"]
 CHUNK = 1024
 """Rows a pass: their coefficients and roots, 300 bytes a row, stay in the second cache."""
 STEPS = 7, 5, 8
-"""Steps of the method before each look at the discs. Most rows are done after the first or second, what is left has
-roots that meet, and is done after the third if it ever is."""
+"""Steps of the method before each look at the discs. Most rows are done after the first or second; the others have
+roots that meet, and are done after the third or not at all."""
 POLISHED = 2
 """Further calls of the polishing kernel for what is not right after the first: an octic may be ill conditioned."""
 APART = 1e-7
@@ -31,7 +31,7 @@ APART = 1e-7
 
 
 def _starts() -> Any:
-    """Eight points all over the sphere, none of them mirrored at the real axis."""
+    """Return eight points all over the sphere, none of them mirrored at the real axis."""
     polar = np.repeat([0.96, np.pi - 0.96], 4)
     around = 0.3 + np.pi / 2 * np.arange(8) + np.repeat([0, np.pi / 4], 4)
     return np.tan(polar / 2)[:, None] * np.stack([np.cos(around), np.sin(around)], axis=-1)
@@ -41,7 +41,7 @@ STARTS = _starts()
 
 
 def certain_solutions(one: Any, two: Any, loss: Any) -> tuple[Any, Any]:
-    """Solve prepared equations (n, 3, 3) where that is certain.
+    """Return the solutions of prepared equations (n, 3, 3) where they are certain.
 
     Returns
     -------

@@ -1,8 +1,8 @@
-"""Two equations in two angles with a common factor: what is left, and one of the family.
+"""Solutions of two equations in two angles that have a common factor.
 
-Problem: where the octic vanishes identically there is a θ2 for every θ1, or the equations are the same but for a factor
-that may have no real zero. Solutions that stand alone may be there as well, of what is left of the equations. There is
-no polynomial for those, so they are searched for from a few hundred starts.
+Where the octic vanishes identically there is a θ2 for every θ1, or the equations are the same but for a factor
+that may have no real zero. Without the factor the equations may have isolated solutions as well. There is no polynomial
+for those, so they are searched for from a few hundred starts.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def grid(n: int, side: int = 12) -> Any:
 
 
 def with_common_factor(M: Any) -> tuple[Any, Any]:
-    """Solve one pair (2, 3, 3): angles (8, 2), and statuses (8,)."""
+    """Return the solutions of one pair (2, 3, 3): angles (8, 2), and statuses (8,)."""
     slots, status = np.full((SLOTS, 2), np.nan), np.full(SLOTS, PairStatus.NONE, np.int8)
     if not M.any():  # every pair of angles
         slots[0], status[0] = 0.0, PairStatus.COMMON_FACTOR
@@ -67,7 +67,7 @@ def with_common_factor(M: Any) -> tuple[Any, Any]:
 
 
 def _representatives(M: Any, angles: Any, residual: Any) -> list[tuple[Any, PairStatus]]:
-    """Take of points (n, 2) of families one a line on which one angle is free, and one of what is no line."""
+    """Return, of points (n, 2) of families, one on each line along which one angle is free, and one of other curves."""
     many = np.broadcast_to(M, (len(angles), *M.shape))
     moved, free = on_lines(many, np.full(len(angles), ROUNDING), angles)
     found: list[tuple[Any, PairStatus]] = []

@@ -1,7 +1,7 @@
 """All eight solutions of two equations in two angles, complex ones among them.
 
-Problem: where do solutions go when two have met and are no longer real? They are complex then, and the octic still has
-eight roots. A root ±i of it is no angle at all: its sine and cosine are infinite.
+When two solutions have met and are no longer real, they are complex, and the octic still has eight roots. A root ±i of
+it is no angle at all: its sine and cosine are infinite.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ FAR = 14.0
 
 
 def complex_solutions(M: Any, loss: Any) -> tuple[Any, Any]:
-    """Solve prepared equations (n, 2, 3, 3) without a common factor: angles (n, 8, 2), statuses (n, 8)."""
+    """Return angles (n, 8, 2) and statuses (n, 8) for prepared equations (n, 2, 3, 3) without a common factor."""
     n = len(M)
     theta1, _ = eigenvalues(M)
     far = ~(np.abs(theta1.imag) <= FAR)
@@ -66,7 +66,7 @@ def complex_solutions(M: Any, loss: Any) -> tuple[Any, Any]:
 
 
 def _at(M: Any, angles: Any) -> tuple[Any, Any, Any]:
-    """Values, derivatives and sizes of the terms of equations (n, 2, 3, 3) at complex angles (n, 8, 2)."""
+    """Return values, derivatives and sizes of the terms of equations (n, 2, 3, 3) at complex angles (n, 8, 2)."""
     u, v = basis(angles[..., 0]), basis(angles[..., 1])
     value = np.einsum("neij,nki,nkj->nke", M, u, v)
     by_first = np.einsum("neij,nki,nkj->nke", M, u[..., [0, 2, 1]] * [0, -1, 1], v)

@@ -1,4 +1,4 @@
-"""Where to start for every solution of a pair of equations: eigenvalues of Sylvester's or Bezout's matrix polynomial.
+"""Starting values for every solution of a pair, from eigenvalues of Sylvester's or Bezout's matrix polynomial.
 
 With x = tan(θ/2) the equations are two quadratics in x2 whose coefficients are quadratics in x1. They have a common
 root where Sylvester's 4 x 4 matrix S0 + S1 x1 + S2 x1² is singular, or Bezout's 2 x 2 matrix of quartics: 8 values x1,
@@ -33,7 +33,7 @@ HALF = np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 2.0], [1.0, -1.0, 0.0]])
 
 
 def turned(M: Any, first: Any) -> Any:
-    """Count the first angle from `first` (n,) on: θ1 = first + ψ1."""
+    """Return equations whose first angle is counted from `first` (n,): θ1 = first + ψ1."""
     c, s = np.cos(first), np.sin(first)
     zero, one = np.zeros_like(c), np.ones_like(c)
     turn = np.stack([np.stack(row, -1) for row in ((one, zero, zero), (zero, c, s), (zero, -s, c))], -2)
@@ -41,12 +41,12 @@ def turned(M: Any, first: Any) -> Any:
 
 
 def biquadratics(M: Any) -> Any:
-    """Coefficients (..., 2, 3, 3): equation, power of x2, power of x1."""
+    """Return the coefficients (..., 2, 3, 3) of biquadratics: equation, power of x2, power of x1."""
     return np.einsum("bj,ai,...ij->...ba", HALF, HALF, M)
 
 
 def sylvester(E: Any) -> Any:
-    """Matrices S0, S1, S2 (n, 3, 4, 4) of the vector (x2³, x2², x2, 1)."""
+    """Return the matrices S0, S1, S2 (n, 3, 4, 4) of the vector (x2³, x2², x2, 1)."""
     S = np.zeros((len(E), 3, 4, 4))
     for row, (equation, shift) in enumerate(((0, 0), (0, 1), (1, 0), (1, 1))):
         for power in range(3):
@@ -55,7 +55,7 @@ def sylvester(E: Any) -> Any:
 
 
 def bezout(E: Any) -> Any:
-    """Matrices B0 to B4 (n, 5, 2, 2) of the vector (x2, 1)."""
+    """Return the matrices B0 to B4 (n, 5, 2, 2) of the vector (x2, 1)."""
 
     def bracket(i: int, j: int) -> Any:
         found = np.zeros((len(E), 5))
@@ -94,7 +94,7 @@ def eigenvalues(M: Any, method: str = "sylvester") -> tuple[Any, Any]:
 
 
 def _smallest(M: Any, form: Callable[[Any], Any]) -> Any:
-    """Smallest over largest singular value of the matrix of the highest power, for nine turns: (n, 9).
+    """Return the smallest over the largest singular value of the matrix of the highest power, for nine turns: (n, 9).
 
     At x = ∞ the matrix polynomial is that matrix, so all turns together ask for it at nine angles.
     """
@@ -107,12 +107,12 @@ def _smallest(M: Any, form: Callable[[Any], Any]) -> Any:
 
 
 def starts(M: Any, method: str = "sylvester") -> tuple[Any, Any, Any]:
-    """Angle pairs near every solution.
+    """Return angle pairs near every solution.
 
     Returns
     -------
     pairs : array (n, 24, 2)
-        NaN where there is none.
+        NaN in empty slots.
     alone : array (n, 8)
         Those angles θ1 that are real and far from all other eigenvalues, complex ones included: near each there is a
         solution. NaN for the others.
@@ -137,7 +137,7 @@ def starts(M: Any, method: str = "sylvester") -> tuple[Any, Any, Any]:
 
 
 def seconds(rows: Any) -> tuple[Any, Any, Any]:
-    """Three θ2 for the rows (..., 2, 3) of the equations at a θ1.
+    """Return three θ2 for the rows (..., 2, 3) of the equations at a θ1.
 
     The first is that of the direction perpendicular to both rows. Where the rows are nearly parallel it means nothing,
     and the other two are those of the one direction that they share.

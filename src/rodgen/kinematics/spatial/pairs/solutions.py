@@ -1,9 +1,9 @@
-"""From rough angles to solutions of two equations in two angles that are proved to be there, each once.
+"""Solutions of two equations in two angles from rough starts: proved to exist, each once.
 
-Problem: Newton's method brings a start to a point where both equations are rounding. What that is says Kantorovich's
-theorem: with S_e the sum of the sizes of the coefficients of equation e, κ the larger component of |J⁻¹| S and η that
-of J⁻¹ f, there is exactly one solution within 1/(4κ) of the point where 8 κ η <= 1. So two points that are nearer to
-each other are the same solution; and where κ is too large for that, solutions meet to rounding.
+Newton's method brings a start to a point where both equations hold to rounding. By Kantorovich's theorem, with
+S_e the sum of the sizes of the coefficients of equation e, κ the larger component of |J⁻¹| S and η that of J⁻¹ f, there
+is exactly one solution within 1/(4κ) of the point where 8 κ η <= 1. So two points that are nearer to each other are the
+same solution; and where κ is too large for that, solutions meet to rounding.
 
 There is an independent test. The two equations map the torus of all angle pairs to a plane; a torus has no boundary, so
 each value that no singular point has is taken as often with one sign of det J as with the other, zero included. And
@@ -86,7 +86,7 @@ def apart(one: Any, other: Any) -> Any:
 
 
 def polished(M: Any, angles: Any) -> tuple[Any, Any, Any, Any]:
-    """Bring starts (n, m, 2) to where the equations M (n, 2, 3, 3) hold.
+    """Return starts (n, m, 2) polished to where the equations M (n, 2, 3, 3) hold.
 
     Returns
     -------
@@ -171,7 +171,7 @@ def _derivatives(M: Any, angles: Any) -> Any:
 
 
 def _downhill(M: Any, angles: Any) -> Any:
-    """Newton's method with steps so short that each makes the equations less."""
+    """Return angles after Newton's method with steps so short that each makes the equations less."""
     angles = angles.copy()
     longest = np.full(len(angles), 0.01)
     value = _values(M, angles)
@@ -194,7 +194,7 @@ def _values(M: Any, angles: Any) -> Any:
 
 
 def collected(M: Any, loss: Any, starts: Any) -> tuple[Any, Any]:
-    """Take each solution that starts (n, m, 2) lead to once: angles (n, 8, 2), in order, and statuses (n, 8)."""
+    """Return each solution that starts (n, m, 2) lead to, once: angles (n, 8, 2), in order, and statuses (n, 8)."""
     n = len(M)
     limit = ROUNDING * loss
     angles, residual, condition, _ = _with_both_sides(M, limit, polished(M, starts))
@@ -236,7 +236,7 @@ def collected(M: Any, loss: Any, starts: Any) -> tuple[Any, Any]:
 
 
 def _where_they_meet(M: Any, limit: Any, angles: Any) -> Any:
-    """Bring angles (n, 2) of solutions that meet to where the determinant vanishes as well, as near as it gets."""
+    """Return angles (n, 2) of solutions that meet, moved to where the determinant vanishes, as nearly as possible."""
     now, value = angles.copy(), _values(M, angles)
     best = angles.copy()
     lowest = np.full(len(now), np.inf)
@@ -262,7 +262,7 @@ def _where_they_meet(M: Any, limit: Any, angles: Any) -> Any:
 
 
 def _with_both_sides(M: Any, limit: Any, found: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Add to polished starts those on both sides of places between two solutions, where Newton's method is stuck."""
+    """Return polished starts, and more on both sides of places between two solutions where Newton's method is stuck."""
     angles, residual = found[:2]
     with np.errstate(invalid="ignore"):
         stuck = (residual > limit[:, None]) & (residual <= BETWEEN)
@@ -286,7 +286,7 @@ def _with_both_sides(M: Any, limit: Any, found: tuple[Any, ...]) -> tuple[Any, .
 
 
 def on_lines(M: Any, limit: Any, angles: Any) -> tuple[Any, Any]:
-    """Bring angles (n, 2) to lines on which both equations hold, if they are near one: angles, and which one is free.
+    """Return angles (n, 2) moved to lines on which both equations hold, if one is near, and which angle is free.
 
     The second is 0 for none, 1 where the first angle alone makes the equations hold, 2 where the second does.
     """
@@ -294,7 +294,7 @@ def on_lines(M: Any, limit: Any, angles: Any) -> tuple[Any, Any]:
     size = np.abs(M).sum(axis=(-2, -1))
     for which, m in enumerate((M, M.swapaxes(-1, -2))):
         now = angles[:, which].copy()
-        for _ in range(HALVINGS):  # least squares of all six coefficients of what is left
+        for _ in range(HALVINGS):  # least squares of all six remaining coefficients
             u = basis(now)
             rest = np.einsum("neij,ni->nej", m, u)
             slope = np.einsum("neij,ni->nej", m, u[:, [0, 2, 1]] * [0, -1, 1])
@@ -308,7 +308,7 @@ def on_lines(M: Any, limit: Any, angles: Any) -> tuple[Any, Any]:
 
 
 def _line_known(angles: Any, free: Any, found: Any, lines: Any) -> Any:
-    """Tell which candidates (n, 2) are on one of the lines found (n, 8, 2)."""
+    """Return which candidates (n, 2) are on one of the lines found (n, 8, 2)."""
     off = np.abs(principal(angles[:, None] - found))
     with np.errstate(invalid="ignore"):
         on = [(free == which)[:, None] & (lines == which) & (off[..., which - 1] <= NEAR) for which in (1, 2)]
@@ -316,7 +316,7 @@ def _line_known(angles: Any, free: Any, found: Any, lines: Any) -> Any:
 
 
 def _known(M: Any, limit: Any, angles: Any, kind: Any, found: Any, status: Any, condition: Any) -> Any:
-    """Tell which candidates (n, 2) are among those found (n, 8, 2)."""
+    """Return which candidates (n, 2) are among those found (n, 8, 2)."""
     distance = apart(angles[:, None], found)
     with np.errstate(invalid="ignore"):
         both = (kind == PairStatus.REGULAR)[:, None] & (status == PairStatus.REGULAR)
@@ -334,7 +334,7 @@ def _known(M: Any, limit: Any, angles: Any, kind: Any, found: Any, status: Any, 
 
 
 def consistent(M: Any, angles: Any, status: Any, expected: Any) -> Any:
-    """Tell where the signs of the determinants balance, and the octic changes its sign at solutions only.
+    """Return where the signs of the determinants balance, and the octic changes its sign at solutions only.
 
     Each of the angles θ1 that are `expected` (n, m), NaN for none, must be there as well.
     """

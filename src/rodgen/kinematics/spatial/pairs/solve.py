@@ -1,8 +1,8 @@
 """All common solutions of two equations in two angles, each linear in (1, cos θ1, sin θ1) and in (1, cos θ2, sin θ2).
 
-Problem: Σ M_e,ij u_i v_j = 0 for e = 1, 2 with u = (1, cos θ1, sin θ1), v = (1, cos θ2, sin θ2). In the tangents of the
-half angles these are Crane and Duffy's two biquadratics, with no more than eight common solutions unless they have a
-common factor. In angles no solution is at infinity: θ = π is one like every other.
+The equations are Σ M_e,ij u_i v_j = 0 for e = 1, 2 with u = (1, cos θ1, sin θ1), v = (1, cos θ2, sin θ2). In the
+tangents of the half angles these are Crane and Duffy's two biquadratics, with no more than eight common solutions
+unless they have a common factor. In angles no solution is at infinity: θ = π is one like every other.
 
 The usual rows are solved fast, with a proof that nothing is missing. Where that proof fails, the roles of the two
 angles are exchanged; where it fails again, eigenvalues give starts, and two tests tell whether solutions are missing.
@@ -42,7 +42,7 @@ class Pair(NamedTuple):
 
 
 def pair_from_biquadratics(E: ArrayLike) -> Any:
-    """Bring two biquadratics to the form that :func:`solve_pair` takes.
+    """Return two biquadratics in the form that :func:`solve_pair` takes.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def pair_from_biquadratics(E: ArrayLike) -> Any:
 def solve_pair(
     M: ArrayLike, *, method: Literal["fast", "sylvester", "bezout"] = "fast", complex: bool = False
 ) -> Pair:
-    """Find every pair of real angles that solves two equations.
+    """Return every pair of real angles that solves two equations.
 
     Parameters
     ----------
@@ -82,11 +82,11 @@ def solve_pair(
         v = (1, cos theta2, sin theta2). Each has its own unit.
     method : {"fast", "sylvester", "bezout"}, optional
         How the starts are found. The first takes eigenvalues only where it is in doubt; the others always, of
-        Sylvester's or of Bezout's matrix. What is right to be a solution is the same for all.
+        Sylvester's or of Bezout's matrix. A solution is accepted by the same test for all.
     complex : bool, optional
-        Whether complex solutions are wanted, too: then all eight roots of the octic are given, as complex angles, and a
-        slot with NONE is a root ±i, which is no angle. Where solutions meet both have a slot, as DOUBLE. Where the
-        equations have a common factor there are none, and every slot has COMMON_FACTOR.
+        Whether complex solutions are returned, too: then all eight roots of the octic are given, as complex angles, and
+        a slot with NONE is a root ±i, which is no angle. Where solutions meet both have a slot, as DOUBLE. Where the
+        equations have a common factor no roots are given, and every slot has COMMON_FACTOR.
 
     Returns
     -------
@@ -145,7 +145,7 @@ def solve_pair(
 
 
 def _all_roots(one: Any, two: Any, loss: Any, rows: Any, shape: tuple[int, ...]) -> Pair:
-    """Find the complex solutions of the prepared equations in `rows`."""
+    """Return the complex solutions of the prepared equations in `rows`."""
     angles = np.full((len(one), SLOTS, 2), np.nan + 0j)
     status = np.full((len(one), SLOTS), PairStatus.INVALID, np.int8)
     if len(rows):
@@ -160,7 +160,7 @@ def _all_roots(one: Any, two: Any, loss: Any, rows: Any, shape: tuple[int, ...])
 
 
 def _fast(one: Any, two: Any, loss: Any, rows: Any, exchanged: bool, angles: Any, status: Any) -> Any:
-    """Fill in what is certain of `rows`; return the others."""
+    """Fill in the certain solutions of `rows`; return the other rows."""
     a, b = one[rows], two[rows]
     if exchanged:
         a, b = a.swapaxes(-1, -2), b.swapaxes(-1, -2)
@@ -176,7 +176,7 @@ def _fast(one: Any, two: Any, loss: Any, rows: Any, exchanged: bool, angles: Any
 
 
 def _by_eigenvalues(M: Any, loss: Any, method: str) -> tuple[Any, Any]:
-    """Solve prepared equations (n, 2, 3, 3): angles (n, 8, 2), statuses (n, 8)."""
+    """Return the solutions of prepared equations (n, 2, 3, 3): angles (n, 8, 2), statuses (n, 8)."""
     pencil = "bezout" if method == "bezout" else "sylvester"
     first, alone, distance = starts(M, pencil)
     common = (distance <= COMMON) | (loss >= DEPENDENT)
@@ -185,7 +185,7 @@ def _by_eigenvalues(M: Any, loss: Any, method: str) -> tuple[Any, Any]:
     if len(usual):
         angles[usual], status[usual] = _from_starts(M[usual], loss[usual], first[usual], alone[usual], pencil)
     for row in np.flatnonzero(common):
-        # what is left of a dependent equation is rounding, and an equation that is zero says nothing
+        # a dependent equation is rounding once the other is taken off, and an equation that is zero determines nothing
         some = M[row, 0] if M[row, 0].any() else M[row, 1]
         given = np.stack([some, some]) if loss[row] >= DEPENDENT else M[row]
         angles[row], status[row] = with_common_factor(given)
@@ -193,7 +193,7 @@ def _by_eigenvalues(M: Any, loss: Any, method: str) -> tuple[Any, Any]:
 
 
 def _from_starts(M: Any, loss: Any, first: Any, alone: Any, pencil: str) -> tuple[Any, Any]:
-    """Solve equations without a common factor from starts (n, m, 2), and from more where solutions are missing."""
+    """Return solutions of equations without a common factor, from starts (n, m, 2) and more where some are missing."""
     angles, status = collected(M, loss, first)
     flawed = np.flatnonzero(~consistent(M, angles, status, alone))
     if len(flawed):

@@ -1,4 +1,4 @@
-"""What each slot of the solutions of two equations in two angles holds."""
+"""The status of each slot in the solutions of two equations in two angles."""
 
 from enum import IntEnum
 
@@ -9,13 +9,13 @@ SLOTS = 8
 
 
 class PairStatus(IntEnum):
-    """What one slot of the solutions of two equations in two angles is.
+    """The status of one slot in the solutions of two equations in two angles.
 
     REGULAR: a solution that stands alone.
     DOUBLE: two solutions or more meet here, to rounding; it is given once.
     COMMON_FACTOR: one of a family: the equations have a common factor, and this solves it.
     NONE: there is no solution in this slot; the angles are NaN.
-    INCOMPLETE: there is none here, but one may be missing; the angles are NaN.
+    INCOMPLETE: this slot is empty, but a solution may be missing; the angles are NaN.
     INVALID: a coefficient is not finite; the angles are NaN.
     """
 

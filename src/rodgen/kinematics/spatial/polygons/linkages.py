@@ -23,7 +23,7 @@ __all__ = ["PolygonStatus", "spherical_pentagon", "spherical_quadrilateral"]
 
 
 def spherical_quadrilateral(alpha: ArrayLike, theta_4: ArrayLike) -> tuple[Any, Any]:
-    """Find all joint angles of a spherical four-bar linkage.
+    """Return all joint angles of a spherical four-bar linkage.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def spherical_quadrilateral(alpha: ArrayLike, theta_4: ArrayLike) -> tuple[Any, 
 
 
 def spherical_pentagon(alpha: ArrayLike, theta_4: ArrayLike, theta_5: ArrayLike) -> tuple[Any, Any]:
-    """Find all joint angles of a spherical five-bar linkage.
+    """Return all joint angles of a spherical five-bar linkage.
 
     Parameters
     ----------

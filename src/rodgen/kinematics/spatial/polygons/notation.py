@@ -1,10 +1,10 @@
-"""X, Y, Z, U, V, W of links and joints, in numbers.
+"""Numeric values of the names X, Y, Z, U, V, W of links and joints.
 
-Problem: the scalar products of the directions of joints and links have short names: with the twists α and the joint
+The scalar products of the directions of joints and links have short names: with the twists α and the joint
 angles θ, X_32 is the component of S₄ along a₁₂, Z_32 = S₁ · S₄, W_32 = a₁₂ · a₃₄. Falling subscripts look ahead, rising
 ones back. On a closed loop different names are equal, see :func:`rodgen.spatial.toolkit`.
 
-A dual angle θ + ε S, α + ε a, has the offset or the length beside the angle. The dual part of a name, X_0 and so on, is
+A dual angle θ + ε S, α + ε a, joins the offset or the length to the angle. The dual part of a name, X_0 and so on, is
 its derivative along the lengths and offsets; on closed loops the dual parts obey the secondary laws.
 """
 
@@ -27,7 +27,7 @@ _INDEX = {"X": 0, "Y": 2, "Z": 3, "U": 0, "V": 2, "W": 3}
 
 
 def notation(name: str, alpha: ArrayLike, theta: ArrayLike) -> Any:
-    """Evaluate a name of the X-Y-Z or the U-V-W notation.
+    """Return the value of a name of the X-Y-Z or the U-V-W notation.
 
     Parameters
     ----------
@@ -71,16 +71,16 @@ def notation(name: str, alpha: ArrayLike, theta: ArrayLike) -> Any:
 def secondary_notation(
     name: str, alpha: ArrayLike, theta: ArrayLike, a: ArrayLike, offset: ArrayLike
 ) -> tuple[Any, Any]:
-    """Evaluate a name and its dual part.
+    """Return the value of a name and its dual part.
 
     Parameters
     ----------
     name, alpha, theta
         As for :func:`notation`.
     a : array_like (..., n)
-        Lengths of the links, beside the twists.
+        Lengths of the links, in the order of the twists.
     offset : array_like (..., n)
-        Offsets of the joints, beside the joint angles, in the same unit.
+        Offsets of the joints, in the order of the joint angles and in the same unit.
 
     Returns
     -------
@@ -176,7 +176,7 @@ def direction_cosines(alpha: ArrayLike, theta: ArrayLike) -> tuple[Any, Any]:
 
 
 def _gathered(name: str, alpha: ArrayLike, theta: ArrayLike) -> tuple[Term, Any]:
-    """Read the name, and put what it holds in the order of the chain."""
+    """Return the term that a name stands for, and its angles in the order of the chain."""
     twists, joints = np.asarray(alpha), np.asarray(theta)
     sizes = {array.shape[-1] if array.ndim else 0 for array in (twists, joints)}
     if len(sizes) != 1:
@@ -201,7 +201,7 @@ def _steps(term: Term) -> int:
 
 
 def _visible(term: Term, angles: Any) -> Any:
-    """Take away the last angle where the name does without it: it may be unknown."""
+    """Return the angles with the last one, which may be unknown, set to 0 where the name does not depend on it."""
     if term.letter in "XU":
         angles[..., -1] = 0
     return angles

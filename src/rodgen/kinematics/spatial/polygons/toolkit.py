@@ -1,7 +1,7 @@
 """The toolkit of equations of a spherical polygon, as text to read or print.
 
-Problem: to solve a mechanism one picks, of all equations of its spherical polygon, those that have the unknowns one
-wants. Here they are listed: what the names mean, the laws of every kind with every shift of the subscripts, and the
+To solve a mechanism one picks, of all equations of its spherical polygon, those in the unknowns one wants. This is the
+list: what the names mean, the laws of every kind with every shift of the subscripts, and the
 secondary laws with lengths and offsets.
 """
 
@@ -55,7 +55,7 @@ _WORDS = {
 
 
 def toolkit(n: int, form: Literal["text", "markdown", "latex"] = "text") -> str:
-    """Print the equations of the closed spherical polygon of n joints.
+    """Return the equations of the closed spherical polygon of n joints.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def _heading(family: str) -> str:
 
 
 def _grouped(n: int, family: str) -> Iterator[Sequence[Law | HalfTangent]]:
-    """Give the laws of a family, the three of one row of subscripts together."""
+    """Yield the laws of a family, the three of one row of subscripts together."""
     found = [law for law in laws(n) if law.family == family]
     size = 1 if family == "half tangent" else 3
     for start in range(0, len(found), size):
@@ -115,7 +115,7 @@ def _grouped(n: int, family: str) -> Iterator[Sequence[Law | HalfTangent]]:
 
 
 def _secondary(n: int) -> Iterator[Sequence[str]]:
-    """Give the three secondary laws of each fundamental row, in plain characters."""
+    """Yield the three secondary laws of each fundamental row, in plain characters."""
     for group in _grouped(n, "fundamental"):
         sine, other, cosine = (law for law in group if isinstance(law, Law))
         assert isinstance(sine.right, Monomial)
@@ -163,7 +163,7 @@ def _text(n: int) -> Iterator[str]:
 
 
 def _latex(formula: str) -> str:
-    """Typeset a formula of plain characters."""
+    """Return the LaTeX of a formula in plain characters."""
 
     def name(found: re.Match[str]) -> str:
         letter, mark, zero, row = found.groups()

@@ -1,6 +1,6 @@
 """Standard and modified Denavit-Hartenberg tables, to and from mechanisms.
 
-Problem: a robot is given as rows of four numbers. In the modified convention (Craig) row j is the link before joint j
+A robot is given as rows of four numbers. In the modified convention (Craig) row j is the link before joint j
 and the joint, Tx(a) Rx(alpha) Tz(d) Rz(theta): Crane and Duffy's transform, with one more link at the base. In the
 standard one row j is the joint and the link after it, Rz(theta) Tz(d) Tx(a) Rx(alpha): the same chain with one more
 link at the end.
@@ -30,7 +30,7 @@ __all__ = [
 
 
 class DenavitHartenberg(NamedTuple):
-    """A table of n rows, with the joints at zero, and what stands before and after it.
+    """A table of n rows, with the joints at zero, and the frames before and after it.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class DenavitHartenberg(NamedTuple):
     pitch : array (n)
         Length per rad of screws, zero for other joints.
     base, end : array (4, 4)
-        What the rows are multiplied by from the left and from the right.
+        Frames that multiply the rows from the left and from the right.
     """
 
     joints: tuple[str, ...]
@@ -69,7 +69,7 @@ def from_denavit_hartenberg(
     name: str = "",
     names: Iterable[str] = (),
 ) -> Placement:
-    """Make a mechanism of a standard Denavit-Hartenberg table.
+    """Return the mechanism of a standard Denavit-Hartenberg table.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def from_denavit_hartenberg(
     pitch : array_like (n), optional
         Of screws, length per rad.
     base, end : array_like (4, 4), optional
-        What the rows are multiplied by from the left and from the right.
+        Frames that multiply the rows from the left and from the right.
     unit, name, names
         As of :class:`Mechanism`.
 
@@ -126,7 +126,7 @@ def from_modified_denavit_hartenberg(
     name: str = "",
     names: Iterable[str] = (),
 ) -> Placement:
-    """Make a mechanism of a modified Denavit-Hartenberg table (Craig's).
+    """Return the mechanism of a modified Denavit-Hartenberg table (Craig's).
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ def from_modified_denavit_hartenberg(
 
 
 def to_denavit_hartenberg(robot: Mechanism | Placement) -> DenavitHartenberg:
-    """Write an open chain as a standard Denavit-Hartenberg table.
+    """Return the standard Denavit-Hartenberg table of an open chain.
 
     Parameters
     ----------
@@ -203,7 +203,7 @@ def to_denavit_hartenberg(robot: Mechanism | Placement) -> DenavitHartenberg:
 
 
 def to_modified_denavit_hartenberg(robot: Mechanism | Placement) -> DenavitHartenberg:
-    """Write an open chain as a modified Denavit-Hartenberg table (Craig's).
+    """Return the modified Denavit-Hartenberg table (Craig's) of an open chain.
 
     Parameters
     ----------

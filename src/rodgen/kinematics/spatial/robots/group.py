@@ -26,7 +26,7 @@ METHODS = {
 
 @dataclass(frozen=True)
 class Group:
-    """To which group a mechanism belongs.
+    """The group of a mechanism.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Group:
 
 
 def group(mechanism: Mechanism) -> Group:
-    """Tell the group of a closed loop, or of the loop that closes a robot.
+    """Return the group of a closed loop, or of the loop that closes a robot.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def group(mechanism: Mechanism) -> Group:
 
 
 def _no_method(mechanism: Mechanism) -> str:
-    """Say why the solution process of a group does not apply."""
+    """Return why the solution process of a group does not apply."""
     found = mobility(mechanism)
     if not mechanism.closed:
         return f"no group's method applies: {found.value} freedoms instead of the 6 of a robot"

@@ -1,8 +1,8 @@
-"""A mechanism in its place: what other conventions have and a row of links has not.
+"""A mechanism with the base frame, end frame and zeros that other conventions have.
 
-Problem: Crane and Duffy's chain begins on the first joint's axis and ends on the last one's, and its variables have the
+Crane and Duffy's chain begins on the first joint's axis and ends on the last one's, and its variables have the
 zeros that the common perpendiculars give them. A robot as others write it has a base frame and an end frame of its own,
-and joints whose zero is anywhere. A placement holds the mechanism and these.
+and joints with zeros of its own. A placement holds the mechanism and these.
 """
 
 from __future__ import annotations
@@ -187,7 +187,7 @@ class Placement:
         Raises
         ------
         RodgenError
-            When it is none.
+            When it is no unit of length.
         """
         if unit == self.mechanism.unit:
             return self

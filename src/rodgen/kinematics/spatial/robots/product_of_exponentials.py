@@ -30,11 +30,11 @@ __all__ = [
 ]
 
 UNIT_LENGTH = 1e-6
-"""By how much a screw may be off unit length: decimals in a file, no other unit."""
+"""Largest deviation of a screw from unit length: decimals in a file, not another unit."""
 
 
 ROUNDED = 1e-7
-"""Error of a pose, relative to the size, for each joint, that is let pass: ten times what the tolerance leaves."""
+"""Error of a pose, relative to the size, for each joint, that is accepted: ten times what the tolerance leaves."""
 
 
 class ProductOfExponentials(NamedTuple):
@@ -61,7 +61,7 @@ def from_product_of_exponentials(
     name: str = "",
     names: Iterable[str] = (),
 ) -> Placement:
-    """Make a mechanism of a product of exponentials.
+    """Return the mechanism of a product of exponentials.
 
     Parameters
     ----------
@@ -82,11 +82,11 @@ def from_product_of_exponentials(
     Raises
     ------
     RodgenError
-        When a screw is not finite or not of unit length, or the links miss the poses of the screws: that is tried.
+        When a screw is not finite or not of unit length, or the links miss the poses of the screws: this is checked.
 
     Notes
     -----
-    Parallel, meeting and coincident axes are told apart to rounding. Where consecutive axes are all but parallel, the
+    Parallel, meeting and coincident axes are distinguished to rounding. Where consecutive axes are nearly parallel, the
     convention itself puts the feet of the perpendicular far away: a pose is right to some ten rounding units over the
     sine, 1e-7 of the size at worst.
 
@@ -138,7 +138,7 @@ def placement_from_axes(
     tolerance: float,
     labels: Mapping[str, Any],
 ) -> Placement:
-    """Make a mechanism of the axes of its joints and its end frame, both where all coordinates are zero."""
+    """Return the mechanism of the axes of its joints and its end frame, both where all coordinates are zero."""
     links = links_from_axes(kinds, directions, points, tolerance)
     mechanism, zero = mechanism_at(kinds, links.a, links.alpha, links.offset, links.angle, pitches, **labels)
     # from the chain's own last frame, so that the pose at zero is the given one whatever was rounded on the way
@@ -157,7 +157,7 @@ def _put_back(
     home: NDArray[np.float64],
     tolerance: float,
 ) -> None:
-    """Hold the mechanism against its own axes in a few places: nothing that is off by more may leave in silence."""
+    """Raise an error when the mechanism misses the motion of its axes at a few positions."""
     turning = np.array([kind != "P" for kind in kinds])
     sizes = (points[turning], home[:3, 3], pitches)
     size = max(float(np.abs(x).max(initial=0.0)) for x in sizes) or 1.0
@@ -181,7 +181,7 @@ def _put_back(
 
 
 def to_product_of_exponentials(robot: Mechanism | Placement) -> ProductOfExponentials:
-    """Write an open chain as a product of exponentials.
+    """Return the product of exponentials of an open chain.
 
     Parameters
     ----------

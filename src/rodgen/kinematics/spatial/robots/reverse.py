@@ -1,4 +1,4 @@
-"""Every set of coordinates that brings the end of a robot to a pose: the arms and the loops that solve it."""
+"""Every set of joint variables that brings the end of a robot to a pose."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ __all__ = ["reverse", "reverse_method"]
 
 
 def reverse(mechanism: Mechanism | Placement, T: ArrayLike) -> Reverse:
-    """Find every set of joint angles that brings the end of an arm to a pose.
+    """Return every set of joint angles that brings the end of an arm to a pose.
 
     Parameters
     ----------
     mechanism : Mechanism
-        Open chain of six revolute joints. A chain with two or three slides is handed to :func:`reverse_sliding`; of a
-        :class:`Placement` the pose and the angles are the robot's own.
+        Open chain of six revolute joints. A chain with two or three slides is solved by :func:`reverse_sliding`. For a
+        :class:`Placement`, pose and angles are in the robot's own frames and coordinates.
     T : array_like (..., 4, 4)
         Pose of the last joint's frame in the fixed frame F, as :func:`forward` returns it.
 
@@ -31,7 +31,7 @@ def reverse(mechanism: Mechanism | Placement, T: ArrayLike) -> Reverse:
         elbow folded onto its shoulder, a wrist's centre on S_1), the status is FAMILY, and the free angle of the
         representative is zero wherever zero leaves a solution. Two solutions that meet (an elbow that is straight) are
         given once, as DOUBLE. What meets is decided by rounding: within about 1e-6 rad of a degenerate pose either
-        status may be told.
+        status may result.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def reverse(mechanism: Mechanism | Placement, T: ArrayLike) -> Reverse:
     Notes
     -----
     Crane and Duffy, reverse analysis of the Puma 560, the GE P60 and the Cincinnati T3-776; proved in the derivation
-    ``robots_6r``. :func:`reverse_method` tells which way is taken. Regular solutions of a closed form meet the pose to
+    ``robots_6r``. :func:`reverse_method` says which method is used. Regular solutions of a closed form meet the pose to
     some 1e-14 of the reach; all others have been put back into the forward analysis, and meet it to 1e-11 and better.
 
     Examples
@@ -61,7 +61,7 @@ def reverse(mechanism: Mechanism | Placement, T: ArrayLike) -> Reverse:
 
 
 def reverse_method(mechanism: Mechanism | Placement) -> str:
-    """Tell how :func:`reverse` solves an arm.
+    """Return how :func:`reverse` solves an arm.
 
     Parameters
     ----------
