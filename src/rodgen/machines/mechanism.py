@@ -1,7 +1,7 @@
 """Conversions between rigid machines and mechanisms.
 
-A machine file gives each joint by its axis in machine axes, with all joints at zero, and the measured points as targets;
-a mechanism has links. A placement adds base frame, end frame and zeros to the mechanism, so that both are one chain.
+A machine file gives each joint by its axis in machine axes, with all joints at zero, and the measured points as
+targets; a mechanism has links. A placement adds base frame, end frame and zeros, so that both are one chain.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from rodgen.kinematics.spatial.robots.product_of_exponentials import (
 )
 from rodgen.machines.files.write import fixed_machine
 from rodgen.machines.machine import Machine
-from rodgen.machines.parts import Joint, Measured, Target
+from rodgen.machines.measured import Measured
+from rodgen.machines.parts import Joint, Target
 
 __all__ = ["from_mechanism", "to_mechanism"]
 
