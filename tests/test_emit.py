@@ -711,7 +711,7 @@ def test_set_ups_of_several_runs_are_no_property_of_the_machine(tmp_path):
     assert forward_of(case, case.sizeable(case.model.keys), tmp_path) == pytest.approx(
         case.simulated(), abs=WITHIN
     )
-    assert "'frame_shift': of each set-up another" in (tmp_path / "device_np.py").read_text()
+    assert "'frame_shift': different for each set-up" in (tmp_path / "device_np.py").read_text()
 
 
 def test_machine_fitted_to_distances_moves_a_point(tmp_path):

@@ -296,7 +296,7 @@ FAULTS = [
     (CUT["targets"], '[target]\nname = "a"\n',
      "[[target]]: a single table, [target]; expected blocks [[target]]"),
     (CUT["units"], 'family = "tricept"\n',
-     "[[joint]]: given beside family; expected a chain of joints, or a family"),
+     "[[joint]]: given together with family; expected a chain of joints, or a family"),
     ("[environment]", "[geometry]\nR = 1\n[environment]",
      "[geometry]: given without a family; expected family = 'tricept' or '3-sps-s'"),
     # units
@@ -372,7 +372,7 @@ FAULTS = [
     ('frame = "machine"', "",
      "[measured], frame: missing; expected 'machine' or 'free'"),
     ('kind  = "point"', 'kind  = "point"\nfrom = [0, 0, 0]',
-     "[measured], from: given beside kind = 'point'; expected it with kind = 'distance' only"),
+     "[measured], from: given together with kind = 'point'; expected it with kind = 'distance' only"),
     ('kind  = "point"', 'kind  = "distance"',
      "[measured], from: missing; expected three numbers, such as [0, 0, 1]"),
     ('"C.axis"', '"C.axes"',
@@ -406,7 +406,7 @@ FAULTS = [
     (*effect(name='"target_offset"', target='"ball"'),
      "[[effect]] 3, target: 'ball'; expected 'ball_1' or 'ball_2'"),
     (*effect(name='"backlash"', joint='"C"', target='"ball_1"'),
-     "[[effect]] 3, target: given beside joint; expected one place"),
+     "[[effect]] 3, target: given together with joint; expected one place"),
     (*effect(name='"encoder_eccentricity"', joint='"C"'),
      "[[effect]] 3, name: encoder_eccentricity at C twice; expected it once"),
     (*effect(name='"axis_tilt"', joint='"C"'),
@@ -429,7 +429,7 @@ FAULTS = [
     (*effect(name='"warm_up_drift"', hold="{ tau = 0 }"),
      "[[effect]] 3, hold.tau: 0; expected a positive number"),
     (*effect(name='"periodic_drive_error"', joint='"C"', hold="{ P = 1 }"),
-     "[[effect]] 3, hold.P: given beside period of joint C; expected one of the two"),
+     "[[effect]] 3, hold.P: given together with period of joint C; expected one of the two"),
     # effects of the user
     (*own(name='"backlash"'),
      "[[effect]] 3, component: given for 'backlash', which the catalogue has; expected another name, or no "

@@ -57,7 +57,7 @@ class _Pose:
 
 
 class _OnLegs:
-    """What the families have in common."""
+    """The steps that all families share."""
 
     def __init__(self, model: ModelSteps) -> None:
         self.m = model
@@ -132,8 +132,8 @@ class _OnLegs:
         m, terms = self.m, self.m.structure.terms
         pose = self.first()
         if any(term.uses_tension for term in terms):
-            # where the legs are without giving way: the forces there are the same. Not the pose that comes with the
-            # row, for the forces depend on the commands
+            # the pose with rigid legs has the same forces; the start of the row would not do, as the forces depend
+            # on the commands
             pose, _ = self.nearer(pose, self.lengths(lambda term: not term.uses_tension))
             m.tension = dict(enumerate(self.tensions(pose, x, m.known("gravity"))))
         half = self.lengths(lambda term: True)
@@ -143,7 +143,7 @@ class _OnLegs:
         return pose, m.let("square", self.size(step))
 
     def lengths(self, counts: Callable[[Term], bool]) -> list[sp.Expr]:
-        """Return the halves of the squares of the legs' lengths, with those effects that count."""
+        """Return the halves of the squares of the legs' lengths, with the effects that count."""
         m, found = self.m, []
         for k in range(3):
             here = [n for n in self.terms(k, "reading") if counts(m.structure.terms[n])]
@@ -163,7 +163,7 @@ class _OnLegs:
         raise NotImplementedError
 
     def from_afar(self) -> _Pose:
-        """Return the pose with legs of the commanded lengths, from wherever the family begins."""
+        """Return the pose with legs of the commanded lengths, from where the family starts."""
         raise NotImplementedError
 
     def size(self, step: Vector) -> sp.Expr:
@@ -240,7 +240,7 @@ class _ThreeSpsS(_OnLegs):
         return pose
 
     def nearest(self, legs: Sequence[sp.Expr]) -> Vector:
-        """Return the rotation, of those to begin with, whose legs are the nearest: no branch, a select each."""
+        """Return the starting rotation whose legs are the nearest, by selects without a branch."""
         least, chosen = None, sp.zeros(4, 1)
         for begin in self.m.begins:
             apart = self.m.let(
@@ -313,7 +313,7 @@ def _where_closed(values: Vector, square: sp.Expr) -> Vector:
 
 
 def pose_of(model: ModelSteps) -> Kernel:
-    """Return the kernel that tells where the platform is, NaN where the legs do not close.
+    """Return the kernel of the pose of the platform, NaN where the legs do not close.
 
     Parameters
     ----------
@@ -328,10 +328,10 @@ def pose_of(model: ModelSteps) -> Kernel:
 
 
 def pose_from_afar(model: ModelSteps, begins: int = 0) -> Kernel:
-    """Return the kernel that finds the pose on the nominal machine, all by itself.
+    """Return the kernel that finds the pose on the nominal machine without a start.
 
-    It replaces what else comes with each row. Of a family that counts one assembly mode as the physical one it begins
-    in the middle; of others at that of some poses whose legs are the nearest.
+    It replaces the start that usually comes with each row. For a family with one physical assembly mode it starts in
+    the middle of the workspace; for others from the one of some poses whose legs are the nearest.
 
     Parameters
     ----------

@@ -129,14 +129,14 @@ class Machine:
         fixed : bool
             Write the fitted numbers too: axes, points and targets in place, the parameters of effects as ``hold``, and
             nothing to estimate. Where the free frame is, and the frame shift of each run, is not a property of
-            the machine and has no place in its file: these are found again with the next measurements. Left out: the
-            fitted numbers are not written, and the file reads back as an equal machine.
+            the machine and has no place in its file: these are found again with the next measurements. Without `fixed`
+            the fitted numbers are not written, and the file reads back as an equal machine.
 
         Raises
         ------
         InputFileError
             When it cannot be written; with `fixed`, also when an effect is measured over a travel that the
-            machine does not say.
+            machine does not give.
         """
         write_file(path, machine_text(fixed_machine(self) if fixed else self).encode())
 
@@ -166,7 +166,7 @@ class Machine:
         return _named(name, "target", self.targets)
 
     def kind_of(self, place: str | None) -> str:
-        """Tell what stands at a place: ``"revolute"``, ``"prismatic"``, ``"leg"``, ``"target"``, or ``"machine"``.
+        """Return what is at a place: ``"revolute"``, ``"prismatic"``, ``"leg"``, ``"target"``, or ``"machine"``.
 
         Raises
         ------
@@ -180,14 +180,14 @@ class Machine:
         return self.joint(place).type
 
     def file_factor(self, dimension: Dimension) -> float:
-        """Return what a number of this dimension in the machine file is multiplied by to be in internal units."""
+        """Return the factor from the machine file's unit of this dimension to internal units."""
         angle, _ = unit_factor(self.angle_unit)
         return math.pow(angle, dimension["angle"])
 
     def effect(
         self, name: str, place: str | None = None, *, hold: Mapping[str, float] | None = None
     ) -> Effect:
-        """Make an effect of the catalogue for a place of this machine.
+        """Return an effect of the catalogue at a place of this machine.
 
         Parameters
         ----------
@@ -268,15 +268,15 @@ class Machine:
         loss: str = "linear",
         progress: Callable[[str, int, float], object] | None = None,
     ) -> Fit:
-        """Adjust the parameters until the model meets measurements best.
+        """Return the fit of the model to measurements.
 
         Parameters
         ----------
         data : Measurements
         loss : {"linear", "huber"}
-            Sum of squares, or one that outliers do not pull: they are found, named and taken out.
+            Least squares, or a robust loss: outliers are found, named and left out.
         progress : callable, optional
-            Called with what is done, the iteration and the cost.
+            Called with the name of the step, the iteration and the cost.
 
         Returns
         -------
@@ -290,7 +290,7 @@ class Machine:
         FitError
             When there is nothing to fit, or the model is not finite at the start.
         """
-        # The one import of a higher floor: a fit is what a machine is for, and is asked of the machine.
+        # The one import of a higher floor: `machine.fit(data)` reads as users think, and needs no second name.
         from rodgen.calibration.fit import fit
 
         return fit(self, data, loss=loss, progress=progress)

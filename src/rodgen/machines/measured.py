@@ -110,7 +110,7 @@ class Measurand:
         return sigma
 
     def error(self, residuals: Array) -> Array:
-        """Return the errors that residuals (n, components) stand for, in internal units."""
+        """Return residuals (n, components) as errors in internal units: lengths or angles."""
         return residuals
 
     # as SymPy --------------------------------------------------------------------------------------------------

@@ -47,7 +47,7 @@ class Frame:
 
     @classmethod
     def fitted(cls, values: Mapping[str, float]) -> Frame | None:
-        """Return the frame that a machine's fitted values tell of, None where they do not."""
+        """Return the frame in a machine's fitted values, None where there is none in them."""
         if "frame.rx" not in values:
             return None
         turn, at = (np.array([values.get(f"frame.{x}", 0.0) for x in names]) for names in (_TURNS, "xyz"))
@@ -77,7 +77,7 @@ def _key(structure: Structure) -> str:
 
 @functools.cache
 def _source_hash() -> str:
-    """Return a hash of the text that turns a structure into kernels: a change of it makes them anew."""
+    """Return a hash of the source that turns a structure into kernels: they are compiled again when it changes."""
     import hashlib
     from importlib.resources import files
 
@@ -141,13 +141,13 @@ class Model:
 
     @functools.cached_property
     def kernels(self) -> Mapping[str, Any]:
-        """The compiled kernels ``place``, ``residual``, ``residual_and_jacobian``; made when first asked for."""
+        """The compiled kernels ``place``, ``residual``, ``residual_and_jacobian``; compiled when first used."""
         return _kernels(self.structure, self.compiled)
 
     def start(self) -> Array:
         """Return the values that a fit starts from: what is held, what was fitted before, else zero.
 
-        The frame starts elsewhere: what is here of it is zero. A parameter that is searched has no meaning at zero;
+        The frame is zero here, as its start is found separately. A searched parameter has no meaning at zero;
         until the search it has a value at which every formula is finite: 1, and for a time constant so much that
         nothing decays.
         """
@@ -167,11 +167,11 @@ class Model:
         return 0.0 if index is None else float(theta[index])
 
     def _numbers(self, slots: Sequence[tuple[object, ...]]) -> NDArray[np.intp]:
-        """Return the numbers of parameters; that of the zero after the last for those which are none."""
+        """Return the indices of parameters; for slots without one, the index of the zero that `_and_zero` appends."""
         return np.array([self.index.get(slot, len(self.parameters)) for slot in slots], np.intp)
 
     def _and_zero(self, theta: Array) -> Array:
-        """Return the values with a zero after the last: what `_numbers` counts. np.append takes three times as long."""
+        """Return the values with a zero appended, as `_numbers` indexes them. np.append takes three times as long."""
         values = np.zeros(len(self.parameters) + 1)
         values[:-1] = theta
         return values
@@ -207,8 +207,8 @@ class Model:
         u, v = self._target_bases[k]
         return tilted(point, u, v, np.array([self.value(theta, "target", k, x) for x in "ab"]))
 
-    # The parts of ``g`` that change are written into a copy of those that do not, for all joints, targets and set-ups
-    # at once: a small fit is little more than this.
+    # The parts of ``g`` that change are written into a copy of the constant ones, for all joints, targets and set-ups
+    # at once: a small fit spends most of its time here.
 
     def geometries(self, theta: Array, frame: Frame, groups: Sequence[tuple[int, int]]) -> Array:
         """Return the kernel's vector ``g`` for several pairs of target and set-up, (groups, length).
@@ -308,7 +308,7 @@ class Model:
 
     @functools.cached_property
     def _geometry_at(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Where the numbers of a closed chain's geometry that are adjusted stand in ``g``, and their parameters."""
+        """Indices in ``g`` of the adjusted numbers of a closed chain's geometry, and of their parameters."""
         slots = [slot for slot in self.structure.slots if str(slot[0]).startswith("geometry.")]
         components = self.machine.kinematics.numbers
         starts = [
@@ -323,12 +323,12 @@ class Model:
 
     @functools.cached_property
     def _axes_at(self) -> NDArray[np.intp]:
-        """Where axes and their two derivatives are: one after the other."""
+        """Indices in ``g`` of axes and their two derivatives, one after the other."""
         return np.concatenate([self._at["axis", j] + np.arange(9) for j in self._axes])
 
     @functools.cached_property
     def _tilts(self) -> tuple[Array, Array, Array, NDArray[np.intp]]:
-        """What is tilted, axes first, then the directions that are seen: n, u, v, numbers of the two angles."""
+        """Tilted unit vectors, axes first, then measured directions: n, u, v, and the indices of their two angles."""
         s, machine = self.structure, self.machine
         vectors = [(machine.joints[j].axis, *self._bases[j]) for j in self._axes]
         slots: list[tuple[object, ...]] = [(f"axis.{x}", j) for j in self._axes for x in "ab"]
@@ -355,7 +355,7 @@ class Model:
 
     @functools.cached_property
     def _moves(self) -> tuple[Array, Array, NDArray[np.intp]]:
-        """Points, the two directions in which each moves, and the numbers of its two freedoms."""
+        """Points, the two directions in which each moves, and the indices of its two freedoms."""
         points = np.array([self.machine.joints[j].point for j in self._points], float)
         numbers = self._numbers([(f"point.{x}", j) for j in self._points for x in "ab"])
         return points, np.array([self._bases[j] for j in self._points]), numbers.reshape(-1, 1, 2)
@@ -404,12 +404,12 @@ class Model:
 
     @functools.cached_property
     def _group_rows(self) -> list[tuple[int, str, str]]:
-        """The slots that are another parameter for each target or set-up."""
+        """The slots that belong to a different parameter for each target or set-up."""
         return [(row, kind, x) for row, kind, x, _ in self._split_slots if kind in {"target", "shift"}]
 
     @functools.cached_property
     def _centre_at(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
-        """The slots of the mean of the directions, the parameters of these, and which of their freedoms have one."""
+        """The slots of the mean of the directions, their parameters, and which freedoms have a parameter."""
         rows = [row for row, kind, _, _ in self._split_slots if kind == "centre"]
         numbers = self._numbers([("target", k, x) for k in range(len(self.machine.targets)) for x in "ab"])
         kept = numbers < len(self.parameters)
@@ -417,7 +417,7 @@ class Model:
 
     @functools.cached_property
     def _common_slots(self) -> Array:
-        """The derivative of those slots that are the same parameter for all, and do not depend on values."""
+        """The derivative of the slots that are the same for all targets and set-ups and do not depend on values."""
         s, targets = self.structure, range(len(self.machine.targets))
         matrix = np.zeros((len(s.slots) + len(s.parameters), len(self.parameters)))
         for row, kind, x, number in self._split_slots:

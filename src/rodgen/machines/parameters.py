@@ -54,7 +54,7 @@ class Parameter:
 
 
 def parameters_of(machine: Machine, structure: Structure, runs: Sequence[str]) -> tuple[Parameter, ...]:
-    """List the parameters of a machine, geometry first, the frame before the effects.
+    """Return the parameters of a machine, geometry first, the frame before the effects.
 
     Parameters
     ----------

@@ -86,11 +86,11 @@ class Effect:
 
     @property
     def title(self) -> str:
-        """What a sentence calls it, such as ``backlash at C``."""
+        """Name and place, such as ``backlash at C``."""
         return f"{self.name} at {self.place}" if self.place else self.name
 
     def key(self, parameter: str) -> str:
-        """Return what a parameter is called beside all others of the machine.
+        """Return the key of a parameter, unique in the machine.
 
         Parameters
         ----------
@@ -100,12 +100,12 @@ class Effect:
         return ".".join(filter(None, (self.place, self.name, parameter)))
 
     def owns(self, key: str) -> bool:
-        """Tell whether a parameter's key is of this effect; an indexed name is that of a set-up: frame_shift[2].x."""
+        """Return whether a parameter's key is of this effect, also of one set-up, such as ``frame_shift[2].x``."""
         prefix = self.key("")
         return key.startswith((f"{prefix}.", f"{prefix}["))
 
     def is_per_run(self, values: Mapping[str, float]) -> bool:
-        """Tell whether fitted values, by their keys, are of each set-up, such as ``frame_shift[2].x``."""
+        """Return whether fitted values hold this effect for each set-up, such as ``frame_shift[2].x``."""
         return any(key.startswith(f"{self.key('')}[") for key in values)
 
     def given(self, machine: Machine, parameter: str) -> float | None:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 __all__ = ["JointStructure", "Structure", "Term", "row_effects", "structure_of"]
 
 GEOMETRY = {"axis", "point", "target", "frame_shift"}
-"""Components that change a fixed part of the machine: they are slots of the geometry, not terms of a row."""
+"""Components that change a fixed part of the machine: slots of the geometry, not terms of a row."""
 
 CLOSED = {"base_joint", "platform_joint"}
 """Components that move a joint centre of a leg."""
@@ -77,9 +77,9 @@ class Term:
     parameters : tuple of str
         In the order in which they stand in ``e``.
     columns : tuple of (str, tuple)
-        What each name of the formula that is a column stands for, as in :attr:`Structure.columns`.
+        The column that each such name of the formula is, as in :attr:`Structure.columns`.
     own : bool
-        Whether a user wrote it: then no name of the catalogue is meant.
+        Whether a user wrote it: then the catalogue's names have no special meaning.
     later_joints : tuple of int
         Joints whose weights it carries, one further parameter each.
     """
@@ -195,7 +195,7 @@ class Structure:
 
     @property
     def weights(self) -> bool:
-        """Whether weights at later joints count: they have lever arms even where only directions are seen."""
+        """Whether there are weights at later joints: these have lever arms even where only directions are measured."""
         return any(term.later_joints for term in self.terms)
 
     @cached_property

@@ -116,7 +116,7 @@ _REVOLUTE = (
     _row(
         "axis_offset", "revolute", "point", "a*U + b*V", _in("{length}", "a b"),
         iso="EX0C, EY0C",
-        meaning="The axis of rotation lies beside the place where the control believes it to be. Turning it carries "
+        meaning="The axis of rotation is not where the control believes it to be. Turning it carries "
         "the target about the wrong centre: the error is the same on the whole radius and turns with the axis.",
         usual_size="0.005 to 0.1 mm on a machine tool, 0.1 to 1 mm on a robot",
         remedy="Measure the centre of rotation with a ball and enter it in the control (its pivot or rotary table "
@@ -235,7 +235,7 @@ _REVOLUTE = (
         later_joints=True,
         meaning="The drive and the tube wind up under the weight that they carry, as far as the encoder does not see "
         "it. The axis droops most where the load stands out level, and not at all where it stands upright; k2 is for "
-        "a weight that sits beside the line to the target.",
+        "a weight off the line to the target.",
         usual_size="1 to 60 arcsec between level and upright; robots some arcmin",
         remedy="Balance the axis with a counterweight, put the encoder on the load's side, or compensate in the "
         "control.",
@@ -591,7 +591,7 @@ def definitions(name: str, at: str | None = None) -> tuple[EffectDefinition, ...
 
 
 def describe(definition: EffectDefinition) -> str:
-    """Return all that there is to say about an effect, as lines of plain text."""
+    """Return the whole description of an effect as lines of plain text."""
     return definition.describe()
 
 

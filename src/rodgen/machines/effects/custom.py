@@ -1,4 +1,4 @@
-"""From what a user writes about an effect to its definition, with every check that needs no measurements."""
+"""Definitions of effects from a user's formula, with every check that needs no measurements."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def own_effect(
     file: str | os.PathLike[str],
     place: str,
 ) -> EffectDefinition:
-    """Make an effect of a user's formula.
+    """Return the definition of an effect with a user's formula.
 
     Parameters
     ----------

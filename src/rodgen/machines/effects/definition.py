@@ -1,4 +1,4 @@
-"""What an effect is: where it acts, what it changes by which formula, and the words for it."""
+"""The definition of an effect: where it acts, what it changes and by which formula, and its description."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ COMPONENTS = {
     "ry": "rotation about y {formula}",
     "rz": "rotation about z {formula}",
 }
-"""What an effect may change, and how that is said."""
+"""What an effect may change, as the pattern of its equation."""
 
 _TURNED = {
     "target": "the target turned by the rotation vector {formula}",
     "frame_shift": "the frame turned by the rotation vector {formula}",
 }
-"""The same of directions, where their formula differs."""
+"""The same where directions are measured and the formula differs."""
 
 _PLACES = {
     "revolute": "at a revolute joint",
@@ -81,7 +81,7 @@ class EffectDefinition:
     component : str
         What it changes, one of :data:`COMPONENTS`.
     formula : Formula
-        By how much. In the catalogue a formula may be a vector, and may use, beside the words of users' formulas:
+        By how much. In the catalogue a formula may be a vector, and has more names than users' formulas:
         U V N (unit vectors that complete the axis, the axis), EX EY EZ (machine axes), M M_perp M_across M_guide
         (moments of a unit force along gravity), zeta (place in the travel, 0 to 1), P1 to P4 (Legendre polynomials
         of 2 zeta - 1), L (length of the travel), tan_zenith, leg_tension (force in the leg, tension positive, per unit
@@ -90,7 +90,7 @@ class EffectDefinition:
         Names with units, in which ``{length}`` is the machine file's unit of length, ``{arm}`` that too, or 1 where
         directions are measured, and ``{move}`` that too, or arcsec where directions are measured.
     meaning, usual_size, remedy, source : str
-        What is physically there and how it shows; how large it usually is; what to do; who says so.
+        The physical cause and how it shows; its usual size; what to do about it; the reference.
     iso : str
         Symbols of ISO 230, where there are any.
     slope : Formula or None
@@ -128,7 +128,7 @@ class EffectDefinition:
     directions: EffectDefinition | None = None
 
     def for_measurand(self, measurand: Measurand) -> EffectDefinition:
-        """Return the effect as it is where this is measured.
+        """Return the definition for what is measured.
 
         Where it is directions, a frame shift has no translation, and a target has two freedoms.
         """
@@ -136,7 +136,7 @@ class EffectDefinition:
 
     @property
     def equation(self) -> str:
-        """What it does, in one line.
+        """The equation of the effect, in one line.
 
         Examples
         --------
@@ -192,7 +192,7 @@ class EffectDefinition:
         return "; ".join(f"{', '.join(names)} [{unit}]" for unit, names in groups)
 
     def describe(self) -> str:
-        """Return all that there is to say about it, as lines of plain text.
+        """Return the whole description as lines of plain text.
 
         Examples
         --------
@@ -226,7 +226,7 @@ class EffectDefinition:
         return "\n".join(lines)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as plain data, for JSON; the units' lengths are the word itself."""
+        """Return it as plain data for JSON; in units, the unit of length is the word ``length``."""
         return {
             "name": self.name,
             "at": sorted(self.at),
@@ -246,7 +246,7 @@ class EffectDefinition:
         }
 
     def with_directions(self, formula: Formula, parameters: Mapping[str, str]) -> EffectDefinition:
-        """Return it with its counterpart where directions are measured."""
+        """Return the definition with another formula where directions are measured."""
         return replace(self, directions=replace(self, formula=formula, parameters=parameters, slope=None))
 
 

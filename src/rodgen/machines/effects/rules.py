@@ -1,4 +1,4 @@
-"""Which effect may stand where in a machine, and why not."""
+"""Rules for where an effect may be in a machine, and the errors that name the rule."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ _JOINTS = frozenset({"revolute", "prismatic", "leg"})
 _WORDS = FUNCTION_NAMES | {"q", "s", "v", "T", "t", "F", "pi"}
 
 _KEY_WORDS = frozenset({"axis", "point", "target", "frame"})
-"""What stands in the keys of parameters where other effects have their name."""
+"""Words that stand in the keys of parameters in the place of an effect's name."""
 
 _SAME_FREEDOM = {"axis": "axis", "point": "point", "target": "target"}
 """A component, and what [estimate] calls the same freedom."""
 
 _ON_A_LEG = {"thermal_expansion": "leg_thermal_expansion", "thermal_offset": "leg_thermal_expansion"}
-"""What effects of joints are called at a leg, where that is not the same name after ``leg_``."""
+"""Names at a leg of effects of joints, where it is not the same name after ``leg_``."""
 
 
 LARGEST = 1e100
-"""Numbers beyond it leave the range of a double when they are squared and summed up."""
+"""Larger numbers leave the range of a double when they are squared and summed."""
 
 
 class UnfitEffectError(RodgenError):
@@ -58,12 +58,12 @@ class UnfitEffectError(RodgenError):
 
 
 def is_in_catalogue(name: str) -> bool:
-    """Tell whether the catalogue has an effect of this name."""
+    """Return whether the catalogue has an effect of this name."""
     return any(definition.name == name for definition in CATALOGUE)
 
 
 def unknown_name(name: str) -> UnfitEffectError:
-    """Say that there is no such effect, and which one was meant, perhaps."""
+    """Return the error for a name that is not in the catalogue, with the most similar one."""
     near = nearest_name(name, [definition.name for definition in CATALOGUE])
     hint = f"{near!r}, perhaps; " if near else ""
     return UnfitEffectError(
@@ -92,7 +92,7 @@ def catalogue_effect(machine: Machine, name: str, place: str | None, hold: Mappi
 
 
 def held(machine: Machine, effect: Effect, hold: Mapping[str, float]) -> dict[str, float]:
-    """Bring held parameters from the units of the machine file to internal ones."""
+    """Return held parameters in internal units, given in those of the machine file."""
     units = effect.units(machine)
     found = {}
     for name, value in hold.items():
@@ -125,7 +125,7 @@ def _kind_of(machine: Machine, place: str | None) -> str:
 def _wrong_place(
     machine: Machine, definitions: list[EffectDefinition], kind: str, place: str | None
 ) -> UnfitEffectError:
-    """Say where the effect acts, and what there is at this machine."""
+    """Return the error for an effect at a wrong place: where it acts, and what this machine has there."""
     at = frozenset[str]().union(*(definition.at for definition in definitions))
     name = definitions[0].name
     if "machine" in at:
@@ -146,7 +146,7 @@ def _wrong_place(
         return UnfitEffectError("joint", "missing", some)
     if kind == "target":
         return UnfitEffectError("target", f"{shown(place)}, but {name} acts on a joint", some)
-    # Where the catalogue has another name for the same on such a joint, that is what was meant.
+    # The catalogue may have the same effect under another name for such a joint.
     twins = [d.name for d in CATALOGUE if kind in d.at and d.component == definitions[0].component == "axis"]
     if kind == "leg":
         twins = [d.name for d in CATALOGUE if kind in d.at and d.name == _ON_A_LEG.get(name, f"leg_{name}")]
@@ -196,7 +196,7 @@ def _check_once(machine: Machine, effect: Effect) -> None:
 
 
 def _check_freedom(machine: Machine, effect: Effect) -> None:
-    """Two names for one freedom would share it in any proportion."""
+    """Refuse a second name for one freedom: the two would share it in any proportion."""
     freedom = _SAME_FREEDOM.get(effect.definition.component)
     if freedom is None:
         return
@@ -216,7 +216,7 @@ def _check_hold(machine: Machine, effect: Effect) -> None:
             raise UnfitEffectError(f"hold.{name}", f"{value:g}", "a positive number")
     for name, key in effect.definition.given_by_joint.items():
         if name in effect.hold and effect.given(machine, name) is not None:
-            found = f"given beside {key} of joint {effect.place}"
+            found = f"given together with {key} of joint {effect.place}"
             raise UnfitEffectError(f"hold.{name}", found, "one of the two")
 
 
@@ -245,7 +245,7 @@ def _check_own(machine: Machine, effect: Effect) -> None:
 
 
 def check_estimate(machine: Machine, entry: str) -> tuple[str, str] | None:
-    """Tell what is wrong with an entry of [estimate]: what was found and what was expected, or None."""
+    """Return what is wrong with an entry of [estimate], as what was found and what was expected, or None."""
     if entry == "target":
         return None
     freedoms = machine.kinematics.freedoms([joint.name for joint in machine.joints])

@@ -1,4 +1,4 @@
-"""An effect as one types it: ``encoder_eccentricity@C:a=12arcsec,b=3arcsec``.
+"""Effects as typed on the command line: ``encoder_eccentricity@C:a=12arcsec,b=3arcsec``.
 
 NAME, then ``@`` and its joint or target unless it is of the whole machine, then ``:`` and its parameters. A number may
 have a unit; without one it is in the units of the machine file. ``frame_shift[2]:x=0.1mm`` is that of the set-up 2.
@@ -45,7 +45,7 @@ class TypedEffect:
 
 
 def typed_effect(text: str) -> TypedEffect:
-    """Take apart what was typed.
+    """Return the parts of a typed effect.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def typed_effect(text: str) -> TypedEffect:
 
 
 def assignments(texts: Sequence[str]) -> dict[str, str]:
-    """Take apart texts such as ``k2=0``.
+    """Return names and values of texts such as ``k2=0``.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def assignments(texts: Sequence[str]) -> dict[str, str]:
 
 
 def hold_of(machine: Machine, effect: Effect, numbers: Mapping[str, str]) -> dict[str, float]:
-    """Bring typed numbers to the units of the machine file, as :meth:`Machine.effect` takes them.
+    """Return typed numbers in the units of the machine file, as :meth:`Machine.effect` takes them.
 
     Parameters
     ----------
@@ -109,13 +109,13 @@ def hold_of(machine: Machine, effect: Effect, numbers: Mapping[str, str]) -> dic
         if number is None:
             raise UnfitEffectError(f"hold.{name}", shown(text), "a number, such as 0 or 12arcsec")
         found[name], unit = number
-        if unit and name in units:  # a name that is none is told by who knows the parameters
+        if unit and name in units:  # unknown names are reported where the hold is checked
             found[name] *= _in_file_units(machine, name, unit, units[name])
     return found
 
 
 def number_and_unit(text: str) -> tuple[float, str] | None:
-    """Take apart a number with its unit, which may be empty; None where it is no finite number.
+    """Return a number and its unit, which may be empty; None where it is no finite number.
 
     Examples
     --------

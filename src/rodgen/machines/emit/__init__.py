@@ -1,4 +1,4 @@
-"""A fitted machine as standalone code: where it really is, and the commands that bring it where it should be.
+"""A fitted machine as standalone code: its true places, and the commands that bring it where it should be.
 
 A controller, or whoever has no rodgen, takes these files: forward model, its derivatives, the nominal machine, and the
 compensation, with their own test. C99 that allocates nothing, or NumPy.
@@ -43,19 +43,20 @@ def emit(
         A wanted place, a command and its conditions -> the coordinates that bring the target there, a status, and the
         distance that is left. Where several coordinates serve (more joints than a place has freedoms, joints
         along each other) they are, to first order in the correction, those that change least, each measured by its
-        travel (a joint without: a turn, or the size of the machine); other weights may be given, 0 holds a joint. They
-        stay within the travels of the file. What cannot be reached is told, with the nearest coordinates found.
+        travel (where it has none: a turn, or the size of the machine); other weights may be given, 0 holds a joint.
+        They stay within the travels of the file. For what cannot be reached the status says so, with the nearest
+        coordinates found.
 
     What belongs to the machine. Joints, targets and every effect at them do, and so does refraction: it bends what is
     seen, whoever looks. With ``frame = "machine"`` the readings are in machine axes, so what moves that frame
     (drift, a frame shift) is part of the machine as it is seen, and is corrected. With ``frame = "free"`` an instrument
-    stood somewhere beside the machine: where it stood and how it moved is left out, and places are in machine axes.
+    stood somewhere near the machine: where it stood and how it moved is left out, and places are in machine axes.
     (A drift of the machine itself is an effect of its first joint.) Left out, too, are the instrument's scale and the
-    frame shifts of several runs: set-ups are no property of the machine. The head of each file lists what is in it
+    frame shifts of several runs: set-ups are not a property of the machine. The head of each file lists what is in it
     and what is not.
 
-    A machine that was fitted to distances moves a point as well, and its commands are corrected to places: one distance
-    is no place to go to.
+    A machine that was fitted to distances moves a point as well, and its commands are corrected to places: a single
+    distance does not define one.
 
     Parameters
     ----------
@@ -67,10 +68,10 @@ def emit(
     folder : str or os.PathLike
         Is made where there is none. All files are written, or none.
     name : str, optional
-        Lower-case identifier that names the files and begins the C functions; made of the machine's name when left out.
+        Lower-case identifier: name of the files and prefix of the C functions; by default made from the machine's name.
     travel : array_like, shape (joints, 2), optional
         Range of each joint in the data, internal units, for effects that are measured over a travel which the machine
-        does not say. It limits no compensation.
+        does not give. It does not limit compensations.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What the files of an emitted machine say, in no language yet: kernels, tables, words, samples for their test."""
+"""The content of an emitted machine's files, independent of the language: kernels, tables, words, test samples."""
 
 from __future__ import annotations
 
@@ -38,18 +38,18 @@ Array: TypeAlias = NDArray[np.float64]
 
 SAMPLES = 16
 TRIES = 40 * SAMPLES
-"""Points that are tried until enough of them have a place: a formula may have none at some."""
-BESIDE = 0.01
-"""Part of their lengths by which the legs of a sample differ from those of a pose that code begins with."""
-HELD = 0.1
-"""How well legs hold a platform, 1 at best, from which it is no matter of rounding."""
+"""Points tried at most until enough of them have a finite place: a formula may have none at some."""
+OFF_SEEN = 0.01
+"""Part of their lengths by which the legs of a sample differ from those of a pose that the code starts from."""
+REGULAR = 0.1
+"""Least singular value of a pose, 1 at best, above which rounding does not matter."""
 MARGIN = 0.1
-"""Part of the travel at its ends from where no sample is taken, so that steps beside a sample stay inside."""
+"""Part of the travel at its ends from where no sample is taken, so that small steps from a sample stay inside."""
 
 _HEADERS = """assert complex ctype errno fenv float inttypes iso646 limits locale math setjmp signal stdarg stdbool
 stddef stdint stdio stdlib string tgmath time wchar wctype"""
 _TAKEN = {*keyword.kwlist, *keyword.softkwlist, *sys.stdlib_module_names, *_HEADERS.split(), "numpy"}
-"""Names that a file of ours would hide from Python or from the C compiler."""
+"""Names that an emitted file would hide from Python or from the C compiler."""
 _LONGEST_NAME = 40
 
 COLUMNS = {
@@ -60,7 +60,7 @@ COLUMNS = {
     "F": ("load", "payload force along gravity, N"),
     "x": ("x", "covariates, in these units"),
 }
-"""Field of each column beside the coordinates, and what it is."""
+"""Field of each column other than the coordinates, and its description."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class Sample:
 
 @dataclass(frozen=True)
 class Content:
-    """All that the files say.
+    """The content of the files.
 
     Attributes
     ----------
@@ -118,7 +118,7 @@ class Content:
     fitted, ideal : MachineKernels
     aim, step : Kernel
     fields : tuple of Field
-        Of a row, beside ``q``.
+        Of a row, without ``q``.
     lowest, highest, weight : tuple of float
         End of the travel of each joint, infinite where there is none; how freely it moves in a compensation.
     size : float
@@ -146,12 +146,12 @@ class Content:
         return not self.scope.machine.measurand.moving
 
     def says(self, constant: Constant) -> str:
-        """Say in a few words what a constant is."""
+        """Return a short description of a constant."""
         return _says(self.scope, constant)
 
 
 def content_of(machine: Machine, name: str | None = None, travel: Any = None) -> Content:
-    """Derive what is emitted of a machine; see :func:`rodgen.machines.emit.emit`."""
+    """Return the content of the files of a machine; see :func:`rodgen.machines.emit.emit`."""
     chosen = identifier(machine.name) if name is None else _checked(name)
     scope = scope_of(machine, travel)
     nominal = replace(scope.machine, effects=(), estimate=(), values={})
@@ -189,7 +189,7 @@ def content_of(machine: Machine, name: str | None = None, travel: Any = None) ->
 
 
 def identifier(text: str) -> str:
-    """Make a name for files and functions of a machine's name.
+    """Return a name for files and functions, made from a machine's name.
 
     Examples
     --------
@@ -299,7 +299,7 @@ def _value(scope: Scope, effect: Effect, name: str) -> float:
 
 
 def _size(scope: Scope) -> float:
-    """Return the largest length that a place is added up from; 1 for a direction."""
+    """Return the largest length that a place is a sum of; 1 for a direction."""
     machine = scope.machine
     if not machine.measurand.moving:
         return 1.0
@@ -314,7 +314,7 @@ def _size(scope: Scope) -> float:
 
 
 def _samples(scope: Scope, fitted: MachineKernels, ideal: MachineKernels, size: float) -> Iterator[Sample]:
-    """Choose points of an even sequence all over the travel, and compute the places there."""
+    """Yield samples from an even sequence all over the travel, with their places."""
     machine, joints = scope.machine, scope.machine.joints
     spans = [
         tuple(travel)
@@ -331,7 +331,7 @@ def _samples(scope: Scope, fitted: MachineKernels, ideal: MachineKernels, size: 
         inside = MARGIN + (1 - 2 * MARGIN) * point[: len(joints)]
         q = tuple(float(low + x * (high - low)) for x, (low, high) in zip(inside, spans, strict=True))
         if len(begins):  # of several modes the one that is meant is only sure near these
-            near = begins[n % len(begins), :3] * (1 + BESIDE * (2 * point[: len(joints)] - 1))
+            near = begins[n % len(begins), :3] * (1 + OFF_SEEN * (2 * point[: len(joints)] - 1))
             q = tuple(float(x) for x in near)
         columns = {
             name: _column(kind, float(x), spans[int(of)] if kind == "v" else None)
@@ -339,7 +339,7 @@ def _samples(scope: Scope, fitted: MachineKernels, ideal: MachineKernels, size: 
         }
         target = n % len(machine.targets)
         place, nominal = _exact(fitted, q, columns, target), _exact(ideal, q, {}, target)
-        if not np.isfinite([*place, *nominal]).all() or not _is_held(scope.machine, fitted, q):
+        if not np.isfinite([*place, *nominal]).all() or not _is_regular(scope.machine, fitted, q):
             continue
         yield Sample(q, columns, target, place, nominal)
         found += 1
@@ -352,8 +352,8 @@ def _samples(scope: Scope, fitted: MachineKernels, ideal: MachineKernels, size: 
         )
 
 
-def _is_held(machine: Machine, kernels: MachineKernels, q: tuple[float, ...]) -> bool:
-    """Tell whether a platform is well away from singular poses, where differences tell no slopes."""
+def _is_regular(machine: Machine, kernels: MachineKernels, q: tuple[float, ...]) -> bool:
+    """Return whether a platform is well away from singular poses, where differences are no good derivatives."""
     if kernels.pose is None:
         return True
     values: dict[str, Any] = {constant.name: constant.value for constant in kernels.constants} | {
@@ -361,11 +361,11 @@ def _is_held(machine: Machine, kernels: MachineKernels, q: tuple[float, ...]) ->
     }
     start = kernels.pose.evaluate({port.name: values[port.name] for port in kernels.pose.inputs})["start"]
     assert isinstance(machine.kinematics, OnLegs)
-    return bool(machine.kinematics.least_singular_value(np.array([start], float))[0] > HELD)
+    return bool(machine.kinematics.least_singular_value(np.array([start], float))[0] > REGULAR)
 
 
 def _even(dimensions: int, count: int) -> Iterator[Array]:
-    """Fill the unit cube evenly with multiples of powers of 1/φ, where φ^(d + 1) = φ + 1 (Roberts' sequence)."""
+    """Yield points that fill the unit cube: multiples of powers of 1/φ, where φ^(d + 1) = φ + 1 (Roberts' sequence)."""
     ratio = 2.0
     for _ in range(60):
         ratio = (1 + ratio) ** (1 / (dimensions + 1))

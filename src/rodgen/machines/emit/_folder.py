@@ -13,7 +13,7 @@ __all__ = ["write_files"]
 
 
 def write_files(folder: Path, files: Mapping[str, str]) -> list[Path]:
-    """Write texts by file name; nothing gets its name before everything is written.
+    """Write texts by file name; no file gets its final name before all are written.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What of a fitted model is the machine, and what is the instrument that measured it."""
+"""Which part of a fitted model is the machine, and which the instrument that measured it."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Scope:
 
 
 def scope_of(machine: Machine, travel: Any = None) -> Scope:
-    """Take the instrument away from a fitted machine.
+    """Return the part of a fitted model that belongs to the machine.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def _left_out(machine: Machine) -> Iterator[tuple[Effect, str]]:
         elif effect.place is None and component != "lift" and machine.measured.frame == "free":
             yield effect, "it moves the measuring frame, which is free"
         elif effect.is_per_run(machine.values):
-            yield effect, "of each set-up another"
+            yield effect, "different for each set-up"
 
 
 def _check_values(model: Model) -> None:

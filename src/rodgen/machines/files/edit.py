@@ -1,8 +1,7 @@
-"""Add effects to a user's machine file, or take one out, and leave every other byte as it is.
+"""Add effects to a machine file, or remove one, without changing any other byte.
 
-The text is never written anew: blocks are put in, or cut out, between two statements. Where statements begin and end
-is all that is read of TOML here, from text that was parsed before; and what comes out must read as the machine
-that was meant.
+The text is not written again: blocks are inserted or cut out between two statements. Of TOML, only the start and end of
+each statement are found here, in text that was parsed before; and the result must read as the intended machine.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ __all__ = ["add_effects_to_file", "remove_effect_from_file"]
 def add_effects_to_file(
     source: str | os.PathLike[str], effects: Sequence[Effect], out: str | os.PathLike[str]
 ) -> Machine:
-    """Copy a machine file with further ``[[effect]]`` blocks, after those that it has.
+    """Write a copy of a machine file with more ``[[effect]]`` blocks, after those that it has.
 
     Parameters
     ----------
@@ -67,7 +66,7 @@ def add_effects_to_file(
 def remove_effect_from_file(
     source: str | os.PathLike[str], name: str, place: str | None, out: str | os.PathLike[str]
 ) -> Machine:
-    """Copy a machine file without the block of an effect.
+    """Write a copy of a machine file without the block of an effect.
 
     What stands inside the block goes with it, comments included; comments above it stay.
 
@@ -129,7 +128,7 @@ def _write(text: str, meant: Machine, source: str | os.PathLike[str], out: str |
 
 
 def _outline(machine: Machine) -> tuple[Machine, list[tuple[str, str | None]]]:
-    """Return what must be as it was meant: all but the last bits of held numbers."""
+    """Return what must be as intended: everything but the last bits of held numbers."""
     return replace(machine, effects=(), values={}), [(e.name, e.place) for e in machine.effects]
 
 
@@ -189,7 +188,7 @@ def _end_of_value(text: str, position: int) -> int:
 
 
 def _effect_blocks(text: str) -> list[list[slice]]:
-    """Return where each ``[[effect]]`` stands: its header, its keys and its own tables, wherever these are."""
+    """Return the slices of each ``[[effect]]``: its header, its keys and its own tables, wherever these are."""
     blocks: list[list[slice]] = []
     inside = False  # whether the statement before was of a block
     for statement in _statements(text):
@@ -207,7 +206,7 @@ def _effect_blocks(text: str) -> list[list[slice]]:
 
 
 def _with_comments(text: str, part: slice) -> slice:
-    """Take in comments right below, unless they stand right above something else."""
+    """Extend a slice by the comments right below, unless they stand right above something else."""
     below = re.compile(r"(?:[ \t]*#[^\n]*(?:\n|\Z))*").match(text, part.stop)
     assert below is not None
     rest = text[below.end() :]

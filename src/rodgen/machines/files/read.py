@@ -1,4 +1,4 @@
-"""From a machine file to a `Machine`: what may stand where, checked, and brought to internal units.
+"""Read a machine file: check what may stand where, and bring it to internal units.
 
 A place in an error message is the block as its user calls it and the key: ``[units], length``, ``joint C, axis``,
 ``target ball_1, point``, ``[[effect]] 2, hold.b``; blocks whose name is in doubt go by their number, ``[[joint]] 3``.
@@ -49,7 +49,7 @@ __all__ = ["machine_of", "read_machine"]
 
 MOST_JOINTS, MOST_TARGETS, MOST_EFFECTS = 64, 1000, 200
 PLATFORM = "platform"
-"""What the target is called where a closed chain's file names none: the middle of its platform."""
+"""Name of the target where the file of a closed chain gives none: the middle of its platform."""
 
 _KEYS = {
     "file": ("name", "units", "environment", "joint", "target", "measured", "estimate", "effect"),
@@ -107,7 +107,9 @@ def machine_of(text: str, file: str, made: type[Machine]) -> Machine:
     """
     content = parse(text, file)
     if "family" in content and "joint" in content:
-        raise InputFileError(file, "[[joint]]", "given beside family", "a chain of joints, or a family")
+        raise InputFileError(
+            file, "[[joint]]", "given together with family", "a chain of joints, or a family"
+        )
     if "geometry" in content and "family" not in content:
         raise InputFileError(file, "[geometry]", "given without a family", f"family = {listed(FAMILIES)}")
     top = Table(file, "", content, _KEYS["family" if "family" in content else "file"])
@@ -168,7 +170,7 @@ def _column_name(text: str) -> str:
 
 
 def _direction(vector: tuple[float, ...]) -> Vector:
-    """Bring a vector to unit length; one that is, to rounding, stays as it stands in the file."""
+    """Return a vector scaled to unit length; one that has it, to rounding, is not changed."""
     largest = max(map(abs, vector))
     if largest == 0:
         raise UnfitError("[0, 0, 0], which has no direction")
@@ -187,7 +189,7 @@ def _positive(number: float) -> float:
 
 
 def _noise(number: float) -> float:
-    """Take a noise whose square, and the inverse of it, are numbers."""
+    """Return a noise, unless its square or the inverse of its square is beyond floating point."""
     if not 1e-100 <= number <= 1e100:
         raise UnfitError
     return number
@@ -207,7 +209,7 @@ def _rising(pair: tuple[float, float]) -> tuple[float, float]:
 
 
 def _scaled(factor: float) -> Any:
-    """Return the step to internal units, of a number or of several."""
+    """Return the function that brings a number, or several, to internal units."""
 
     def step(value: Any) -> Any:
         if isinstance(value, tuple):
@@ -263,7 +265,7 @@ def _measured(top: Table, per_radian: float) -> Measured:
     measurand = MEASURANDS[kind]
     frame = table.get("frame", one_of(("machine", "free")))
     if "from" in table and not measurand.has_origin:
-        raise table.error("from", f"given beside kind = {kind!r}", "it with kind = 'distance' only")
+        raise table.error("from", f"given together with kind = {kind!r}", "it with kind = 'distance' only")
     origin = table.get("from", _POINT) if measurand.has_origin else None
     scale = _scaled(per_radian if measurand.dimension == ANGLE else 1.0)
     noise = table.get("noise", NUMBER.then(scale).then(_noise, "a positive number"), None)
@@ -322,7 +324,7 @@ def _targets(top: Table, measurand: Measurand, *, closed: bool) -> tuple[Target,
 
 
 def _named_blocks(top: Table, key: str, most: int, kind: Kind[str]) -> list[Table]:
-    """Return the blocks of one sort, each called by its name where it has one that can be used."""
+    """Return the blocks `[[key]]`, each with its name as its place where it has a valid one."""
     tables = []
     for number, block in enumerate(top.blocks(key, most, missing=_MISSING[key]), start=1):
         try:
@@ -334,7 +336,7 @@ def _named_blocks(top: Table, key: str, most: int, kind: Kind[str]) -> list[Tabl
 
 
 def _check_names(machine: Machine) -> None:
-    """Joints and targets share one space of names: an effect is told by its name and its place."""
+    """Check that joints and targets have different names: an effect is identified by its name and its place."""
     joints = [joint.name for joint in machine.joints]
     names = [*joints, *(target.name for target in machine.targets)]
     twice = next((name for name, count in Counter(names).items() if count > 1), None)
@@ -397,7 +399,7 @@ def _effect(table: Table, machine: Machine) -> Effect:
 
 def _place(table: Table, machine: Machine) -> str | None:
     if "joint" in table and "target" in table:
-        raise table.error("target", "given beside joint", "one place")
+        raise table.error("target", "given together with joint", "one place")
     if "joint" in table:
         return table.get("joint", one_of([joint.name for joint in machine.joints]))
     if "target" in table:

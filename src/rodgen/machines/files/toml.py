@@ -1,4 +1,4 @@
-"""Read a TOML file as tables whose every fault is told by its place: ``[units], length`` or ``joint C, axis``.
+"""Read a TOML file as tables; every error names its place: ``[units], length`` or ``joint C, axis``.
 
 What a key may hold is a `Kind`: what an error message expects, and a function that takes the value or is `UnfitError`.
 """
@@ -41,7 +41,7 @@ _A_MACHINE = "a machine file"
 
 
 def read_bytes(file: str) -> bytes:
-    """Read a file that is not larger than a machine file may be.
+    """Return the bytes of a machine file, unless it is too large.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def read_bytes(file: str) -> bytes:
 
 
 def decode(data: bytes, file: str) -> str:
-    """Return the text of a TOML file, its byte order mark left where it is.
+    """Return the text of a TOML file, with its byte order mark if it has one.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def decode(data: bytes, file: str) -> str:
 
 
 def parse(text: str, file: str) -> dict[str, Any]:
-    """Parse TOML.
+    """Return the content of a TOML text.
 
     Raises
     ------
@@ -103,7 +103,7 @@ def _syntax_error(message: str, text: str, file: str) -> InputFileError:
         r"(?P<what>.*) \(at (?:line (?P<line>\d+), column (?P<column>\d+)|.*)\)", message, re.S
     )
     what = found["what"] if found else message
-    what = re.sub(r"\('(.*?)',?\)", lambda m: f"'{m[1]}'", what)  # a key is told as a tuple
+    what = re.sub(r"\('(.*?)',?\)", lambda m: f"'{m[1]}'", what)  # tomllib writes a key as a tuple
     what = what[:1].lower() + what[1:]
     if found and found["line"]:
         return InputFileError(file, f"line {found['line']}", f"{what}, at column {found['column']}", _TOML)
@@ -114,7 +114,7 @@ def _syntax_error(message: str, text: str, file: str) -> InputFileError:
 
 
 class UnfitError(Exception):
-    """A value that a key cannot hold: what is wrong with it, and what was expected, where `Kind` says it less well."""
+    """A value that a key cannot hold: what is wrong with it, and what was expected if not what its `Kind` says."""
 
     def __init__(self, found: str | None = None, expected: str | None = None) -> None:
         self.found = found
@@ -137,7 +137,7 @@ class Kind(Generic[_T]):
     read: Callable[[Any], _T]
 
     def then(self, step: Callable[[_T], Any], expected: str | None = None) -> Kind[Any]:
-        """Return a kind whose values pass through a further step."""
+        """Return this kind with one more step after reading."""
         return Kind(expected or self.expected, lambda value: step(self.read(value)))
 
 
@@ -180,7 +180,7 @@ TABLE = Kind("a table", _table)
 
 
 def one_of(options: Collection[str]) -> Kind[str]:
-    """Return the kind of a text that is one of a few."""
+    """Return the kind of a text that is one of some options."""
 
     def read(value: Any) -> str:
         if not isinstance(value, str):
@@ -193,7 +193,7 @@ def one_of(options: Collection[str]) -> Kind[str]:
 
 
 def _described(value: Any) -> str:
-    """Say what stands at a key."""
+    """Return what stands at a key, in words."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
@@ -244,7 +244,7 @@ class Table:
         return key in self.content
 
     def error(self, key: str, found: str, expected: str) -> InputFileError:
-        """Say what is wrong at a key; an empty key is the table itself."""
+        """Return the error for what is wrong at a key; an empty key is the table itself."""
         key = shown(key)[1:-1]
         return InputFileError(
             self.file, ", ".join(filter(None, (self.place, key))) or "file", found, expected
@@ -257,7 +257,7 @@ class Table:
     def get(self, key: str, kind: Kind[_T], default: _D) -> _T | _D: ...
 
     def get(self, key: str, kind: Kind[Any], default: Any = _REQUIRED) -> Any:
-        """Read a key.
+        """Return the value at a key.
 
         Parameters
         ----------
@@ -277,7 +277,7 @@ class Table:
         return self.convert(key, self.content[key], kind)
 
     def convert(self, key: str, value: Any, kind: Kind[_T]) -> _T:
-        """Take a value as what stands at a key."""
+        """Return a value of a kind; errors name the key."""
         try:
             return kind.read(value)
         except UnfitError as unfit:

@@ -1,4 +1,4 @@
-"""From a `Machine` to the text of a machine file, and to a few lines for people."""
+"""Write a `Machine` as the text of a machine file, and as a short summary."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ __all__ = ["description", "effect_text", "fixed_machine", "machine_text"]
 
 
 def decimal(value: float, factor: float = 1.0) -> str:
-    """Write the shortest decimal that, read and multiplied by `factor`, is `value` to the last bit.
+    """Return the shortest decimal that, read and multiplied by `factor`, is `value` to the last bit.
 
-    Where no such decimal is (a product of floats skips some), it is the nearest: within 2e-16 of the value.
+    Where there is none (a product of floats skips some values), the nearest is returned: within 2e-16 of the value.
 
     Examples
     --------
@@ -51,7 +51,7 @@ def _vector(values: Sequence[float], factor: float = 1.0) -> str:
 
 
 def _text(text: str) -> str:
-    """Write a TOML string; JSON's escapes are all TOML's, which wants DEL escaped too."""
+    """Return a TOML string. JSON's escapes are valid in TOML, which wants DEL escaped too."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
@@ -157,7 +157,7 @@ def _effect_lines(machine: Machine, effect: Effect) -> list[str]:
 
 
 def _factors(machine: Machine, effect: Effect) -> dict[str, float]:
-    """Return what each parameter of an effect, as the file has it, is multiplied by."""
+    """Return the factor from the file's unit to internal units of each parameter of an effect."""
     dimensions = {
         name: unit_factor(unit, machine.length_unit)[1] for name, unit in effect.units(machine).items()
     }
@@ -168,7 +168,7 @@ def _factors(machine: Machine, effect: Effect) -> dict[str, float]:
 
 
 def fixed_machine(machine: Machine) -> Machine:
-    """Return the machine with its fitted numbers as given ones, and nothing left to estimate.
+    """Return the machine with its fitted numbers in place, and nothing to estimate.
 
     It predicts what the fitted machine predicts. Axes, points and targets move in place. Only where another effect of a
     joint is written along u and v, which complete the axis *of the file*, the axis stays and its tilt becomes a
@@ -245,7 +245,7 @@ def _fixed_target(machine: Machine, target: Target) -> Target:
 
 
 def _names(effect: Effect) -> frozenset[str]:
-    """Return the words of the catalogue in an effect's formulas; a user's formula has none."""
+    """Return the names of the catalogue in an effect's formulas; a user's formula has none."""
     definition = effect.definition
     if definition.own:
         return frozenset()
@@ -269,7 +269,7 @@ def _check_travel(machine: Machine, effect: Effect) -> None:
 
 
 def _hold(machine: Machine, effect: Effect) -> dict[str, float]:
-    """Return the values of an effect's parameters; a frame shift for each run has none, and is found again."""
+    """Return the values of an effect's parameters to hold; those of each run are left to be found again."""
     if effect.is_per_run(machine.values):
         return dict(effect.hold)
     found = {}
