@@ -17,6 +17,7 @@ from rodgen.calibration.held_out import HeldOut, held_out
 from rodgen.calibration.lack_of_fit import LackOfFit, lack_of_fit
 from rodgen.calibration.least_squares import Solution
 from rodgen.calibration.noise import NoiseFloor, noise_floor
+from rodgen.calibration.open_questions import OpenQuestions
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.robust import robust_fit
 from rodgen.calibration.staged_fit import FitError, check_travel, fit_in_stages, measured_along
@@ -135,6 +136,11 @@ class FittedModel:
         machine = in_its_mode(replace(model.machine, values=values, joints=joints), problem.observations)
         machine = with_what_was_seen(machine, problem.observations)
         return cls(machine, problem.observations, problem, solution, tuple(free), outliers)
+
+    @property
+    def open_questions(self) -> OpenQuestions:
+        """What the data leave open about the model, for a plan of measurements."""
+        return OpenQuestions(self, self)
 
     def refit(
         self,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from rodgen.calibration.fitted import Estimate
+from rodgen.calibration.open_questions import INVISIBLE, OpenQuestions
 from rodgen.machines.machine import Effect, Machine
 
 if TYPE_CHECKING:
@@ -261,6 +262,22 @@ class Diagnosis:
             "steps": [step.to_dict() for step in self.steps],
             "unexplained": [form.to_dict() for form in self.unexplained],
         }
+
+    @property
+    def open_questions(self) -> OpenQuestions:
+        """What the data leave open, for a plan of measurements."""
+        return OpenQuestions(
+            base=self.base,
+            final=self.final,
+            found=tuple(step.effect for step in self.steps),
+            alternatives=tuple(
+                (step.effect, *(alias.effect for alias in step.indistinguishable_from))
+                for step in self.steps
+                if step.indistinguishable_from
+            ),
+            invisible=tuple(ranked.effect for ranked in self.ranking if ranked.visible < INVISIBLE),
+            dependent=self.correlation is not None and not self.correlation.independent,
+        )
 
     def plan(self, n: int = 12) -> Plan:
         """Return what to measure next to settle what is open; see :func:`rodgen.calibration.plan.plan`."""

@@ -1,0 +1,331 @@
+"""One way to continue measuring, and what readings of all positions within the travel could settle in it.
+
+A campaign has a machine with its targets, a travel, and a time to begin. The models in question are fitted to the data,
+and compared by pairs: of every pair, one is taken for true and the other for wrong.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.plan.design import Coordinates, Pair, Sharpen, Task
+from rodgen.calibration.plan.pool import levels, readings
+from rodgen.calibration.plan.rivals import Columns, Rival, Rivals
+from rodgen.calibration.plan.rows import Rows, Surroundings
+from rodgen.calibration.plan.words import joint_unit
+from rodgen.calibration.problem import Problem
+
+if TYPE_CHECKING:
+    from rodgen.calibration.plan.question import Question
+    from rodgen.data.observations import Observations
+    from rodgen.machines.machine import Machine
+
+__all__ = ["MOST_READINGS", "Campaign", "RivalPair", "both_ways"]
+
+Array: TypeAlias = NDArray[np.float64]
+Place: TypeAlias = tuple[str, str | None]
+
+APART = 12.0
+"""Effects are told apart when one fits worse by this and ln(rows), in chi-square, for each parameter saved."""
+MARGIN = 2.0
+"""Quantile of the normal distribution for the accepted doubt (`candidate_plan.DOUBT`), with two or three wrong ones."""
+IMITATED = 1e-3
+"""A model does the same as another one whose readings it meets within a thirtieth of the noise (here squared)."""
+LIKELY = 9.0
+"""... with parameters that the data leave open: those within three standard deviations of what was fitted."""
+UNSHOWN_PART = 0.005
+"""A parameter with a greater part in a combination that no reading shows is not shown either."""
+SMALL = 0.1
+"""Where readings cover less than this part of what positions within the travel make of them, the instrument reads small
+deviations only, and only positions that keep to these are considered."""
+MOST_DEPENDENT = 30.0
+"""Dependent readings raise the variance of a mean by this factor at most; beyond, a fit went elsewhere."""
+MOST_READINGS = 500
+"""No plan is made of more readings, and none is promised by more."""
+EFFORT = 0.01
+"""Cost, in parts of what is needed, of going where nothing was measured, of mounting a load, of seeing a new target."""
+
+
+@dataclass(frozen=True)
+class RivalPair:
+    """A true and a wrong model that a plan is to tell apart.
+
+    Attributes
+    ----------
+    group : int
+        Number of the alternatives that they belong to.
+    pair : Pair
+    threshold : float
+        Chi-square from which they count as told apart.
+    possible : bool
+        Whether all readings considered together would do, in whichever of the two is true.
+    tiny : bool
+        Where not: whether the two differ, but by less than the noise.
+    """
+
+    group: int
+    pair: Pair
+    threshold: float
+    possible: bool
+    tiny: bool
+
+    @property
+    def models(self) -> frozenset[int]:
+        """Numbers of the two models."""
+        return frozenset((self.pair.true, self.pair.wrong))
+
+
+def both_ways(pairs: Iterable[RivalPair]) -> list[RivalPair]:
+    """Return pairs that are possible only where the two can be told apart whichever is true."""
+    pairs = list(pairs)
+    hopeless = {p.models for p in pairs if not p.possible}
+    return [replace(p, possible=p.models not in hopeless) for p in pairs]
+
+
+class Campaign:
+    """One way to continue measuring.
+
+    Parameters
+    ----------
+    question : Question
+    machine : Machine
+        That of the question, or with a further target.
+    o : Observations
+        The data without outliers.
+    wait : float
+        For how many times the duration of the data the machine waits before; negative: it begins cold again.
+    travel : ndarray, shape (J, 2), optional
+        To be planned within; left out: the machine's, or that of the data.
+
+    Attributes
+    ----------
+    models : list of Rival
+        Those of all alternatives, and that of the parameters in question.
+    titles : list of str
+        Of the effect in question that each has.
+    pool : Rows
+        All readings that are considered.
+    columns : list of Columns
+        What each model says of them.
+    poses : ndarray of int
+        Equal where readings of the pool can be taken in one pose.
+    effort : ndarray
+        What each costs.
+    coordinates : list of Coordinates
+        Of each model.
+    pairs : list of RivalPair
+    included : list of (int, int, int)
+        Number of the alternatives, a model, and a larger one that can do all that it does.
+    refuted : list of (int, int)
+        Number of the alternatives, and a model that the data speak against.
+    sharpen : list of Sharpen
+    unshown : set of str
+        Parameters in question that no reading shows.
+    """
+
+    def __init__(
+        self,
+        question: Question,
+        machine: Machine,
+        o: Observations,
+        *,
+        wait: float = 0.0,
+        travel: Array | None = None,
+    ) -> None:
+        self.question, self.machine, self.o, self.wait = question, machine, o, wait
+        effects = {(e.name, e.place): e for each in question.alternatives for e in each}
+        effects |= {(e.name, e.place): e for e in question.further if (e.name, e.place) not in effects}
+        self.rivals = Rivals(machine, o, list(effects.values()))
+        self._fit_models()
+        self.travel = self.models[0].fit.problem.model.travel if travel is None else travel
+        self.variance = self.rivals.variance(self.models)
+        if question.trusted:
+            self.variance *= self._dependence()
+        self._collect_readings()
+        self.coordinates = [
+            Coordinates(m.information / self.variance, o.n, c.jacobian)
+            for m, c in zip(self.models, self.columns, strict=True)
+        ]
+        self._pair_models()
+        self.sharpen, self.unshown = self._parameters()
+
+    # models --------------------------------------------------------------------------------------------------
+
+    def _fit_models(self) -> None:
+        """Fit every model; that of the parameters in question is the one with the likeliest effects."""
+        question, known = self.question, self.rivals.asked
+        members = [
+            [place for e in each if (place := (e.name, e.place)) in known] for each in question.alternatives
+        ]
+        first = [places[0] for places in members if places]
+        self.models: list[Rival] = []
+        self.titles: list[str] = []
+        self.groups: list[list[int]] = []
+        for places in members:
+            others = {p for p in first if places and p != places[0]}
+            self.groups.append([self._number({*others, place}, known[place].title) for place in places])
+        further = {(e.name, e.place) for e in question.further} & set(known)
+        self.key_model = self._number({*first, *further}, "") if question.keys else None
+        self.counted = {place for places in members for place in places} | further
+
+    def _number(self, places: set[Place], title: str) -> int:
+        """Return the number of the model with some of the effects; it is fitted where there is none yet."""
+        rival = self.rivals.rival(places)
+        for k, (model, name) in enumerate(zip(self.models, self.titles, strict=True)):
+            if model is rival and name in ("", title):
+                self.titles[k] = title or name
+                return k
+        self.models.append(rival)
+        self.titles.append(title)
+        return len(self.models) - 1
+
+    def worse_now(self, a: int, b: int) -> float:
+        """Return by how much model b fits the data worse than a, in chi-square."""
+        return (self.models[b].fit.chi_square - self.models[a].fit.chi_square) / self.variance
+
+    def threshold(self, a: int, b: int) -> float:
+        """Return by how much b must fit worse than a to be refuted."""
+        return float(APART + np.log(self.o.n)) * max(self.models[a].own - self.models[b].own, 1)
+
+    def _dependence(self) -> float:
+        """Return by what factor the variance of a reading must be larger for the data not to refute any alternative."""
+        factor = 1.0
+        for numbers in self.groups:
+            plausible = [k for k in numbers if self.models[k].plausible]
+            for a, b in itertools.permutations(plausible, 2):
+                factor = max(factor, self.worse_now(a, b) / self.threshold(a, b))
+        return min(factor, MOST_DEPENDENT)
+
+    # readings ------------------------------------------------------------------------------------------------
+
+    def _collect_readings(self) -> None:
+        """Collect the readings that are considered, and what each model says of them."""
+        o, rivals = self.o, self.rivals
+        uses = {kind: rivals.uses(kind, self.counted) for kind in "svTFt"}
+        self.asks_load, self.asks_time = bool(uses["F"]), bool(uses["t"])
+        targets = len(self.machine.targets)
+        self.surroundings = Surroundings(o, targets, wait=self.wait)
+        self.choice = levels(
+            o, targets, sides=uses["s"], speeds=uses["v"], temperatures=uses["T"], load=self.asks_load
+        )
+        pool = self._within_reach()
+        middle = None if o.t is None else self.surroundings.begin + 6 * self.surroundings.step
+        columns = rivals.columns(self.models, self.surroundings.observations(pool, middle), self.variance)
+        finite = np.all(
+            [np.isfinite(c.jacobian).all((1, 2)) & np.isfinite(c.residual).all(1) for c in columns], axis=0
+        )
+        if not finite.all():
+            pool = pool.take(finite)
+            columns = [Columns(c.residual[finite], c.jacobian[finite]) for c in columns]
+        self.pool, self.columns = pool, columns
+        same = np.concatenate([pool.q, pool.s, pool.load[:, None], pool.state[:, None]], axis=1)
+        self.poses = np.unique(same, axis=0, return_inverse=True)[1].ravel()
+        q = np.asarray(o.q)
+        new = np.any((pool.q < q.min(axis=0)) | (pool.q > q.max(axis=0)), axis=1).astype(float)
+        new += ~np.isin(pool.target, o.target)
+        if o.load is not None:
+            new += ~np.isin(pool.load, o.load)
+        self.effort = EFFORT * new
+
+    def _within_reach(self) -> Rows:
+        """Return readings without those beyond an instrument for deviations only: a probe on a ball, a ball bar."""
+        units = np.array([joint_unit(self.o, j)[1] for j in range(len(self.machine.joints))])
+        pool = readings(self.machine, self.o, self.travel, units, self.choice)
+        if self.machine.measured.kind == "direction":
+            return pool
+        low, high = self.o.reading.min(axis=0), self.o.reading.max(axis=0)
+        usual = np.linalg.norm(np.nanstd(self._predicted(pool), axis=0))
+        if not np.linalg.norm(high - low) < SMALL * usual:
+            return pool
+        room = 0.5 * (high - low)
+        pool = readings(self.machine, self.o, self.travel, units, self.choice, again=True)
+        predicted = self._predicted(pool)
+        inside = np.all((predicted > low - room) & (predicted < high + room), axis=1)
+        return pool.take(inside) if inside.sum() > 1 else pool
+
+    def _predicted(self, pool: Rows) -> Array:
+        """Return what the first model predicts for readings, (n, m)."""
+        fit = self.models[0].fit
+        seen = self.surroundings.observations(pool, None if self.o.t is None else self.surroundings.begin)
+        residuals = Problem(fit.problem.model, seen).residuals(fit.solution.theta, fit.solution.frame)
+        return np.asarray(seen.reading - residuals)
+
+    # what could be settled -----------------------------------------------------------------------------------
+
+    def _pair_models(self) -> None:
+        pairs: list[RivalPair] = []
+        self.included: list[tuple[int, int, int]] = []
+        self.refuted: list[tuple[int, int]] = []
+        for group, numbers in enumerate(self.groups):
+            plausible = [a for a in numbers if self.models[a].plausible]
+            left = [
+                a
+                for a in plausible
+                if not any(self.worse_now(a, b) < -self.threshold(b, a) for b in plausible)
+            ]
+            self.refuted += [(group, a) for a in numbers if a not in left]
+            for a, b in itertools.permutations(left, 2):
+                pair = self._pair(group, a, b)
+                if pair is None:
+                    self.included.append((group, a, b))
+                else:
+                    pairs.append(pair)
+        self.pairs = both_ways(pairs)
+
+    def _pair(self, group: int, a: int, b: int) -> RivalPair | None:
+        """Return the pair of a true model and a wrong one; None where the wrong one is larger and includes the true."""
+        true, wrong = self.models[a], self.models[b]
+        now, threshold = self.worse_now(a, b), self.threshold(a, b)
+        root = MARGIN + np.sqrt(MARGIN**2 + threshold + MARGIN)
+        pair = Pair(a, b, now, float(root**2))
+        considered = len(self.pool.q)
+        alone = Task(self.coordinates, [pair], [])
+        gain = float(alone.gains(self.columns)[0][0]) * max(1.0, MOST_READINGS / considered)
+        imitated = gain < IMITATED * max(considered, MOST_READINGS)
+        if imitated and wrong.own > true.own:
+            return None
+        possible = now + gain >= pair.needed
+        same = not possible and true.own == wrong.own and self._may_be_the_same(pair)
+        return RivalPair(group, pair, threshold, bool(possible), tiny=not imitated and not same)
+
+    def _may_be_the_same(self, pair: Pair) -> bool:
+        """Tell whether the wrong model imitates a true one that the data allow as well as the one that was fitted.
+
+        Two effects may differ in a part that neither of them is known to have.
+        """
+        true = self.coordinates[pair.true]
+        wrong, a, b = self.coordinates[pair.wrong], self.columns[pair.true], self.columns[pair.wrong]
+        d = (b.residual - a.residual).reshape(-1, 1)
+        of_a, of_b = (
+            x.jacobian.reshape(-1, x.jacobian.shape[-1]) @ c.root for x, c in ((a, true), (b, wrong))
+        )
+        both = np.concatenate([of_a, d], axis=1)
+        cross = of_b.T @ both
+        rise = both.T @ both - cross.T @ np.linalg.solve(wrong.prior + of_b.T @ of_b, cross)
+        for weight in np.logspace(-6, 6, 25) * np.trace(rise[:-1, :-1]) / max(np.trace(true.prior), 1e-300):
+            x = np.append(np.linalg.solve(rise[:-1, :-1] + weight * true.prior, rise[:-1, -1]), -1.0)
+            unlikely = x[:-1] @ true.prior @ x[:-1]
+            if unlikely <= LIKELY and x @ rise @ x < IMITATED * len(self.pool.q):
+                return True
+        return False
+
+    def _parameters(self) -> tuple[list[Sharpen], set[str]]:
+        """Return the parameters to sharpen, and those in question that no reading shows."""
+        if self.key_model is None:
+            return [], set()
+        model, unseen = self.models[self.key_model], self.coordinates[self.key_model].unseen
+        numbers = {model.fit.parameters[i].key: k for k, i in enumerate(model.index)}
+        found, unshown = [], set()
+        for key in self.question.keys:
+            k = numbers.get(key)
+            if k is None or (unseen.shape[1] and np.abs(unseen[k]).max() > UNSHOWN_PART):
+                unshown.add(key)
+            if k is not None:
+                found.append(Sharpen(self.key_model, k, key))
+        return found, unshown

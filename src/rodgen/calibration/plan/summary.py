@@ -1,0 +1,120 @@
+"""A plan as text: what to measure, what it settles, what else is to be known, and a small table of what is expected."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from textwrap import wrap
+from typing import TYPE_CHECKING
+
+from rodgen.calibration.plan.goals import Gain, Goal
+from rodgen.calibration.plan.table import as_text
+
+if TYPE_CHECKING:
+    from rodgen.calibration.plan.plan import Plan
+
+__all__ = ["lines_of"]
+
+MOST_GAINS = 6
+"""Gains of a goal in its table; the others are counted."""
+WIDTH = 100
+"""Of a line of text."""
+HARDLY = 0.005
+"""A smaller probability, or one as near to 1, is given in words."""
+
+
+def lines_of(plan: Plan) -> Iterator[str]:
+    """Yield the lines of a plan."""
+    if not plan.goals:
+        yield from plan.notes
+        return
+    if plan.count:
+        yield f"What to measure: {plan.count} reading{'s' * (plan.count != 1)}"
+        yield from _wrapped(plan.words)
+        yield from (f"    {line}" for line in as_text(plan.rows))
+        if plan.new_targets:
+            yield "In the machine file"
+            yield from (f"    {line}" for line in plan.target_blocks().splitlines())
+        yield "What it settles"
+    else:
+        yield "Nothing to measure: no reading within the travel settles what is open."
+        yield "What is open"
+    for goal in plan.goals:
+        yield from _wrapped(_sentences(goal, bool(plan.count)))
+    if plan.notes:
+        yield "Besides"
+    yield from _wrapped(plan.notes)
+    if plan.count:
+        for goal in plan.goals:
+            if goal.resolvable and goal.gains:
+                yield from _table(goal)
+
+
+def _wrapped(sentences: Iterable[str]) -> Iterator[str]:
+    """Yield sentences as indented lines, each from a line of its own on."""
+    for sentence in sentences:
+        yield from wrap(
+            sentence,
+            WIDTH,
+            initial_indent="  ",
+            subsequent_indent="    ",
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+
+
+def _sentences(goal: Goal, planned: bool) -> Iterator[str]:
+    """Yield the sentences of a goal, with the chances after the first one."""
+    first, stop, rest = goal.sentence.partition(". ")
+    yield f"{first}." if stop else first
+    if planned:
+        yield from _chances(goal)
+    if rest:
+        *most, last = rest.split(". ")
+        yield from (f"{sentence}." for sentence in most)
+        yield last
+
+
+def _chances(goal: Goal) -> Iterator[str]:
+    chances = [gain.probability for gain in goal.gains if gain.probability is not None]
+    if not goal.resolvable or not chances:
+        return
+    low, high = min(chances), max(chances)
+    if goal.reached:
+        yield f"Chance that these readings do: {_percent(low)}."
+    elif high < HARDLY:
+        yield "These readings alone will hardly do it."
+    else:
+        of = [_percent(low), _percent(high)]
+        said = of[0] if of[0] == of[1] else f"{of[0]} to {of[1]}, depending on which is there"
+        yield f"Chance that these readings do: {said}."
+
+
+def _table(goal: Goal) -> Iterator[str]:
+    """Yield a small table of what is expected."""
+    if goal.kind == "separate":
+        yield "By how much the wrong effect fits worse, in chi-square"
+        rows = [["", "now", "then", "needed", "chance"]]
+    else:
+        yield "Standard deviations"
+        rows = [["", "now", "then"]]
+    rows += [_cells(gain) for gain in goal.gains[:MOST_GAINS]]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for name, *cells in rows:
+        numbers = (cell.rjust(width) for cell, width in zip(cells, widths[1:], strict=True))
+        yield f"  {'  '.join([name.ljust(widths[0]), *numbers])}"
+    if len(goal.gains) > MOST_GAINS:
+        yield f"  and {len(goal.gains) - MOST_GAINS} more"
+
+
+def _cells(gain: Gain) -> list[str]:
+    if gain.what == "std":
+        unit = "" if gain.unit == "1" else f" {gain.unit}"
+        return [gain.of, *("open" if x is None else f"± {x:.3g}{unit}" for x in (gain.now, gain.after))]
+    found = [f"{x:.3g}" if x is not None else "" for x in (gain.now, gain.after, gain.needed)]
+    return [gain.of, *found, "" if gain.probability is None else _percent(gain.probability)]
+
+
+def _percent(probability: float) -> str:
+    if probability > 1 - HARDLY:
+        return "more than 99 %"
+    return "hardly any" if probability < HARDLY else f"{100 * probability:.0f} %"

@@ -1,0 +1,124 @@
+"""Ways to continue measuring when readings with the present targets do not settle a question.
+
+The machine may be measured after a wait or from cold again, with one more target, or over more of its travel.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.plan.campaign import Campaign
+from rodgen.calibration.plan.candidate_plan import CandidatePlan, plan_campaign
+from rodgen.machines.machine import Target
+
+if TYPE_CHECKING:
+    from rodgen.calibration.plan.question import Question
+    from rodgen.data.observations import Observations
+    from rodgen.machines.machine import Machine
+
+__all__ = ["best_plan", "plan_over_more_travel"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+WAITS = (2.0, -1.0)
+"""For how many times the duration of the data to wait; negative: to begin when the machine is cold."""
+WORTH = 0.3
+"""A new target, or a wait, is proposed where it brings this much more, in parts of what is needed."""
+FEW_TARGETS = 3
+"""With this many, a further target is not proposed."""
+WIDER = (0.15, 0.5, 1.0)
+"""By what parts of the travel of the data more of it is tried, to either side."""
+A_LITTLE_WIDER = (0.1, 0.2)
+"""The same where directions are measured: below the horizon there is no star."""
+
+
+def best_plan(question: Question, o: Observations, n: int) -> CandidatePlan:
+    """Return the plan of n readings at most that settles most, with as little besides measuring as can be."""
+    found = best = plan_campaign(Campaign(question, question.machine, o), n)
+    if found.reached or not question.alternatives:
+        return found
+    for machine, wait in _ways(found):
+        other = plan_campaign(Campaign(question, machine, o, wait=wait), n, quick=True)
+        if other.worth > best.worth + WORTH or (other.reached and not best.reached):
+            best = other
+        if best.reached:
+            break
+    if best is found or best.reached:
+        return best
+    return plan_campaign(best.campaign, n)
+
+
+def _ways(found: CandidatePlan) -> Iterator[tuple[Machine, float]]:
+    """Yield machines, with another target where one may help, and waits."""
+    campaign, machine, o = found.campaign, found.campaign.machine, found.campaign.o
+    if campaign.asks_time and o.t is not None and np.ptp(o.t) > 0:
+        yield from ((machine, wait) for wait in WAITS)
+    structure = campaign.models[0].fit.problem.model.structure
+    # where moments count, one more target would move the mean of the targets, and with it what the effects mean
+    if structure.moving and not structure.centre and len(machine.targets) < FEW_TARGETS:
+        yield from ((other, 0.0) for other in _with_a_new_target(campaign.question))
+
+
+def _with_a_new_target(question: Question) -> Iterator[Machine]:
+    """Yield the machine with one more target, at another radius or height about the last axis that is in question."""
+    machine = question.machine
+    places = {e.place for each in question.alternatives for e in each}
+    turning = [joint for joint in machine.joints if joint.type == "revolute"]
+    carrier = next((j for j in reversed(turning) if j.name in places), turning[-1] if turning else None)
+    names = {t.name for t in machine.targets} | {joint.name for joint in machine.joints}
+    name = next(text for k in range(2, 1000) if (text := f"{machine.targets[0].name}_{k}") not in names)
+    points = np.array([t.point for t in machine.targets])
+    if carrier is None:
+        size = float(np.linalg.norm(points, axis=1).max()) or 100.0
+        new = [points[0] + 0.5 * size * e for e in np.eye(3)]
+    else:
+        axis, foot = np.array(carrier.axis), np.array(carrier.point)
+        height = (points - foot) @ axis
+        across = points - foot - height[:, None] * axis
+        radius = np.linalg.norm(across, axis=1)
+        k = int(np.argmax(radius))
+        size = radius[k] or float(np.linalg.norm(points, axis=1).max()) or 100.0
+        out = across[k] if radius[k] > 0 else _across(axis) * size
+        new = [
+            foot + height[k] * axis + 0.4 * out,
+            foot + height[k] * axis - 0.7 * out,
+            foot + (height[k] + size) * axis + out,
+        ]
+    for point in new:
+        x, y, z = (
+            float(f"{v:.4g}") + 0.0 for v in np.where(np.abs(point) < 1e-9 * size, 0.0, point).tolist()
+        )
+        yield replace(machine, targets=(*machine.targets, Target(name, (x, y, z))))
+
+
+def _across(axis: Array) -> Array:
+    """Return a unit vector across an axis."""
+    other = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    found = np.cross(axis, other)
+    return np.asarray(found / np.linalg.norm(found))
+
+
+def plan_over_more_travel(best: CandidatePlan, joints: Sequence[int], n: int) -> CandidatePlan | None:
+    """Return a plan that settles the question within more travel of some joints; None where no plan does."""
+    question = best.campaign.question
+    machine = question.machine
+    directions = machine.measured.kind == "direction"
+    for part in A_LITTLE_WIDER if directions else WIDER:
+        travel = np.array(best.campaign.travel)
+        for j in joints:
+            low, high = travel[j]
+            more = part * (high - low)
+            if machine.joints[j].type == "revolute":
+                more = min(more, math.pi - (high - low) / 2)
+            travel[j] = low - more, high + more
+        campaign = Campaign(question, machine, best.campaign.o, wait=best.campaign.wait, travel=travel)
+        wider = plan_campaign(campaign, n, quick=True)
+        if wider.settled:
+            return wider
+    return None
