@@ -264,16 +264,16 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_a_bad_formula_is_told_in_one_sentence(case):
+def test_a_bad_formula_is_reported_in_one_sentence(case):
     text, message = BAD[case]
     with pytest.raises(InputFileError) as caught:
         parse(text)
-    told = str(caught.value)
-    assert told.startswith("machine.toml: effect 1, formula: ")
-    assert message in told
-    assert told.count("; expected ") == 1
-    assert told.isprintable()
-    assert len(told) < 250
+    text = str(caught.value)
+    assert text.startswith("machine.toml: effect 1, formula: ")
+    assert message in text
+    assert text.count("; expected ") == 1
+    assert text.isprintable()
+    assert len(text) < 250
 
 
 @pytest.mark.parametrize(
@@ -320,8 +320,8 @@ def test_any_text_is_a_formula_or_one_sentence_and_soon(text):
     try:
         formula = parse(text)
     except InputFileError as error:
-        told = str(error)
-        assert told.isprintable() and "; expected " in told  # noqa: PT018
+        text = str(error)
+        assert text.isprintable() and "; expected " in text  # noqa: PT018
     else:
         assert parse(formula.text) == formula
     # 2000 characters take up to 10 ms; the rest is for a busy machine
@@ -413,7 +413,7 @@ def test_a_formula_has_the_dimension_of_its_value(text, expected):
         ("x + F*(1 + 2)", "'x + F*(1 + 2)' of length and force", "two of one kind"),
     ],
 )
-def test_dimensions_that_do_not_fit_are_told(text, found, expected):
+def test_dimensions_that_do_not_fit_are_reported(text, found, expected):
     with pytest.raises(FormulaError) as caught:
         parse(text).dimension(DIMENSIONS)
     assert caught.value.found == found

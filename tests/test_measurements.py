@@ -282,7 +282,7 @@ MALFORMED = {
     ),
     "uncertainty of one component": (
         one_more("u_x [um]", "1"),
-        "line 1: no column 'u_y'; expected it beside 'u_x', or noise in the machine file",
+        "line 1: no column 'u_y'; expected it as well as 'u_x', or noise in the machine file",
     ),
     "uncertainty of no reading": (
         one_more("u_q [deg]"),
@@ -475,7 +475,7 @@ def test_malformed_measurements_are_named_by_their_place(name, tmp_path):
     assert str(caught.value).isprintable()
 
 
-def test_missing_file_is_said_to_be_so(tmp_path):
+def test_missing_file_is_reported(tmp_path):
     with pytest.raises(InputFileError, match=r"nowhere\.csv: file: no such file; expected a CSV or Parquet"):
         Measurements.load(tmp_path / "nowhere.csv")
 
@@ -496,7 +496,7 @@ BAD_FRAMES = {
     ),
     "complex": (
         {"a": np.array([1j])},
-        "column 'a': what is no sequence of numbers or of names (Unsupported numpy type 15); expected one type in all "
+        "column 'a': neither a sequence of numbers nor of names (Unsupported numpy type 15); expected one type in all "
         "of its cells",
     ),
     "twice": (
@@ -1033,7 +1033,7 @@ def test_arrays_in_files_hold_what_arrays_in_memory_hold(size, monkeypatch, tmp_
     assert [file.name for file in tmp_path.iterdir()] == ["data.csv"]  # the files have no names
 
 
-def test_full_disk_is_told(monkeypatch):
+def test_full_disk_is_reported(monkeypatch):
     monkeypatch.setattr(_spool, "IN_MEMORY", 0)
     full = functools.partial(open, "/dev/full", "w+b", buffering=0)
     monkeypatch.setattr(_spool.tempfile, "TemporaryFile", full)

@@ -271,7 +271,7 @@ def test_malformed_file_is_named_by_its_place(name, tmp_path):
     assert text.isprintable()
 
 
-def test_missing_file_and_folder_are_said_to_be_so(tmp_path):
+def test_missing_file_and_folder_are_reported(tmp_path):
     with pytest.raises(
         InputFileError, match=r"nowhere\.csv: file: no such file; expected a CSV or Parquet file"
     ):
@@ -449,7 +449,7 @@ def test_row_of_a_fault_in_parquet_does_not_depend_on_the_blocks(size, small_blo
         read_pairs(path)
 
 
-def test_first_fault_is_told_though_the_reading_ends_in_another(small_blocks, tmp_path):
+def test_first_fault_is_reported_even_if_reading_ends_in_another(small_blocks, tmp_path):
     rows = [HEADER, *numbered_rows(400)]
     rows[380] = "1,2,x,4,5,6,7"
     path = tmp_path / "pairs.csv.gz"
@@ -677,7 +677,7 @@ def test_output_that_cannot_be_written_is_named(name, tmp_path):
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a device that is full")
 @pytest.mark.parametrize("rows", [1, 20_000])
-def test_full_disk_is_told(rows):
+def test_full_disk_is_reported(rows):
     table = pa.table({"x": np.arange(float(rows))})
     with pytest.raises(
         InputFileError, match=r"/dev/full: file: cannot be written \(No space left on device\)"
@@ -744,7 +744,7 @@ def test_solved_table_keeps_its_columns_and_gains_the_axis(given_as, asked_for, 
     assert summary.counts == {"two_axes": 300}
     solved = read_table(tmp_path / asked_for)
     assert solved.column_names == [*table.column_names, *RESULTS]
-    # A column that nobody read is text from CSV; only a reader of CSV makes numbers of it again.
+    # An unused column of a CSV file is text; only a reader of CSV makes numbers of it again.
     unread = str if (given_as, asked_for) == ("in.csv", "out.parquet") else int
     assert solved["run"].to_pylist() == [unread(i) for i in run]
     assert solved["note"].to_pylist() == note

@@ -96,7 +96,7 @@ def test_a_unit_that_is_the_files_own_is_not_rounded():
 @pytest.mark.parametrize(
     ("text", "zero"), [("degC", 0), ("°C", 0), ("degF", -160 / 9), ("fahrenheit", -160 / 9)]
 )
-def test_a_temperature_with_its_own_zero_is_told_from_a_difference(text, zero):
+def test_a_temperature_with_its_own_zero_differs_from_a_difference(text, zero):
     unit = parse_unit(text)
     assert float(unit.zero) == pytest.approx(zero, rel=1e-15)
     assert parse_unit(f"mm/{text}").zero is None
@@ -130,7 +130,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("text", BAD)
-def test_a_bad_unit_is_told_in_one_sentence(text):
+def test_a_bad_unit_is_reported_in_one_sentence(text):
     with pytest.raises(UnitError) as caught:
         parse_unit(text)
     assert BAD[text] in str(caught.value)
@@ -150,8 +150,8 @@ def test_any_text_is_a_unit_or_one_sentence(text):
     try:
         unit = parse_unit(text)
     except UnitError as error:
-        told = str(error)
-        assert told.isprintable() and "; expected " in told  # noqa: PT018
+        message = str(error)
+        assert message.isprintable() and "; expected " in message  # noqa: PT018
     else:
         assert 0 < unit.factor("mm") < math.inf
 

@@ -1,8 +1,8 @@
-"""What is raised when rodgen cannot do what it was asked to do.
+"""Exceptions of rodgen, and the parts of their messages.
 
-Whoever wants to catch everything catches :class:`RodgenError`. A file that cannot be used raises
-:class:`InputFileError`, whose text is one line in one fixed order, ``FILE: PLACE: what was found; what
-was expected``, so that a person can act on it and an editor can jump to it.
+:class:`RodgenError` is the base class of all. A file that cannot be used raises :class:`InputFileError`, whose text is
+one line of fixed form, ``FILE: PLACE: what was found; expected what``, so that a person can act on it and an editor can
+jump to the place.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class RodgenError(ValueError):
 
 
 class UnexpectedError(RodgenError):
-    """Something that cannot be used: what was found, and what was expected. Whoever knows the place adds it.
+    """Something that cannot be used: what was found, and what was expected. The caller adds the place.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class InputFileError(RodgenError):
 
 
 def shown(text: object, limit: int = 60) -> str:
-    """Quote a piece of a user's file for an error message: on one line, and no longer than `limit`.
+    """Return a piece of a user's file, quoted for an error message: on one line, no longer than `limit`.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Write a file so that its name never stands for half of it."""
+"""Write files that are either complete or not there."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ __all__ = ["AtomicFile", "is_device", "write_file"]
 
 
 class AtomicFile:
-    """A file that stands under a temporary name, in its final folder, until it is complete.
+    """A file that has a temporary name, in its final folder, until it is complete.
 
-    A device or a pipe has no such place and is written at once. A symbolic link stays one: what it points
-    to is replaced. A file that is replaced keeps its permissions.
+    A device or a pipe is written directly. A symbolic link stays a link: its target is replaced. A file that is
+    replaced keeps its permissions.
 
     Parameters
     ----------
@@ -53,13 +53,13 @@ class AtomicFile:
             os.replace(self._part, self._final)
 
     def discard(self) -> None:
-        """Remove the temporary file; nothing where there is none."""
+        """Remove the temporary file, if there is one."""
         if self._part:
             with contextlib.suppress(OSError):
                 os.unlink(self._part)
 
     def error(self, error: BaseException) -> Exception:
-        """Say in one sentence why the file cannot be written."""
+        """Return the error that says why the file cannot be written."""
         reason = getattr(error, "strerror", None) or str(error).partition("\n")[0]
         return InputFileError(
             self.file, "file", f"cannot be written ({reason})", "a writable place with room"
@@ -67,7 +67,7 @@ class AtomicFile:
 
 
 def is_device(file: str) -> bool:
-    """Tell whether `file` is a pipe or a device."""
+    """Return whether `file` is a pipe or a device."""
     with contextlib.suppress(OSError, ValueError):
         mode = os.stat(file).st_mode
         return not stat.S_ISREG(mode) and not stat.S_ISDIR(mode)
@@ -75,7 +75,7 @@ def is_device(file: str) -> bool:
 
 
 def write_file(file: str | os.PathLike[str], content: bytes) -> None:
-    """Write `content` to `file`, all of it or nothing.
+    """Write all of `content` to `file`, or nothing.
 
     Raises
     ------

@@ -28,14 +28,14 @@ if TYPE_CHECKING:
 __all__ = ["bind"]
 
 SMALLEST, LARGEST = 1e-100, 1e100
-"""Readings and uncertainties beyond leave the range of a double when they are squared and summed up."""
+"""Readings and uncertainties outside this range overflow or underflow when they are squared and summed."""
 UNIT_LENGTH_TOLERANCE = 1e-3
-"""How far the length of a measured direction may be off 1: components rounded to three decimals still pass, an azimuth
-in the wrong column does not."""
+"""Largest deviation of a measured direction's length from 1: components rounded to three decimals pass, an azimuth in
+the wrong column does not."""
 
 ABSOLUTE_ZERO = -273.15
 TOO_COLD = 200.0
-"""A temperature on the kelvin scale so many kelvins below the reference is taken for a difference in temperature."""
+"""Kelvins below the reference at which a temperature on the kelvin scale is taken for a difference of temperatures."""
 
 _WORDS = {
     LENGTH: ("length", "mm"),
@@ -54,7 +54,7 @@ _WORDS_OF_FORMULAS = {
     "T": "what it is the temperature of, such as 'T_{0} [degC]'",
     "F": "'load [N]'",
 }
-"""What a formula calls a column, and what it is called in the data."""
+"""The word of formulas for a column, and the name of the column in the data."""
 
 
 def bind(machine: Machine, data: Measurements, *, allow_missing_readings: bool = False) -> Observations:
@@ -74,8 +74,8 @@ def bind(machine: Machine, data: Measurements, *, allow_missing_readings: bool =
     Raises
     ------
     InputFileError
-        When a column is missing, has no unit or one that does not fit, is meant for a joint that there is not, or holds
-        a value that cannot be.
+        When a column is missing, has no unit or one that does not fit, is meant for a joint that does not exist, or
+        holds an impossible value.
 
     Examples
     --------
@@ -132,7 +132,7 @@ def bind(machine: Machine, data: Measurements, *, allow_missing_readings: bool =
 
 
 class _Binder:
-    """The columns of measurements in internal units, each checked where it is asked for."""
+    """The columns of measurements in internal units, each checked when it is used."""
 
     def __init__(self, machine: Machine, data: Measurements) -> None:
         self.machine = machine
@@ -160,7 +160,7 @@ class _Binder:
         return InputFileError(self.data.file, self.data.header_place, found, expected)
 
     def check_names(self) -> None:
-        """Refuse names that are a slip of the pen: of another case, or for a joint or reading that there is not."""
+        """Refuse probable misspellings: names in another case, or for a joint or reading that does not exist."""
         columns = self.columns
         meant = {name.casefold(): name for name in self.own if name not in columns}
         for name, column in columns.items():
@@ -186,7 +186,7 @@ class _Binder:
     # units ---------------------------------------------------------------------------------------------------
 
     def kind(self, joint: str) -> tuple[Dimension, str]:
-        """Return what a joint's coordinate is, and why."""
+        """Return the dimension of a joint's coordinate, and the reason for an error message."""
         kind = self.machine.joint(joint).type
         what = f"{joint} is a leg" if kind == "leg" else f"joint {joint} is {kind}"
         return (ANGLE if kind == "revolute" else LENGTH), f" ({what})"
@@ -366,7 +366,7 @@ class _Binder:
             column = self.columns.get(f"u_{name}")
             if column is None:
                 if noise is None:
-                    expected = f"it beside 'u_{given[0]}', or noise in the machine file"
+                    expected = f"it as well as 'u_{given[0]}', or noise in the machine file"
                     raise self._missing(f"u_{name}", expected)
                 sigma[:, i] = noise
                 continue

@@ -85,7 +85,7 @@ class Names:
 
     @property
     def values(self) -> NDArray[np.str_]:
-        """The name of each row; made anew each time."""
+        """The name of each row, as a new array."""
         return np.array(self.names, np.str_)[self.codes]
 
     def take(self, rows: Any) -> Names:
@@ -95,7 +95,7 @@ class Names:
 
 @dataclass(frozen=True, eq=False)
 class _Places:
-    """Where each row of the file stands: stretches of rows without an empty line between."""
+    """The place of each row in the file, from stretches of rows without an empty line between them."""
 
     counted: str
     first: NDArray[np.int64]  # row at which a stretch begins
@@ -111,8 +111,8 @@ class _Places:
 class Measurements:
     """A table of measurements: what was commanded, what was read, and what else was noted.
 
-    Made by :meth:`load` or :meth:`from_frame`. Columns longer than some millions of rows live in temporary files, so
-    that a table may be larger than memory.
+    Made by :meth:`load` or :meth:`from_frame`. Columns of more than 2 million rows are kept in temporary files, so that
+    a table may be larger than memory.
 
     Attributes
     ----------
@@ -134,7 +134,7 @@ class Measurements:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, progress: Progress | None = None) -> Measurements:
-        r"""Read a measurement file.
+        r"""Return the measurements of a file.
 
         Parameters
         ----------
@@ -147,14 +147,14 @@ class Measurements:
         Returns
         -------
         Measurements
-            Of no rows, if there is but a header.
+            Without rows if there is only a header.
 
         Raises
         ------
         InputFileError
-            When it cannot be read, a unit is none, or a cell is no finite number. Names stand in the columns
-            ``target`` and ``run``, and in columns without a unit that begin with a word; those are kept, and take
-            no part in a fit.
+            When it cannot be read, a unit is unknown, or a cell is not a finite number. The columns ``target`` and
+            ``run`` hold names, and so may columns without a unit that begin with a word; those are kept, but not used
+            in a fit.
 
         Examples
         --------
@@ -170,14 +170,14 @@ class Measurements:
 
     @classmethod
     def from_frame(cls, frame: Any, *, name: str = "data") -> Measurements:
-        """Take a table that is in memory; its numbers are copied.
+        """Return the measurements of a table in memory; its numbers are copied.
 
         Parameters
         ----------
         frame : mapping, DataFrame or Arrow table
             From names with units in brackets to sequences: a dict, a pandas or Polars DataFrame, an Arrow table.
         name : str
-            What stands for the file's name in messages.
+            Name of the table in messages.
 
         Returns
         -------
@@ -228,7 +228,7 @@ class Measurements:
         return cls(table.file, rows, ordered, table.header, places, range(rows))
 
     def place(self, row: int) -> str:
-        """Say where a row stands in the file: ``"line 17"`` of a CSV file, else ``"row 16 (from 0)"``.
+        """Return the place of a row in the file: ``"line 17"`` in a CSV file, else ``"row 16 (from 0)"``.
 
         Parameters
         ----------
@@ -238,9 +238,9 @@ class Measurements:
         return self._places(int(self._row_in_file[row]))
 
     def take(self, rows: Any) -> Measurements:
-        """Return some of the rows, which keep their places.
+        """Return some of the rows, which keep their places in the file.
 
-        Bound alone they have their own order: to keep poses and directions of approach, take from the observations.
+        Poses and directions of approach follow from the order of the rows: to keep them, take rows of the observations.
 
         Parameters
         ----------
@@ -262,7 +262,7 @@ class Measurements:
 
 @dataclass(frozen=True)
 class _Block:
-    """What is kept of some rows of a file."""
+    """The part of a block of rows that is kept."""
 
     rows: int
     values: tuple[NDArray[np.float64], ...]
@@ -297,7 +297,7 @@ def _check_units(table: Table) -> None:
 
 
 def plain_name(name: str) -> str:
-    """Return a name so that a whole number is one name however it is written.
+    """Return a name in a form in which a whole number is the same name however it is written.
 
     A run that was noted as 1 reads 1.0 once a table of numbers has held it.
 

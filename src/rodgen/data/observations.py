@@ -92,7 +92,7 @@ class Observations:
 
     @cached_property
     def replicate(self) -> NDArray[np.intp]:
-        """A number for each row, (n,): equal where commanded coordinates, target, directions of approach and load are.
+        """The number of each row's replicates, (n,): equal for equal commands, target, directions of approach and load.
 
         Rows of one pose with one number are repeated readings, those of several poses are replicates.
         """
@@ -101,7 +101,7 @@ class Observations:
 
     @cached_property
     def basis(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Two unit vectors that complete each measured direction, (n, 3) each: horizontal to its left, and upwards.
+        """Two unit vectors that complete each measured direction, (n, 3) each: to its left, horizontal, and upwards.
 
         The first is up × direction, up being against gravity, or any horizontal one where the direction is along it.
         """
@@ -144,7 +144,7 @@ class Observations:
         )
 
     def arrays(self) -> Iterator[NDArray[Any]]:
-        """Yield every array that there is."""
+        """Yield every array."""
         given = (getattr(self, name) for name in _BY_ROW)
         yield from (array for array in given if array is not None)
         yield from (*self.temperature.values(), *self.covariates.values(), self.travel)

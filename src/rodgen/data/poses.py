@@ -1,4 +1,4 @@
-"""What the order of the rows says: from which side a joint came, where a pose ends, which poses are repeated."""
+"""What follows from the order of the rows: directions of approach, poses, and groups of equal rows."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["approach", "groups", "poses"]
 
 
 def approach(coordinate: NDArray[np.float64]) -> NDArray[np.int8]:
-    """Tell from which side a joint came to where each row was taken.
+    """Return the direction from which a joint approached its position in each row.
 
     A row that does not move the joint keeps the last direction; rows before its first motion take that
     motion's. A new run is no exception: the machine stood where the run before had left it.
@@ -25,7 +25,7 @@ def approach(coordinate: NDArray[np.float64]) -> NDArray[np.int8]:
     Returns
     -------
     ndarray of int8, shape (n,)
-        +1 or -1; 0 for a joint that never moves, of which nothing is known.
+        +1 or -1; 0 for a joint that never moves, whose direction is unknown.
 
     Examples
     --------
@@ -46,7 +46,7 @@ def approach(coordinate: NDArray[np.float64]) -> NDArray[np.int8]:
 
 
 def poses(commands: Sequence[NDArray[Any]], run: NDArray[Any]) -> NDArray[np.int32]:
-    """Give each pose a number: consecutive rows with equal commanded coordinates and run.
+    """Return the number of each row's pose: consecutive rows with equal commanded coordinates and run.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def poses(commands: Sequence[NDArray[Any]], run: NDArray[Any]) -> NDArray[np.int
 
 
 def groups(columns: Sequence[NDArray[Any]], n: int) -> NDArray[np.intp]:
-    """Give one number to all rows that are equal in every column.
+    """Return a number for each row, the same for rows that are equal in every column.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def groups(columns: Sequence[NDArray[Any]], n: int) -> NDArray[np.intp]:
     _, first, found = np.unique(_hashes(columns, n), return_index=True, return_inverse=True)
     if len(first) == n or all(np.array_equal(column, column[first][found]) for column in columns):
         return found
-    # Two different rows share a hash of 64 bits, which sorting by every column, ten times slower, is not misled by.
+    # Two different rows share a hash of 64 bits: sort by every column, which takes ten times as long.
     order = np.lexsort(columns)
     starts = np.zeros(n, np.bool_)
     for column in columns:

@@ -1,6 +1,7 @@
-"""Arrays that may be larger than memory: small ones in memory, large ones in temporary files without a name.
+"""Arrays that may be larger than memory: small ones in memory, large ones in temporary files.
 
-Such a file is gone when its array is, also when the process is killed, because it never had a name.
+The files have no names, so each disappears with its array, even if the process is killed. A fit of ten million rows
+thus needs some hundred megabytes of memory, and as much disk as its columns.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from rodgen.errors import InputFileError
 __all__ = ["GrowingArray", "empty"]
 
 IN_MEMORY = 16 << 20
-"""Bytes up to which an array stays in memory: a file costs no time that one notices from there on."""
+"""Bytes up to which an array stays in memory: above that a file costs no noticeable time."""
 
 
 class GrowingArray:
@@ -49,7 +50,7 @@ class GrowingArray:
 
     def __exit__(self, *exception: object) -> None:
         if self._file:
-            # A full disk is told when the block is written; what is left over is not wanted then.
+            # A full disk is reported when a block is written; closing may fail once more.
             with contextlib.suppress(OSError):
                 self._file.close()
 
@@ -95,7 +96,7 @@ def empty(shape: tuple[int, ...], dtype: DTypeLike = np.float64) -> NDArray[Any]
     if size <= IN_MEMORY:
         return np.empty(shape, dtype)
     with _disk_faults(), tempfile.TemporaryFile() as file:
-        # A mapping of a file with holes ends the process where the disk is full: ask for the room first.
+        # Writing to a mapped file with holes kills the process when the disk is full: reserve the room first.
         if hasattr(os, "posix_fallocate"):
             os.posix_fallocate(file.fileno(), 0, size)
         return np.memmap(file, dtype, "w+", shape=shape).view(np.ndarray)

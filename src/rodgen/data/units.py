@@ -55,12 +55,12 @@ class UnitError(UnexpectedError):
 
 @dataclass(frozen=True)
 class Dimension:
-    """A product of powers of length, angle, time, temperature, force, and whatever else a unit may hold.
+    """A product of powers of length, angle, time, temperature, force, and other base quantities.
 
     Attributes
     ----------
     powers : tuple of (str, Fraction)
-        Names with their exponents, sorted, without zeros.
+        Names with their exponents, sorted; none is zero.
 
     Examples
     --------
@@ -123,7 +123,7 @@ class Unit:
     Attributes
     ----------
     text : str
-        As it was written.
+        The unit as written.
     dimension : Dimension
     scale : Fraction
         Its size in metres, radians, seconds, kelvins and newtons, over the `turns`-th power of pi.
@@ -175,7 +175,7 @@ def parse_unit(text: str) -> Unit:
     Raises
     ------
     UnitError
-        When it is no such unit; also for logarithmic units (dB), which have no factor.
+        When it is not such a unit; also for logarithmic units (dB), which have no factor.
 
     Examples
     --------
@@ -241,7 +241,7 @@ def conversion_factor(unit: str, quantity: Quantity, target: str) -> float:
     Raises
     ------
     UnitError
-        When one is no unit, or measures something else.
+        When one is not a unit, or measures something else.
 
     Examples
     --------
@@ -296,7 +296,7 @@ def display_unit(dimension: Dimension, length_unit: str = "mm", angle_unit: str 
     return Unit(_product(names, dimension), total, scale, turns)
 
 
-# how a unit is read ------------------------------------------------------------------------------------------
+# reading a unit -------------------------------------------------------------------------------------------
 
 _NAME = r"[^\W\d_]\w*|°[^\W\d_]*|%|1"
 _FACTOR = rf"(?:{_NAME})(?:\s*(?:\*\*|\^)\s*-?\d)?"
@@ -350,7 +350,7 @@ _EXAMPLES = {
 
 
 class _UnknownUnitError(UnitError):
-    """A text, or one name in it, that is no unit."""
+    """A text that is not a unit, or has a name in it that is not."""
 
     def __init__(self, text: str) -> None:
         super().__init__(f"unknown unit {shown(text)}", "a unit such as mm, arcsec, N or mm/K")
@@ -465,7 +465,7 @@ def _is_unit_of(text: str, quantity: Quantity | None) -> bool:
 
 
 def _explained(text: str, quantity: Quantity | None = None) -> UnitError:
-    """Return the error for a text that is no unit, with the nearest unit if there is one."""
+    """Return the error for a text that is not a unit, with the nearest unit if there is one."""
     plain = re.sub(r"[()\s]", "", re.sub(r"/\(([^()/]*)\)", lambda m: "/" + m[1].replace("*", "/"), text))
     if plain != text and "(" in text and _is_unit_of(plain, quantity):
         return UnitError(f"unit {shown(text)} with parentheses", f"{plain!r}, without them")
@@ -485,7 +485,7 @@ def _size(scale: Fraction, turns: int) -> float:
 
 
 def _product(names: dict[str, str], dimension: Dimension) -> str:
-    """Write a product of powers as text: what stands above the line first, then each divisor."""
+    """Return a product of powers as text: first the factors, then each divisor."""
 
     def order(bases: tuple[str, ...]) -> list[str]:
         return sorted(names, key=lambda n: (bases.index(n) if n in bases else len(bases), n))

@@ -1,4 +1,4 @@
-"""Tables whose columns have types: Parquet files, and tables in memory of whatever library."""
+"""Tables whose columns have types: Parquet files, and tables in memory from any library."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class _ArrowTable(Table):
 
     @abc.abstractmethod
     def _damaged(self, error: BaseException) -> InputFileError:
-        """Say that what Arrow was given is none of its data."""
+        """Return the error for data that Arrow cannot read."""
 
     def _parse(self, block: Block) -> Rows:
         batch: pa.RecordBatch = block.data
@@ -121,7 +121,7 @@ class ParquetTable(_ArrowTable):
 
 
 class FrameTable(_ArrowTable):
-    """A table that is in memory."""
+    """A table in memory."""
 
     header = "columns"
 
@@ -173,7 +173,7 @@ def _as_arrow(frame: Any, name: str) -> pa.Table:
         return pa.Table.from_batches([frame])
     if isinstance(frame, pa.Table):
         return frame
-    # Before Arrow's interface: through it pandas hands over its index as one more column.
+    # Before Arrow's interface, through which pandas passes its index as one more column.
     if isinstance(frame, Mapping):
         texts = list(frame)
     elif hasattr(frame, "columns") and hasattr(frame, "__getitem__"):
@@ -206,12 +206,12 @@ def _array(values: Any, place: str, name: str) -> Any:
         if array.ndim != 1:
             found = f"an array of shape {array.shape}" if array.ndim else "a single value"
             raise InputFileError(name, place, found, "a sequence of numbers, one for each row")
-        # Arrow takes no foreign byte order, in which FITS files are.
+        # Arrow accepts the native byte order only; FITS files have the other.
         array = array.astype(array.dtype.newbyteorder("="), copy=False)
         return pa.array(array, mask=mask, from_pandas=array.dtype.kind == "O")
     except InputFileError:
         raise
     except (pa.ArrowException, TypeError, ValueError, OverflowError) as error:
         reason = str(error).partition("\n")[0].rstrip(".")
-        found = f"what is no sequence of numbers or of names ({shown(reason, 100)[1:-1]})"
+        found = f"neither a sequence of numbers nor of names ({shown(reason, 100)[1:-1]})"
         raise InputFileError(name, place, found, "one type in all of its cells") from None

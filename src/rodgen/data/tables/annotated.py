@@ -20,11 +20,12 @@ __all__ = ["check_output", "copied_with"]
 
 
 def check_output(source: str, output: str | os.PathLike[str] | None) -> None:
-    """Refuse early what `copied_with` would refuse because of the names alone.
+    """Raise early the errors of `copied_with` that follow from the names alone.
 
     Raises
     ------
     InputFileError
+        When the input is no file, or the output cannot be one.
     """
     if source in ("-", "standard input"):
         expected = "the name of a file: it is read twice"
@@ -56,8 +57,8 @@ def copied_with(
     Raises
     ------
     InputFileError
-        When the output cannot be written, the file has a column of one of the names, or is not the one that the columns
-        were made for.
+        When the output cannot be written, the file already has a column of one of the names, or has another number of
+        rows than the columns.
     """
     check_output(source, output)
     instead = dict(replaced or {})

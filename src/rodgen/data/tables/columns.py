@@ -1,8 +1,8 @@
-"""Find the wanted columns of a file, and the factor that brings each to the unit asked for.
+"""Find the wanted columns of a file, and the factor that converts each to the unit asked for.
 
-A name is ``name [unit]``. Lengths are brought to the unit of the first length column, so that a file in
-millimetres is computed in millimetres, without a rounding; angles are brought to radians. Where every column
-is wanted (`EveryColumn`) each stays in its own unit.
+A column's name is ``name [unit]``. Lengths are converted to the unit of the first length column, so that a file in
+millimetres is computed in millimetres, without rounding; angles are converted to radians. Where every column is wanted
+(`EveryColumn`), each keeps its own unit.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ __all__ = [
 _NAME_AND_UNIT = re.compile(r"(?P<name>[^\[\]]*?)\s*\[(?P<unit>[^\[\]]*)\]")
 
 _UNITS = {"length": " [mm]", "angle": " [deg]", "rate": " [deg/s]", "number": ""}
-"""What stands behind a name in an example."""
+"""Units of the columns in an example of a header."""
 _TARGETS = {"angle": "rad", "rate": "rad/s"}
 
 
@@ -74,7 +74,7 @@ MEASUREMENTS = EveryColumn(("target", "run"), "X [mm],C [deg],x [mm],y [mm],z [m
 
 @dataclass(frozen=True)
 class Match:
-    """Where a wanted column stands in a file, and what its numbers are multiplied by.
+    """The place of a wanted column in a file, and the factor of its numbers.
 
     Among `EveryColumn` the unit may be empty, and a column may hold text.
     """
@@ -101,12 +101,12 @@ def match_columns(
     file, place : str
         For the error message.
     numbered : bool
-        Whether to name a nameless column by its number (a CSV header; a Parquet schema has names).
+        Whether to refer to a column without a name by its number (a CSV header; a Parquet schema has names).
 
     Raises
     ------
     InputFileError
-        When one is missing, stands there twice, or has no unit or one that does not fit.
+        When one is missing, occurs twice, or has no unit or one that does not fit.
     """
     example = columns.example if isinstance(columns, EveryColumn) else _header_example(columns)
     _check_is_header(texts, example, file, place)
@@ -158,7 +158,7 @@ def _match_every(
         name, unit = _split(text.strip())
         where = f"{place}, column {index + 1}" if numbered else f"{place}, column {shown(text)}"
         if not text.strip() or text.startswith("__index_level_"):
-            continue  # a comma at every line's end, or the row numbers of a pandas table: nobody's measurement
+            continue  # a comma at the end of every line, or the row numbers of a pandas table
         if not name:
             raise InputFileError(file, where, f"{shown(text)}, a unit without a name", "a name before it")
         if unit is None and (meant := _other_brackets(text)):
@@ -178,7 +178,7 @@ def _match_every(
 
 
 def _other_brackets(text: str) -> tuple[str, str] | None:
-    """Tell whether a name ends in a unit that is not in brackets: in what, and how it should be."""
+    """Return, for a name that ends in a unit that is not in brackets, what it is in and the correct name; else None."""
     bare, mark, rest = re.sub(r"[(\[{]", "[", text, count=1).partition("[")
     if not mark:
         return ("brackets that do not match", "one before the unit, too") if "]" in text else None
@@ -186,7 +186,7 @@ def _other_brackets(text: str) -> tuple[str, str] | None:
     meant = f"'{bare.strip()} [{unit}]'"
     if "[" in text or "]" in text:
         return "brackets that do not match", meant
-    # "mean (of 5)" is a name: only what could be a unit is taken for one.
+    # "mean (of 5)" is a name: only a known unit counts as one.
     if (
         bare.strip()
         and re.fullmatch(r".*[)}]\s*", text)
@@ -226,7 +226,7 @@ def _check_is_header(texts: Sequence[str], example: str, file: str, place: str) 
                 raise InputFileError(
                     file, place, f"{name} between the columns", "commas, and a point as decimal mark"
                 )
-    # One cell may be a name; names that are numbers, the wavelengths of a spectrum say, stand beside others with units.
+    # One cell may be a number; a table with many such names (wavelengths of a spectrum, say) has others with units.
     numbers = sum(_is_number(text) for text in texts)
     if 2 * numbers > len(texts) and not any("[" in text for text in texts):
         raise InputFileError(file, place, "numbers where the header should be", wanted)

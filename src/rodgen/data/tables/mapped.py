@@ -1,8 +1,8 @@
-"""A table in, the same table with result columns out: what every command of one row, one answer does.
+"""Write a table again with columns of results, row by row: what all table commands do.
 
-The rows pass in blocks, so that a file of any length needs bounded memory. Lengths are computed and written in the unit
-of the table's first length column. Angles are computed in radians and written in the unit of its first angle column, or
-in degrees; so are their rates of change.
+The rows are processed in blocks, so that a file of any length needs bounded memory. Lengths are computed and written in
+the unit of the table's first length column. Angles are computed in radians and written in the unit of its first angle
+column, or in degrees; so are their rates of change.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Progress: TypeAlias = Callable[[int | None, str], Callable[[int], object]]
 """Called once with the total (or None) and its unit; returns a function to be called with every advance."""
 
 Answer: TypeAlias = tuple[Sequence[NDArray[Any]], NDArray[np.int64] | None]
-"""The result columns, and of which row of the block each result is; None where there is one for each row."""
+"""The result columns, and the row of the block that each result belongs to; None where each row has one result."""
 
 
 @dataclass(frozen=True)
@@ -51,14 +51,14 @@ class Result:
 
 @dataclass
 class MapSummary:
-    """What `map_table` did.
+    """Counts of a `map_table`.
 
     Attributes
     ----------
     rows : int
         Rows written.
     counts : dict
-        Rows of each code of the first status column, by its name in lower case; only those that occur.
+        Rows with each code of the first status column, by its name in lower case; only those that occur.
     """
 
     rows: int = 0
@@ -75,7 +75,7 @@ def map_table(
     whole: bool = False,
     given: str = "",
 ) -> MapSummary:
-    """Add result columns to a table.
+    """Write a table again with columns of results.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def map_table(
         CSV (gzip or not) or Parquet; ``"-"`` is CSV on standard input.
     output : str or os.PathLike, optional
         ``.csv``, ``.csv.gz`` or ``.parquet``; CSV on standard output when left out or ``"-"``. It gets every column of
-        the input as it stands there, then the results.
+        the input unchanged, then the results.
     columns : sequence of Column
         Those that are read; every cell must hold a finite number.
     prepare : callable
@@ -92,10 +92,10 @@ def map_table(
     progress : callable, optional
         Called once with the total (or None) and its unit, returns what is called with every advance.
     whole : bool, optional
-        Whether the function gets all rows at once, because an answer depends on the rows before; the table must fit
-        into memory then.
+        Whether the function gets all rows at once, because a result depends on the rows before; the table must then fit
+        into memory.
     given : str, optional
-        What is put before the name of a column of the table that a result is called by; left out: it is an error.
+        Prefix for a column of the table whose name is also that of a result; without it, such a column is an error.
 
     Returns
     -------
@@ -168,7 +168,7 @@ def _joined(parts: Sequence[Rows]) -> Rows:
 
 
 class _Writer:
-    """How one result column is named and written."""
+    """Name, type and conversion of a result column."""
 
     def __init__(self, result: Result, units: dict[str, str]) -> None:
         quantity = result.quantity

@@ -44,7 +44,7 @@ class Pairs:
 
 
 def read_pairs(path: str | os.PathLike[str]) -> Pairs:
-    """Read a table of pairs whole.
+    """Return all pairs of a table.
 
     Parameters
     ----------

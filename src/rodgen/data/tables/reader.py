@@ -19,9 +19,9 @@ __all__ = ["Rows", "Table", "open_frame", "open_table"]
 def open_table(
     path: str | os.PathLike[str], columns: Sequence[Column] | EveryColumn, *, keep_text: bool = True
 ) -> Table:
-    """Open a CSV or Parquet file for reading in blocks.
+    """Return a CSV or Parquet file, open for reading in blocks.
 
-    What the file is, is told from its first bytes, not from its name.
+    The first bytes of the file decide what it is, not its name.
 
     Parameters
     ----------
@@ -30,8 +30,8 @@ def open_table(
     columns : sequence of Column, or EveryColumn
         The columns that are needed, by name and quantity.
     keep_text : bool
-        Whether the needed columns of a CSV file stand in `Rows.batch` letter for letter, or as numbers (in
-        the unit of the file). All other columns of a CSV file are text there, because nobody read them.
+        Whether `Rows.batch` holds the needed columns of a CSV file as their text or as numbers (in the unit of the
+        file). All other columns of a CSV file are text there, because they are not parsed.
 
     Returns
     -------
@@ -70,7 +70,7 @@ def open_table(
 
 
 def open_frame(frame: Any, columns: EveryColumn, name: str) -> Table:
-    """Open a table that is in memory, as `open_table` opens a Parquet file.
+    """Return a table in memory, open for reading in blocks as `open_table` opens a Parquet file.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def open_frame(frame: Any, columns: EveryColumn, name: str) -> Table:
         columns that `numpy.asarray` takes), or anything with Arrow's interface (``__arrow_c_stream__``).
     columns : EveryColumn
     name : str
-        What stands for the file's name in error messages.
+        Name of the table in error messages.
 
     Returns
     -------
@@ -88,6 +88,6 @@ def open_frame(frame: Any, columns: EveryColumn, name: str) -> Table:
     Raises
     ------
     InputFileError
-        When it is no table, or a column does not hold what it should.
+        When it is not a table, or a column does not hold what it should.
     """
     return FrameTable(name, frame, columns)

@@ -1,4 +1,4 @@
-"""A table that is open for reading: blocks of rows in, arrays out, and every fault named by its place."""
+"""A table that is open for reading: blocks of rows become arrays, and every fault is reported with its place."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ class Rows:
     ----------
     values : tuple of ndarray
         Each wanted column of numbers, float64 and finite: lengths in the unit of the first length column,
-        angles in radians; among `EveryColumn` as they stand.
+        angles in radians; with `EveryColumn` unconverted.
     text : tuple of pyarrow.StringArray
         Each wanted column of text, no cell of it blank, without the blanks around it.
     numbers : ndarray of int
         Of each row: its line (CSV, from 1) or its place in the file (Parquet, from 0).
     batch : pyarrow.RecordBatch
-        Every column of the file as it stands there; see `open_table` for a CSV file.
+        Every column of the file, unchanged; see `open_table` for a CSV file.
     """
 
     values: tuple[NDArray[np.float64], ...]
@@ -63,9 +63,9 @@ class Table(abc.ABC):
     file : str
         The file as the user named it.
     matches, text : list of Match
-        Where each wanted column of numbers stands, with its unit, and each of text.
+        The place of each wanted column of numbers, with its unit, and of each of text.
     header : str
-        Where the names of the columns stand, for error messages.
+        Place of the names of the columns, for error messages.
     counted : str
         What `Rows.numbers` counts: ``"line"`` or ``"row"``.
     schema : pyarrow.Schema
@@ -92,7 +92,7 @@ class Table(abc.ABC):
     def map(
         self, function: Callable[[Rows], _T], workers: int | None = None, *, empty: bool = False
     ) -> Iterator[tuple[_T, int]]:
-        """Apply `function` to every block, in the order of the file, a few blocks at a time.
+        """Yield the value of a function for every block, in the order of the file; a few blocks are computed at a time.
 
         Parameters
         ----------
@@ -101,7 +101,7 @@ class Table(abc.ABC):
         workers : int, optional
             Threads; the number of processors, at most 4, when left out.
         empty : bool
-            Whether a file without rows will do.
+            Whether a file without rows is accepted.
 
         Yields
         ------
@@ -112,7 +112,7 @@ class Table(abc.ABC):
         ------
         InputFileError
             At the first fault in the file, after the results of the blocks before it; also when the file
-            has no rows, unless that will do.
+            has no rows, unless that is accepted.
         """
         workers = workers or max(1, min(4, os.cpu_count() or 1))
         rows = 0
@@ -163,7 +163,7 @@ class Table(abc.ABC):
         *,
         numbered: bool = False,
     ) -> None:
-        """Find the wanted columns among the names of all; `words` are those that hold words where they may."""
+        """Find the wanted columns among the names of all; `words` are the columns that hold words."""
         found = match_columns(texts, columns, self.file, self.header, numbered=numbered)
         names: tuple[str, ...] = ()
         if isinstance(columns, EveryColumn):
@@ -171,7 +171,7 @@ class Table(abc.ABC):
             found = [replace(m, holds_text=m.holds_text or (m.index in words and not m.unit)) for m in found]
         self.matches = [match for match in found if not match.holds_text]
         self.text = [match for match in found if match.holds_text]
-        # a remark may be missing, the name of a target may not
+        # a remark may be missing, but not the name of a target
         self._needed = {match.index for match in self.text if match.name in names}
 
     def __enter__(self) -> Table:
@@ -186,7 +186,7 @@ class Table(abc.ABC):
 
     @abc.abstractmethod
     def _parse(self, block: Block) -> Rows:
-        """Turn a block into numbers; called in threads."""
+        """Return the rows of a block; called in threads."""
 
     @abc.abstractmethod
     def _end_place(self) -> str:
@@ -240,11 +240,11 @@ class Table(abc.ABC):
 
     @abc.abstractmethod
     def _floats(self, column: pa.Array) -> NDArray[np.float64]:
-        """Return a column as numbers, in its own unit; `NoNumberError` at the first cell that is none."""
+        """Return a column as numbers, in its own unit; raise `NoNumberError` at the first cell that is not one."""
 
     @abc.abstractmethod
     def _fault(self, cell: Any) -> tuple[str, str]:
-        """Return what is wrong with a cell that is no finite number, and what is expected instead."""
+        """Return what is wrong with a cell that is not a finite number, and what is expected instead."""
 
     @abc.abstractmethod
     def _row_place(self, number: int) -> str:
@@ -252,7 +252,7 @@ class Table(abc.ABC):
 
 
 class NoNumberError(Exception):
-    """A cell that is no number.
+    """A cell that is not a number.
 
     Parameters
     ----------

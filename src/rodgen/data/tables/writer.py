@@ -1,8 +1,8 @@
-"""Write a table in blocks without ever leaving half of a file.
+"""Write a table in blocks without ever leaving an incomplete file.
 
-A file is written beside its final place under a temporary name and renamed when it is complete; standard
-output gets its text when all of it is known to be good. So whoever reads the output reads all of it, and an
-error in row nine million leaves what was there before.
+A file is written under a temporary name in its final folder and renamed when it is complete; standard output gets its
+text when all of it is known to be good. So a reader of the output gets all of it, and an error in row nine million
+leaves the file that was there before.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from rodgen.files import AtomicFile, is_device
 
 __all__ = ["Sink", "open_sink"]
 
-# Row groups of a few MB a column read fast; larger ones would only be held in memory longer.
+# Row groups of a few MB per column are read fast; larger ones would only stay in memory longer.
 _ROW_GROUP = 1 << 17
 _SPOOLED_BYTES = 16 << 20
 _KINDS = "a name that ends in .csv, .csv.gz or .parquet"
@@ -34,12 +34,12 @@ _KINDS = "a name that ends in .csv, .csv.gz or .parquet"
 class Sink(abc.ABC):
     """A table that is being written; `open_sink` makes it.
 
-    As a context manager it completes the output when its block ends well, and leaves nothing when not.
+    As a context manager it completes the output when its block ends without an error, and otherwise leaves nothing.
     """
 
     @abc.abstractmethod
     def encode(self, batch: pa.RecordBatch) -> Any:
-        """Turn a block into what `write` takes; safe to call in threads."""
+        """Return a block in the form that `write` takes; safe to call in threads."""
 
     @abc.abstractmethod
     def write(self, encoded: Any) -> None:
@@ -57,7 +57,7 @@ class Sink(abc.ABC):
 def open_sink(
     path: str | os.PathLike[str] | None, schema: pa.Schema, *, source: str | os.PathLike[str] | None = None
 ) -> Sink:
-    """Open a file, or standard output, for writing a table in blocks.
+    """Return a file, or standard output, open for writing a table in blocks.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def open_sink(
     Raises
     ------
     InputFileError
-        When the place cannot be written, here or in `Sink.write`, or its name does not say what to write.
+        When the place cannot be written, here or in `Sink.write`, or its name has no known ending.
     """
     if path is None or os.fspath(path) == "-":
         _check_csv_holds("standard output", schema)
@@ -172,7 +172,7 @@ class _CsvSink(Sink):
         return self
 
     def encode(self, batch: pa.RecordBatch) -> pa.Buffer:
-        # Arrow quotes all text or none: none is right, and shorter, unless some cell holds a comma or quote.
+        # Arrow quotes all text or none; none is shorter, and correct unless a cell holds a comma or a quotation mark.
         for style in ("none", "needed"):
             out = pa.BufferOutputStream()
             try:

@@ -1,6 +1,6 @@
-"""What makes a short formula expensive, or no number at all, found before anything is computed with it.
+"""Limits of formulas: short ones that are expensive to evaluate, or have no value, are refused before any evaluation.
 
-Whoever evaluates a formula exactly pays for its constants (``9**9**9`` has 370 million digits), for powers of powers
+An exact evaluation is slow for large constants (``9**9**9`` has 370 million digits), for powers of powers
 (``((2*x)**20)**20`` holds 2**400, and each further level twenty times the digits) and for roots (``3**-1e-9`` is
 written as 3**(999999999/1000000000)/3, by way of 3**999999999). So constants are worked out here with bounded
 digits, and the degree and the roots of every product of powers are bounded. What looks like a variable may cancel, as
@@ -30,7 +30,7 @@ FUNCTIONS: dict[str, Callable[[float], float]] = {
     "abs": abs,
     "sign": lambda x: float((x > 0) - (x < 0)),
 }
-"""The functions of the formula language, with what they do to a number."""
+"""The functions of formulas, as functions of numbers."""
 
 _LARGEST_EXPONENT = 20
 _LARGEST_ROOT = 1000  # three decimals
@@ -43,7 +43,7 @@ _ZERO = 1e-15  # what is this small has been rounded: sin(pi) in floating point 
 
 @dataclass(frozen=True)
 class _Size:
-    """What evaluation may cost.
+    """Bounds on the cost of an evaluation.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class _Size:
 
 
 def check_limits(node: ast.expr) -> None:
-    """Raise FormulaError where a tree holds what is no number, or what is too costly to evaluate exactly."""
+    """Raise FormulaError where a part of a tree has no real value, or is too costly to evaluate exactly."""
     _size(node)
 
 
@@ -188,7 +188,7 @@ def _float_power(base: float, exponent: float) -> float:
 
 
 def _digits(size: _Size) -> float:
-    """Return how long the integers become on the way to a root."""
+    """Return the bits of the integers on the way to a root."""
     return size.roots * math.log2(size.reach) if size.roots > 1 else 0.0
 
 

@@ -1,6 +1,6 @@
-"""From the text of a formula to its tree: what is no formula is refused token by token, the rest Python's `ast` parses.
+"""Parse formulas: errors are found token by token, then Python's `ast` makes the tree.
 
-Nothing of the text is ever run as code. Each slip of the pen has a sentence of its own, with the character where it is.
+Nothing of the text is ever run as code. Each kind of mistake has its own message, with the character where it is.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def parse(text: str) -> ast.expr:
     Raises
     ------
     FormulaError
-        When it is none.
+        When the text is not a formula.
     """
     if not text.strip():
         raise FormulaError("an empty formula", "one such as 'a*sin(q)'")
@@ -106,7 +106,7 @@ def _tree(tokens: list[_Token]) -> ast.expr:
 
 
 class _Restore(ast.NodeVisitor):
-    """Put the numbers and names back; refuse every other kind of node than a formula's."""
+    """Put the numbers and names back; no kind of node that is not in the white list passes."""
 
     def __init__(self, numbers: list[Fraction]) -> None:
         self.numbers = numbers
@@ -148,7 +148,7 @@ def _unknown_character(text: str, position: int) -> FormulaError:
 
 
 def _check(tokens: list[_Token]) -> None:
-    """Refuse what is no formula: values and operators take turns, and every parenthesis is closed."""
+    """Raise FormulaError unless values and operators alternate and every parenthesis is closed."""
     if sum(token.text not in {"(", ")", ""} for token in tokens) > MOST_NODES:
         raise FormulaError(
             f"a formula of more than {MOST_NODES} numbers, names and operators", "a shorter one"
@@ -185,7 +185,7 @@ def _check(tokens: list[_Token]) -> None:
 
 
 def _check_value(token: _Token, before: _Token, after: _Token) -> None:
-    """Refuse what is no number, name or function."""
+    """Raise FormulaError unless a token is a number, a name or a function."""
     if token.kind == "end":
         raise FormulaError(f"nothing after {shown(before.text)} at the end", _VALUE)
     if token.kind == "operator":
