@@ -14,7 +14,6 @@ import matplotlib.pyplot as plt
 
 import rodgen
 from rodgen.calibration.plan import plan
-from rodgen.output.report import write_report
 
 folder = Path("off_by_20_um")
 output = Path("../build/off_by_20_um")
@@ -97,4 +96,4 @@ print(f"{fit.rms:.5f} -> {better.rms:.5f} mm")
 print(*better.machine.emit("c", output / "c"), sep="\n")
 
 # %%
-print(*write_report(found, more, output / "report.html"), sep="\n")
+print(*rodgen.write_report(found, output / "report.html", more), sep="\n")

@@ -24,7 +24,7 @@ FRAME = """<!DOCTYPE html><html><head><meta charset="utf-8"></head><body style="
 <script>
 document.getElementById("f").onload = function () {
   var page = this.contentDocument, view = this.contentWindow, found = {
-    width: page.documentElement.scrollWidth, texts: 0, ticks: 0,
+    width: page.documentElement.scrollWidth, texts: 0, ticks: 0, plots: 0,
     overlaps: [], outside: [], inside: [], struck: [], clipped: []
   };
   function box(element) {
@@ -36,6 +36,7 @@ document.getElementById("f").onload = function () {
   }
   function all(what, inside) { return Array.prototype.slice.call(inside.querySelectorAll(what)); }
   all(".js-plotly-plot", page).forEach(function (plot, number) {
+    found.plots++;
     var full = plot._fullLayout, svg = box(plot.querySelector(".main-svg"));
     var areas = Object.keys(full._plots).map(function (key) {
       var x = full._plots[key].xaxis, y = full._plots[key].yaxis;

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -14,6 +15,8 @@ from rodgen.calibration.held_out import held_out
 from rodgen.calibration.ladder import ladder
 from rodgen.calibration.simulate import simulate
 from rodgen.data.measurements import Measurements
+from rodgen.machines.files.read import machine_of
+from rodgen.machines.files.write import machine_text
 from rodgen.machines.machine import Effect, Joint, Machine, Measured, Target
 
 __all__ = ["HOSTILE", "diagnosis_of", "hostile", "mount", "of_machine", "ranked", "table"]
@@ -79,12 +82,23 @@ def diagnosis_of(
         tuple(outliers),
         rms,
         tuple(steps),
-        tuple(unexplained),
+        tuple(formed(fits[-1], unexplained)),
         ranked([*effects, *ranking]),
         tuple(fits),
         None,
         tuple(notes),
     )
+
+
+def formed(final: Fit, forms: Sequence[Unexplained]) -> Iterator[Unexplained]:
+    """Yield forms with the fit that each gives, from what a user would paste into the machine file."""
+    text, machine = machine_text(final.machine), final.machine
+    for form in forms:
+        text = f"{text}\n{form.block}"
+        found = machine_of(text, machine.file or machine.name, Machine)
+        yield replace(
+            form, fit=fit(replace(found, values=machine.values), final.observations, outliers=final.outliers)
+        )
 
 
 @cache

@@ -598,10 +598,10 @@ def test_without_a_compiler(with_diagnoses, fresh_cache, how):
     assert found["rms"]["after"] == pytest.approx(expected["rms"]["after"], rel=1e-6)
 
 
-def test_without_matplotlib_and_what_else_is_not_needed(with_diagnoses):
+def test_without_plotly_and_what_else_is_not_needed(with_diagnoses):
     code = (
         "import sys\n"
-        "sys.modules['matplotlib'] = None\n"
+        "sys.modules['plotly'] = None\n"
         "from rodgen.cli import main as cli\n"
         "assert cli.main(['diagnose', 'gantry.toml', 'gantry.csv']) == 0\n"
         "assert cli.main(['add', 'gantry.toml', '--from-diagnosis', 'gantry.json', 'gantry.csv']) == 0\n"

@@ -53,7 +53,7 @@ def run_without(modules: set[str], code: str) -> subprocess.CompletedProcess[str
 
 
 def test_functions_need_numpy_alone() -> None:
-    extras = {"sympy", "mpmath", "jinja2", "pint", "pyarrow", "tqdm", "matplotlib", "scipy", "dask"}
+    extras = {"sympy", "mpmath", "jinja2", "pint", "pyarrow", "tqdm", "plotly", "scipy", "dask"}
     code = (
         "import numpy, rodgen\n"
         "before, after = numpy.eye(3), numpy.eye(3)[[1, 0, 2]] * [[1], [-1], [1]]\n"

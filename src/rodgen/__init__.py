@@ -47,6 +47,7 @@ if _TYPE_CHECKING:
     from rodgen.kinematics import tricept as tricept
     from rodgen.machines.machine import Machine as Machine
     from rodgen.output import figures as figures
+    from rodgen.output.report import write_report as write_report
 
 __version__ = _version("rodgen")
 
@@ -54,6 +55,7 @@ __version__ = _version("rodgen")
 _LATER = {
     "Machine": "rodgen.machines.machine",
     "Measurements": "rodgen.data.measurements",
+    "write_report": "rodgen.output.report",
     "simulate": "rodgen.calibration.simulate",
 }
 _SUBJECTS = {

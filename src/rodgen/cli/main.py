@@ -76,7 +76,6 @@ _EXTRAS = {
     "tqdm": "tables",
     "scipy": "machines",
     "threadpoolctl": "machines",
-    "matplotlib": "plot",
     "plotly": "plot",
     "kaleido": "plot",
     "choreographer": "plot",

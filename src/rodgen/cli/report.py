@@ -14,8 +14,8 @@ __all__ = ["add_to"]
 
 _REPORT = f"""\
 Diagnose a machine, plan what to measure next, and write both as one HTML page: the verdict, the error from model to
-model, the residuals before and after, the candidates, what the numbers mean in hardware. The page needs no
-network, and brings its pictures as PNG and SVG.
+model, the residuals before and after, the candidates, what the numbers mean in hardware. The page needs no network; its
+figures can be zoomed, and saved as PNG and SVG. --images needs Chrome or Chromium.
 
 {FILES}
   rodgen report mount.toml stars.csv -o report.html
@@ -31,7 +31,9 @@ def add_to(command: Command) -> None:
     report.add_argument(
         "--test", metavar="FILE", help="further measurements, on which the error before and after is reported"
     )
-    report.add_argument("--images", metavar="FOLDER", help="write the page's pictures into this folder, too")
+    report.add_argument(
+        "--images", metavar="FOLDER", help="write the page's figures into this folder, too, as PNG and SVG"
+    )
     report.add_argument(
         "--radius",
         metavar="JOINT=LENGTH",
@@ -42,7 +44,8 @@ def add_to(command: Command) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    import matplotlib  # noqa: F401 - its absence is reported before a long diagnosis, not after
+    import jinja2  # noqa: F401 - its absence is reported before a long diagnosis, not after
+    import plotly  # noqa: F401
 
     from rodgen.calibration.binding import bind
     from rodgen.calibration.diagnose import diagnose
@@ -51,6 +54,10 @@ def _run(options: argparse.Namespace) -> int:
     from rodgen.output.report import write_report
 
     _check_output(options)
+    if options.images:
+        from rodgen.output.figures import check_images
+
+        check_images(options.images)
     machine = Machine.load(options.machine)
     radii = dict(_radius(text) for text in options.radius)
     data = load_data(options.data)
@@ -65,7 +72,7 @@ def _run(options: argparse.Namespace) -> int:
         planned = plan(found)
     with show_progress("drawing") as report_progress:
         files = write_report(
-            found, planned, options.output, images=options.images, radii=radii, progress=report_progress
+            found, options.output, planned, images=options.images, radii=radii, progress=report_progress
         )
     show("\n".join(files))
     return OK if all(each.solution.converged for each in found.fits) else FAILED

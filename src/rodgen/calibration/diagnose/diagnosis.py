@@ -174,6 +174,8 @@ class Unexplained:
         Values with units.
     block : str
         An ``[[effect]]`` for the machine file.
+    fit : Fit or None
+        Of the model with everything up to this form.
     """
 
     driver: str
@@ -184,6 +186,7 @@ class Unexplained:
     rms: float
     parameters: Mapping[str, tuple[float, str]] = field(default_factory=dict)
     block: str = ""
+    fit: Fit | None = field(default=None, repr=False, compare=False)
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""
@@ -244,6 +247,12 @@ class Diagnosis:
     def final(self) -> Fit:
         """The fit of the model with all effects that were found."""
         return self.fits[-1]
+
+    @property
+    def last(self) -> Fit:
+        """The fit of the model with everything that was found, the forms that no effect explains included."""
+        formed = [form.fit for form in self.unexplained if form.fit is not None]
+        return formed[-1] if formed and formed[-1].rms < self.final.rms else self.final
 
     @property
     def machine(self) -> Machine:

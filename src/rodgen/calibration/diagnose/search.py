@@ -445,6 +445,7 @@ class _Diagnosing:
                 found.rms,
                 form.parameters,
                 block,
+                found,
             )
 
     def _with_test(self, rms: Rms, fits: Sequence[Fit]) -> Rms:

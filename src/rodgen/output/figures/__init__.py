@@ -11,6 +11,7 @@ from typing import Any as _Any
 
 if _TYPE_CHECKING:
     from rodgen.output.figures.axis import axis_fit as axis_fit
+    from rodgen.output.figures.diagnoses import diagnosis as diagnosis
     from rodgen.output.figures.files import check_figure_name as check_figure_name
     from rodgen.output.figures.files import check_images as check_images
     from rodgen.output.figures.files import check_place as check_place
@@ -33,6 +34,7 @@ _PLACES = {
     "check_images": "files",
     "check_place": "files",
     "comparison": "residuals",
+    "diagnosis": "diagnoses",
     "distribution_of_residuals": "residuals",
     "influence": "parallel",
     "ladder": "ladders",

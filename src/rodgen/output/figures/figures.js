@@ -11,7 +11,6 @@
     var text = JSON.stringify(given.figures[number]);
     if (asDark) Object.keys(given.dark).forEach(function (light) { text = text.split(light).join(given.dark[light]); });
     var figure = JSON.parse(text), layout = figure.layout, block = layout.meta.block;
-    layout.least = layout.meta.width;
     layout.height -= block;
     layout.margin.t -= block;
     delete layout.title;
@@ -20,6 +19,19 @@
     layout.legend.y = 1;
     if (touch) layout.dragmode = false;  // a finger scrolls the page
     return figure;
+  }
+
+  // Panels whose units are as long both ways become as low as they become narrow.
+  function shrink(layout, width) {
+    var meta = layout.meta, margin = layout.margin, share = Math.min(1, (width - margin.l - margin.r) / NATURAL);
+    if (!meta.heights || share === 1) return;
+    var heights = meta.heights.map(function (high, i) { return meta.equal[i] ? Math.round(high * share) : high; });
+    var inner = heights.concat(meta.gaps).reduce(function (sum, high) { return sum + high; }, 0), top = inner;
+    heights.forEach(function (high, i) {
+      layout["yaxis" + (i ? i + 1 : "")].domain = [(top - high) / inner, top / inner];
+      top -= high + meta.gaps[i];
+    });
+    layout.height = margin.t + margin.b + inner;
   }
 
   // Panels whose units are as long both ways become as low as they become narrow.
@@ -69,16 +81,20 @@
     }
   }
 
+  // First with fixed margins, to find how high the legend becomes; then with room for all of its lines.
   function draw(plot, width, asDark) {
-    var figure = prepared(plot.number, asDark);
-    figure.layout.margin.autoexpand = false;
+    var figure = prepared(plot.number, asDark), layout = figure.layout, margin = layout.margin;
     plot.width = width;
-    figure.layout.width = Math.max(width, figure.layout.least);
-    delete figure.layout.least;
-    shrink(figure.layout, figure.layout.width);
-    plot.prepared = { height: figure.layout.height, margin: { t: figure.layout.margin.t } };
-    Plotly.react(plot.drawn, figure.data, figure.layout, config);
-    settle(plot);
+    layout.width = Math.max(width, layout.meta.width);
+    shrink(layout, layout.width);
+    margin.autoexpand = false;
+    Plotly.react(plot.drawn, figure.data, layout, config);
+    var legend = plot.drawn.querySelector(".legend");
+    var needed = legend ? Math.ceil(legend.getBBox().height) + PANEL_TITLE + 2 : 0;
+    var more = Math.max(needed - margin.t, 0);
+    var settled = Object.assign({}, layout, { height: layout.height + more });
+    settled.margin = Object.assign({}, margin, { t: margin.t + more, autoexpand: true });
+    Plotly.react(plot.drawn, figure.data, settled, config);
   }
 
   var plots = Array.prototype.map.call(document.querySelectorAll(".plot[data-figure]"), function (place) {

@@ -44,8 +44,9 @@ __all__ = [
 Array: TypeAlias = NDArray[np.float64]
 Index: TypeAlias = NDArray[np.intp]
 
-# Okabe and Ito (2008): told apart with every common colour vision, and by lightness in grey.
-BLUE, ORANGE, PURPLE = "#0072b2", "#d55e00", "#aa3377"
+# After Okabe and Ito (2008): told apart with every common colour vision, and by lightness in grey; the orange is darker
+# than theirs, so that it is legible as text.
+BLUE, ORANGE, PURPLE = "#0072b2", "#c04d00", "#aa3377"
 INK, SOFT, GREY, LINE, PAPER = "#1b1f24", "#57606a", "#8c959f", "#dfe3e8", "#ffffff"
 DARK = {
     BLUE: "#6bb8f0",

@@ -12,18 +12,18 @@ import numpy as np
 
 from rodgen.calibration.compare.sentences import figure, plain
 from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis, Unexplained
-from rodgen.calibration.fit import Estimate, Fit
+from rodgen.calibration.fit import Estimate
 from rodgen.data.units import unit_factor
 from rodgen.machines.machine import Effect
-from rodgen.output.report.charts import LEVEL, MOST_RANKED, rungs
+from rodgen.output.figures.diagnoses import LEVEL, MOST_RANKED, rungs
+from rodgen.output.figures.rows import coordinate
+from rodgen.output.numbers import Shown, chance, measured, percent
 from rodgen.output.report.hardware import eccentricity, in_hardware
-from rodgen.output.report.rows import coordinate
-from rodgen.output.report.units import Shown, chance, measured, percent, shown_unit
 
 if TYPE_CHECKING:
     from rodgen.calibration.plan import Gain, Goal, Plan
 
-__all__ = ["content", "unit_of"]
+__all__ = ["content"]
 
 Content: TypeAlias = dict[str, Any]
 
@@ -46,24 +46,12 @@ _VERDICTS = {
 }
 
 
-def unit_of(diagnosis: Diagnosis) -> Shown:
-    """Return the unit in which the errors of a diagnosis are shown."""
-    rms = diagnosis.rms
-    values: list[float | None] = [rms.before, rms.after, rms.before_held_out, rms.after_held_out, rms.noise]
-    values += [step.rms for step in diagnosis.steps]
-    return shown_unit(rms.unit, values)
-
-
-def content(
-    diagnosis: Diagnosis, last: Fit, plan: Plan | None, shown: Shown, radii: Mapping[str, float]
-) -> Content:
+def content(diagnosis: Diagnosis, plan: Plan | None, shown: Shown, radii: Mapping[str, float]) -> Content:
     """Return everything that the page says.
 
     Parameters
     ----------
     diagnosis : Diagnosis
-    last : Fit
-        With everything that was found.
     plan : Plan or None
     shown : Shown
     radii : mapping of str to float
@@ -91,8 +79,8 @@ def content(
         "model": list(_model(diagnosis)),
         "plan": None if plan is None else _plan(plan),
         "notes": [plain(note, LONG * 4) for note in _notes(diagnosis)],
-        "worst": list(_worst(diagnosis, last, shown)),
-        "two": last is not fit,
+        "worst": list(_worst(diagnosis, shown)),
+        "two": diagnosis.last is not fit,
         "version": _version(),
     }
 
@@ -331,9 +319,9 @@ def _coordinate(value: float) -> str:
     return f"{round(value, 3) + 0.0:g}".replace("-", "−")
 
 
-def _worst(diagnosis: Diagnosis, final: Fit, shown: Shown) -> Iterator[Content]:
+def _worst(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
     """Yield the rows with the largest residuals after, with what they were before."""
-    base = diagnosis.base
+    base, final = diagnosis.base, diagnosis.last
     size = np.sqrt(np.mean(final.residuals**2, axis=1))
     size = np.where(np.isfinite(size), size, -1.0)
     for row in np.argsort(-size, kind="stable")[:5]:

@@ -1,13 +1,12 @@
-"""Put the page together: content, pictures, style and script in one file that asks for nothing from outside."""
+"""Put the page together: content, figures, style and scripts in one file that asks for nothing from outside."""
 
 from __future__ import annotations
 
 import base64
-import hashlib
 import os
 from collections.abc import Callable, Mapping
 from importlib import resources
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import jinja2
 from markupsafe import Markup
@@ -15,14 +14,15 @@ from markupsafe import Markup
 from rodgen.calibration.diagnose.diagnosis import Diagnosis
 from rodgen.errors import InputFileError
 from rodgen.files import write_file
-from rodgen.output.report.chart import Chart
-from rodgen.output.report.charts import charts
-from rodgen.output.report.content import content, unit_of
-from rodgen.output.report.last_model import last_fit
-from rodgen.output.report.pictures import png
-from rodgen.output.report.svg import STYLE, legend_svg, standalone, view_svg
+from rodgen.output.figures import diagnosis as figures_of
+from rodgen.output.figures import save_figures
+from rodgen.output.figures.diagnoses import unit_of
+from rodgen.output.figures.html import asset, figures_json, policy, scripts
+from rodgen.output.report.content import content
 
 if TYPE_CHECKING:
+    import plotly.graph_objects as go
+
     from rodgen.calibration.plan import Plan
 
 __all__ = ["report_page", "write_report"]
@@ -32,8 +32,8 @@ Progress = Callable[[str], object]
 
 def write_report(
     diagnosis: Diagnosis,
-    plan: Plan | None,
     path: str | os.PathLike[str],
+    plan: Plan | None = None,
     *,
     images: str | os.PathLike[str] | None = None,
     radii: Mapping[str, float] | None = None,
@@ -44,14 +44,14 @@ def write_report(
     Parameters
     ----------
     diagnosis : Diagnosis
-    plan : Plan or None
-        What to measure next.
     path : str or os.PathLike
         The page.
+    plan : Plan, optional
+        What to measure next; see `Diagnosis.plan`.
     images : str or os.PathLike, optional
-        A folder for its pictures, each as PNG and as SVG.
+        A folder for its figures, each as PNG and as SVG, which need Chrome or Chromium.
     radii : mapping of str to float, optional
-        Radii of the scales of joints, by name, in millimetres: an eccentricity is then told in micrometres.
+        Radii of the scales of joints, by name, in millimetres: an eccentricity is then given in micrometres.
     progress : callable, optional
         Called with what is drawn.
 
@@ -63,23 +63,11 @@ def write_report(
     Raises
     ------
     InputFileError
-        When one of them cannot be written, a radius is that of no joint, or Matplotlib is not there.
+        When one of them cannot be written, a radius is that of no joint, or there is no browser for images.
     """
-    page, pictures = _made(diagnosis, plan, radii or {}, progress)
-    files = [os.fspath(path)]
+    figures, page = _made(diagnosis, plan, radii or {}, progress)
     write_file(path, page.encode())
-    if images is not None:
-        folder = os.fspath(images)
-        try:
-            os.makedirs(folder, exist_ok=True)
-        except OSError as error:
-            found = f"cannot be made ({error.strerror or error})"
-            raise InputFileError(folder, "file", found, "a writable folder") from None
-        for name, image in pictures.items():
-            file = os.path.join(folder, name)
-            write_file(file, image)
-            files.append(file)
-    return files
+    return [os.fspath(path), *(save_figures(figures, images) if images is not None else [])]
 
 
 def report_page(
@@ -90,45 +78,40 @@ def report_page(
     progress: Progress | None = None,
 ) -> str:
     """Return the page as text; see `write_report`."""
-    return _made(diagnosis, plan, radii or {}, progress)[0]
+    return _made(diagnosis, plan, radii or {}, progress)[1]
 
 
 def _made(
     diagnosis: Diagnosis, plan: Plan | None, radii: Mapping[str, float], progress: Progress | None
-) -> tuple[str, dict[str, bytes]]:
+) -> tuple[list[go.Figure], str]:
     _check(diagnosis, radii)
-    shown = unit_of(diagnosis)
-    last = last_fit(diagnosis)
-    made = charts(diagnosis, last, shown, plan)
-    pictures: dict[str, bytes] = {}
     figures = []
-    for chart in made:
+    for figure in figures_of(diagnosis, plan):
         if progress:
-            progress(f"drawing {chart.name}")
-        drawn = png(chart), standalone(chart).encode()
-        pictures[f"{chart.name}.png"], pictures[f"{chart.name}.svg"] = drawn
-        figures.append(_figure(chart, *drawn))
-    style, script = _asset("report.css") + "\n" + STYLE, _asset("report.js")
-    text = content(diagnosis, last, plan, shown, radii)
+            progress(f"drawing {figure.layout.meta['name']}")
+        figures.append(figure)
+    text = content(diagnosis, plan, unit_of(diagnosis), radii)
     if text["plan"] and text["plan"]["csv"]:
-        text["plan"]["link"] = _data("text/csv;charset=utf-8", text["plan"]["csv"].encode())
+        csv = base64.b64encode(text["plan"]["csv"].encode()).decode()
+        text["plan"]["link"] = Markup(f"data:text/csv;charset=utf-8;base64,{csv}")
+    # The page has the ranking as a table, with bars of its own.
+    drawn = [figure for figure in figures if figure.layout.meta["name"] != "ranking"]
+    entries = [{"number": number, **figure.layout.meta} for number, figure in enumerate(drawn)]
+    code = [*scripts(), _asset("report.js")]
     page = (
         _environment()
         .get_template("report.html.j2")
         .render(
             **text,
-            charts={figure["name"]: figure for figure in figures},
-            residuals=[figure for figure in figures if figure["name"].startswith("residuals")],
-            tips={figure["ident"]: figure["tips"] for figure in figures if figure["tips"]},
-            style=Markup(style),
-            script=Markup(script),
-            policy=(
-                "default-src 'none'; img-src data:; base-uri 'none'; form-action 'none'; "
-                f"style-src '{_hash(style)}'; script-src '{_hash(script)}'"
-            ),
+            figures_by_name={entry["name"]: entry for entry in entries},
+            residuals=[entry for entry in entries if entry["name"].startswith("residuals")],
+            drawn=Markup(figures_json(drawn)),
+            style=Markup(asset("figures.css") + "\n" + _asset("report.css")),
+            scripts=[Markup(text) for text in code],
+            policy=policy(*code),
         )
     )
-    return page, pictures
+    return figures, page
 
 
 def _check(diagnosis: Diagnosis, radii: Mapping[str, float]) -> None:
@@ -137,36 +120,6 @@ def _check(diagnosis: Diagnosis, radii: Mapping[str, float]) -> None:
         if name not in joints:
             there = ", ".join(joints) or "none: this machine has no revolute joint"
             raise InputFileError("command line", "--radius", f"no revolute joint {name!r}", there)
-
-
-def _figure(chart: Chart, as_png: bytes, as_svg: bytes) -> dict[str, Any]:
-    """Return what the template needs of a chart."""
-    # Charts of the same rows share their tips.
-    ident = "rows" if chart.name.startswith("residuals") else chart.name
-    return {
-        "name": chart.name,
-        "ident": ident,
-        "title": chart.title,
-        "note": chart.note,
-        "alt": chart.alt,
-        "views": [
-            {"key": view.key, "title": view.title, "svg": Markup(view_svg(chart, i, ident=ident))}
-            for i, view in enumerate(chart.views)
-        ],
-        "legend": [{"svg": Markup(legend_svg(look)), "words": words} for look, words in chart.legend],
-        "tips": chart.tips,
-        "png": _data("image/png", as_png),
-        "svg": _data("image/svg+xml", as_svg),
-    }
-
-
-def _data(kind: str, content: bytes) -> Markup:
-    return Markup(f"data:{kind};base64,{base64.b64encode(content).decode()}")
-
-
-def _hash(text: str) -> str:
-    """Return what the policy calls a piece of style or script: nothing else runs."""
-    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
 
 
 def _asset(name: str) -> str:

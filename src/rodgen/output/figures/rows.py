@@ -16,7 +16,7 @@ from rodgen.calibration.fit import Fit
 from rodgen.calibration.problem import Problem
 from rodgen.data.drivers import Driver
 from rodgen.data.observations import Observations
-from rodgen.output.report.units import Shown
+from rodgen.output.numbers import Shown
 
 __all__ = ["Against", "Rows", "coordinate"]
 
@@ -24,7 +24,7 @@ Array: TypeAlias = NDArray[np.float64]
 Index: TypeAlias = NDArray[np.intp]
 
 MOST_MARKS = 4000
-"""In one chart: a page stays below 2 MB with them, and a picture says no more with more."""
+"""In one figure: its data stay below 2 MB with them, and it says no more with more."""
 MOST_ROWS = 1000
 EXTREMES = 10
 """Largest residuals of each component, before and after, that are always drawn."""

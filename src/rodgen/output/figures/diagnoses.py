@@ -1,0 +1,443 @@
+"""The figures of a diagnosis: the falling error, residuals before and after, the candidates, and the planned poses."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+import plotly.graph_objects as go
+
+from rodgen.calibration.compare.sentences import plain
+from rodgen.data.units import parse_unit
+from rodgen.output.figures.ladders import error_ladder
+from rodgen.output.figures.maps import residuals_in_space, residuals_on_the_sky
+from rodgen.output.figures.rows import Against, Rows, coordinate
+from rodgen.output.figures.style import (
+    BLUE,
+    GREY,
+    INK,
+    ORANGE,
+    PURPLE,
+    Array,
+    Index,
+    Panel,
+    axes,
+    column,
+    describe,
+    evenly,
+    label,
+    mark_size,
+)
+from rodgen.output.numbers import Shown, chance, shown_unit
+
+if TYPE_CHECKING:
+    from rodgen.calibration.diagnose.diagnosis import Diagnosis
+    from rodgen.calibration.fit import Fit
+    from rodgen.calibration.plan import Plan
+
+__all__ = [
+    "LEVEL",
+    "MOST_RANKED",
+    "Rung",
+    "candidates",
+    "diagnosis",
+    "errors_of",
+    "planned_poses",
+    "residuals_over",
+    "rungs",
+    "unit_of",
+]
+
+MOST_ARROWS = 300
+MOST_RANKED = 10
+LEVEL = 0.01
+"""Probability of a false alarm among all candidates together."""
+MARGIN = 1.12
+"""Of the y axis beyond the largest residual."""
+PANEL, SINGLE = 140, 260
+"""Heights of a panel among others, and alone, in pixels."""
+ANGLES = (1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 60.0, 90.0, 180.0, 360.0, 720.0)
+"""Steps between the numbers of an axis that counts degrees."""
+
+PLANNED = {"symbol": "diamond-open", "size": 9, "color": BLUE, "line": {"width": 2}}
+
+Rung: TypeAlias = tuple[str, float, float | None, float | None]
+"""Title, rms fitted, held out, on further measurements."""
+
+
+def diagnosis(diagnosis: Diagnosis, plan: Plan | None = None) -> Iterator[go.Figure]:
+    """Yield every figure of a diagnosis; the name of each is in its ``layout.meta``.
+
+    Parameters
+    ----------
+    diagnosis : rodgen.calibration.diagnose.Diagnosis
+    plan : rodgen.calibration.plan.Plan, optional
+        What to measure next.
+    """
+    shown = unit_of(diagnosis)
+    rows = Rows(diagnosis, diagnosis.last, shown)
+    yield errors_of(diagnosis, shown)
+    for against in rows.drivers():
+        yield residuals_over(rows, against)
+    yield _in_space(rows) if rows.base.machine.measurand.moving else _on_the_sky(rows)
+    if diagnosis.ranking:
+        yield candidates(diagnosis)
+    planned = planned_poses(rows, plan)
+    if planned is not None:
+        yield planned
+
+
+def unit_of(diagnosis: Diagnosis) -> Shown:
+    """Return the unit in which the errors of a diagnosis are shown."""
+    rms = diagnosis.rms
+    values: list[float | None] = [rms.before, rms.after, rms.before_held_out, rms.after_held_out, rms.noise]
+    values += [step.rms for step in diagnosis.steps]
+    return shown_unit(rms.unit, values)
+
+
+# the falling error -------------------------------------------------------------------------------------------------
+
+
+def rungs(diagnosis: Diagnosis) -> list[Rung]:
+    """Return the models from the base on, each with its errors in the diagnosis' unit."""
+    rms = diagnosis.rms
+    last = len(diagnosis.steps)
+    found: list[Rung] = [("as it was", rms.before, rms.before_held_out, rms.before_test)]
+    for i, step in enumerate(diagnosis.steps, 1):
+        title = f"+ {plain(step.effect.title, 60)}"
+        found.append((title, step.rms, step.rms_held_out, rms.after_test if i == last else None))
+    for form in diagnosis.unexplained:
+        where = f" at {plain(form.joint)}" if form.joint else ""
+        found.append((f"+ {plain(form.form, 40)}{where}, outside the catalogue", form.rms, None, None))
+    return found
+
+
+def errors_of(diagnosis: Diagnosis, shown: Shown) -> go.Figure:
+    """Return the error of the base and of each model after it: fitted, on poses held out, on the test file, and noise.
+
+    Parameters
+    ----------
+    diagnosis : rodgen.calibration.diagnose.Diagnosis
+    shown : Shown
+        The unit of errors.
+    """
+    steps = rungs(diagnosis)
+    fitted, unseen, test = (
+        [None if rung[k] is None else float(rung[k] or 0.0) * shown.factor for rung in steps]
+        for k in (1, 2, 3)
+    )
+    noise = None if diagnosis.rms.noise is None else diagnosis.rms.noise * shown.factor
+    floor = diagnosis.final.noise
+    interval = None
+    if noise is not None and floor.source == "replicates" and floor.replicates is not None:
+        interval = (floor.replicates.low * shown.factor, floor.replicates.high * shown.factor)
+    words = "; ".join(f"{rung[0]} {shown(rung[1])} (held out {shown(rung[2])})" for rung in steps)
+    known = "not known" if noise is None else shown.plain(noise)
+    return error_ladder(
+        [rung[0] for rung in steps],
+        [value or 0.0 for value in fitted],
+        unseen,
+        test=test if any(value is not None for value in test) else (),
+        unit=shown.unit,
+        title="The error, model by model",
+        texts=[
+            f"{shown(rung[1])} / {shown(rung[2])}" if rung[2] is not None else shown(rung[1])
+            for rung in steps
+        ],
+        noise=noise,
+        interval=interval,
+        note="Numbers: fitted / held out." if any(value is not None for value in unseen) else "",
+        alt=f"Rms in {shown.unit}: {words}; noise {known}.",
+    )
+
+
+# residuals ---------------------------------------------------------------------------------------------------------
+
+
+def residuals_over(rows: Rows, against: Against) -> go.Figure:
+    """Return the residuals before and after over what they depend on, in the same axes.
+
+    Parameters
+    ----------
+    rows : Rows
+    against : Against
+        One of ``rows.drivers()``.
+    """
+    driver, sides = against.driver, _sides(rows)
+    curves = [_curves(rows, fit, against) for _, fit in sides]
+    titles = [title for title, _ in curves[0]]
+    height = PANEL if len(titles) > 1 else SINGLE
+    panels = [
+        Panel(title, height, label(plain(driver.label)) if title is titles[-1] else "") for title in titles
+    ]
+    figure = column(panels)
+    x = np.asarray(driver.noted, float)
+    hover = [label(tip).replace("\n", "<br>") for tip in rows.tips]
+    for number in range(len(titles)):
+        limit = _limit(np.concatenate([curve[number][1][~rows.bad] for curve in curves]))
+        for (name, fit), curve in zip(sides, curves, strict=True):
+            y = curve[number][1]
+            for words, mask, mark in _kinds(rows, against, name):
+                at = np.flatnonzero(mask & ~rows.bad & np.isfinite(y))
+                _dots(
+                    figure, number, x[at], y[at], _named(rows, words, name, fit), mark, [hover[i] for i in at]
+                )
+        bad = np.flatnonzero(rows.bad & np.isfinite(curves[-1][number][1]))
+        if len(bad):
+            y = np.clip(curves[-1][number][1][bad], -0.95 * limit, 0.95 * limit)
+            mark = {"symbol": "x", "size": 8, "color": PURPLE}
+            _dots(figure, number, x[bad], y, "outlier, taken out", mark, [hover[i] for i in bad])
+        figure.update_layout({f"yaxis{number + 1}": {"range": [-limit, limit], "zeroline": True}})
+    _scale(figure, len(titles), driver, x)
+    name = re.sub(r"[^A-Za-z0-9]", "_", driver.name)[:40].strip("_") or "column"
+    sizes = ", ".join(f"{name} {rows.shown(fit.rms)} {rows.shown.unit}" for name, fit in sides)
+    return describe(
+        figure,
+        f"residuals_by_{name}",
+        f"Residuals over {plain(driver.text)}",
+        note=" ".join(filter(None, [_measured(rows), *_remarks(rows, against)])),
+        alt=f"Measured less predicted over {plain(driver.text)}; rms {sizes}.",
+    )
+
+
+def _sides(rows: Rows) -> list[tuple[str, Fit]]:
+    return [("before", rows.base), ("after", rows.final)] if rows.two else [("residual", rows.base)]
+
+
+def _curves(rows: Rows, fit: Fit, against: Against) -> list[tuple[str, Array]]:
+    found = []
+    if against.joint is not None:
+        along, unit = rows.along_reading(fit, against.joint)
+        if np.isfinite(along[~rows.bad]).any():
+            name = label(plain(fit.machine.joints[against.joint].name, 12))
+            found.append((f"reading of {name} [{label(unit)}]", along))
+    for name, r in zip(rows.names, rows.residuals(fit).T, strict=True):
+        found.append((f"{name} [{label(rows.shown.unit)}]", r))
+    return found
+
+
+def _kinds(rows: Rows, against: Against, name: str) -> Iterator[tuple[str, Any, dict[str, Any]]]:
+    """Yield what is told apart by shape: its name, which rows, and the mark."""
+    colour = {"before": ORANGE, "after": BLUE, "residual": BLUE}[name]
+    size = mark_size(len(rows.chosen))
+    if against.approach is None:
+        symbol = "circle" if name == "after" else "circle-open"
+        yield name, np.ones(len(rows.chosen), bool), {"symbol": symbol, "color": colour, "size": size}
+        return
+    ahead = against.approach >= 0
+    for words, mask, symbol in (
+        ("forwards", ahead, "triangle-right"),
+        ("backwards", ~ahead, "triangle-left-open"),
+    ):
+        yield f"{name}, {words}", mask, {"symbol": symbol, "color": colour, "size": 1.2 * size}
+
+
+def _named(rows: Rows, words: str, name: str, fit: Fit) -> str:
+    return f"{words}: rms {rows.shown(fit.rms)} {label(rows.shown.unit)}" if words == name else words
+
+
+def _dots(
+    figure: go.Figure, number: int, x: Array, y: Array, name: str, mark: dict[str, Any], hover: Sequence[str]
+) -> None:
+    figure.add_trace(
+        go.Scatter(
+            x=x, y=y, mode="markers", marker={"opacity": 1, **mark}, name=name, legendgroup=name,
+            showlegend=number == 0, hovertext=hover, hoverinfo="text", **axes(number),
+        )
+    )  # fmt: skip
+
+
+def _scale(figure: go.Figure, panels: int, driver: Any, x: Array) -> None:
+    """Give the x axes names of categories, or round numbers of degrees."""
+    given: dict[str, Any] = {}
+    known = x[np.isfinite(x)]
+    span = float(np.ptp(known)) if len(known) else 0.0
+    if driver.categories:
+        names = [label(plain(name, 10)) for name in driver.categories]
+        given = {"tickvals": list(range(len(names))), "ticktext": names, "range": [-0.6, len(names) - 0.4]}
+    elif driver.unit == "deg" and span >= 5:
+        given = {"dtick": next((step for step in ANGLES if span / step <= 6), span / 6)}
+    figure.update_layout({f"xaxis{number + 1}": given for number in range(panels)})
+
+
+def _measured(rows: Rows) -> str:
+    if not rows.two:
+        return "Measured less predicted."
+    formed = rows.final is not rows.diagnosis.final
+    return "Measured less predicted." + (" After: with the form outside the catalogue." if formed else "")
+
+
+def _remarks(rows: Rows, against: Against) -> Iterator[str]:
+    if against.joint is not None:
+        name = plain(rows.base.machine.joints[against.joint].name)
+        yield f"At the top: by how much the reading of {name} would have to be off to explain each residual best."
+    yield rows.thinned
+    if rows.bad.any():
+        yield "Outliers beyond the axis are drawn at its edge."
+
+
+def _limit(y: Array) -> float:
+    known = np.abs(y[np.isfinite(y)])
+    return float(known.max(initial=0.0)) * MARGIN or 1.0
+
+
+def _in_space(rows: Rows) -> go.Figure:
+    """Return residuals where they were measured: arrows of points, signs of distances."""
+    some = evenly(np.flatnonzero(~rows.bad & np.isfinite(rows.places).all(axis=1)), MOST_ARROWS)
+    points = rows.components == 3
+    residuals = [
+        (name, (rows.in_space(fit) if points else rows.residuals(fit))[some]) for name, fit in _sides(rows)
+    ]
+    unit, hover = rows.base.machine.length_unit, _hover(rows, some)
+    figure = residuals_in_space(rows.places[some], residuals, unit, rows.shown.unit, hover)
+    area = "" if points else " The area of a mark follows the size of the residual."
+    note = " ".join([f"{_measured(rows)} In machine axes.{area}", *_few(rows, some)])
+    return describe(figure, "residuals_in_space", "Residuals over the workspace", note=note)
+
+
+def _on_the_sky(rows: Rows) -> go.Figure:
+    """Return residuals of directions as arrows, the zenith in the middle."""
+    some = evenly(np.flatnonzero(~rows.bad), MOST_ARROWS)
+    residuals = [(name, rows.residuals(fit)[some]) for name, fit in _sides(rows)]
+    basis = [side[some] for side in rows.o.basis]
+    figure = residuals_on_the_sky(
+        rows.o.reading[some], basis, residuals, rows.up, rows.shown.unit, _hover(rows, some)
+    )
+    note = [_measured(rows), "The zenith is in the middle, circles are of equal altitude.", *_few(rows, some)]
+    return describe(figure, "residuals_on_the_sky", "Residuals on the sky", note=" ".join(note))
+
+
+def _hover(rows: Rows, some: Index) -> list[str]:
+    return [label(rows.tips[i]).replace("\n", "<br>") for i in some]
+
+
+def _few(rows: Rows, some: Index) -> list[str]:
+    """Say which rows are not on a map."""
+    if len(some) < rows.total - int(rows.outlier.sum()):
+        return [f"{len(some)} of {rows.total} rows are drawn, evenly spread."]
+    return ["Outliers are left out."] if rows.outlier.any() else []
+
+
+# candidates --------------------------------------------------------------------------------------------------------
+
+
+def candidates(diagnosis: Diagnosis) -> go.Figure:
+    """Return how sure the best candidates are, tested on the base model, as bars of −log10 p.
+
+    Parameters
+    ----------
+    diagnosis : rodgen.calibration.diagnose.Diagnosis
+    """
+    best = diagnosis.ranking[:MOST_RANKED]
+    taken = {(s.effect.name, s.effect.place) for s in diagnosis.steps}
+    strength = [min(-r.log10_p, 300.0) for r in best]
+    limit = -math.log10(LEVEL)
+    most = max(*strength, limit) * 1.08
+    figure = column([Panel("", 44 * len(best) + 10, "−log10 p, for any of the candidates: longer is surer")])
+    for chosen, name, colour in ((True, "in the model", BLUE), (False, "not in the model", GREY)):
+        at = [i for i, r in enumerate(best) if ((r.effect.name, r.effect.place) in taken) == chosen]
+        if at:
+            figure.add_trace(
+                go.Bar(
+                    x=[strength[i] for i in at], y=at, width=0.3, orientation="h", name=name,
+                    marker={"color": colour, "line": {"width": 0}}, hoverinfo="skip",
+                )
+            )  # fmt: skip
+    figure.add_trace(
+        go.Scatter(
+            x=[limit, limit], y=[-0.7, len(best) - 0.6], mode="lines", name=f"p = {LEVEL:g}",
+            line={"color": INK, "width": 1.2, "dash": "dot"}, hoverinfo="skip",
+        )
+    )  # fmt: skip
+    for i, r in enumerate(best):
+        text = f"<b>{label(plain(r.effect.title, 40))}</b>  p {label(chance(r.log10_p))}"
+        figure.add_annotation(
+            x=0, y=i, text=text, xanchor="left", yanchor="bottom", yshift=7, showarrow=False, font={"size": 12},
+            bgcolor=figure.layout.template.layout.paper_bgcolor, borderpad=0,
+        )  # fmt: skip
+    figure.update_xaxes(range=[0, most], showgrid=False)
+    figure.update_yaxes(range=[len(best) - 0.5, -0.8], visible=False)
+    figure.update_layout(barmode="overlay", margin_l=20)
+    listed = "; ".join(f"{plain(r.effect.title)} p {chance(r.log10_p)}" for r in best[:5])
+    return describe(
+        figure,
+        "ranking",
+        "Candidates, on the model as it was",
+        note=f"Beyond the dotted line, p = {LEVEL:g}, chance is not believed.",
+        alt=f"The best of {len(diagnosis.ranking)}: {listed}.",
+    )
+
+
+# what to measure next ----------------------------------------------------------------------------------------------
+
+
+def planned_poses(rows: Rows, plan: Plan | None) -> go.Figure | None:
+    """Return planned poses among those measured, over the two joints that the plan moves most; None without a plan.
+
+    Parameters
+    ----------
+    rows : Rows
+    plan : rodgen.calibration.plan.Plan or None
+    """
+    new = planned_commands(rows.base, plan)
+    if new is None or not len(new):
+        return None
+    machine, o = rows.base.machine, rows.base.observations
+    factors = np.array([coordinate(machine, j)[1] for j in range(len(machine.joints))])
+    there = o.q[rows.chosen] / factors
+    size = np.ptp(np.concatenate([there, new]), axis=0)
+    moved = [int(j) for j in np.flatnonzero(size > 0)]
+    if not moved:
+        return None
+    spread = [float(np.ptp(new[:, j]) / (size[j] or 1.0)) for j in range(len(size))]
+    # The joints that the question is about come first.
+    asked = {step.effect.place for step in rows.diagnosis.steps}
+    moved.sort(key=lambda j: (machine.joints[j].name not in asked, -spread[j]))
+    names = [
+        label(f"{plain(joint.name)} [{coordinate(machine, j)[0]}]") for j, joint in enumerate(machine.joints)
+    ]
+    single = len(moved) == 1
+    a, b = (moved[0], moved[0]) if single else sorted(moved[:2])
+    figure = column([Panel("" if single else names[b], 90 if single else 300, names[a])])
+    numbers = [f"no. {i + 1}" for i in range(len(new))]
+    marks = (
+        ("measured", there, {"symbol": "circle", "size": 4, "color": GREY}, None),
+        ("planned, in this order", new, PLANNED, numbers),
+    )
+    for place, (name, q, mark, text) in enumerate(marks):
+        y = np.full(len(q), place) if single else q[:, b]
+        figure.add_trace(
+            go.Scatter(
+                x=q[:, a], y=y, mode="lines+markers" if text and not single else "markers", marker=mark, name=name,
+                line={"color": BLUE, "width": 0.7}, hovertext=text, hoverinfo="text" if text else "skip",
+            )
+        )  # fmt: skip
+    if single:
+        figure.update_yaxes(
+            tickvals=[0, 1], ticktext=["measured", "planned"], range=[1.5, -0.5], showgrid=False
+        )
+    words = plain(machine.joints[a].name) + ("" if single else f" and {plain(machine.joints[b].name)}")
+    return describe(
+        figure,
+        "plan",
+        "Planned poses among those measured",
+        alt=f"{len(new)} planned poses over {words}.",
+    )
+
+
+def planned_commands(fit: Fit, plan: Plan | None) -> Array | None:
+    """Return the commanded coordinates of a plan, (poses, joints), in the units of the machine file; None without."""
+    if plan is None or not plan.rows:
+        return None
+    machine, found = fit.machine, []
+    for j, joint in enumerate(machine.joints):
+        header = next((name for name in plan.rows if name.partition(" [")[0] == joint.name), None)
+        if header is None:
+            return None
+        unit = header.rpartition("[")[2].rstrip("]") if "[" in header else ""
+        factor = parse_unit(unit).factor(machine.length_unit) if unit else 1.0
+        found.append(np.asarray(plan.rows[header], float) * factor / coordinate(machine, j)[1])
+    return np.stack(found, axis=1)
