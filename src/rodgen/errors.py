@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import difflib
 import os
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 __all__ = [
     "InputFileError",
     "RodgenError",
     "UnexpectedError",
+    "joined",
     "listed",
     "nearest_hint",
     "nearest_name",
@@ -100,8 +101,20 @@ def shown(text: object, limit: int = 60) -> str:
     return f"'{line if len(line) <= limit else line[: limit - 1] + '…'}'"
 
 
+def joined(names: Iterable[str], word: str = "and") -> str:
+    """Return names as a sentence lists them.
+
+    Examples
+    --------
+    >>> joined(["x", "y", "z"])
+    'x, y and z'
+    """
+    *most, last = [*names] or [""]
+    return f"{', '.join(most)} {word} {last}" if most else last
+
+
 def listed(options: Collection[str]) -> str:
-    """Quote a few names for an error message; of more than eight the first ones.
+    """Return names, quoted, for an error message; only the first of more than eight.
 
     Examples
     --------
@@ -109,9 +122,7 @@ def listed(options: Collection[str]) -> str:
     "'x', 'y' or 'z'"
     """
     names = [shown(option) for option in options]
-    if len(names) > 8:
-        return f"one of {', '.join(names[:8])}, …"
-    return " or ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
+    return joined(names, "or") if len(names) <= 8 else f"one of {', '.join(names[:8])}, …"
 
 
 def nearest_name(name: str, options: Collection[str]) -> str | None:

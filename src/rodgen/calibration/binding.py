@@ -18,7 +18,7 @@ from rodgen.data.observations import Observations
 from rodgen.data.poses import approach, poses
 from rodgen.data.spool import empty
 from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, Dimension, parse_unit
-from rodgen.errors import InputFileError, nearest_hint, shown
+from rodgen.errors import InputFileError, joined, nearest_hint, shown
 from rodgen.machines.measured import MEASURANDS
 
 if TYPE_CHECKING:
@@ -288,7 +288,7 @@ class _Binder:
         if column is None:
             if len(names) == 1:
                 return np.broadcast_to(np.int32(0), self.data.rows)
-            raise self._missing("target", f"one, because the machine has the targets {_listed(names)}")
+            raise self._missing("target", f"one, because the machine has the targets {joined(names)}")
         index = {plain_name(name): i for i, name in enumerate(names)}
         known = np.array([index.get(name, -1) for name in column.names], np.int32)
         found: NDArray[np.int32] = known[column.codes]
@@ -297,7 +297,7 @@ class _Binder:
             name = column.names[column.codes[row]]
             hint = nearest_hint(name, {n: n for n in names})
             expected = "the machine's target" if len(names) == 1 else "one of the machine's targets"
-            raise self._wrong_cell(column, row, f"{shown(name)}{hint}", f"{expected}, {_listed(names)}")
+            raise self._wrong_cell(column, row, f"{shown(name)}{hint}", f"{expected}, {joined(names)}")
         return found
 
     def run(self) -> tuple[NDArray[np.int32], tuple[str, ...]]:
@@ -324,16 +324,16 @@ class _Binder:
                 return np.broadcast_to(np.nan, shape)
             other = next((m for m in MEASURANDS.values() if all(n in columns for n in m.columns)), None)
             if other:
-                found = f"the readings {_listed(other.columns)}, of the kind {other.kind!r}"
-                expected = f'{_listed(self.readings)}: the machine file says kind = "{measurand.kind}"'
+                found = f"the readings {joined(other.columns)}, of the kind {other.kind!r}"
+                expected = f'{joined(self.readings)}: the machine file says kind = "{measurand.kind}"'
                 raise InputFileError(self.data.file, self.data.header_place, found, expected)
         reading = empty(shape)
         if not measurand.moving:
             for i, name in enumerate(self.readings):
                 column = columns.get(name)
                 if column is None:
-                    raise self._missing(name, f"{_listed(self.readings)}, without a unit")
-                reading[:, i] = self._plain(column, f"{_listed(self.readings)} are a vector of length 1")
+                    raise self._missing(name, f"{joined(self.readings)}, without a unit")
+                reading[:, i] = self._plain(column, f"{joined(self.readings)} are a vector of length 1")
             return self._normalized(reading)
         for i, name in enumerate(self.readings):
             self._scaled(self.column(name, LENGTH), reading[:, i])
@@ -348,7 +348,7 @@ class _Binder:
         wrong = ~(np.abs(length - 1.0) <= UNIT_LENGTH_TOLERANCE)
         if wrong.any():
             row = int(np.argmax(wrong))
-            place = f"{self.data.place(row)}, columns {_listed(self.readings)}"
+            place = f"{self.data.place(row)}, columns {joined(self.readings)}"
             expected = f"a length of 1 within {UNIT_LENGTH_TOLERANCE:g}"
             raise InputFileError(self.data.file, place, f"a direction of length {length[row]:.6g}", expected)
         reading /= length[:, None]
@@ -427,8 +427,3 @@ class _Binder:
 
 def _number(column: Any, row: int) -> str:
     return f"{column.values[row]:.12g}"
-
-
-def _listed(names: Any) -> str:
-    *most, last = names
-    return f"{', '.join(most)} and {last}" if most else str(last)

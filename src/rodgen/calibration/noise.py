@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.deviations import DRIFTS, Deviations, Estimated
+from rodgen.errors import joined
 from rodgen.statistics.f_tests import f_tail
 from rodgen.statistics.thresholds import NOISE
 
@@ -331,7 +332,7 @@ def _sentences(floor: NoiseFloor) -> Iterator[str]:
         yield "The noise is not known: none is stated, and no pose was repeated."
     if floor.drifts:
         before = f"with it {figure(floor.with_drifts.value)} {unit}" if floor.with_drifts else ""
-        yield f"Between replicates the readings follow {_listed(floor.drifts)}, which is taken out ({before})."
+        yield f"Between replicates the readings follow {joined(floor.drifts)}, which is taken out ({before})."
     if floor.distances is not None:
         yield _of_distances(floor, floor.distances)
     if floor.repeated is not None and main is None:
@@ -342,7 +343,7 @@ def _sentences(floor: NoiseFloor) -> Iterator[str]:
 def _of_distances(floor: NoiseFloor, found: Estimated) -> str:
     said = f"Distances between targets say {figure(found.value)} {floor.unit}"
     if floor.distance_drifts:
-        said += f", when their scale, which follows {_listed(floor.distance_drifts)}, is taken out"
+        said += f", when their scale, which follows {joined(floor.distance_drifts)}, is taken out"
     against = floor.replicates or (None if floor.stated is None else _known(floor.stated))
     if against is None:
         return f"{said}, without what the readings of a pose share."
@@ -391,8 +392,3 @@ def figure(value: float) -> str:
 
 def _range(found: Estimated) -> str:
     return f"95 %: {figure(found.low)} to {figure(found.high)}"
-
-
-def _listed(names: tuple[str, ...]) -> str:
-    *most, last = names
-    return f"{', '.join(most)} and {last}" if most else last

@@ -12,6 +12,7 @@ from rodgen.calibration.compare.drivers import Pair
 from rodgen.calibration.compare.regions import REGION_CLAIM
 from rodgen.calibration.compare.scatter import TAILS_CLAIM, UNEVEN_CLAIM
 from rodgen.data.drivers import Driver
+from rodgen.errors import joined
 
 if TYPE_CHECKING:
     from rodgen.calibration.compare.comparison import Comparison
@@ -97,7 +98,7 @@ def _found(comparison: Comparison) -> Iterator[str]:
         along = [other for other in found.along if isinstance(other, Driver) and id(other) not in members]
         if along:
             said_of = _names(comparison, along)
-            names = _listed(said_of)
+            names = joined(said_of)
             many = len(said_of) > 1 or " and " in names
             verb = "go along with it and explain" if many else "goes along with it and explains"
             yield f"{_capital(names)} {verb} nothing beyond."
@@ -109,7 +110,7 @@ def _explained(comparison: Comparison, found: Found) -> str:
     said += _mostly(comparison, found)
     joints = [plain(comparison.fit.machine.joints[joint].name) for joint in found.motions]
     if joints:
-        said += f", along the motion of {_listed(joints, 'or')}"
+        said += f", along the motion of {joined(joints, 'or')}"
     return said
 
 
@@ -156,7 +157,7 @@ def _drifts(comparison: Comparison) -> str:
         if drift and drift.log10_p < np.log10(TIME_CLAIM / m):
             where = f" {_where(comparison, c)}" if m > 1 else ""
             told.append(f"{drift.change:+.3g} {comparison.unit}{where}")
-    return f"by {_listed(told)}" if told else ""
+    return f"by {joined(told)}" if told else ""
 
 
 def _time(comparison: Comparison) -> Iterator[str]:
@@ -169,7 +170,7 @@ def _time(comparison: Comparison) -> Iterator[str]:
     alike = [(c, k) for c, k in enumerate(s.correlations) if k and k.log10_p < np.log10(TIME_CLAIM / m)]
     if alike:
         _, most = min(alike, key=lambda pair: pair[1].log10_p)
-        where = " " + _listed([_where(comparison, c) for c, _ in alike]) if m > 1 else ""
+        where = " " + joined([_where(comparison, c) for c, _ in alike]) if m > 1 else ""
         yield (
             f"Poses measured one after the other err alike{where} (correlation {most.lag_1:.2f}, "
             f"{_p(most.log10_p, m)}), as if something wandered in time; the other p-values allow for that."
@@ -182,7 +183,7 @@ def _withheld(comparison: Comparison) -> Iterator[str]:
     names = [driver for driver in names if not either or driver is not either.dependence.driver]
     if names:
         yield (
-            f"Whether {_listed(_names(comparison, names)[:NAMED], 'or')} "
+            f"Whether {joined(_names(comparison, names)[:NAMED], 'or')} "
             f"{'matters' if len(names) == 1 else 'matter'}, too, cannot be told from a wander in time."
         )
 
@@ -206,9 +207,9 @@ def _clear(comparison: Comparison) -> Iterator[str]:
     if not names:
         return
     if list(claims(comparison)):
-        yield f"Nothing is seen to depend on {_listed(names, 'or')}."
+        yield f"Nothing is seen to depend on {joined(names, 'or')}."
     else:
-        yield f"What is left depends on nothing that was noted: not on {_listed(names, 'or')}."
+        yield f"What is left depends on nothing that was noted: not on {joined(names, 'or')}."
 
 
 def _names(comparison: Comparison, named: Sequence[Driver]) -> list[str]:
@@ -227,7 +228,7 @@ def _names(comparison: Comparison, named: Sequence[Driver]) -> list[str]:
         if len(have) > 1 and len(have) == sum(c.kind == kind for c in comparison.covariates):
             names.append(all_of_them)
         elif have and start:
-            names.append(f"{start} {_listed([plain(c.joint) for c in have if c.joint], 'or')}")
+            names.append(f"{start} {joined([plain(c.joint) for c in have if c.joint], 'or')}")
         else:
             names += [c.text for c in have]
     return names + [plain(c.text) for c in named if c.kind not in {"joint", "period", *at_once}]
@@ -278,7 +279,7 @@ def _untold(comparison: Comparison) -> Iterator[str]:
         yield f"{poses} poses are too few beside what is fitted to tell what the residuals depend on."
     elif names:
         more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-        yield f"The data cannot tell of {_listed(names[:NAMED], 'or')}{more}: too few poses, or the fit takes it out."
+        yield f"The data cannot tell of {joined(names[:NAMED], 'or')}{more}: too few poses, or the fit takes it out."
 
 
 # tables ------------------------------------------------------------------------------------------------------------
@@ -372,8 +373,3 @@ def _number_of_p(log10_p: float) -> str:
     if log10_p < -4:
         return f"< 1e{max(int(np.ceil(log10_p)), -300):d}"
     return f"{min(10**log10_p, 1.0):.2g}"
-
-
-def _listed(names: Sequence[str], word: str = "and") -> str:
-    *most, last = names
-    return f"{', '.join(most)} {word} {last}" if most else last

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from rodgen.calibration.noise import figure
+from rodgen.errors import joined
 from rodgen.statistics.thresholds import DETERMINACY, SELECTION
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ def headline(diagnosis: Diagnosis) -> str:
     """Return the verdict in one sentence."""
     rms = diagnosis.rms
     fallen = f"the error falls from {figure(rms.before)} to {figure(rms.after)} {rms.unit}"
-    names = _listed([step.effect.title for step in diagnosis.steps])
+    names = joined([step.effect.title for step in diagnosis.steps])
     match diagnosis.verdict:
         case "nothing_missing":
             left = f"{figure(rms.before)} {rms.unit} are left"
@@ -74,11 +75,10 @@ def _lines(d: Diagnosis) -> Iterator[str]:
             f"and chance does as much with p = {best.p_value:.2g}."
         )
     unseen = [r.effect.title for r in d.ranking if r.visible < SELECTION.visible]
+    rest = [f"{len(unseen) - 6} more"] if len(unseen) > 6 else []
     if unseen:
         yield ""
-        yield from _paragraph(
-            "Not seen", f"These data could not show {_listed(unseen[:6], len(unseen) - 6)}."
-        )
+        yield from _paragraph("Not seen", f"These data could not show {joined([*unseen[:6], *rest])}.")
     yield from _notes(d)
 
 
@@ -154,9 +154,3 @@ def _paragraph(title: str, text: str) -> Iterator[str]:
 
 def _chance(p: float) -> str:
     return "< 1e-300" if p <= 1e-300 else f"{p:.2g}"
-
-
-def _listed(names: list[str], more: int = 0) -> str:
-    if more > 0:
-        return f"{', '.join(names)} and {more} more"
-    return f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else "".join(names)

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.plan.words import joint_unit, listed, number, range_text
+from rodgen.calibration.plan.words import joint_unit, number, range_text
 from rodgen.data.units import parse_unit
+from rodgen.errors import joined
 
 if TYPE_CHECKING:
     from rodgen.calibration.plan.campaign import Campaign
@@ -38,7 +39,7 @@ def _values(values: Array, unit: str) -> str:
     if len(texts) > NAMED:
         texts = [texts[0], "…", texts[-1]]
         return f"{', '.join(texts)} {unit}"
-    return f"{listed(texts)} {unit}"
+    return f"{joined(texts)} {unit}"
 
 
 def differences(campaign: Campaign, rows: Rows) -> Iterator[str]:
@@ -60,7 +61,7 @@ def _same_kind(campaign: Campaign, rows: Rows) -> str:
         for j, joint in enumerate(campaign.o.machine.joints)
         if np.ptp(campaign.travel[j]) > 0
     ]
-    return f"Readings as before, where they tell most: {listed(where)}."
+    return f"Readings as before, where they tell most: {joined(where)}."
 
 
 def _differences(campaign: Campaign, rows: Rows) -> Iterator[str]:
@@ -90,7 +91,7 @@ def _targets(machine: Machine, o: Observations, rows: Rows) -> Iterator[str]:
     fresh = [k for k in planned if k not in measured]
     if not machine.measurand.moving or not fresh:
         if fresh:
-            yield f"Measure {listed([machine.targets[k].name for k in fresh])}, too, which is in no row of the data."
+            yield f"Measure {joined([machine.targets[k].name for k in fresh])}, too, which is in no row of the data."
         return
     carrier = next((j for j in reversed(machine.joints) if j.type == "revolute"), None)
     for k in fresh:
@@ -107,7 +108,7 @@ def _targets(machine: Machine, o: Observations, rows: Rows) -> Iterator[str]:
             unit = machine.length_unit
             radii = [radius(t) for t in measured]
             if min(abs(radius(k) - r) for r in radii) > 0.1 * max(*radii, radius(k), 1e-300):
-                before = listed(list(dict.fromkeys(number(round(r, 6)) for r in sorted(radii))))
+                before = joined(list(dict.fromkeys(number(round(r, 6)) for r in sorted(radii))))
                 place = f" at a second radius about {carrier.name}, {radius(k):.4g} {unit} ({before} {unit} before)"
             elif min(abs(height(k) - height(t)) for t in measured) > 0.1 * max(*radii, 1e-300):
                 place = f" at another height, {height(k):.4g} {unit} along {carrier.name}"
@@ -208,6 +209,6 @@ def _temperatures(o: Observations, rows: Rows, choice: Levels) -> Iterator[str]:
             column = o.data.columns[f"T_{name}"]
             met = [float(np.asarray(column.values)[k]) for k in np.unique(rows.state)]
             yield (
-                f"Take some rows when {name} is at about {listed([number(round(x, 1)) for x in met])} {column.unit}: "
+                f"Take some rows when {name} is at about {joined([number(round(x, 1)) for x in met])} {column.unit}: "
                 f"temperatures cannot be commanded, so wait until they are met, and write down what they are."
             )

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, TypeAlias
 
-from rodgen.calibration.plan.words import listed, some
+from rodgen.calibration.plan.words import some
+from rodgen.errors import joined
 
 if TYPE_CHECKING:
     from rodgen.calibration.plan.candidate_plan import CandidatePlan, ParameterGain
@@ -42,7 +43,7 @@ def alternatives_sentences(best: CandidatePlan, group: int, titles: Sequence[str
         yield f"And so on, for {len(texts) - MOST_SENTENCES} more of them."
     if refuted:
         verb = "fits" if len(refuted) == 1 else "fit"
-        yield f"{listed(refuted)} {verb} the data worse already, or with sizes that no machine has."
+        yield f"{joined(refuted)} {verb} the data worse already, or with sizes that no machine has."
     if len(left) == 1:
         yield f"{left[0]} is left."
     exact = {p.models for p in pairs if not p.possible and not p.tiny}

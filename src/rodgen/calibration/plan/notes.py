@@ -10,7 +10,8 @@ import numpy as np
 
 from rodgen.calibration.plan.campaign import MOST_READINGS
 from rodgen.calibration.plan.variations import plan_over_more_travel
-from rodgen.calibration.plan.words import listed, range_text
+from rodgen.calibration.plan.words import range_text
+from rodgen.errors import joined
 
 if TYPE_CHECKING:
     from rodgen.calibration.plan.candidate_plan import CandidatePlan
@@ -48,7 +49,7 @@ def about_travel(best: CandidatePlan, n: int) -> Iterator[str]:
     named = [j for j in unstated if machine.joints[j].name in places or not of_joints]
     if not named:
         return
-    names = listed([machine.joints[j].name for j in named])
+    names = joined([machine.joints[j].name for j in named])
     further = _with_more_travel(best, named, n) if question.alternatives else ""
     yield (
         f"The machine file says no travel of {names}, so that of the data was taken: {_ranges(best, named)}. If there "
@@ -67,7 +68,7 @@ def _with_more_travel(best: CandidatePlan, joints: Sequence[int], n: int) -> str
 
 def _ranges(plan: CandidatePlan, joints: Sequence[int]) -> str:
     o, travel = plan.campaign.o, plan.campaign.travel
-    return listed([f"{o.machine.joints[j].name} {range_text(o, j, travel[j])}" for j in joints])
+    return joined([f"{o.machine.joints[j].name} {range_text(o, j, travel[j])}" for j in joints])
 
 
 def _whole_turn(o: Observations, j: int) -> bool:

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeAlias
 
-from rodgen.calibration.plan.words import it_or_them, listed, some
-from rodgen.errors import RodgenError, UnexpectedError, shown
+from rodgen.calibration.plan.words import it_or_them, some
+from rodgen.errors import RodgenError, UnexpectedError, joined, shown
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -84,7 +84,7 @@ def ask(
         if len(unique) < 2:
             continue
         if len(unique) > MOST_ALTERNATIVES:
-            out = listed([e.title for e in unique[MOST_ALTERNATIVES:]])
+            out = joined([e.title for e in unique[MOST_ALTERNATIVES:]])
             notes.append(f"Only {MOST_ALTERNATIVES} of {len(unique)} effects are looked at, without {out}.")
         members.append(tuple(unique[:MOST_ALTERNATIVES]))
     there = {(e.name, e.place) for e in machine.effects}
@@ -165,7 +165,7 @@ def _wanted(fit: FittedModel, text: str) -> tuple[list[str], Effect | None]:
         effect = machine.effect(parts[0], place)
         machine.with_effect(effect)
     except RodgenError:
-        few = listed(keys[:8]) + (", …" if len(keys) > 8 else "")
+        few = joined(keys[:8]) + (", …" if len(keys) > 8 else "")
         raise PlanError(
             f"no parameter {shown(text)}",
             f"one of {few or 'none, as nothing is estimated'}, or an effect that the machine may have, such as "
@@ -174,7 +174,7 @@ def _wanted(fit: FittedModel, text: str) -> tuple[list[str], Effect | None]:
     units = effect.units(machine)
     own = [name for name in units if not name.startswith("k_")] or list(units)
     if parts[1:] and parts[1] not in units:
-        raise PlanError(f"no parameter {shown(parts[1])} of {effect.title}", f"one of {listed(list(units))}")
+        raise PlanError(f"no parameter {shown(parts[1])} of {effect.title}", f"one of {joined(list(units))}")
     return [effect.key(name) for name in (parts[1:2] or own)], effect
 
 

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.data.units import parse_unit
+from rodgen.errors import joined
 
 if TYPE_CHECKING:
     from rodgen.data.observations import Observations
 
-__all__ = ["it_or_them", "joint_unit", "listed", "number", "range_text", "some"]
+__all__ = ["it_or_them", "joint_unit", "number", "range_text", "some"]
 
 NAMES = 4
 """Names in a list that is not the point of its sentence; the others are counted."""
@@ -22,12 +23,6 @@ NAMES = 4
 def number(value: float) -> str:
     """Write a number of a command."""
     return f"{value + 0.0:.4g}"
-
-
-def listed(names: Sequence[str], last: str = "and") -> str:
-    """Join names."""
-    *most, final = names
-    return f"{', '.join(most)} {last} {final}" if most else final
 
 
 def joint_unit(o: Observations, j: int) -> tuple[str, float]:
@@ -45,7 +40,7 @@ def range_text(o: Observations, j: int, values: NDArray[Any]) -> str:
 
 def some(names: Sequence[str], most: int = NAMES) -> str:
     """Join names, and count those beyond the first few."""
-    return listed([*names[:most], f"{len(names) - most} more"] if len(names) > most + 1 else list(names))
+    return joined([*names[:most], f"{len(names) - most} more"] if len(names) > most + 1 else list(names))
 
 
 def it_or_them(names: Sequence[str]) -> str:

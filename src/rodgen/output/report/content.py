@@ -14,6 +14,7 @@ from rodgen.calibration.compare.sentences import figure, plain
 from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis, Unexplained
 from rodgen.calibration.fit import Estimate
 from rodgen.data.units import unit_factor
+from rodgen.errors import joined
 from rodgen.machines.machine import Effect
 from rodgen.output.figures.diagnoses import LEVEL, MOST_RANKED, rungs
 from rodgen.output.figures.rows import coordinate
@@ -116,7 +117,7 @@ def _sentence(diagnosis: Diagnosis, shown: Shown) -> str:
             f"reading, {_left(diagnosis, shown)}."
         )
     if diagnosis.steps:
-        what = f"With {_listed([_or_others(step) for step in diagnosis.steps])} {fell}."
+        what = f"With {joined([_or_others(step) for step in diagnosis.steps])} {fell}."
         if forms:
             what += (
                 f" What then is left follows {_drivers(forms)}, as no effect of the catalogue does; with the form "
@@ -139,11 +140,7 @@ def _sentence_of(text: str) -> str:
 
 
 def _drivers(forms: list[Unexplained]) -> str:
-    return _listed(list(dict.fromkeys(plain(form.driver) for form in forms)))
-
-
-def _listed(names: list[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}" if names else ""
+    return joined(list(dict.fromkeys(plain(form.driver) for form in forms)))
 
 
 def _or_others(step: DiagnosedEffect) -> str:
