@@ -587,9 +587,7 @@ residual = axis_residual().jacobian(("axis", "point"), name="axis_residual", val
 
 # %%
 derivation.kernel(solver, length_mismatch(), axis_condition(), jacobian, axis_covariance(), residual)
-if in_notebook():
-    for kernel in derivation.kernels.values():
-        print(f"{kernel.name:16} {sum(kernel.operations.values()):5d} operations")
+derivation.kernels
 
 # %% [markdown]
 # ## Accuracy
@@ -603,74 +601,8 @@ if in_notebook():
 
 # %%
 if in_notebook():
-    import matplotlib.pyplot as plt
-    import mpmath
-    import numpy as np
-    from matplotlib.colors import LogNorm
-
     from rodgen.codegen.compile import compile_kernel
+    from rodgen.derivation.figures import axis as figures
+    from rodgen.derivation.figures import show
 
-    def perpendicular(x, y):
-        """Cross product of two 50-digit vectors."""
-        return mpmath.matrix([x[i] * y[j] - x[j] * y[i] for i, j in ((1, 2), (2, 0), (0, 1))])
-
-    def exact_axes(before, after, chi):
-        """Both axes of the points as they are, by the formula."""
-        after = after * mpmath.norm(before) / mpmath.norm(after)
-        m, r = after + before, after - before
-        sine, cosine = mpmath.sin(chi / 2), mpmath.cos(chi / 2)
-        under_root = sine**2 * mpmath.fdot(m, m) - cosine**2 * mpmath.fdot(r, r)
-        root, normal = mpmath.sqrt(max(under_root, 0)), cosine * perpendicular(m, r)
-        return [(normal + sign * root * m) / (sine * mpmath.fdot(m, m)) for sign in (1, -1)]
-
-    def problem(chi, gamma, random):
-        """Draw an axis and a point at the angle gamma to it; round the points, and solve them exactly."""
-        axis, side = (mpmath.matrix(random.normal(size=3).tolist()) for _ in range(2))
-        axis /= mpmath.norm(axis)
-        side -= axis * mpmath.fdot(axis, side)
-        side /= mpmath.norm(side)
-        turned = mpmath.cos(chi) * side + mpmath.sin(chi) * perpendicular(axis, side)
-        size = mpmath.mpf(random.uniform(0.5, 2))
-        points = [size * (mpmath.cos(gamma) * axis + mpmath.sin(gamma) * x) for x in (side, turned)]
-        points = [[float(part) for part in point] for point in points]
-        exact = exact_axes(*map(mpmath.matrix, points), chi)
-        return [*points, *([float(part) for part in row] for row in exact)]
-
-    def normalised_first(before, after, chi):
-        """Evaluate the formula on unit vectors, without the kernel's care."""
-        unit, unit_after = (x / np.linalg.norm(x, axis=-1, keepdims=True) for x in (before, after))
-        m, r = unit_after + unit, unit_after - unit
-        sine, cosine = np.sin(chi / 2)[..., None], np.cos(chi / 2)[..., None]
-        m_squared, r_squared = (np.sum(x**2, axis=-1, keepdims=True) for x in (m, r))
-        root = np.sqrt(np.maximum(sine**2 * m_squared - cosine**2 * r_squared, 0))
-        rows = [cosine * np.cross(m, r) + sign * root * m for sign in (1, -1)]
-        return np.stack(rows, axis=-2) / (sine * m_squared)[..., None]
-
-    half_tangents, gamma_tangents = np.logspace(-8, 8, 33), np.logspace(-6, 6, 25)
-    chi, gamma = np.meshgrid(2 * np.arctan(half_tangents), np.arctan(gamma_tangents))
-    random = np.random.default_rng(1)
-    with mpmath.workdps(50):
-        draws = [
-            [problem(mpmath.mpf(c), mpmath.mpf(g), random) for _ in range(6)]
-            for c, g in zip(chi.ravel().tolist(), gamma.ravel().tolist(), strict=True)
-        ]
-    draws = np.array(draws).reshape(*chi.shape, 6, 4, 3)
-    before, after, exact = draws[..., 0, :], draws[..., 1, :], draws[..., 2:, :]
-    angle = np.broadcast_to(chi[..., None], before.shape[:-1])
-    kernel_axes, _ = compile_kernel(solver)(before, after, angle, 1e-8)
-
-    figure, panels = plt.subplots(1, 2, figsize=(10, 4.2), layout="constrained", sharey=True)
-    for panel, found, title in zip(
-        panels,
-        (kernel_axes, normalised_first(before, after, angle)),
-        ("the kernel", "points divided by their lengths first"),
-        strict=True,
-    ):
-        error = np.abs(found - exact).max(axis=(-3, -2, -1)) / np.finfo(float).eps
-        shades = panel.pcolormesh(
-            half_tangents, gamma_tangents, error, norm=LogNorm(0.1, 1e8), cmap="viridis", shading="nearest"
-        )
-        panel.set(xscale="log", yscale="log", xlabel="tan(χ/2)", title=title)
-    panels[0].set_ylabel("tan γ")
-    figure.colorbar(shades, ax=panels, label="largest error / ε")
-    plt.show()
+    show(figures.accuracy(compile_kernel(solver)))

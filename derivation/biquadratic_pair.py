@@ -32,7 +32,6 @@ from rodgen.symbolic import (
     LARGEST,
     Derivation,
     equal,
-    in_notebook,
     power_of_two_scale,
     select,
 )
@@ -747,6 +746,4 @@ kernels = {
 
 # %%
 derivation.kernel(*kernels.values())
-if in_notebook():
-    for kernel in derivation.kernels.values():
-        print(f"{kernel.name:20} {sum(kernel.operations.values()):5d} operations")
+derivation.kernels

@@ -39,7 +39,6 @@ from rodgen.symbolic import (
     Derivation,
     Letter,
     equal,
-    in_notebook,
     matrix_from_axis_angle,
     power_of_two_scale,
     select,
@@ -843,6 +842,4 @@ def chi_from_zyz():
 
 # %%
 derivation.kernel(chi_from_quaternion(), chi_from_matrix(), chi_from_zyx(), chi_from_zyz())
-if in_notebook() and __name__ == "__main__":  # not where another notebook imports this one
-    for kernel in derivation.kernels.values():
-        print(f"{kernel.name:40} {sum(kernel.operations.values()):5d} operations")
+derivation.kernels

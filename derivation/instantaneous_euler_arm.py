@@ -176,25 +176,14 @@ def marked(*ids):
 
 # %%
 if in_notebook():
-    import matplotlib.pyplot as plt
     import numpy as np
     from IPython.display import Markdown, display
 
-    def draw(parameter, name, conventional, instantaneous, colour, title):
-        """Conventional angles in blue, instantaneous ones in the paper's colour."""
-        figure, panels = plt.subplots(1, 3, figsize=(11, 3), layout="constrained", sharey=True)
-        pairs = zip(panels, conventional, instantaneous, (r"\alpha", r"\beta", r"\gamma"), "xyz", strict=True)
-        for panel, angle, chi, letter, axis in pairs:
-            panel.plot(parameter, np.degrees(angle), "tab:blue", label=f"${letter}$")
-            panel.plot(parameter, np.degrees(chi), colour, label=rf"$\chi_{axis}$")
-            panel.set(xlabel=name)
-            panel.legend(loc="best")
-        panels[0].set_ylabel("degrees")
-        figure.suptitle(title)
-        plt.show()
+    from rodgen.derivation.figures import GREEN, ORANGE, show
+    from rodgen.derivation.figures import instantaneous_euler as figures
 
     def numbers(angles, values, letter):
-        """Instantaneous angles of Z-Y-X angles along a curve."""
+        """Return the instantaneous angles of Z-Y-X angles along a curve."""
         matrix = turns("zyx", [sp.sympify(a) for a in angles])
         return [
             np.broadcast_to(
@@ -204,13 +193,15 @@ if in_notebook():
         ]
 
     full = np.linspace(0, 2 * np.pi, 721)
-    draw(
-        np.degrees(full),
-        "t (degrees)",
-        [full] * 3,
-        numbers((t, t, t), full, t),
-        "tab:red",
-        "Figure 6, α = β = γ = t",
+    show(
+        figures.curves(
+            np.degrees(full),
+            "t (degrees)",
+            [full] * 3,
+            numbers((t, t, t), full, t),
+            ORANGE,
+            "Figure 6, α = β = γ = t",
+        )
     )
     display(
         Markdown(
@@ -269,13 +260,15 @@ d.state(
 # %%
 if in_notebook():
     display(Markdown("Curve 1"))
-    draw(
-        full,
-        "x",
-        [np.sin(full), 0 * full, 0 * full],
-        numbers((sin(x), 0, 0), full, x),
-        "tab:green",
-        "Figure 8, curve 1: α = sin x",
+    show(
+        figures.curves(
+            full,
+            "x",
+            [np.sin(full), 0 * full, 0 * full],
+            numbers((sin(x), 0, 0), full, x),
+            GREEN,
+            "Figure 8, curve 1: α = sin x",
+        )
     )
     display(Markdown(marked("figure-8-x", "figure-8-y", "figure-8-z", "figure-8-coupling")))
 
@@ -363,13 +356,15 @@ d.state(
 # %%
 if in_notebook():
     display(Markdown("Curve 2"))
-    draw(
-        full,
-        "x",
-        [np.sin(full), np.cos(full), 0 * full],
-        numbers((sin(x), cos(x), 0), full, x),
-        "tab:green",
-        "Figure 9, curve 2: α = sin x, β = cos x",
+    show(
+        figures.curves(
+            full,
+            "x",
+            [np.sin(full), np.cos(full), 0 * full],
+            numbers((sin(x), cos(x), 0), full, x),
+            GREEN,
+            "Figure 9, curve 2: α = sin x, β = cos x",
+        )
     )
     display(Markdown(marked("figure-9-x", "figure-9-y", "figure-9-z", "figure-9-jointly", "state-quantity")))
 
@@ -487,31 +482,5 @@ derivation.kernel(chi_arm_pose())
 
 # %%
 if in_notebook():
-    sizes = (0.4, 0.5, 0.45, 0.15)
-    where = sp.lambdify(
-        [list(joints)],
-        [
-            rotation.subs(dict(zip(lengths, sizes, strict=True))),
-            tool.subs(dict(zip(lengths, sizes, strict=True))),
-            wrist.subs(dict(zip(lengths, sizes, strict=True))),
-        ],
-        "numpy",
-    )
-    figure = plt.figure(figsize=(11, 3.4), layout="constrained")
-    for n, value in enumerate((0.0, np.pi / 3, np.pi / 2, np.pi)):
-        posture = [0.2, 0.3, -0.1, np.sin(value), np.cos(value), 0.0]
-        turned, point, middle = (np.array(part, float).squeeze() for part in where(posture))
-        first = np.array(where([*posture[:3], 0, 0, 0])[0], float)
-        at_elbow = np.array([np.cos(0.2) * np.sin(0.3), np.sin(0.2) * np.sin(0.3), np.cos(0.3)]) * sizes[1]
-        chain = np.array([[0, 0, 0], [0, 0, sizes[0]], np.add(at_elbow, [0, 0, sizes[0]]), middle, point])
-        panel = figure.add_subplot(1, 4, n + 1, projection="3d")
-        panel.plot(*chain.T, "0.3", linewidth=3, marker="o", markersize=3)
-        for i, colour in enumerate(("tab:red", "tab:green", "tab:blue")):
-            panel.quiver(*point, *(0.25 * turned[:, i]), color=colour)
-            ridge = np.cross(first[:, i], turned[:, i])
-            if np.linalg.norm(ridge) > 1e-9:
-                ridge = 0.3 * ridge / np.linalg.norm(ridge)
-                panel.plot(*np.array([point - ridge, point + ridge]).T, color=colour, linestyle=":")
-        panel.set(title=f"x = {value:.2f}", xlim=(-0.1, 0.9), ylim=(-0.5, 0.5), zlim=(0, 1))
-        panel.set_box_aspect((1, 1, 1))
-    plt.show()
+    posture_of = sp.Tuple(rotation, tool, wrist).subs(dict(zip(lengths, figures.SIZES, strict=True)))
+    show(figures.postures(sp.lambdify([list(joints)], list(posture_of), "numpy")))

@@ -521,30 +521,16 @@ d.check(
 
 # %%
 derivation.kernel(rotations_kernel)
-if in_notebook():
-    for kernel in derivation.kernels.values():
-        print(f"{kernel.name:40} {sum(kernel.operations.values()):5d} operations")
+derivation.kernels
 
 # %% [markdown]
-# A picture: the cosines of all triples, and of 4000 random rotations, each $\cos\chi_i$ of which is uniform. Of the
-# cube of *angles* the possible triples are about 14.7 per cent.
+# The cosines of all triples, and of 4000 random rotations, each $\cos\chi_i$ of which is uniform. Of the cube of
+# *angles* the possible triples are about 14.7 per cent.
 
 # %%
 if in_notebook():
-    import matplotlib.pyplot as plt
-    import numpy as np
+    from rodgen.derivation.figures import instantaneous_euler as figures
+    from rodgen.derivation.figures import show
 
-    rng = np.random.default_rng(1)
-    random = rng.normal(size=(4000, 4))
-    random /= np.linalg.norm(random, axis=1, keepdims=True)
-    points = random**2 @ np.array(VERTICES)
-    figure = plt.figure(figsize=(6, 5), layout="constrained")
-    panel = figure.add_subplot(projection="3d")
-    panel.scatter(*points.T, s=1, alpha=0.4)
-    for a, e in combinations(np.array(VERTICES), 2):
-        panel.plot(*np.array([a, e]).T, "black", linewidth=1)
-    panel.set(xlabel=r"$\cos\chi_x$", ylabel=r"$\cos\chi_y$", zlabel=r"$\cos\chi_z$")
-    plt.show()
-    tried = np.cos(rng.uniform(0, np.pi, (400_000, 3)))
-    inside = (1 + tried @ np.array(VERTICES).T >= 0).all(axis=1)
-    print(f"{inside.mean():.3f} of the cube of angles")
+    show(figures.possible_cosines(VERTICES))
+    print(f"{figures.possible_part(VERTICES):.3f} of the cube of angles")

@@ -52,7 +52,6 @@ from rodgen.symbolic import (
     cross,
     dot,
     equal,
-    in_notebook,
     norm,
     select,
     skew,
@@ -476,6 +475,4 @@ derivation.kernel(
     angles_from_quaternion("zyx"),
     angles_from_quaternion("zyz"),
 )
-if in_notebook():
-    for kernel in derivation.kernels.values():
-        print(f"{kernel.name:40} {sum(kernel.operations.values()):5d} operations")
+derivation.kernels

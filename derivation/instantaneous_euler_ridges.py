@@ -51,7 +51,6 @@ from rodgen.symbolic import (
     cross,
     dot,
     equal,
-    in_notebook,
     line_along,
     line_of_planes,
     norm,
@@ -381,10 +380,7 @@ d.check(
 ).prove()
 
 # %%
-if in_notebook():
-    from IPython.display import display
-
-    display(condition)
+condition
 
 # %% [markdown]
 # The lines of the paper's other two ridges, (11), (12) and (14), (15), repeat the matter, with slips.
@@ -874,6 +870,4 @@ lines_kernel = chi_ridge_lines()
 
 # %%
 derivation.kernel(lines_kernel)
-if in_notebook():
-    for kernel in derivation.kernels.values():
-        print(f"{kernel.name:40} {sum(kernel.operations.values()):5d} operations")
+derivation.kernels

@@ -1456,9 +1456,7 @@ d
 
 # %%
 derivation.kernel(rotation, tilting)
-if in_notebook():
-    for kernel in derivation.kernels.values():
-        print(f"{kernel.name:20} {sum(kernel.operations.values()):5d} operations")
+derivation.kernels
 
 # %% [markdown]
 # ## Accuracy
@@ -1469,44 +1467,9 @@ if in_notebook():
 
 # %%
 if in_notebook():
-    import matplotlib.pyplot as plt
-    import mpmath
-    import numpy as np
-
     from rodgen.codegen.compile import compile_kernel
+    from rodgen.derivation.figures import machine_model as figures
+    from rodgen.derivation.figures import show
 
-    def jacobian(w, by_cosine, by_rest, one):
-        """L from its coefficients, whatever the numbers are."""
-        x, y, z = w
-        turn = np.array([[0 * x, -z, y], [z, 0 * x, -x], [-y, x, 0 * x]])
-        return one + by_cosine * turn + by_rest * (turn @ turn)
-
-    def by_quotients(w):
-        angle = np.sqrt(w @ w)
-        return jacobian(w, (1 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3, np.eye(3))
-
-    def exactly(w):
-        w = np.array([mpmath.mpf(float(part)) for part in w])
-        angle = mpmath.sqrt(w @ w)
-        one = np.vectorize(mpmath.mpf)(np.eye(3))
-        return jacobian(w, (1 - mpmath.cos(angle)) / angle**2, (angle - mpmath.sin(angle)) / angle**3, one)
-
-    angles = np.logspace(-10, 1, 300)
-    vectors = np.random.default_rng(1).normal(size=(300, 3))
-    vectors *= (angles / np.linalg.norm(vectors, axis=1))[:, None]
-    with mpmath.workdps(60):
-        exact = [exactly(w) for w in vectors]
-        found = {
-            "the quotients": [by_quotients(w) for w in vectors],
-            "the kernel": compile_kernel(rotation)(vectors)[1],
-        }
-        errors = {
-            name: [float(abs(a - b).max()) / np.finfo(float).eps for a, b in zip(values, exact, strict=True)]
-            for name, values in found.items()
-        }
-    figure, panel = plt.subplots(figsize=(6, 3.6), layout="constrained")
-    for (name, error), mark in zip(errors.items(), (".", "x"), strict=True):
-        panel.plot(angles, np.maximum(error, 1e-2), mark, markersize=4, label=name)
-    panel.set(xscale="log", yscale="log", xlabel="φ (rad)", ylabel="largest error / ε")
-    panel.legend()
-    plt.show()
+    compiled = compile_kernel(rotation)
+    show(figures.accuracy(lambda vectors: compiled(vectors)[1]))

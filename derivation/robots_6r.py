@@ -28,7 +28,7 @@ from enum import IntEnum
 import sympy as sp
 
 from rodgen.codegen import KernelBuilder
-from rodgen.symbolic import EPS, LARGEST, Derivation, equal, in_notebook, select
+from rodgen.symbolic import EPS, LARGEST, Derivation, equal, select
 
 derivation = Derivation(
     "robots_6r",
@@ -1055,6 +1055,4 @@ for name in PAIRS:
 
 # %%
 derivation.kernel(behind_wrist(), three_parallel(), *pair_kernels)
-if in_notebook() and __name__ == "__main__":  # not where another notebook imports this one
-    for kernel in derivation.kernels.values():
-        print(f"{kernel.name:30} {sum(kernel.operations.values()):5d} operations")
+derivation.kernels

@@ -22,17 +22,13 @@
 # pages after 25 hours.
 #
 # This notebook takes their equations one by one, as printed. Each is an *entry*: it is proved exactly, or
-# shown to be wrong by an exact counterexample, with what is right beside it. So is what they say in words, and
-# what they need and do not say; these entries are marked *said* and *tacit*. Nothing is rounded and nothing
-# is taken on trust: the cells below are executed whenever code is made from these equations, and no code is
-# made while an entry is open. After the paper's way come the hypotheses that it does not mention, a solution
-# that fits on one line, its derivatives, and the kernels.
+# refuted by an exact counterexample and corrected. So is what they say in words, marked *said*, and what they need
+# but do not state, marked *tacit*. Nothing is rounded, and code is generated only while no entry is open. After the
+# paper's own way come the hypotheses that it does not mention and a solution that fits on one line. The notebook
+# `axis_sensitivity` goes on from there to derivatives and uncertainty, the notebook `axis` to the solver.
 
 # %%
 import time
-from collections.abc import Iterator
-from fractions import Fraction
-from math import isqrt
 
 import sympy as sp
 
@@ -683,92 +679,10 @@ d.check(
 ).prove()
 
 # %% [markdown]
-# And counted, in exact arithmetic on a sample that is spread evenly and is the same every time (a Halton
-# sequence): the printed formulas, with $c$ positive and the root positive, give back a vector that
-# satisfies (1) in half of the cases, and the very vector that was put in, as the paper's validation reports,
-# in a quarter.
-
-# %%
-Triple = tuple[Fraction, Fraction, Fraction]
-
-
-def halton(count: int) -> Iterator[tuple[Triple, Triple]]:
-    """Vectors θ and ρ with rational components that fill the cube from -1 to 1 evenly."""
-    for number in range(1, count + 1):
-        point = []
-        for base in (2, 3, 5, 7, 11, 13):
-            value, weight, rest = Fraction(0), Fraction(1, base), number
-            while rest:
-                rest, digit = divmod(rest, base)
-                value += digit * weight
-                weight /= base
-            point.append(2 * value - 1)
-        yield tuple(point[:3]), tuple(point[3:])
-
-
-def cross_of(a: Triple, b: Triple) -> Triple:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-def dot_of(a: Triple, b: Triple) -> Fraction:
-    return sum((x * y for x, y in zip(a, b, strict=True)), Fraction(0))
-
-
-def exact_root(square: Fraction) -> Fraction:
-    root = Fraction(isqrt(square.numerator), isqrt(square.denominator))
-    assert root * root == square
-    return root
-
-
-def rotated(rho: Triple, theta: Triple) -> Triple:
-    once = cross_of(theta, rho)
-    twice = cross_of(theta, once)
-    alpha = 1 + dot_of(theta, theta) / 4
-    return tuple(x + (y + z / 2) / alpha for x, y, z in zip(rho, once, twice, strict=True))
-
-
-def as_printed(rho: Triple, rho_prime: Triple, modulus_squared: Fraction) -> Triple | None:
-    """Evaluate the paper's algorithm as printed; None where its pivot is zero."""
-    (p1, p2, p3), alpha = rho, 1 + modulus_squared / 4
-    r1, r2, r3 = r = tuple(x - y for x, y in zip(rho_prime, rho, strict=True))
-    if r2 * p1 == r1 * p2:
-        return None
-    known = 2 * alpha * dot_of(r, rho)
-    c = exact_root(modulus_squared * dot_of(rho, rho) + known)
-    a1, b1 = r2 * c / (r2 * p1 - r1 * p2), (r3 * p2 - r2 * p3) / (r2 * p1 - r1 * p2)
-    a2, b2 = r1 * c / (r1 * p2 - r2 * p1), (r3 * p1 - r1 * p3) / (r1 * p2 - r2 * p1)
-    p12, p13, p23 = p1 * p1 + p2 * p2, p1 * p1 + p3 * p3, p2 * p2 + p3 * p3
-    L2 = p13 * b2**2 + p23 * b1**2 + p12 - 2 * p1 * p2 * b1 * b2 - 2 * p1 * p3 * b1 - 2 * p2 * p3 * b2
-    L1 = 2 * (p13 * a2 * b2 + p23 * a1 * b1 - p1 * p2 * (b2 * a1 + b1 * a2) - p1 * p3 * a1 - p2 * p3 * a2)
-    L0 = p13 * a2**2 + p23 * a1**2 - 2 * p1 * p2 * a2 * a1
-    t3 = (-L1 + exact_root(L1**2 - 4 * L2 * (L0 + known))) / (2 * L2)
-    return a1 + b1 * t3, a2 + b2 * t3, t3
-
-
-def count_printed(count: int) -> dict[str, int]:
-    """Count on how many of `count` inputs the printed algorithm satisfies (1) and returns its input."""
-    found = {"inputs": 0, "satisfies (1)": 0, "is the given θ": 0, "γ acute": 0, "acute and satisfies": 0}
-    for theta, rho in halton(count):
-        rho_prime = rotated(rho, theta)
-        answer = as_printed(rho, rho_prime, dot_of(theta, theta))
-        if answer is None:
-            continue
-        valid, acute = rotated(rho, answer) == rho_prime, dot_of(theta, rho) > 0
-        found["inputs"] += 1
-        found["satisfies (1)"] += valid
-        found["is the given θ"] += answer == theta
-        found["γ acute"] += acute
-        found["acute and satisfies"] += valid and acute
-    return found
-
-
-printed_counts = count_printed(1000)
-printed_counts
-
-# %% [markdown]
-# So the claim of the paper's validation, that the given components were "certainly" found again, cannot hold
-# for the formulas as printed: it holds in every fourth case. (Perhaps the authors picked the fitting
-# root by hand; the text speaks of pairs of roots.)
+# With $c$ positive and the root positive, the printed formulas therefore give a vector that satisfies (1) in half of
+# all cases, and the vector that was put in, which the paper's validation says it found "certainly", in a quarter.
+# (The tests count both in exact arithmetic. Perhaps the authors picked the fitting root by hand: the text speaks of
+# pairs of roots.)
 
 # %%
 theta_printed = d.vector(
@@ -1203,325 +1117,6 @@ d.check(
 ).prove(given={**data, modulus: 2 / kappa}, modulo={**two_values_of_c, **equal_lengths})
 
 # %% [markdown]
-# Numbers are best computed with unit vectors and sines, because $\kappa$ is infinite at $\chi = 0$. With
-# $\hat m$, $\hat r$ and $\vec n = \hat m\times\hat r$ the axis lies in the plane of $\vec n$ and $\hat m$,
-# at the angle $b$ from $\vec n$:
-#
-# $$ \vec e_\pm = \cos b\;\vec n \pm \sin b\;\hat m,\qquad
-#    \cos b = \frac{\cos\frac\chi2\,|\vec r|}{\sin\frac\chi2\,|\vec m|},\qquad
-#    \sin b = \frac{\sqrt{(\sin\frac\chi2|\vec m| - \cos\frac\chi2|\vec r|)
-#    (\sin\frac\chi2|\vec m| + \cos\frac\chi2|\vec r|)}}{\sin\frac\chi2\,|\vec m|}. $$
-#
-# (Where $\sin\frac\chi2\cos\frac\chi2 < 0$, $b$ is obtuse.) The factors under the root are
-# $2|\vec\rho|\sin(\frac\chi2 \mp a)$, where $2a$ is the angle between $\vec\rho$ and $\vec\rho\,'$: for
-# $0 < \chi \le \pi$ the two axes exist if $\frac\chi2 > a$, and they meet in $\vec n$ at $\frac\chi2 = a$.
-
-# %%
-sine, cosine = sp.sin(half), sp.cos(half)
-m_hat = d.vector("m_hat", r"\hat m", "unit vector along m", "1", value=m / norm(m))
-r_hat = d.vector("r_hat", r"\hat r", "unit vector along r", "1", value=r / norm(r))
-n = d.vector("n", r"\vec n", "unit vector m̂ × r̂, along ρ × ρ′", "1", value=cross(m_hat, r_hat))
-cos_b = d.symbol(
-    "cos_b", r"\cos b", "cosine of the angle from n to e", "1", value=cosine * norm(r) / (sine * norm(m))
-)
-root_b = d.symbol(
-    "root_b",
-    r"\varrho",
-    "the root in sin b",
-    "length",
-    value=sp.sqrt((sine * norm(m) - cosine * norm(r)) * (sine * norm(m) + cosine * norm(r))),
-)
-sin_b = d.symbol("sin_b", r"\sin b", "its sine, times ±1", "1", value=side * root_b / (sine * norm(m)))
-d.check(
-    "half-angle-form",
-    equal(axis(side * root_b / sine), cos_b * n + sin_b * m_hat),
-    equal((root_b / sine) ** 2, height**2),
-    equal(cos_b**2 + sin_b**2, 1),
-    text="The half-angle form is e±.",
-).prove(given={kappa: cosine / sine}, modulo=either_side)
-
-# %%
-small_a = d.symbol("a_half", "a", "half the angle between ρ and ρ′", "rad")
-d.check(
-    "gap",
-    equal(norm(r), 2 * R * sp.sin(small_a)),
-    equal(norm(m), 2 * R * sp.cos(small_a)),
-    equal(sine * norm(m) - cosine * norm(r), 2 * R * sp.sin(half - small_a)),
-    equal(sine * norm(m) + cosine * norm(r), 2 * R * sp.sin(half + small_a)),
-    text="The factors under the root are sines of χ/2 ∓ a.",
-    assumptions=["ρ = R (cos a, −sin a, 0) and ρ′ = R (cos a, sin a, 0) with R > 0 and 0 ≤ a ≤ π/2"],
-).prove(
-    *[
-        equal(norm(r) ** 2, (2 * R * sp.sin(small_a)) ** 2),
-        equal(norm(m) ** 2, (2 * R * sp.cos(small_a)) ** 2),
-    ],
-    *[
-        equal(2 * R * (sine * sp.cos(small_a) - cosine * sp.sin(small_a)), 2 * R * sp.sin(half - small_a)),
-        equal(2 * R * (sine * sp.cos(small_a) + cosine * sp.sin(small_a)), 2 * R * sp.sin(half + small_a)),
-    ],
-    given={
-        rho: R * sp.Matrix([sp.cos(small_a), -sp.sin(small_a), 0]),
-        rho_prime: R * sp.Matrix([sp.cos(small_a), sp.sin(small_a), 0]),
-    },
-    because="The squares agree and 2R sin a, 2R cos a are not negative; the rest is the addition theorem.",
-)
-
-# %% [markdown]
-# What if the angle is too small, $\frac\chi2 < a$? Then $\vec n$ is the axis that brings $\vec\rho$ closest
-# to $\vec\rho\,'$. For unit vectors and an axis $\vec e = x\hat r + y\hat m + z\vec n$, the scalar product of
-# $\vec\rho\,'$ with the rotated $\vec\rho$ falls short of its value at $\vec n$ by a sum of three terms,
-# none of them negative. What remains at $\vec n$ is the angle $2a - \chi$.
-
-# %%
-x, y, z = e
-in_plane = {
-    rho: (sp.cos(small_a), -sp.sin(small_a), 0),
-    rho_prime: (sp.cos(small_a), sp.sin(small_a), 0),
-}
-
-
-def agreement(axis: sp.Matrix) -> sp.Expr:
-    """Scalar product of ρ′ with ρ rotated by χ about the axis; its components are along r̂, m̂, n."""
-    in_frame = sp.Matrix([axis[1], axis[0], axis[2]])  # m̂ is Ox and r̂ is Oy; n = m̂ × r̂ is Oz
-    turned = matrix_from_axis_angle(in_frame, sp.cos(2 * half), sp.sin(2 * half))
-    return d.value(dot(rho_prime.components, turned * rho.components), in_plane)
-
-
-best, any_other = (
-    d.symbol(
-        name,
-        rf"\left(\vec\rho', R_{{{axis}}}\vec\rho\right)",
-        f"agreement for the axis {axis[-1]}",
-        "1",
-        value=value,
-    )
-    for name, axis, value in (
-        ("agreement_n", r"\vec n", agreement(sp.Matrix([0, 0, 1]))),
-        ("agreement_e", r"\vec e", agreement(sp.Matrix([x, y, z]))),
-    )
-)
-d.check(
-    "least-squares-axis",
-    equal(
-        best - any_other,
-        2 * sine**2 * x**2
-        + 4 * sine * sp.cos(small_a) * sp.sin(small_a - half) * (1 - z)
-        + 2 * sine**2 * sp.cos(small_a) ** 2 * (1 - z) ** 2,
-    ),
-    equal(best, sp.cos(2 * small_a - chi)),
-    text="Where χ/2 < a, the least-squares axis is n, and the angle 2a − χ remains.",
-    assumptions=[equal(norm(e), 1), "0 ≤ χ/2 ≤ a ≤ π/2"],
-).prove(modulo={y: dot(e, e) - 1})
-
-# %% [markdown]
-# ## Derivatives
-#
-# How does the axis move when the data do? Differentiate $\kappa\vec r = \vec e\times\vec m$ and
-# $\vec e\cdot\vec e = 1$:
-#
-# $$ \mathrm{d}\vec e\times\vec m = \vec q,\quad
-#    \vec q = \kappa\,\mathrm{d}\vec r + \vec r\,\mathrm{d}\kappa - \vec e\times\mathrm{d}\vec m,\qquad
-#    \vec e\cdot\mathrm{d}\vec e = 0. $$
-#
-# This linear system has exactly one solution if $\vec e\cdot\vec m \ne 0$, because $\mathrm d\vec e\times\vec
-# m = 0$ leaves only multiples of $\vec m$. It is $\mathrm{d}\vec e = G\,\vec q$ with
-#
-# $$ G = \Bigl(I - \frac{\vec m\,\vec e^{\,T}}{\vec e\cdot\vec m}\Bigr)\frac{[\vec m]_\times}{|\vec m|^2}. $$
-#
-# Lengths do not matter, only directions, so the vectors may be scaled to $|\vec\rho| = |\vec\rho\,'| = 1$
-# and a change of $\vec\rho$ counts only by its part $(I - \hat\rho\hat\rho^T)\,\mathrm{d}\vec\rho/|\vec\rho|$
-# across $\vec\rho$. Collecting terms,
-#
-# $$ \frac{\partial\vec e}{\partial\vec\rho\,'} = G\,(\kappa I - [\vec e]_\times)\,
-#    \frac{I - \hat\rho'\hat\rho'^T}{|\vec\rho\,'|},\quad
-#    \frac{\partial\vec e}{\partial\vec\rho} = G\,(-\kappa I - [\vec e]_\times)\,
-#    \frac{I - \hat\rho\hat\rho^T}{|\vec\rho|},\quad
-#    \frac{\partial\vec e}{\partial\chi} = -\frac{G\,\vec r}{2\sin^2\frac\chi2}. $$
-#
-# Every formula keeps its form when the frame is turned, so it is enough to prove them for $\vec e$ along
-# $Oz$, with $\vec\rho$ and $\kappa$ free.
-
-# %%
-identity = sp.Identity(3)
-
-
-def across(direction: sp.Expr) -> sp.Expr:
-    """Projector across a vector: derivative of its direction, times its length."""
-    return identity - direction * direction.T / norm(direction) ** 2
-
-
-G = d.matrix(
-    "G",
-    "G",
-    "change of the axis by q",
-    "1/length",
-    value=(identity - m * e.T / dot(e, m)) * skew(m) / norm(m) ** 2,
-)
-by_rho = d.matrix(
-    "axis_by_rho",
-    r"\frac{\partial\vec e}{\partial\vec\rho}",
-    "derivative of the axis by ρ",
-    "1/length",
-    value=G * (-kappa * identity - skew(e)) * across(rho),
-)
-by_rho_prime = d.matrix(
-    "axis_by_rho_prime",
-    r"\frac{\partial\vec e}{\partial\vec\rho'}",
-    "derivative of the axis by ρ′",
-    "1/length",
-    value=G * (kappa * identity - skew(e)) * across(rho_prime),
-)
-half_sine_squared = d.symbol(
-    "half_sine_squared", r"\sin^2\tfrac{\chi}{2}", "by κ", "1", value=1 / (1 + kappa**2)
-)
-by_angle = d.vector(
-    "axis_by_angle",
-    r"\frac{\partial\vec e}{\partial\chi}",
-    "derivative of the axis by χ",
-    "1/rad",
-    value=-G * r / (2 * half_sine_squared),
-)
-
-along_z = {e: (0, 0, 1), rho_prime: rodrigues(rho, 2 / kappa * e)}
-drho = d.vector("drho", r"\mathrm{d}\vec\rho", "change of ρ", "length")
-drho_prime = d.vector("drho_prime", r"\mathrm{d}\vec\rho'", "change of ρ′", "length")
-dangle = d.symbol("dangle", r"\mathrm{d}\chi", "change of the angle", "rad")
-daxis = d.vector(
-    "daxis",
-    r"\mathrm{d}\vec e",
-    "change of the axis",
-    "1",
-    value=by_rho * drho + by_rho_prime * drho_prime + by_angle * dangle,
-)
-turn_rho = d.vector(
-    "turn_rho", r"\mathrm{d}_\perp\vec\rho", "part across ρ", "length", value=across(rho) * drho
-)
-turn_rho_prime = d.vector(
-    "turn_rho_prime",
-    r"\mathrm{d}_\perp\vec\rho'",
-    "part across ρ′",
-    "length",
-    value=across(rho_prime) * drho_prime,
-)
-dkappa = d.symbol("dkappa", r"\mathrm{d}\kappa", "change of κ", "1", value=-dangle / (2 * half_sine_squared))
-d.check(
-    "jacobian",
-    equal(
-        cross(daxis, m),
-        kappa * (turn_rho_prime - turn_rho) + dkappa * r - cross(e, turn_rho_prime + turn_rho),
-    ),
-    equal(dot(e, daxis), 0),
-    text="The derivatives of e solve the differentiated equations, for points of one length.",
-    assumptions=[sp.Ne(dot(e, m), 0), "e along Oz; both sides turn with the frame"],
-).prove(given=along_z)
-
-# %%
-components = sp.Matrix(rho.components)
-direction_by_rho = d.matrix(
-    "direction_by_rho",
-    r"\frac{\partial\hat\rho}{\partial\vec\rho}",
-    "derivative of the direction of ρ",
-    "1/length",
-    value=(components / norm(components)).jacobian(components),
-)
-kappa_by_angle = d.symbol(
-    "kappa_by_angle",
-    r"\frac{\mathrm{d}\kappa}{\mathrm{d}\chi}",
-    "derivative of κ by χ",
-    "1/rad",
-    value=sp.diff(cosine / sine, half) / 2,
-)
-d.check(
-    "direction-derivative",
-    equal(direction_by_rho, across(rho) / norm(rho)),
-    equal(kappa_by_angle, -1 / (2 * sine**2)),
-    text="Derivatives of the direction of ρ, and of κ by χ.",
-).prove()
-
-# %% [markdown]
-# ## Uncertainty
-#
-# To first order the covariance of the axis is
-# $J_\rho\Sigma_\rho J_\rho^T + J_{\rho'}\Sigma_{\rho'}J_{\rho'}^T + \sigma_\chi^2 J_\chi J_\chi^T$ with these
-# derivatives. If both points have the same isotropic uncertainty $\sigma$, it has a closed form: with
-# $\vec d = \vec e\times\hat r$,
-#
-# $$ \operatorname{Cov}\vec e = \frac{\sigma^2}{2|\vec\rho|^2\sin^2\frac\chi2}
-#    \Bigl(\hat r\hat r^T + \frac{\vec d\,\vec d^{\,T}}{\cos^2\gamma}\Bigr)
-#    + \sigma_\chi^2\,\frac{\tan^2\gamma}{4\sin^2\frac\chi2}\,\vec d\,\vec d^{\,T}. $$
-#
-# The axis is uncertain mostly along the plane in which the two solutions lie, and without bound as they meet,
-# at $\cos\gamma = 0$.
-
-# %%
-cos_gamma_squared = d.symbol(
-    "cos_gamma_squared", r"\cos^2\gamma", "by e and ρ", "1", value=dot(e, rho) ** 2 / norm(rho) ** 2
-)
-d_vector = d.vector(
-    "d", r"\vec d", "e × r̂, across r in the plane of both axes", "1", value=cross(e, r) / norm(r)
-)
-sigma = d.symbol("sigma", r"\sigma", "standard deviation of each coordinate", "length")
-sigma_angle = d.symbol("sigma_angle", r"\sigma_\chi", "standard deviation of the angle", "rad")
-covariance = d.matrix(
-    "covariance",
-    r"\operatorname{Cov}\vec e",
-    "covariance of the axis",
-    "1",
-    value=sigma**2 * (by_rho * by_rho.T + by_rho_prime * by_rho_prime.T)
-    + sigma_angle**2 * by_angle * by_angle.T,
-)
-d.check(
-    "covariance",
-    equal(
-        covariance,
-        sigma**2
-        / (2 * norm(rho) ** 2 * half_sine_squared)
-        * (r * r.T / norm(r) ** 2 + d_vector * d_vector.T / cos_gamma_squared)
-        + sigma_angle**2 * (1 / cos_gamma_squared - 1) / (4 * half_sine_squared) * d_vector * d_vector.T,
-    ),
-    text="Covariance of the axis for isotropic uncertainty.",
-    assumptions=["e along Oz; both sides turn with the frame"],
-).prove(given=along_z)
-
-# %% [markdown]
-# The *condition number* is the largest factor from a relative change of $\vec\rho$ or $\vec\rho\,'$ to the
-# change of the axis: $|\vec\rho|$ times the largest singular value of $J_\rho$, which is the same for
-# $J_{\rho'}$. The squares of the singular values are $1/(4|\vec\rho|^2\sin^2\frac\chi2)$, that over
-# $\cos^2\gamma$, and 0, so
-#
-# $$ \operatorname{cond} = \frac{1}{2\sin\frac\chi2\,|\cos\gamma|}
-#    = \frac{1}{2\sqrt{\sin(\frac\chi2 - a)\sin(\frac\chi2 + a)}}. $$
-
-
-# %%
-def invariants(jacobian: sp.Basic, name: str, letter: str) -> tuple[sp.Symbol, sp.Symbol]:
-    """Sum of the squares, and of the products of two squares, of the singular values of J."""
-    values = sp.Matrix(d.value(jacobian))
-    gram = values.T * values
-    minors = sum(gram[i, i] * gram[j, j] - gram[i, j] ** 2 for i, j in ((0, 1), (0, 2), (1, 2)))
-    product = rf"J_{{{letter}}}^T J_{{{letter}}}"
-    return (
-        d.symbol(
-            f"{name}_trace", rf"\operatorname{{tr}} {product}", "trace", "1/length²", value=gram.trace()
-        ),
-        d.symbol(f"{name}_minors", rf"M({product})", "sum of principal minors", "1/length⁴", value=minors),
-    )
-
-
-size = 1 / (4 * norm(rho) ** 2 * half_sine_squared)
-wanted = size * (1 + 1 / cos_gamma_squared), size**2 / cos_gamma_squared
-d.check(
-    "condition",
-    *[equal(*pair) for pair in zip(invariants(by_rho, "before", r"\rho"), wanted, strict=True)],
-    *[equal(*pair) for pair in zip(invariants(by_rho_prime, "after", r"\rho'"), wanted, strict=True)],
-    equal(by_rho.T * e, sp.ZeroMatrix(3, 1)),
-    equal(by_rho_prime.T * e, sp.ZeroMatrix(3, 1)),
-    equal(half_sine_squared * cos_gamma_squared, half_sine_squared - norm(r) ** 2 / (4 * norm(rho) ** 2)),
-    text="Singular values of the derivatives, and sin(χ/2 − a) sin(χ/2 + a) = sin²(χ/2) cos²γ.",
-    assumptions=["e along Oz; both sides turn with the frame"],
-).prove(given=along_z)
-
-# %% [markdown]
 # ## How long is the solution?
 #
 # Table 1 of the paper reports what three packages did: two found no solution, and one found a solution of forty
@@ -1582,64 +1177,11 @@ if in_notebook():
 
 # %%
 if in_notebook():
-    import matplotlib.pyplot as plt
-    import numpy as np
+    from rodgen.derivation.figures import rodrigues as figures
+    from rodgen.derivation.figures import show
 
-    solve = sp.lambdify(
-        [*rho, *rho_prime, kappa, side],
-        list(d.value(axis(side * height))),
-        "numpy",
-        cse=True,
-    )
-
-    def turn(point, axis, angle):
-        """Rotate one point about an axis by many angles."""
-        angle = np.asarray(angle)[..., None]
-        along = axis * (axis @ point)
-        return along + np.cos(angle) * (point - along) + np.sin(angle) * np.cross(axis, point)
-
-    before = np.array([0.80, -0.35, 0.49])
-    before /= np.linalg.norm(before)
-    after = turn(before, np.array([0.1, 0.25, 0.963]) / np.linalg.norm([0.1, 0.25, 0.963]), 1.7)
-    angle = 1.7
-    axes = np.array([solve(*before, *after, 1 / np.tan(angle / 2), sign) for sign in (1, -1)])
-
-    figure = plt.figure(figsize=(7, 6), layout="constrained")
-    sphere = figure.add_subplot(projection="3d")
-    grid_u, grid_v = np.meshgrid(np.linspace(0, 2 * np.pi, 60), np.linspace(0, np.pi, 30))
-    sphere.plot_surface(
-        np.cos(grid_u) * np.sin(grid_v),
-        np.sin(grid_u) * np.sin(grid_v),
-        np.cos(grid_v),
-        color="0.9",
-        alpha=0.25,
-        linewidth=0,
-    )
-    middle = (after + before) / np.linalg.norm(after + before)
-    normal = np.cross(before, after) / np.linalg.norm(np.cross(before, after))
-    circle = np.linspace(0, 2 * np.pi, 200)[:, None]
-    sphere.plot(*(np.cos(circle) * normal + np.sin(circle) * middle).T, "0.6", linewidth=1)
-    for axis_found, colour, name in zip(axes, ("tab:blue", "tab:orange"), ("$e_+$", "$e_-$"), strict=True):
-        sphere.plot(*np.array([0 * axis_found, 1.25 * axis_found]).T, color=colour, linewidth=2)
-        sphere.text(*(1.35 * axis_found), name, color=colour)
-        sphere.plot(*turn(before, axis_found, np.linspace(0, angle, 80)).T, color=colour, linewidth=2)
-        rim = turn(before, axis_found, np.linspace(0, 2 * np.pi, 120))
-        sphere.plot(*rim.T, color=colour, linewidth=0.8, linestyle=":")
-        for spoke in rim[::20]:
-            sphere.plot(*np.array([0 * spoke, spoke]).T, color=colour, linewidth=0.4)
-    for point, name in ((before, r"$\rho$"), (after, r"$\rho'$")):
-        sphere.scatter(*point, color="black", s=20)
-        sphere.text(*(1.1 * point), name)
-    east, north, up = (
-        0.5 * normal + 0.5 * middle - 0.7 * np.cross(normal, middle)
-    )  # where the picture is seen from
-    sphere.view_init(
-        elev=np.degrees(np.arctan2(up, np.hypot(east, north))), azim=np.degrees(np.arctan2(north, east))
-    )
-    sphere.set_box_aspect((1, 1, 1), zoom=1.3)
-    sphere.set(xlim=(-1, 1), ylim=(-1, 1), zlim=(-1, 1))
-    sphere.set_axis_off()
-    plt.show()
+    components = list(d.value(axis(side * height)))
+    show(figures.both_axes(sp.lambdify([*rho, *rho_prime, kappa, side], components, cse=True)))
 
 # %% [markdown]
 # How well can the axis be computed in double precision? The map shows the error of both forms, against
@@ -1648,56 +1190,17 @@ if in_notebook():
 
 # %%
 if in_notebook():
-    import mpmath
-    from matplotlib.colors import LogNorm
-
     inputs = [*rho, *rho_prime, modulus]
     given_c = {alpha: 1 + modulus**2 / 4, c: c_data}
-    papers_axis = sp.lambdify(inputs, list(d.value(theta_right / modulus, given_c)), "numpy", cse=True)
+    papers_axis = list(d.value(theta_right / modulus, given_c))
     short_axis = d.value(axis(height).subs(kappa, 2 / modulus))
-    our_axis = sp.lambdify(inputs, list(short_axis), "numpy", cse=True)
-    same_length = dict(
-        zip(rho_prime, rho_prime.components * norm(rho.components) / norm(rho_prime.components), strict=True)
-    )
-    exact_axis = sp.lambdify(inputs, list(short_axis.xreplace(same_length)), "mpmath", cse=True)
-
-    angles, pivots = np.meshgrid(np.logspace(-9, 0.49, 40), np.logspace(-12, -0.05, 40))
-    a_half = np.arctan(0.7 * np.tan(angles / 2))  # tan a = 0.7 tan(χ/2): two well separated solutions
-    # w points to (√(1 − q²), 0, q), turned about Oz; q is the pivot. m and r are turned about w.
-    level = np.stack([0 * pivots, 1 + 0 * pivots, 0 * pivots])
-    steep = np.stack([-pivots, 0 * pivots, np.sqrt(1 - pivots**2)])
-    along_m, along_r = np.cos(0.7) * level + np.sin(0.7) * steep, np.cos(0.7) * steep - np.sin(0.7) * level
-    about_z = np.array([[np.cos(0.5), -np.sin(0.5), 0], [np.sin(0.5), np.cos(0.5), 0], [0, 0, 1]])
-    before, after = (
-        np.einsum("ij,j...->i...", about_z, np.cos(a_half) * along_m + sign * np.sin(a_half) * along_r)
-        for sign in (-1, 1)
-    )
-    arguments = [*before, *after, 2 * np.tan(angles / 2)]
-
-    with mpmath.workdps(50):
-        columns = zip(*(argument.ravel().tolist() for argument in arguments), strict=True)
-        reference = [[float(part) for part in exact_axis(*map(mpmath.mpf, column))] for column in columns]
-    reference = np.array(reference).T.reshape(3, *angles.shape)
-
-    figure, panels = plt.subplots(1, 2, figsize=(10, 4), layout="constrained", sharey=True)
-    for panel, formula, title in zip(
-        panels, (papers_axis, our_axis), ("as the paper, with right signs", "coordinate-free"), strict=True
-    ):
-        with np.errstate(all="ignore"):
-            error = np.abs(np.array(formula(*arguments)) - reference).max(axis=0)
-        error = np.where(np.isfinite(error), error, 1)
-        shades = panel.pcolormesh(
-            angles,
-            pivots,
-            np.clip(error, 1e-17, 1),
-            norm=LogNorm(1e-17, 1),
-            cmap="viridis",
-            shading="nearest",
-        )
-        panel.set(xscale="log", yscale="log", xlabel="angle χ (rad)", title=title)
-    panels[0].set_ylabel("pivot w₃ / |w|")
-    figure.colorbar(shades, ax=panels, label="largest error of a component of e")
-    plt.show()
+    same_length = rho_prime.components * norm(rho.components) / norm(rho_prime.components)
+    exact_axis = list(short_axis.xreplace(dict(zip(rho_prime, same_length, strict=True))))
+    formulas = {
+        "as the paper, with right signs": sp.lambdify(inputs, papers_axis, "numpy", cse=True),
+        "coordinate-free": sp.lambdify(inputs, list(short_axis), "numpy", cse=True),
+    }
+    show(figures.accuracy(formulas, sp.lambdify(inputs, exact_axis, "mpmath", cse=True)))
 
 # %% [markdown]
 # ## All symbols

@@ -20,7 +20,6 @@
 # spherical polygons of the next notebooks apply.
 
 # %%
-import re
 from enum import IntEnum
 
 import sympy as sp
@@ -405,60 +404,13 @@ d.check(
 
 
 # %%
-def by_formulas(matrix):
-    """Angle by arccosine and by atan2, axis by the differences and by the largest component of the quaternion."""
-    differences = np.array(
-        [matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]
-    )
-    trace, size = np.trace(matrix), np.linalg.norm(differences)
-    products = np.block(
-        [
-            [np.array([[1 + trace]]), differences[None]],
-            [differences[:, None], matrix + matrix.T + (1 - trace) * np.eye(3)],
-        ]
-    )
-    q = products[:, np.argmax(np.diag(products))]
-    axis = q[1:] / np.linalg.norm(q[1:]) * (1 if q[0] >= 0 else -1)
-    return np.arccos(np.clip((trace - 1) / 2, -1, 1)), np.arctan2(size, trace - 1), differences / size, axis
-
-
-def accuracy_table():
-    """Markdown table of the errors of the four formulas."""
-    lines = [
-        "| θ | arccosine | atan2 | axis by differences | axis by quaternion |",
-        "| --- | --- | --- | --- | --- |",
-    ]
-    random = np.random.default_rng(0)
-    for name, angle in (
-        ("1e-8", 1e-8),
-        ("1e-3", 1e-3),
-        ("π − 1e-3", np.pi - 1e-3),
-        ("π − 1e-8", np.pi - 1e-8),
-    ):
-        worst = np.zeros(4)
-        for _ in range(50):
-            with mpmath.workdps(40):
-                axis = mpmath.matrix(random.normal(size=3))
-                axis /= mpmath.norm(axis)
-                turn = matrix_from_axis_angle(
-                    sp.Matrix([sp.Float(x, 40) for x in axis]),
-                    *(sp.Float(f(angle), 40) for f in (mpmath.cos, mpmath.sin)),
-                )
-            found = by_formulas(np.array(turn.tolist(), float))
-            exact = np.array([float(x) for x in axis])
-            worst = np.maximum(
-                worst, [*(abs(x - angle) for x in found[:2]), *(np.abs(x - exact).max() for x in found[2:])]
-            )
-        lines.append(f"| {name} | " + " | ".join(f"{x:.0e}" for x in worst) + " |")
-    return "\n".join(lines)
-
-
 if in_notebook():
-    import mpmath
-    import numpy as np
     from IPython.display import Markdown, display
 
-    display(Markdown(accuracy_table()))
+    from rodgen.derivation.figures import show
+    from rodgen.derivation.figures import spatial_links as figures
+
+    display(Markdown(figures.rotation_errors(matrix_from_axis_angle)))
 
 # %% [markdown]
 # ## From link to link
@@ -922,7 +874,9 @@ d.state(
 
 # %%
 def tolerance_table():
-    """Markdown table: by how much the loop misses, solved as the normal case and as special case 1."""
+    """Return by how much the loop misses, solved as the normal case and as special case 1, as a Markdown table."""
+    import numpy as np
+
     lines = ["| s71 | normal case | special case 1 |", "| --- | --- | --- |"]
     random = np.random.default_rng(0)
     inputs = (*S7v, *a67v, *end_67)
@@ -1229,85 +1183,10 @@ d.check(
 #
 # What the kernel does, as a drawing.
 
-
 # %%
-def flow_chart():
-    """SVG of the hypothetical-link technique; vectors are bold."""
-    boxes = {
-        "given": ((320, 30), "given: *S6*, *a67*, *P* in the fixed system", "start"),
-        "free": ((320, 90), "choose a67 = 0 and α67: 90°, or 45° or 135° where s71 is small", "box"),
-        "seven": ((320, 150), "*S7* = *S6* c67 + (*a67* × *S6*) s67;  *P* := *P* + a67 *a67*", "box"),
-        "skew": ((320, 220), "s71 = length of *S7* × *S1* > tolerance?", "question"),
-        "normal": (
-            (90, 340),
-            "*a71* = *S7* × *S1* / s71|S7 = (*S1* × *P*) · *a71* / s71|a71 = (*P* × *S1*) · *S7* / s71"
-            "|S1 = (*P* × *S7*) · *a71* / s71",
-            "box",
-        ),
-        "level": ((500, 300), "S7 = 0;  S1 = −*P* · *S1*|a71 = length of *P* + S1 *S1*", "box"),
-        "apart": ((500, 380), "a71 > tolerance · length of *P*?", "question"),
-        "one": ((390, 470), "special case 1|*a71* = −(*P* + S1 *S1*) / a71", "box"),
-        "two": ((610, 470), "special case 2|θ7 = 0;  *a71* = *a67*", "box"),
-        "seventh": ((320, 560), "cos θ7 = *a67* · *a71*;  sin θ7 = (*a67* × *a71*) · *S7*", "box"),
-        "first": ((320, 615), "cos γ1 = *a71* · *x*;  sin γ1 = (*a71* × *x*) · *S1*", "box"),
-        "end": ((320, 675), "closed loop of seven axes: solve it for θ1 … θ6;  φ1 = θ1 − γ1", "start"),
-    }
-    arrows = (
-        ("given", "free", ""),
-        ("free", "seven", ""),
-        ("seven", "skew", ""),
-        ("skew", "normal", "yes"),
-        ("skew", "level", "no"),
-        ("level", "apart", ""),
-        ("apart", "one", "yes"),
-        ("apart", "two", "no"),
-        ("normal", "seventh", ""),
-        ("one", "seventh", ""),
-        ("two", "seventh", ""),
-        ("seventh", "first", ""),
-        ("first", "end", ""),
-    )
-    rows = {name: text.split("|") for name, (_, text, _) in boxes.items()}
-    sizes = {
-        name: (7 * max(len(line.replace("*", "")) for line in lines) + 24, 18 * len(lines) + 16)
-        for name, lines in rows.items()
-    }
-    parts = [
-        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="-40 0 780 710" width="780" font-family="sans-serif" '
-        'font-size="13">',
-        '<defs><marker id="tip" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="8" markerHeight="8" orient="auto">'
-        '<path d="M0,0 L8,4 L0,8 z"/></marker></defs>',
-    ]
-    for start, stop, label in arrows:
-        (x1, y1), (x2, y2) = boxes[start][0], boxes[stop][0]
-        y1, y2 = y1 + sizes[start][1] / 2, y2 - sizes[stop][1] / 2
-        parts.append(f'<line x1="{x1}" y1="{y1}" x2="{x2}" y2="{y2}" stroke="black" marker-end="url(#tip)"/>')
-        if label:
-            side = -24 if x2 < x1 else 24
-            parts.append(
-                f'<text x="{(x1 + x2) / 2 + side}" y="{(y1 + y2) / 2}" text-anchor="middle">{label}</text>'
-            )
-    for name, ((cx, cy), _, kind) in boxes.items():
-        width, height = sizes[name]
-        fill, radius = {"start": ("#dde8f4", 14), "question": ("#f6ecd2", 0), "box": ("white", 3)}[kind]
-        parts.append(
-            f'<rect x="{cx - width / 2}" y="{cy - height / 2}" width="{width}" height="{height}" rx="{radius}" '
-            f'fill="{fill}" stroke="black"/>'
-        )
-        for row, line in enumerate(rows[name]):
-            baseline = cy + 18 * (row - (len(rows[name]) - 1) / 2) + 4.5
-            words = re.sub(r"\*(\w+)\*", r'<tspan font-weight="bold">\1</tspan>', line.replace(">", "&gt;"))
-            parts.append(f'<text x="{cx}" y="{baseline}" text-anchor="middle">{words}</text>')
-    return "\n".join([*parts, "</svg>"])
-
-
 if in_notebook():
-    from IPython.display import SVG, display
-
-    display(SVG(flow_chart()))
+    show(figures.flow_chart())
 
 # %%
 derivation.kernel(*kernels.values())
-if in_notebook():
-    for kernel in derivation.kernels.values():
-        print(f"{kernel.name:20} {sum(kernel.operations.values()):5d} operations")
+derivation.kernels

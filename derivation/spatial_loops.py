@@ -32,7 +32,7 @@ import sympy as sp
 
 from rodgen.codegen import KernelBuilder
 from rodgen.polygon_notation import chain_value
-from rodgen.symbolic import EPS, LARGEST, Derivation, Dual, dot, dual_value, equal, in_notebook, select
+from rodgen.symbolic import EPS, LARGEST, Derivation, Dual, dot, dual_value, equal, select
 
 derivation = Derivation(
     "spatial_loops",
@@ -869,6 +869,4 @@ def ring_pair(slides):
 
 
 derivation.kernel(rccc(), rrrcc_pair(), rrrcc_back(), *(ring_pair(slides) for slides in tables))
-if in_notebook() and __name__ == "__main__":  # not where another notebook imports this one
-    for kernel in derivation.kernels.values():
-        print(f"{kernel.name:40} {sum(kernel.operations.values()):5d} operations")
+derivation.kernels

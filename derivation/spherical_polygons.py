@@ -41,7 +41,6 @@ from rodgen.symbolic import (
     dual_rotation_x,
     dual_rotation_z,
     equal,
-    in_notebook,
     matrix_from_rodrigues_vector,
     select,
     skew,
@@ -1157,6 +1156,4 @@ check_row(
 
 # %%
 derivation.kernel(*kernels, quad_kernel, pent_kernel)
-if in_notebook() and __name__ == "__main__":  # not where another notebook imports this one
-    for kernel in derivation.kernels.values():
-        print(f"{kernel.name:40} {sum(kernel.operations.values()):5d} operations")
+derivation.kernels

@@ -642,23 +642,12 @@ d.state(
 
 # %%
 if in_notebook():
-    import matplotlib.pyplot as plt
-    import numpy as np
+    from rodgen.derivation.figures import show
+    from rodgen.derivation.figures import three_sps_s as figures
 
     normed = determinant_tilt / (r**3 * sp.sqrt(R**2 + h**2) ** 3)
-    value = sp.lambdify([F, T, s], normed.subs({R: 2, r: 1, h: sp.Rational(3, 2)}), "numpy")
-    azimuths, tilts = np.meshgrid(np.linspace(0, 2 * np.pi, 181), np.linspace(0, np.pi, 91))
-    figure, panels = plt.subplots(
-        1, 3, figsize=(11, 4), subplot_kw={"projection": "polar"}, layout="constrained"
-    )
-    for panel, torsion in zip(panels, (0, 30, 90), strict=True):
-        found = value(azimuths, tilts / 2, np.radians(torsion) / 2)
-        shades = panel.contourf(azimuths, np.degrees(tilts), found, np.linspace(-1, 1, 21), cmap="RdBu")
-        panel.contour(azimuths, np.degrees(tilts), found, levels=[0], colors="black")
-        panel.set_rticks([60, 120])
-        panel.set_title(f"torsion {torsion}°")
-    figure.colorbar(shades, ax=panels, label="normed determinant", shrink=0.7)
-    plt.show()
+    sizes = {R: 2, r: 1, h: sp.Rational(3, 2)}
+    show(figures.singularities(sp.lambdify([F, T, s], normed.subs(sizes), "numpy")))
 
 # %% [markdown]
 # ## All symbols
@@ -1135,6 +1124,4 @@ derivation.kernel(
     sps_mode(),
     sps_polish(),
 )
-if in_notebook():
-    for kernel in derivation.kernels.values():
-        print(f"{kernel.name:40} {sum(kernel.operations.values()):5d} operations")
+derivation.kernels

@@ -30,7 +30,7 @@ from enum import IntEnum
 import sympy as sp
 
 from rodgen.codegen import KernelBuilder
-from rodgen.symbolic import EPS, LARGEST, Derivation, equal, in_notebook, matrix_from_axis_angle, select
+from rodgen.symbolic import EPS, LARGEST, Derivation, equal, matrix_from_axis_angle, select
 
 derivation = Derivation(
     "tricept",
@@ -1308,6 +1308,4 @@ d.check(
 
 # %%
 derivation.kernel(*kernels.values())
-if in_notebook():
-    for kernel in derivation.kernels.values():
-        print(f"{kernel.name:20} {sum(kernel.operations.values()):5d} operations")
+derivation.kernels

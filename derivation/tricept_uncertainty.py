@@ -938,16 +938,10 @@ def beam_kernel():
     return k.build()
 
 
-sensitivity = sensitivity_kernel()
-closing = closure_kernel()
-derivation.kernel(
-    sensitivity,
-    closing.jacobian(("pose",), name="tricept_closure", values=True),
-    beam_kernel(),
-)
-if in_notebook():
-    for kernel in derivation.kernels.values():
-        print(f"{kernel.name:30} {sum(kernel.operations.values()):5d} operations")
+closing = closure_kernel().jacobian(("pose",), name="tricept_closure", values=True)
+beam = beam_kernel()
+derivation.kernel(sensitivity_kernel(), closing, beam)
+derivation.kernels
 
 # %% [markdown]
 # ## Figures 3 to 10
@@ -957,32 +951,8 @@ if in_notebook():
 
 # %%
 if in_notebook():
-    import matplotlib.pyplot as plt
-    import numpy as np
+    from rodgen.codegen.compile import compile_kernel
+    from rodgen.derivation.figures import show
+    from rodgen.derivation.figures import tricept_uncertainty as figures
 
-    from rodgen.kinematics import tricept as machine
-
-    FIGURES = (
-        (3, ("A0", "A1"), "xx", "least"),
-        (4, ("A0", "r"), "xx", "greatest"),
-        (5, ("r", "r"), "xx", "greatest"),
-        (6, ("r", "R"), "xx", "least"),
-        (7, ("R", "R"), "xx", "greatest"),
-        (8, ("r", "r"), "xy", "least"),
-        (9, ("r", "r"), "yy", "least"),
-        (10, ("R", "R"), "zz", "least"),
-    )
-    beams = np.radians(np.linspace(-39, 39, 79))
-    figure, panels = plt.subplots(
-        2, 4, figsize=(13, 6), layout="constrained", subplot_kw={"projection": "3d"}
-    )
-    for panel, (number, pair, element, end) in zip(panels.flat, FIGURES, strict=True):
-        found = machine.influence_map(
-            beams[:, None], beams, machine.PAPER, pair, element, limits=machine.LEG_LIMITS
-        )
-        panel.plot_surface(
-            np.degrees(found.alpha), np.degrees(found.beta), getattr(found, end), cmap="cividis", linewidth=0
-        )
-        panel.set(xlabel="α [°]", ylabel="β [°]")
-        panel.set_title(f"Figure {number}: U_x[{', '.join(pair)}], {end} U_y[{element}]", fontsize=9)
-    plt.show()
+    show(figures.surfaces(figures.influences(compile_kernel(beam))))

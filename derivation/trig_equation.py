@@ -29,7 +29,6 @@ from rodgen.symbolic import (
     LARGEST,
     Derivation,
     equal,
-    in_notebook,
     power_of_two_scale,
     select,
 )
@@ -339,6 +338,4 @@ d.check(
 
 # %%
 derivation.kernel(*kernels)
-if in_notebook():
-    for kernel in derivation.kernels.values():
-        print(f"{kernel.name:20} {sum(kernel.operations.values()):5d} operations")
+derivation.kernels

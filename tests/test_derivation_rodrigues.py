@@ -9,7 +9,9 @@ import random
 import re
 import subprocess
 import sys
+from fractions import Fraction
 from functools import cache
+from math import isqrt
 
 import mpmath
 import numpy as np
@@ -22,6 +24,7 @@ from rodgen.symbolic import errata
 
 pytestmark = pytest.mark.xdist_group("rodrigues")
 paper = LazyDerivation("rodrigues")
+sensitivity = LazyDerivation("axis_sensitivity")
 
 DIGITS = 40
 TOLERANCE = mpmath.mpf(10) ** -25  # 40 digits, less those that cancel in formulas of at most 1e10
@@ -60,6 +63,10 @@ def test_what_the_packages_did_is_not_refuted():
     entry = paper.derivation.entries["table-1"]
     assert (entry.origin, entry.verdict) == ("own", "proved")
     assert "| Maple | 25 h | 40 pages |" in paper.table_1()
+
+
+def test_no_entry_of_the_sensitivity_is_open():
+    assert sensitivity.derivation.open == []
 
 
 def test_nothing_is_open_and_the_kernel_is_handed_over():
@@ -132,15 +139,16 @@ def sample(symbols, modulo, insert, generator):
     return point
 
 
-def test_what_is_proved_holds_at_random_numbers():
-    for entry in paper.derivation:
+@pytest.mark.parametrize("notes", [paper, sensitivity], ids=["rodrigues", "axis_sensitivity"])
+def test_what_is_proved_holds_at_random_numbers(notes):
+    for entry in notes.derivation:
         if entry.verdict == "proved":
             check_at_random_numbers(entry)
 
 
 def check_at_random_numbers(entry):
     """Evaluate both sides at 40 digits; random inputs between 0.2 and 1.2 satisfy the sign assumptions."""
-    insert = paper.derivation.insert(dict(entry.given))
+    insert = entry.derivation.insert(dict(entry.given))
     generator = random.Random(entry.id)
     with mpmath.workdps(DIGITS):
         for claim in entry.claims:
@@ -160,20 +168,20 @@ def check_at_random_numbers(entry):
 # The paper's algorithm in plain NumPy, against SciPy's rotations
 
 
-def papers_theta(rho, rho_prime, modulus, sign_c, root_sign):
+def papers_theta(rho, rho_prime, modulus_squared, sign_c, root_sign, root=np.sqrt):
     """Equations (9), (10) and the formulas after them, for arrays of points; root_sign may depend on w3."""
-    alpha, r = 1 + modulus**2 / 4, rho_prime - rho
+    alpha, r = 1 + modulus_squared / 4, rho_prime - rho
     p1, p2, p3 = np.moveaxis(rho, -1, 0)
     r1, r2, r3 = np.moveaxis(r, -1, 0)
     known = 2 * alpha * (r * rho).sum(-1)
-    c = sign_c * np.sqrt(modulus**2 * (rho * rho).sum(-1) + known)
+    c = sign_c * root(modulus_squared * (rho * rho).sum(-1) + known)
     w3 = r2 * p1 - r1 * p2
     a1, b1, a2, b2 = r2 * c / w3, (r3 * p2 - r2 * p3) / w3, -r1 * c / w3, -(r3 * p1 - r1 * p3) / w3
     p12, p13, p23 = p1**2 + p2**2, p1**2 + p3**2, p2**2 + p3**2
     L2 = p13 * b2**2 + p23 * b1**2 + p12 - 2 * p1 * p2 * b1 * b2 - 2 * p1 * p3 * b1 - 2 * p2 * p3 * b2
     L1 = 2 * (p13 * a2 * b2 + p23 * a1 * b1 - p1 * p2 * (b2 * a1 + b1 * a2) - p1 * p3 * a1 - p2 * p3 * a2)
     L0 = p13 * a2**2 + p23 * a1**2 - 2 * p1 * p2 * a2 * a1
-    t3 = (-L1 + root_sign(w3) * np.sqrt(np.maximum(L1**2 - 4 * L2 * (L0 + known), 0))) / (2 * L2)
+    t3 = (-L1 + root_sign(w3) * root(np.maximum(L1**2 - 4 * L2 * (L0 + known), 0))) / (2 * L2)
     return np.stack([a1 + b1 * t3, a2 + b2 * t3, t3], -1)
 
 
@@ -197,24 +205,70 @@ def test_root_sign_follows_third_component_of_rho_cross_r(pairs):
     axis, angle, rho, rho_prime = pairs
     modulus = 2 * np.tan(angle / 2)
     for sign_c in (1, -1):
-        theta = papers_theta(rho, rho_prime, modulus, sign_c, np.sign)
+        theta = papers_theta(rho, rho_prime, modulus**2, sign_c, np.sign)
         # Rounding of the quadratic by a small pivot: median 1e-15, and 1 in 4000 near 1e-6.
         assert np.median(misses(theta, angle, rho, rho_prime)) < 1e-13
         assert np.mean(misses(theta, angle, rho, rho_prime) < 1e-6) > 0.99
     given = np.where(((axis * rho).sum(1) > 0)[:, None], 1, -1)
-    found = papers_theta(rho, rho_prime, modulus, given[:, 0], np.sign) / modulus[:, None]
+    found = papers_theta(rho, rho_prime, modulus**2, given[:, 0], np.sign) / modulus[:, None]
     assert np.mean(abs(found - axis).max(1) < 1e-6) > 0.99
 
 
 def test_printed_plus_fails_for_half_of_all_inputs(pairs):
     _, angle, rho, rho_prime = pairs
-    theta = papers_theta(rho, rho_prime, 2 * np.tan(angle / 2), 1, lambda w3: 1)
+    theta = papers_theta(rho, rho_prime, 4 * np.tan(angle / 2) ** 2, 1, lambda w3: 1)
     valid = np.mean(misses(theta, angle, rho, rho_prime) < 1e-6)
     assert abs(valid - 0.5) < 4 * 0.5 / np.sqrt(len(angle))  # four standard deviations of the count
 
 
+# The printed algorithm in exact arithmetic, on a Halton sequence
+
+
+def halton(count):
+    """Vectors θ and ρ with rational components that fill the cube from -1 to 1 evenly."""
+    points = np.empty((count, 6), dtype=object)
+    for column, base in enumerate((2, 3, 5, 7, 11, 13)):
+        for number in range(1, count + 1):
+            value, weight, rest = Fraction(0), Fraction(1, base), number
+            while rest:
+                rest, digit = divmod(rest, base)
+                value += digit * weight
+                weight /= base
+            points[number - 1, column] = 2 * value - 1
+    return points[:, :3], points[:, 3:]
+
+
+def exact_root(square):
+    root = Fraction(isqrt(square.numerator), isqrt(square.denominator))
+    assert root * root == square
+    return root
+
+
+def rotated(rho, theta):
+    once = np.cross(theta, rho)
+    return rho + (once + np.cross(theta, once) / 2) / (1 + (theta * theta).sum(-1, keepdims=True) / 4)
+
+
+def count_printed(count):
+    """Count on how many of `count` inputs the printed algorithm satisfies (1) and returns its input."""
+    theta, rho = halton(count)
+    rho_prime = rotated(rho, theta)
+    usable = np.cross(rho, rho_prime)[:, 2] != 0
+    theta, rho, rho_prime = theta[usable], rho[usable], rho_prime[usable]
+    root = np.vectorize(exact_root, otypes=[object])
+    answer = papers_theta(rho, rho_prime, (theta * theta).sum(-1), 1, lambda w3: 1, root)
+    valid, acute = (rotated(rho, answer) == rho_prime).all(-1), (theta * rho).sum(-1) > 0
+    return {
+        "inputs": len(theta),
+        "satisfies (1)": valid.sum(),
+        "is the given θ": (answer == theta).all(-1).sum(),
+        "γ acute": acute.sum(),
+        "acute and satisfies": (valid & acute).sum(),
+    }
+
+
 def test_exact_count_of_the_printed_sign_is_near_one_half_and_one_quarter():
-    counts = paper.count_printed(400)
+    counts = count_printed(400)
     spread = 4 * np.sqrt(0.25 / counts["inputs"])
     assert abs(counts["satisfies (1)"] / counts["inputs"] - 0.5) < spread
     assert abs(counts["is the given θ"] / counts["inputs"] - 0.25) < spread
@@ -275,8 +329,9 @@ def case(request):
 
 def evaluate(letter, values, axis):
     """Value of a matrix of the derivation at a pair of points, the angle's cotangent and the axis found."""
-    formula = sp.Matrix(paper.derivation.value(letter))
-    symbols = [*paper.rho, *paper.rho_prime, paper.kappa, *paper.e]
+    notes = sensitivity
+    formula = sp.Matrix(notes.derivation.value(letter))
+    symbols = [*notes.rho, *notes.rho_prime, notes.kappa, *notes.e]
     length = np.linalg.norm(values[:3]) / np.linalg.norm(values[3:6])
     scaled = [*values[:3], *(values[3:6] * length), 1 / np.tan(values[6] / 2), *axis]
     return np.array(sp.lambdify(symbols, formula, "numpy")(*scaled), dtype=float)
@@ -284,9 +339,8 @@ def evaluate(letter, values, axis):
 
 def test_derivatives_agree_with_differences_for_any_direction_of_the_axis(case):
     values, axis, difference = case
-    closed = np.hstack(
-        [evaluate(letter, values, axis) for letter in (paper.by_rho, paper.by_rho_prime, paper.by_angle)]
-    )
+    letters = (sensitivity.by_rho, sensitivity.by_rho_prime, sensitivity.by_angle)
+    closed = np.hstack([evaluate(letter, values, axis) for letter in letters])
     # Differences at 50 digits with a step of 1e-15 are exact in float64; the inputs' lengths agree to 1e-16.
     np.testing.assert_allclose(closed, difference, rtol=0, atol=1e-13)
 

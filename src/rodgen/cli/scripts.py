@@ -35,7 +35,7 @@ def packaged_derivations() -> list[str]:
     """Return the names of rodgen's own derivations, sorted."""
     import rodgen.derivation
 
-    return sorted(m.name for m in pkgutil.iter_modules(rodgen.derivation.__path__) if m.name[0] != "_")
+    return sorted(m.name for m in pkgutil.iter_modules(rodgen.derivation.__path__) if not m.ispkg)
 
 
 def script_path(name: str) -> Path:

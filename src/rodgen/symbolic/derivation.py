@@ -317,6 +317,14 @@ class Entry:
         return "\n\n".join(lines)
 
 
+class Kernels(dict[str, Any]):
+    """The kernels of a derivation by name; a notebook shows how many operations each takes."""
+
+    def _repr_markdown_(self) -> str:
+        rows = [f"| `{name}` | {sum(kernel.operations.values())} |" for name, kernel in self.items()]
+        return "\n".join(["| kernel | operations |", "| --- | ---: |", *rows])
+
+
 class Derivation:
     """The formulas of one source, in order, and the kernels made from them.
 
@@ -336,7 +344,7 @@ class Derivation:
         self.source = source
         self.symbols: list[SymbolRow] = []
         self.entries: dict[str, Entry] = {}
-        self.kernels: dict[str, Any] = {}
+        self.kernels = Kernels()
         self._definitions: dict[sp.Symbol, sp.Expr] = {}
         self._start = time.perf_counter()
         self.seconds = 0.0

@@ -1,0 +1,398 @@
+# ---
+# jupyter:
+#   jupytext:
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+#   kernelspec:
+#     display_name: Python 3
+#     language: python
+#     name: python3
+# ---
+
+# %% [markdown]
+# # How the axis of a rotation depends on the data
+#
+# A point is at $\vec\rho$ before and at $\vec\rho\,'$ after a rotation by the known angle $\chi$ about an axis through
+# the origin. With $\vec m=\vec\rho\,'+\vec\rho$, $\vec r=\vec\rho\,'-\vec\rho$, $\kappa=\cot\frac\chi2$ and
+# $|\vec\rho\,'|=|\vec\rho|$ the two unit axes are (notebook `rodrigues`, entry `solution`)
+#
+# $$ \vec e_\pm = \frac{\kappa\,\vec m\times\vec r \pm \sqrt{|\vec m|^2 - \kappa^2|\vec r|^2}\;\vec m}{|\vec
+# m|^2}. $$
+#
+# This notebook gives the form in which numbers are best computed, the axis that is best where the angle is too small,
+# the derivatives, the covariance and the condition number. The solver is made in the notebook `axis`.
+
+# %%
+import sympy as sp
+
+from rodgen.symbolic import (
+    Derivation,
+    cross,
+    dot,
+    equal,
+    matrix_from_axis_angle,
+    norm,
+    rodrigues,
+    skew,
+)
+
+derivation = Derivation(
+    "axis_sensitivity",
+    title="How the axis of a rotation depends on the data",
+    source='Stebulyanin and Pimushkin, "Solution of the Rodriguez Equation in Modeling Volumetric Geometric '
+    'Accuracy of Multi-Coordinate Systems", eq. (1)',
+)
+d = derivation
+
+# %% [markdown]
+# ## Symbols
+
+# %%
+half = d.symbol("half_angle", r"\tfrac{\chi}{2}", "half the angle of rotation", "rad")
+chi = d.symbol("angle", r"\chi", "angle of rotation of the body", "rad", value=2 * half)
+kappa = d.symbol("cot_half", r"\kappa", "cotangent of half the angle", "1")
+e = d.vector("axis", r"\vec e", "unit vector of the axis", "1")
+rho = d.vector("rho", r"\vec\rho", "point before the rotation", "length")
+rho_prime = d.vector("rho_prime", r"\vec\rho'", "point after the rotation", "length")
+r = d.vector("r", r"\vec r", "displacement of the point, ρ′ − ρ", "length", value=rho_prime - rho)
+m = d.vector("m", r"\vec m", "sum of the two vectors, ρ′ + ρ", "length", value=rho_prime + rho)
+R = d.symbol("R", "R", "length of ρ", "length")
+side = d.symbol("side", r"\sigma", "+1 or −1, one for each solution", "1")
+either_side = {side: side**2 - 1}
+height = sp.sqrt(norm(m) ** 2 - kappa**2 * norm(r) ** 2)
+
+
+def axis(along_m: sp.Expr) -> sp.Expr:
+    """Return the unit axis whose component along m is `along_m` / |m|."""
+    return (kappa * cross(m, r) + along_m * m) / norm(m) ** 2
+
+
+# %% [markdown]
+# ## The half-angle form
+#
+# Numbers are best computed with unit vectors and sines, because $\kappa$ is infinite at $\chi = 0$. With
+# $\hat m$, $\hat r$ and $\vec n = \hat m\times\hat r$ the axis lies in the plane of $\vec n$ and $\hat m$,
+# at the angle $b$ from $\vec n$:
+#
+# $$ \vec e_\pm = \cos b\;\vec n \pm \sin b\;\hat m,\qquad
+#    \cos b = \frac{\cos\frac\chi2\,|\vec r|}{\sin\frac\chi2\,|\vec m|},\qquad
+#    \sin b = \frac{\sqrt{(\sin\frac\chi2|\vec m| - \cos\frac\chi2|\vec r|)
+#    (\sin\frac\chi2|\vec m| + \cos\frac\chi2|\vec r|)}}{\sin\frac\chi2\,|\vec m|}. $$
+#
+# (Where $\sin\frac\chi2\cos\frac\chi2 < 0$, $b$ is obtuse.) The factors under the root are
+# $2|\vec\rho|\sin(\frac\chi2 \mp a)$, where $2a$ is the angle between $\vec\rho$ and $\vec\rho\,'$: for
+# $0 < \chi \le \pi$ the two axes exist if $\frac\chi2 > a$, and they meet in $\vec n$ at $\frac\chi2 = a$.
+
+# %%
+sine, cosine = sp.sin(half), sp.cos(half)
+m_hat = d.vector("m_hat", r"\hat m", "unit vector along m", "1", value=m / norm(m))
+r_hat = d.vector("r_hat", r"\hat r", "unit vector along r", "1", value=r / norm(r))
+n = d.vector("n", r"\vec n", "unit vector m̂ × r̂, along ρ × ρ′", "1", value=cross(m_hat, r_hat))
+cos_b = d.symbol(
+    "cos_b", r"\cos b", "cosine of the angle from n to e", "1", value=cosine * norm(r) / (sine * norm(m))
+)
+root_b = d.symbol(
+    "root_b",
+    r"\varrho",
+    "the root in sin b",
+    "length",
+    value=sp.sqrt((sine * norm(m) - cosine * norm(r)) * (sine * norm(m) + cosine * norm(r))),
+)
+sin_b = d.symbol("sin_b", r"\sin b", "its sine, times ±1", "1", value=side * root_b / (sine * norm(m)))
+d.check(
+    "half-angle-form",
+    equal(axis(side * root_b / sine), cos_b * n + sin_b * m_hat),
+    equal((root_b / sine) ** 2, height**2),
+    equal(cos_b**2 + sin_b**2, 1),
+    text="The half-angle form is e±.",
+).prove(given={kappa: cosine / sine}, modulo=either_side)
+
+# %%
+small_a = d.symbol("a_half", "a", "half the angle between ρ and ρ′", "rad")
+d.check(
+    "gap",
+    equal(norm(r), 2 * R * sp.sin(small_a)),
+    equal(norm(m), 2 * R * sp.cos(small_a)),
+    equal(sine * norm(m) - cosine * norm(r), 2 * R * sp.sin(half - small_a)),
+    equal(sine * norm(m) + cosine * norm(r), 2 * R * sp.sin(half + small_a)),
+    text="The factors under the root are sines of χ/2 ∓ a.",
+    assumptions=["ρ = R (cos a, −sin a, 0) and ρ′ = R (cos a, sin a, 0) with R > 0 and 0 ≤ a ≤ π/2"],
+).prove(
+    *[
+        equal(norm(r) ** 2, (2 * R * sp.sin(small_a)) ** 2),
+        equal(norm(m) ** 2, (2 * R * sp.cos(small_a)) ** 2),
+    ],
+    *[
+        equal(2 * R * (sine * sp.cos(small_a) - cosine * sp.sin(small_a)), 2 * R * sp.sin(half - small_a)),
+        equal(2 * R * (sine * sp.cos(small_a) + cosine * sp.sin(small_a)), 2 * R * sp.sin(half + small_a)),
+    ],
+    given={
+        rho: R * sp.Matrix([sp.cos(small_a), -sp.sin(small_a), 0]),
+        rho_prime: R * sp.Matrix([sp.cos(small_a), sp.sin(small_a), 0]),
+    },
+    because="The squares agree and 2R sin a, 2R cos a are not negative; the rest is the addition theorem.",
+)
+
+# %% [markdown]
+# ## Where the angle is too small
+#
+# What if $\frac\chi2 < a$? Then $\vec n$ is the axis that brings $\vec\rho$ closest
+# to $\vec\rho\,'$. For unit vectors and an axis $\vec e = x\hat r + y\hat m + z\vec n$, the scalar product of
+# $\vec\rho\,'$ with the rotated $\vec\rho$ falls short of its value at $\vec n$ by a sum of three terms,
+# none of them negative. What remains at $\vec n$ is the angle $2a - \chi$.
+
+# %%
+x, y, z = e
+in_plane = {
+    rho: (sp.cos(small_a), -sp.sin(small_a), 0),
+    rho_prime: (sp.cos(small_a), sp.sin(small_a), 0),
+}
+
+
+def agreement(axis: sp.Matrix) -> sp.Expr:
+    """Scalar product of ρ′ with ρ rotated by χ about the axis; its components are along r̂, m̂, n."""
+    in_frame = sp.Matrix([axis[1], axis[0], axis[2]])  # m̂ is Ox and r̂ is Oy; n = m̂ × r̂ is Oz
+    turned = matrix_from_axis_angle(in_frame, sp.cos(2 * half), sp.sin(2 * half))
+    return d.value(dot(rho_prime.components, turned * rho.components), in_plane)
+
+
+best, any_other = (
+    d.symbol(
+        name,
+        rf"\left(\vec\rho', R_{{{axis}}}\vec\rho\right)",
+        f"agreement for the axis {axis[-1]}",
+        "1",
+        value=value,
+    )
+    for name, axis, value in (
+        ("agreement_n", r"\vec n", agreement(sp.Matrix([0, 0, 1]))),
+        ("agreement_e", r"\vec e", agreement(sp.Matrix([x, y, z]))),
+    )
+)
+d.check(
+    "least-squares-axis",
+    equal(
+        best - any_other,
+        2 * sine**2 * x**2
+        + 4 * sine * sp.cos(small_a) * sp.sin(small_a - half) * (1 - z)
+        + 2 * sine**2 * sp.cos(small_a) ** 2 * (1 - z) ** 2,
+    ),
+    equal(best, sp.cos(2 * small_a - chi)),
+    text="Where χ/2 < a, the least-squares axis is n, and the angle 2a − χ remains.",
+    assumptions=[equal(norm(e), 1), "0 ≤ χ/2 ≤ a ≤ π/2"],
+).prove(modulo={y: dot(e, e) - 1})
+
+# %% [markdown]
+# ## Derivatives
+#
+# How does the axis move when the data do? Differentiate $\kappa\vec r = \vec e\times\vec m$ and
+# $\vec e\cdot\vec e = 1$:
+#
+# $$ \mathrm{d}\vec e\times\vec m = \vec q,\quad
+#    \vec q = \kappa\,\mathrm{d}\vec r + \vec r\,\mathrm{d}\kappa - \vec e\times\mathrm{d}\vec m,\qquad
+#    \vec e\cdot\mathrm{d}\vec e = 0. $$
+#
+# This linear system has exactly one solution if $\vec e\cdot\vec m \ne 0$, because $\mathrm d\vec e\times\vec
+# m = 0$ leaves only multiples of $\vec m$. It is $\mathrm{d}\vec e = G\,\vec q$ with
+#
+# $$ G = \Bigl(I - \frac{\vec m\,\vec e^{\,T}}{\vec e\cdot\vec m}\Bigr)\frac{[\vec m]_\times}{|\vec m|^2}. $$
+#
+# Lengths do not matter, only directions, so the vectors may be scaled to $|\vec\rho| = |\vec\rho\,'| = 1$
+# and a change of $\vec\rho$ counts only by its part $(I - \hat\rho\hat\rho^T)\,\mathrm{d}\vec\rho/|\vec\rho|$
+# across $\vec\rho$. Collecting terms,
+#
+# $$ \frac{\partial\vec e}{\partial\vec\rho\,'} = G\,(\kappa I - [\vec e]_\times)\,
+#    \frac{I - \hat\rho'\hat\rho'^T}{|\vec\rho\,'|},\quad
+#    \frac{\partial\vec e}{\partial\vec\rho} = G\,(-\kappa I - [\vec e]_\times)\,
+#    \frac{I - \hat\rho\hat\rho^T}{|\vec\rho|},\quad
+#    \frac{\partial\vec e}{\partial\chi} = -\frac{G\,\vec r}{2\sin^2\frac\chi2}. $$
+#
+# Every formula keeps its form when the frame is turned, so it is enough to prove them for $\vec e$ along
+# $Oz$, with $\vec\rho$ and $\kappa$ free.
+
+# %%
+identity = sp.Identity(3)
+
+
+def across(direction: sp.Expr) -> sp.Expr:
+    """Projector across a vector: derivative of its direction, times its length."""
+    return identity - direction * direction.T / norm(direction) ** 2
+
+
+G = d.matrix(
+    "G",
+    "G",
+    "change of the axis by q",
+    "1/length",
+    value=(identity - m * e.T / dot(e, m)) * skew(m) / norm(m) ** 2,
+)
+by_rho = d.matrix(
+    "axis_by_rho",
+    r"\frac{\partial\vec e}{\partial\vec\rho}",
+    "derivative of the axis by ρ",
+    "1/length",
+    value=G * (-kappa * identity - skew(e)) * across(rho),
+)
+by_rho_prime = d.matrix(
+    "axis_by_rho_prime",
+    r"\frac{\partial\vec e}{\partial\vec\rho'}",
+    "derivative of the axis by ρ′",
+    "1/length",
+    value=G * (kappa * identity - skew(e)) * across(rho_prime),
+)
+half_sine_squared = d.symbol(
+    "half_sine_squared", r"\sin^2\tfrac{\chi}{2}", "by κ", "1", value=1 / (1 + kappa**2)
+)
+by_angle = d.vector(
+    "axis_by_angle",
+    r"\frac{\partial\vec e}{\partial\chi}",
+    "derivative of the axis by χ",
+    "1/rad",
+    value=-G * r / (2 * half_sine_squared),
+)
+
+along_z = {e: (0, 0, 1), rho_prime: rodrigues(rho, 2 / kappa * e)}
+drho = d.vector("drho", r"\mathrm{d}\vec\rho", "change of ρ", "length")
+drho_prime = d.vector("drho_prime", r"\mathrm{d}\vec\rho'", "change of ρ′", "length")
+dangle = d.symbol("dangle", r"\mathrm{d}\chi", "change of the angle", "rad")
+daxis = d.vector(
+    "daxis",
+    r"\mathrm{d}\vec e",
+    "change of the axis",
+    "1",
+    value=by_rho * drho + by_rho_prime * drho_prime + by_angle * dangle,
+)
+turn_rho = d.vector(
+    "turn_rho", r"\mathrm{d}_\perp\vec\rho", "part across ρ", "length", value=across(rho) * drho
+)
+turn_rho_prime = d.vector(
+    "turn_rho_prime",
+    r"\mathrm{d}_\perp\vec\rho'",
+    "part across ρ′",
+    "length",
+    value=across(rho_prime) * drho_prime,
+)
+dkappa = d.symbol("dkappa", r"\mathrm{d}\kappa", "change of κ", "1", value=-dangle / (2 * half_sine_squared))
+d.check(
+    "jacobian",
+    equal(
+        cross(daxis, m),
+        kappa * (turn_rho_prime - turn_rho) + dkappa * r - cross(e, turn_rho_prime + turn_rho),
+    ),
+    equal(dot(e, daxis), 0),
+    text="The derivatives of e solve the differentiated equations, for points of one length.",
+    assumptions=[sp.Ne(dot(e, m), 0), "e along Oz; both sides turn with the frame"],
+).prove(given=along_z)
+
+# %%
+components = sp.Matrix(rho.components)
+direction_by_rho = d.matrix(
+    "direction_by_rho",
+    r"\frac{\partial\hat\rho}{\partial\vec\rho}",
+    "derivative of the direction of ρ",
+    "1/length",
+    value=(components / norm(components)).jacobian(components),
+)
+kappa_by_angle = d.symbol(
+    "kappa_by_angle",
+    r"\frac{\mathrm{d}\kappa}{\mathrm{d}\chi}",
+    "derivative of κ by χ",
+    "1/rad",
+    value=sp.diff(cosine / sine, half) / 2,
+)
+d.check(
+    "direction-derivative",
+    equal(direction_by_rho, across(rho) / norm(rho)),
+    equal(kappa_by_angle, -1 / (2 * sine**2)),
+    text="Derivatives of the direction of ρ, and of κ by χ.",
+).prove()
+
+# %% [markdown]
+# ## Uncertainty
+#
+# To first order the covariance of the axis is
+# $J_\rho\Sigma_\rho J_\rho^T + J_{\rho'}\Sigma_{\rho'}J_{\rho'}^T + \sigma_\chi^2 J_\chi J_\chi^T$ with these
+# derivatives. If both points have the same isotropic uncertainty $\sigma$, it has a closed form: with
+# $\vec d = \vec e\times\hat r$,
+#
+# $$ \operatorname{Cov}\vec e = \frac{\sigma^2}{2|\vec\rho|^2\sin^2\frac\chi2}
+#    \Bigl(\hat r\hat r^T + \frac{\vec d\,\vec d^{\,T}}{\cos^2\gamma}\Bigr)
+#    + \sigma_\chi^2\,\frac{\tan^2\gamma}{4\sin^2\frac\chi2}\,\vec d\,\vec d^{\,T}. $$
+#
+# The axis is uncertain mostly along the plane in which the two solutions lie, and without bound as they meet,
+# at $\cos\gamma = 0$.
+
+# %%
+cos_gamma_squared = d.symbol(
+    "cos_gamma_squared", r"\cos^2\gamma", "by e and ρ", "1", value=dot(e, rho) ** 2 / norm(rho) ** 2
+)
+d_vector = d.vector(
+    "d", r"\vec d", "e × r̂, across r in the plane of both axes", "1", value=cross(e, r) / norm(r)
+)
+sigma = d.symbol("sigma", r"\sigma", "standard deviation of each coordinate", "length")
+sigma_angle = d.symbol("sigma_angle", r"\sigma_\chi", "standard deviation of the angle", "rad")
+covariance = d.matrix(
+    "covariance",
+    r"\operatorname{Cov}\vec e",
+    "covariance of the axis",
+    "1",
+    value=sigma**2 * (by_rho * by_rho.T + by_rho_prime * by_rho_prime.T)
+    + sigma_angle**2 * by_angle * by_angle.T,
+)
+d.check(
+    "covariance",
+    equal(
+        covariance,
+        sigma**2
+        / (2 * norm(rho) ** 2 * half_sine_squared)
+        * (r * r.T / norm(r) ** 2 + d_vector * d_vector.T / cos_gamma_squared)
+        + sigma_angle**2 * (1 / cos_gamma_squared - 1) / (4 * half_sine_squared) * d_vector * d_vector.T,
+    ),
+    text="Covariance of the axis for isotropic uncertainty.",
+    assumptions=["e along Oz; both sides turn with the frame"],
+).prove(given=along_z)
+
+# %% [markdown]
+# The *condition number* is the largest factor from a relative change of $\vec\rho$ or $\vec\rho\,'$ to the
+# change of the axis: $|\vec\rho|$ times the largest singular value of $J_\rho$, which is the same for
+# $J_{\rho'}$. The squares of the singular values are $1/(4|\vec\rho|^2\sin^2\frac\chi2)$, that over
+# $\cos^2\gamma$, and 0, so
+#
+# $$ \operatorname{cond} = \frac{1}{2\sin\frac\chi2\,|\cos\gamma|}
+#    = \frac{1}{2\sqrt{\sin(\frac\chi2 - a)\sin(\frac\chi2 + a)}}. $$
+
+
+# %%
+def invariants(jacobian: sp.Basic, name: str, letter: str) -> tuple[sp.Symbol, sp.Symbol]:
+    """Sum of the squares, and of the products of two squares, of the singular values of J."""
+    values = sp.Matrix(d.value(jacobian))
+    gram = values.T * values
+    minors = sum(gram[i, i] * gram[j, j] - gram[i, j] ** 2 for i, j in ((0, 1), (0, 2), (1, 2)))
+    product = rf"J_{{{letter}}}^T J_{{{letter}}}"
+    return (
+        d.symbol(
+            f"{name}_trace", rf"\operatorname{{tr}} {product}", "trace", "1/length²", value=gram.trace()
+        ),
+        d.symbol(f"{name}_minors", rf"M({product})", "sum of principal minors", "1/length⁴", value=minors),
+    )
+
+
+size = 1 / (4 * norm(rho) ** 2 * half_sine_squared)
+wanted = size * (1 + 1 / cos_gamma_squared), size**2 / cos_gamma_squared
+d.check(
+    "condition",
+    *[equal(*pair) for pair in zip(invariants(by_rho, "before", r"\rho"), wanted, strict=True)],
+    *[equal(*pair) for pair in zip(invariants(by_rho_prime, "after", r"\rho'"), wanted, strict=True)],
+    equal(by_rho.T * e, sp.ZeroMatrix(3, 1)),
+    equal(by_rho_prime.T * e, sp.ZeroMatrix(3, 1)),
+    equal(half_sine_squared * cos_gamma_squared, half_sine_squared - norm(r) ** 2 / (4 * norm(rho) ** 2)),
+    text="Singular values of the derivatives, and sin(χ/2 − a) sin(χ/2 + a) = sin²(χ/2) cos²γ.",
+    assumptions=["e along Oz; both sides turn with the frame"],
+).prove(given=along_z)
+
+# %% [markdown]
+# ## All symbols
+
+# %%
+d
