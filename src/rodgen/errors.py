@@ -20,6 +20,7 @@ __all__ = [
     "nearest_hint",
     "nearest_name",
     "shown",
+    "suggestion",
 ]
 
 
@@ -160,6 +161,18 @@ def nearest_hint(name: str, options: Mapping[str, str]) -> str:
     """
     near = nearest_name(name, options)
     return "" if near is None else f" (the nearest is {shown(options[near])})"
+
+
+def suggestion(name: str, options: Collection[str]) -> str:
+    """Return the option that is probably meant by `name`, or all of them, for the end of an error message.
+
+    Examples
+    --------
+    >>> suggestion("Axsi", ["axis", "point"]), suggestion("?", ["axis", "point"])
+    ("'axis', perhaps", "'axis' or 'point'")
+    """
+    near = nearest_name(name, options)
+    return f"{near!r}, perhaps" if near else listed(options)
 
 
 def _one_line(text: str) -> str:

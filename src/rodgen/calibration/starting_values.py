@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rodgen.calibration.least_squares import Solution, minimise
 from rodgen.calibration.nearest_frame import nearest_frame
 from rodgen.calibration.problem import Problem
-from rodgen.machines.effects.definition import Search
+from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.model import Frame
 
 __all__ = ["linear_falls", "most_waves", "placed", "searched", "trilaterated", "wave_falls"]
@@ -152,7 +152,7 @@ def searched(problem: Problem, solution: Solution, free: Sequence[int], new: Seq
             continue
         others = [i for i in (*free, *new) if i != index]
         waves = [i for i in new if problem.model.parameters[i].slot[-1] in {"a", "b"}]
-        if parameter.searched is Search.PERIOD and len(waves) == 2 and not theta[waves].any():
+        if parameter.searched is StartSearch.PERIOD and len(waves) == 2 and not theta[waves].any():
             theta[index] = _period(problem, replace(solution, theta=theta), free, waves, index)
             continue
         best = (np.inf, theta[index])
@@ -281,13 +281,13 @@ def _fall(cost: float, square: Array, gradient: Array, free: Sequence[int]) -> f
 def _grid(problem: Problem, index: int) -> Array:
     """Return the values that are tried for a parameter."""
     parameter, o = problem.model.parameters[index], problem.observations
-    if parameter.searched is Search.ANY:
+    if parameter.searched is StartSearch.ANY:
         return np.concatenate([-ANY_SIZE, ANY_SIZE])
-    if parameter.searched is Search.TIME_CONSTANT and o.t is not None:
+    if parameter.searched is StartSearch.TIME_CONSTANT and o.t is not None:
         t = np.unique(o.t)
         if len(t) > 1:
             return np.geomspace(np.diff(t).min(), 3 * (t[-1] - t[0]), 60)
-    if parameter.searched is Search.PERIOD:
+    if parameter.searched is StartSearch.PERIOD:
         joint = [joint.name for joint in problem.model.machine.joints].index(str(parameter.place))
         q = np.unique(o.q[:, joint])
         if len(q) > 3:

@@ -27,6 +27,7 @@ from rodgen.machines.parts import Effect, Joint, Target, Vector
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
     from rodgen.data.measurements import Measurements
+    from rodgen.data.observations import Observations
 
 __all__ = ["Effect", "EffectBearer", "Joint", "Machine", "Measured", "Target"]
 
@@ -263,7 +264,7 @@ class Machine:
 
     def fit(
         self,
-        data: Measurements,
+        data: Measurements | Observations,
         *,
         loss: str = "linear",
         progress: Callable[[str, int, float], object] | None = None,
@@ -272,7 +273,7 @@ class Machine:
 
         Parameters
         ----------
-        data : Measurements
+        data : Measurements or Observations
         loss : {"linear", "huber"}
             Least squares, or a robust loss: outliers are found, named and left out.
         progress : callable, optional

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rodgen.data.units import unit_factor
-from rodgen.machines.effects.definition import Search
+from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.structure import GEOMETRY, Structure, row_effects
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class Parameter:
         ("frame", component) or ("e", term number, name).
     place, effect : str or None
         Joint or target, and the effect that it belongs to; no effect for what a base fit adjusts.
-    searched : Search or None
+    searched : StartSearch or None
         What search its start comes from.
     optional : bool
         Whether it is taken in only where the data call for it.
@@ -49,7 +49,7 @@ class Parameter:
     slot: tuple[object, ...]
     place: str | None = None
     effect: str | None = None
-    searched: Search | None = None
+    searched: StartSearch | None = None
     optional: bool = False
 
 

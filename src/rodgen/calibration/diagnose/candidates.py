@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.sensitivities import MOMENTS, Carriers, is_direct
 from rodgen.calibration.starting_values import most_waves, wave_falls
-from rodgen.machines.effects.definition import Search
+from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.machine import Effect
 from rodgen.machines.rigid import complete_basis
 from rodgen.statistics.columns import orthonormal_basis, project_out
@@ -111,7 +111,7 @@ def _weightless(carriers: Carriers, effect: Effect) -> bool:
 
 
 def _is_wave(effect: Effect) -> bool:
-    return list(effect.definition.searched.values()) == [Search.PERIOD]
+    return list(effect.definition.searched.values()) == [StartSearch.PERIOD]
 
 
 def _direct(carriers: Carriers, effect: Effect) -> Candidate:
@@ -168,13 +168,13 @@ def _tried(carriers: Carriers, effect: Effect) -> Iterator[dict[str, float]]:
     (name, search), *more = searched.items()
     if more:
         return
-    if search is Search.TIME_CONSTANT:
+    if search is StartSearch.TIME_CONSTANT:
         t = carriers.observations.t
         assert t is not None
         times = np.unique(t)
         for tau in np.geomspace(max(np.diff(times).min(), 1e-3 * np.ptp(times)), 3 * np.ptp(times), TAUS):
             yield {name: float(tau)}
-    elif search is Search.PERIOD:
+    elif search is StartSearch.PERIOD:
         period = effect.given(carriers.fit.machine, name)
         if period is not None:
             yield {name: period}

@@ -11,7 +11,7 @@ from typing import Any
 
 from rodgen.errors import UnexpectedError, nearest_name, shown
 from rodgen.machines.effects.custom import own_effect
-from rodgen.machines.effects.definition import EffectDefinition, Search
+from rodgen.machines.effects.definition import EffectDefinition, StartSearch
 from rodgen.machines.effects.formula import Formula
 
 __all__ = [
@@ -165,7 +165,7 @@ _REVOLUTE = (
         "periodic_drive_error", "revolute", "reading", "a*sin(2*pi*q/P) + b*cos(2*pi*q/P)",
         _in("arcsec", "a b") | {"P": "deg"},
         iso="ECC (periodic part)",
-        searched={"P": Search.PERIOD}, given_by_joint={"P": "period"},
+        searched={"P": StartSearch.PERIOD}, given_by_joint={"P": "period"},
         meaning="A part of the drive runs out: worm, pinion, gear, or the wave generator of a strain wave gear. The "
         "error repeats with each turn of that part, many times in a turn of the axis.",
         usual_size="2 to 60 arcsec; period 360° over the gear ratio, or half of it in a strain wave gear",
@@ -311,7 +311,7 @@ _PRISMATIC = (
         "periodic_drive_error", "prismatic", "reading", "a*sin(2*pi*q/P) + b*cos(2*pi*q/P)",
         _in("{length}", "a b P"),
         iso="EXX (periodic part)",
-        searched={"P": Search.PERIOD}, given_by_joint={"P": "period"},
+        searched={"P": StartSearch.PERIOD}, given_by_joint={"P": "period"},
         meaning="The screw or the pinion runs out, or its coupling or encoder sits eccentrically. The error repeats "
         "with each turn, that is with each lead of the screw.",
         usual_size="1 to 10 µm; period 5 to 20 mm, the lead",
@@ -420,7 +420,7 @@ _MACHINE = (
     _row(
         "warm_up_drift", "machine", "frame", "(x*EX + y*EY + z*EZ)*(1 - exp(-t/tau))",
         _in("{move}", "x y z") | {"tau": "s"},
-        searched={"tau": Search.TIME_CONSTANT},
+        searched={"tau": StartSearch.TIME_CONSTANT},
         meaning="The machine warms up after it is switched on, and the workpiece moves against the instrument or the "
         "spindle. The motion is fast at first and dies away: the readings run off and then stand.",
         usual_size="5 to 100 µm; tau 0.2 to 3 h",

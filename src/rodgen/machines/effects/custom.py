@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, Dimension, UnitError, parse_unit
 from rodgen.errors import InputFileError, shown
-from rodgen.machines.effects.definition import EffectDefinition, Search, component_dimension
+from rodgen.machines.effects.definition import EffectDefinition, StartSearch, component_dimension
 from rodgen.machines.effects.formula import FUNCTION_NAMES, Formula, FormulaError
 from rodgen.machines.measured import POINT, Measurand
 
@@ -81,7 +81,7 @@ def own_effect(
     parsed = Formula.parse(formula, file=file, place=f"{place}, formula")
     checked.names(parsed, parameters)
     checked.dimension(parsed, parameters, component)
-    searched = {p: Search.ANY for p in parameters if p in parsed.inner_names}
+    searched = {p: StartSearch.ANY for p in parameters if p in parsed.inner_names}
     return EffectDefinition(
         name, frozenset({at}), component, parsed, dict(parameters), meaning, searched=searched, own=True
     )

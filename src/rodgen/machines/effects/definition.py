@@ -14,7 +14,7 @@ from rodgen.data.units import ANGLE, LENGTH, ONE, Dimension
 from rodgen.machines.effects.formula import Formula
 from rodgen.machines.measured import DIRECTION, POINT, Measurand
 
-__all__ = ["COMPONENTS", "EffectDefinition", "Search", "component_dimension"]
+__all__ = ["COMPONENTS", "EffectDefinition", "StartSearch", "component_dimension"]
 
 COMPONENTS = {
     "reading": "reading += {formula}",
@@ -55,8 +55,8 @@ _PLACES = {
 _WIDTH = 100
 
 
-class Search(Enum):
-    """What is searched for: a parameter on which the readings do not depend smoothly enough to start anywhere."""
+class StartSearch(Enum):
+    """What the start of a parameter is searched as, where the readings do not depend on it smoothly enough."""
 
     PERIOD = "the period of a wave along a joint's way"
     TIME_CONSTANT = "a time constant"
@@ -66,7 +66,7 @@ class Search(Enum):
     def before(self) -> float:
         """Value before it is found, internal units; the effect's other parameters are zero then."""
         # longer than any measurement: exp(-t/tau) is 1 with any origin of t
-        return 1e12 if self is Search.TIME_CONSTANT else 1.0
+        return 1e12 if self is StartSearch.TIME_CONSTANT else 1.0
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class EffectDefinition:
         Symbols of ISO 230, where there are any.
     slope : Formula or None
         A second formula: the slope of a sag, the rotation vector of a frame shift.
-    searched : mapping of str to Search
+    searched : mapping of str to StartSearch
         Parameters whose start comes from a search.
     given_by_joint : mapping of str to str
         Parameters that a key of the joint's block may give, such as ``period``.
@@ -120,7 +120,7 @@ class EffectDefinition:
     source: str = ""
     iso: str = ""
     slope: Formula | None = None
-    searched: Mapping[str, Search] = field(default_factory=dict, hash=False)
+    searched: Mapping[str, StartSearch] = field(default_factory=dict, hash=False)
     given_by_joint: Mapping[str, str] = field(default_factory=dict, hash=False)
     per_run: bool = False
     own: bool = False

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from rodgen.data.units import unit_factor
-from rodgen.errors import RodgenError, listed, nearest_name, shown
+from rodgen.errors import RodgenError, listed, nearest_name, shown, suggestion
 from rodgen.machines.effects.catalogue import CATALOGUE, EffectDefinition
 from rodgen.machines.effects.formula import FUNCTION_NAMES
 from rodgen.machines.measured import READING_COLUMNS
@@ -97,10 +97,7 @@ def held(machine: Machine, effect: Effect, hold: Mapping[str, float]) -> dict[st
     found = {}
     for name, value in hold.items():
         if name not in units:
-            near = nearest_name(name, units)
-            some = (
-                f"{near!r}, perhaps" if near else listed(units) if units else "no hold: it has no parameters"
-            )
+            some = suggestion(name, units) if units else "no hold: it has no parameters"
             raise UnfitEffectError(f"hold.{name}", f"no parameter of {effect.name}", some)
         _, dimension = unit_factor(units[name], machine.length_unit)
         found[name] = float(value) * machine.file_factor(dimension)
@@ -112,10 +109,7 @@ def held(machine: Machine, effect: Effect, hold: Mapping[str, float]) -> dict[st
 def _kind_of(machine: Machine, place: str | None) -> str:
     places = [joint.name for joint in machine.joints] + [target.name for target in machine.targets]
     if place is not None and place not in places:
-        near = nearest_name(place, places)
-        raise UnfitEffectError(
-            "place", f"no joint or target {shown(place)}", f"{near!r}, perhaps" if near else listed(places)
-        )
+        raise UnfitEffectError("place", f"no joint or target {shown(place)}", suggestion(place, places))
     return machine.kind_of(place)
 
 
@@ -246,10 +240,5 @@ def _check_own(machine: Machine, effect: Effect) -> None:
 
 def check_estimate(machine: Machine, entry: str) -> tuple[str, str] | None:
     """Return what is wrong with an entry of [estimate], as what was found and what was expected, or None."""
-    if entry == "target":
-        return None
     freedoms = machine.kinematics.freedoms([joint.name for joint in machine.joints])
-    if entry in freedoms:
-        return None
-    near = nearest_name(entry, freedoms)
-    return shown(entry), f"{near!r}, perhaps" if near else listed(freedoms)
+    return None if entry in freedoms else (shown(entry), suggestion(entry, freedoms))

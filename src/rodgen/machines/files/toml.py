@@ -141,7 +141,7 @@ class Kind(Generic[_T]):
         return Kind(expected or self.expected, lambda value: step(self.read(value)))
 
 
-def _number(value: Any) -> float:
+def _read_number(value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise UnfitError
     try:
@@ -153,13 +153,13 @@ def _number(value: Any) -> float:
     return number
 
 
-def _vector(value: Any) -> tuple[float, ...]:
+def _read_vector(value: Any) -> tuple[float, ...]:
     if not isinstance(value, list) or len(value) != 3:
         raise UnfitError
-    return tuple(map(_number, value))
+    return tuple(map(_read_number, value))
 
 
-def _text(value: Any) -> str:
+def _read_text(value: Any) -> str:
     if not isinstance(value, str):
         raise UnfitError
     if not value.strip():
@@ -167,16 +167,16 @@ def _text(value: Any) -> str:
     return value
 
 
-def _table(value: Any) -> dict[str, Any]:
+def _read_table(value: Any) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise UnfitError
     return value
 
 
-NUMBER = Kind("a number", _number)
-VECTOR = Kind("three numbers, such as [0, 0, 1]", _vector)
-TEXT = Kind("a text in quotes", _text)
-TABLE = Kind("a table", _table)
+NUMBER = Kind("a number", _read_number)
+VECTOR = Kind("three numbers, such as [0, 0, 1]", _read_vector)
+TEXT = Kind("a text in quotes", _read_text)
+TABLE = Kind("a table", _read_table)
 
 
 def one_of(options: Collection[str]) -> Kind[str]:

@@ -50,17 +50,17 @@ def _vector(values: Sequence[float], factor: float = 1.0) -> str:
     return f"[{', '.join(decimal(x, factor) for x in values)}]"
 
 
-def _text(text: str) -> str:
+def _toml_string(text: str) -> str:
     """Return a TOML string. JSON's escapes are valid in TOML, which wants DEL escaped too."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _text(name)
+def _toml_key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _toml_string(name)
 
 
-def _inline(items: Mapping[str, str]) -> str:
-    return f"{{ {', '.join(f'{_key(name)} = {value}' for name, value in items.items())} }}"
+def _inline_table(items: Mapping[str, str]) -> str:
+    return f"{{ {', '.join(f'{_toml_key(name)} = {value}' for name, value in items.items())} }}"
 
 
 # the file ----------------------------------------------------------------------------------------------------------
@@ -70,8 +70,12 @@ def machine_text(machine: Machine) -> str:
     """Return a complete machine file, without fitted numbers; it reads back as an equal machine."""
     measured = machine.measured
     blocks = [
-        [f"name = {_text(machine.name)}", *_family_lines(machine)],
-        ["[units]", f"length = {_text(machine.length_unit)}", f"angle = {_text(machine.angle_unit)}"],
+        [f"name = {_toml_string(machine.name)}", *_family_lines(machine)],
+        [
+            "[units]",
+            f"length = {_toml_string(machine.length_unit)}",
+            f"angle = {_toml_string(machine.angle_unit)}",
+        ],
         [
             "[environment]",
             f"gravity = {_vector(machine.gravity)}",
@@ -79,10 +83,10 @@ def machine_text(machine: Machine) -> str:
         ],
         *_chain_blocks(machine),
         *(
-            ["[[target]]", f"name = {_text(target.name)}", f"point = {_vector(target.point)}"]
+            ["[[target]]", f"name = {_toml_string(target.name)}", f"point = {_vector(target.point)}"]
             for target in machine.targets
         ),
-        ["[measured]", f"kind = {_text(measured.kind)}", f"frame = {_text(measured.frame)}"],
+        ["[measured]", f"kind = {_toml_string(measured.kind)}", f"frame = {_toml_string(measured.frame)}"],
     ]
     if measured.origin is not None:
         blocks[-1].append(f"from = {_vector(measured.origin)}")
@@ -90,14 +94,14 @@ def machine_text(machine: Machine) -> str:
         noise = decimal(measured.noise, machine.file_factor(machine.measurand.dimension))
         blocks[-1].append(f"noise = {noise}")
     if machine.estimate:
-        blocks.append(["[estimate]", f"parameters = [{', '.join(map(_text, machine.estimate))}]"])
+        blocks.append(["[estimate]", f"parameters = [{', '.join(map(_toml_string, machine.estimate))}]"])
     blocks += [_effect_lines(machine, effect) for effect in machine.effects]
     return "\n\n".join("\n".join(block) for block in blocks) + "\n"
 
 
 def _family_lines(machine: Machine) -> list[str]:
     family = machine.kinematics.family
-    return [f"family = {_text(family)}"] if family else []
+    return [f"family = {_toml_string(family)}"] if family else []
 
 
 def _chain_blocks(machine: Machine) -> list[list[str]]:
@@ -119,8 +123,8 @@ def _joint_lines(joint: Joint, angle: float) -> list[str]:
     factor = angle if joint.type == "revolute" else 1.0
     lines = [
         "[[joint]]",
-        f"name = {_text(joint.name)}",
-        f"type = {_text(joint.type)}",
+        f"name = {_toml_string(joint.name)}",
+        f"type = {_toml_string(joint.type)}",
         f"axis = {_vector(joint.axis)}",
         f"point = {_vector(joint.point)}",
     ]
@@ -137,22 +141,25 @@ def effect_text(machine: Machine, effect: Effect) -> str:
 
 
 def _effect_lines(machine: Machine, effect: Effect) -> list[str]:
-    lines = ["[[effect]]", f"name = {_text(effect.name)}"]
+    lines = ["[[effect]]", f"name = {_toml_string(effect.name)}"]
     if effect.place is not None:
         key = "target" if machine.kind_of(effect.place) == "target" else "joint"
-        lines.append(f"{key} = {_text(effect.place)}")
+        lines.append(f"{key} = {_toml_string(effect.place)}")
     definition = effect.definition
     if definition.own:
-        lines += [f"component = {_text(definition.component)}", f"formula = {_text(definition.formula.text)}"]
+        lines += [
+            f"component = {_toml_string(definition.component)}",
+            f"formula = {_toml_string(definition.formula.text)}",
+        ]
         if definition.parameters:
-            units = {name: _text(unit) for name, unit in definition.parameters.items()}
-            lines.append(f"parameters = {_inline(units)}")
+            units = {name: _toml_string(unit) for name, unit in definition.parameters.items()}
+            lines.append(f"parameters = {_inline_table(units)}")
         if definition.meaning:
-            lines.append(f"meaning = {_text(definition.meaning)}")
+            lines.append(f"meaning = {_toml_string(definition.meaning)}")
     if effect.hold:
         factors = _factors(machine, effect)
         held = {name: decimal(value, factors[name]) for name, value in effect.hold.items()}
-        lines.append(f"hold = {_inline(held)}")
+        lines.append(f"hold = {_inline_table(held)}")
     return lines
 
 
