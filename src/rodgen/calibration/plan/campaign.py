@@ -237,7 +237,7 @@ class Campaign:
         """Return readings without those beyond an instrument for deviations only: a probe on a ball, a ball bar."""
         units = np.array([joint_unit(self.o, j)[1] for j in range(len(self.machine.joints))])
         pool = readings(self.machine, self.o, self.travel, units, self.choice)
-        if self.machine.measured.kind == "direction":
+        if not self.machine.measurand.moving:
             return pool
         low, high = self.o.reading.min(axis=0), self.o.reading.max(axis=0)
         usual = np.linalg.norm(np.nanstd(self._predicted(pool), axis=0))

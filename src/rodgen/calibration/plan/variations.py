@@ -108,7 +108,7 @@ def plan_over_more_travel(best: CandidatePlan, joints: Sequence[int], n: int) ->
     """Return a plan that settles the question within more travel of some joints; None where no plan does."""
     question = best.campaign.question
     machine = question.machine
-    directions = machine.measured.kind == "direction"
+    directions = not machine.measurand.moving
     for part in A_LITTLE_WIDER if directions else WIDER:
         travel = np.array(best.campaign.travel)
         for j in joints:
